@@ -1,0 +1,126 @@
+"""``Bla``: the best linear approximation with the bound on its distortion, and `identify`, which makes it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.checks import one_of, probability
+from nlfrf.distortion import DistortionLevels
+from nlfrf.lines import LineGrid
+from nlfrf.values import value
+
+
+@value
+class Bla:
+    """Best linear approximation of a nonlinear system on the excited lines, with its variances.
+
+    Every variance is E|.|^2 of a complex number, per excited line, in the unit of G squared.
+
+    Fields
+    ------
+    f : (F,) ndarray
+        Excited frequencies [Hz].
+    G : (F,) complex ndarray
+        The best linear approximation, unit of y over unit of u.
+    lines : LineGrid
+        Excited and detection lines.
+    grid : str
+        The kind of grid that was recognised.
+    fs : float
+        Sampling frequency [Hz].
+    n_samples : int
+        Samples N in one period.
+    n_realizations, n_periods : int
+        Realisations M and periods P behind it.
+    transient : str
+        What was done about the transient: "none", "discard" or "local".
+    level_source : str
+        Where the distortion level comes from: "detection" (lines that were not excited), "roughness" (of the
+        FRF over the excited lines), "realizations" (scatter over M >= 2 experiments), or
+        "realizations and detection".
+    var_noise : (F,) ndarray
+        Variance of G by noise; nan for P = 1.
+    var_total : (F,) ndarray
+        Variance of G by noise and distortion; always finite.
+    var_distortion : (F,) ndarray
+        Variance of one realisation's FRF about the BLA by distortion; it does not shrink with M. For P = 1 it
+        contains the noise.
+    var_even : (F,) ndarray
+        What the even lines say, as a variance of one realisation's FRF at the excited lines; nan without them.
+    dof : (F,) ndarray
+        Complex degrees of freedom behind the bound.
+    grid_factor : (F,) ndarray
+        Variance at an excited line over the mean on its window of detection lines, as applied; ones where
+        no detection lines were used.
+    levels : DistortionLevels
+        Output amplitudes on excited and detection lines.
+    var_bound : (F,) ndarray
+        The variance of G behind `bound`: `var_total`, pooled with the detection lines where M >= 2.
+    """
+
+    f: np.ndarray
+    G: np.ndarray
+    lines: LineGrid
+    grid: str
+    fs: float
+    n_samples: int
+    n_realizations: int
+    n_periods: int
+    transient: str
+    level_source: str
+    var_noise: np.ndarray
+    var_total: np.ndarray
+    var_distortion: np.ndarray
+    var_even: np.ndarray
+    dof: np.ndarray
+    grid_factor: np.ndarray
+    levels: DistortionLevels
+    var_bound: np.ndarray
+
+    @property
+    def omega(self) -> np.ndarray:
+        """(F,) excited frequencies [rad/s]."""
+        return 2 * np.pi * self.f
+
+    def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
+        """Radius of the disc around G that holds the truth with the stated probability.
+
+        Parameters
+        ----------
+        confidence : float
+            Probability, strictly between 0 and 1.
+        of : str
+            "bla": the disc holds the best linear approximation itself. "realization": it holds the FRF of a new
+            realisation of the same excitation; this is what a controller has to live with.
+        simultaneous : bool
+            False: the probability holds line by line, so at 95 % about one line in twenty lies outside.
+            True: it holds for all lines together.
+
+        Returns
+        -------
+        (F,) ndarray
+            Radius, in the unit of G: sqrt(F_p var), with F_p the p-quantile of F(2, 2 dof).
+
+        References
+        ----------
+        Pintelon & Schoukens, 2nd ed., 2.4 and 4.3.
+        """
+        p = probability("confidence", confidence)
+        one_of("of", of, ("bla", "realization"))
+        if simultaneous:
+            p = p ** (1 / self.f.size)
+        variance = self.var_bound
+        if of == "realization":
+            noise = np.nan_to_num(self.var_noise)
+            variance = variance + self.n_realizations * np.maximum(self.var_bound - noise, 0.0)
+        return np.sqrt(f_quantile(p, self.dof) * variance)
+
+
+def f_quantile(p: float, dof: np.ndarray) -> np.ndarray:
+    """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.
+
+    >>> [round(float(np.sqrt(f_quantile(0.95, d))), 2) for d in (6, 1e9)]
+    [1.97, 1.73]
+    """
+    # L ((1 - p)^(-1/L) - 1), by expm1 so that large L do not cancel
+    return dof * np.expm1(-np.log1p(-p) / dof)

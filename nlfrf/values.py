@@ -1,0 +1,66 @@
+"""``@value``: the one way this project makes a value type.
+
+A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written
+afterwards, so a value that was valid once stays valid. It has no ``==``: comparing arrays for equality is
+rarely what was meant. Validation goes into ``__post_init__``, which runs after the arrays were frozen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar, dataclass_transform, overload
+
+import numpy as np
+
+T = TypeVar("T")
+
+
+@overload
+def value(cls: type[T], /) -> type[T]: ...
+@overload
+def value(*, positional: bool = False) -> Callable[[type[T]], type[T]]: ...
+@dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
+def value(cls: Any = None, /, *, positional: bool = False) -> Any:
+    """Make a class a value type; ``positional=True`` lets its fields also be given in order.
+
+    >>> @value
+    ... class Tone:
+    ...     amplitude: np.ndarray
+    >>> samples = np.ones(3)
+    >>> tone = Tone(amplitude=samples)
+    >>> samples[0] = 9.0                      # the value keeps its own copy
+    >>> tone.amplitude
+    array([1., 1., 1.])
+    >>> tone.amplitude[0] = 9.0
+    Traceback (most recent call last):
+        ...
+    ValueError: assignment destination is read-only
+    """
+    if cls is None:
+        return lambda c: value_class(c, positional)
+    return value_class(cls, positional)
+
+
+def value_class(cls: type[T], positional: bool) -> type[T]:
+    """The dataclass behind `value`, with arrays frozen before the class's own validation."""
+    validate = cls.__dict__.get("__post_init__")
+
+    def __post_init__(self: Any) -> None:
+        for field in fields(self):
+            content = getattr(self, field.name)
+            if isinstance(content, np.ndarray):
+                object.__setattr__(self, field.name, frozen(content))
+        if validate is not None:
+            validate(self)
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    return dataclass(frozen=True, kw_only=not positional, eq=False)(cls)
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """A read-only copy; the array itself where nobody else can write it."""
+    if array.flags.writeable or array.base is not None:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
