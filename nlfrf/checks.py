@@ -48,9 +48,10 @@ def integer(name: str, number: Any, *, least: int) -> int:
 
 def probability(name: str, number: Any) -> float:
     """The number as a float, or a refusal unless it lies strictly between 0 and 1."""
-    if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real) or not 0 < number < 1:
-        raise ValueError(f"{name} must lie strictly between 0 and 1, got {shown(number)}")
-    return float(number)
+    p = real(name, number)
+    if not 0 < p < 1:
+        raise ValueError(f"{name} must lie strictly between 0 and 1, got {p:g}")
+    return p
 
 
 def one_of(name: str, choice: Any, choices: tuple[str, ...]) -> str:

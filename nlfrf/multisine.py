@@ -47,14 +47,11 @@ class Multisine:
         n_lines = self.lines.excited.size
         if 2 * self.lines.excited[-1] >= self.n_samples:
             raise ValueError(
-                f"lines must lie below the Nyquist line {self.n_samples / 2:g}, "
-                f"got line {self.lines.excited[-1]}"
+                f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {self.lines.excited[-1]}"
             )
         amplitude = real_array("amplitude", self.amplitude, ndim=1)
         if amplitude.shape != (n_lines,):
-            raise ValueError(
-                f"amplitude must have one value per excited line ({n_lines}), got {amplitude.size}"
-            )
+            raise ValueError(f"amplitude must have one value per excited line ({n_lines}), got {amplitude.size}")
         if np.any(amplitude <= 0):
             raise ValueError(f"amplitude must be positive on every excited line, got {amplitude.min():g}")
         phase = real_array("phase", self.phase, ndim=2)
@@ -220,9 +217,7 @@ def relative_amplitude(amplitude: Any, f: np.ndarray) -> np.ndarray:
         amplitude = amplitude(f)
     shape = np.asarray(amplitude, dtype=float)
     if shape.shape != f.shape:
-        raise ValueError(
-            f"amplitude must have one value per excited line ({f.size}), got shape {shape.shape}"
-        )
+        raise ValueError(f"amplitude must have one value per excited line ({f.size}), got shape {shape.shape}")
     if not np.all(np.isfinite(shape)) or np.any(shape <= 0):
         raise ValueError(
             f"amplitude must be finite and positive on every excited line, got {shown(float(shape.min()))}"

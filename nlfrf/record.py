@@ -51,8 +51,7 @@ class Record:
                 raise ValueError(f"{name} must have the shape of u, {u.shape}, got {signal.shape}")
             if signal.shape[0] < 1 or signal.shape[1] < 1 or signal.shape[2] < 4:
                 raise ValueError(
-                    f"{name} must hold at least 1 realisation, 1 period and 4 samples, "
-                    f"got shape {signal.shape}"
+                    f"{name} must hold at least 1 realisation, 1 period and 4 samples, got shape {signal.shape}"
                 )
             if name != "y":
                 refuse_constant(name, signal)
@@ -92,6 +91,5 @@ def refuse_constant(name: str, signal: np.ndarray) -> None:
     if np.any(spread == 0):
         m = int(np.argmin(spread))
         raise ValueError(
-            f"{name} must vary, got the constant {signal[m].flat[0]:g} in realisation {m}. "
-            "Is it the right channel?"
+            f"{name} must vary, got the constant {signal[m].flat[0]:g} in realisation {m}. Is it the right channel?"
         )
