@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from nlfrf.checks import positive, real_array
+from nlfrf.checks import integer, positive, real_array
+from nlfrf.excitation import detect_lines, detect_period
 from nlfrf.lines import LineGrid
 from nlfrf.values import value
 
@@ -92,4 +94,120 @@ def refuse_constant(name: str, signal: np.ndarray) -> None:
         m = int(np.argmin(spread))
         raise ValueError(
             f"{name} must vary, got the constant {signal[m].flat[0]:g} in realisation {m}. Is it the right channel?"
+        )
+
+
+def record_from_samples(
+    u: np.ndarray | Sequence[np.ndarray],
+    y: np.ndarray | Sequence[np.ndarray],
+    *,
+    fs: float,
+    n_samples: int | None = None,
+    lines: LineGrid | None = None,
+    r: np.ndarray | Sequence[np.ndarray] | None = None,
+    n_discard: int = 0,
+) -> Record:
+    """Cut streams of samples into whole periods.
+
+    Parameters
+    ----------
+    u, y : (n,) ndarray, or a list of M of them
+        Input and output, sampled together; a list holds one stream per realisation.
+    fs : float
+        Sampling frequency [Hz].
+    n_samples : int, optional
+        Samples in one period; found from the input when not given.
+    lines : LineGrid, optional
+        Excited and detection lines; found from the input (from `r` where given) when not given.
+    r : (n,) ndarray, or a list of M of them, optional
+        Reference.
+    n_discard : int
+        Periods to leave out at the start, where the transient is.
+
+    Returns
+    -------
+    Record
+        As many whole periods as every stream holds after the discarded ones.
+
+    Raises
+    ------
+    ValueError
+        Streams of different lengths, fewer samples than one period, a period that the input does not have.
+
+    Examples
+    --------
+    >>> from nlfrf.multisine import multisine
+    >>> u = np.tile(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1).u[0], 3)
+    >>> record = record_from_samples(u, 2 * u, fs=100, n_samples=100, n_discard=1)
+    >>> record.u.shape, record.lines.excited.tolist()
+    ((1, 2, 100), [1, 3, 9, 11, 17, 19])
+    """
+    fs = positive("fs", fs)
+    n_discard = integer("n_discard", n_discard, least=0)
+    streams = {"u": as_streams("u", u), "y": as_streams("y", y)}
+    if r is not None:
+        streams["r"] = as_streams("r", r)
+    for name, signal in streams.items():
+        if len(signal) != len(streams["u"]):
+            raise ValueError(f"{name} must hold as many realisations as u, {len(streams['u'])}, got {len(signal)}")
+        for m, (one, u_one) in enumerate(zip(signal, streams["u"], strict=True)):
+            if one.size != u_one.size:
+                where = "" if len(signal) == 1 else f" in realisation {m}"
+                raise ValueError(f"{name} must be as long as u, {u_one.size} samples{where}, got {one.size}")
+    excitation = streams.get("r", streams["u"])
+    for one in excitation:
+        refuse_constant("r" if r is not None else "u", one[np.newaxis])
+    if n_samples is None:
+        n_samples = whole_period(excitation[0])
+    n_samples = integer("n_samples", n_samples, least=4)
+    shortest = min(one.size for one in excitation)
+    n_periods = shortest // n_samples - n_discard
+    if n_periods < 1:
+        raise ValueError(
+            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
+            f"got {shortest} samples, which is {shortest / n_samples:.2f} periods"
+        )
+    kept = slice(n_discard * n_samples, (n_discard + n_periods) * n_samples)
+    cut = {
+        name: np.stack([one[kept].reshape(n_periods, n_samples) for one in signal]) for name, signal in streams.items()
+    }
+    periodic = cut.get("r", cut["u"])
+    refuse_wrong_period(periodic, excitation[0])
+    return Record(**cut, fs=fs, lines=detect_lines(periodic) if lines is None else lines)
+
+
+def as_streams(name: str, signal: Any) -> list[np.ndarray]:
+    """One-dimensional streams, one per realisation."""
+    if isinstance(signal, (list, tuple)) and signal and np.ndim(signal[0]) > 0:
+        return [real_array(f"{name}[{m}]", one, ndim=1) for m, one in enumerate(signal)]
+    array = np.asarray(signal)
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {array.shape}")
+    return [real_array(name, array, ndim=1)]
+
+
+def whole_period(u: np.ndarray) -> int:
+    """The period of the input in samples, refused where it is not whole."""
+    period = detect_period(u)
+    if abs(period - round(period)) > 0.1:
+        raise ValueError(
+            f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number"
+        )
+    return round(period)
+
+
+def refuse_wrong_period(u: np.ndarray, stream: np.ndarray) -> None:
+    """Refuse periods that do not repeat each other: the period, or the signal, is not what was said."""
+    if u.shape[1] < 2:
+        return
+    centred = u - u.mean(axis=(1, 2), keepdims=True)
+    unexplained = np.sum((centred - centred.mean(axis=1, keepdims=True)) ** 2) / np.sum(centred**2)
+    if unexplained > 0.25:
+        try:
+            found = f"its autocorrelation points to {detect_period(stream):.1f}"
+        except ValueError:
+            found = "it does not seem to repeat at all"
+        raise ValueError(
+            f"n_samples must be the period of the input, got {u.shape[2]}: "
+            f"{100 * unexplained:.0f} % of its power does not repeat from period to period; {found}"
         )
