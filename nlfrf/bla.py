@@ -1,4 +1,4 @@
-"""``Bla``: the best linear approximation with the bound on its distortion, and `identify`, which makes it."""
+"""``Bla``: the best linear approximation of a nonlinear system, and the bound on its distortion."""
 
 from __future__ import annotations
 

@@ -1,0 +1,134 @@
+"""Period means and their noise (co)variances on the lines of a record."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import fft
+
+from nlfrf.record import Record
+from nlfrf.transient import is_transient, local_fit, power
+from nlfrf.values import value
+
+
+@value
+class Spectra:
+    """Spectra 2/N rfft of input and output on chosen lines, averaged over periods.
+
+    Fields
+    ------
+    lines : (K,) int ndarray
+        DFT lines, increasing.
+    U, Y : (M, K) complex ndarray
+        Mean over periods, so that |U| is the amplitude of the cosine on that line.
+    R : (M, K) complex ndarray or None
+        The same of the reference.
+    var_U, var_Y : (M, K) ndarray
+        Variance of those means by noise; nan for one period.
+    cov_YU : (M, K) complex ndarray
+        Covariance E[Y U*] of those means by noise; nan for one period.
+    """
+
+    lines: np.ndarray
+    U: np.ndarray
+    Y: np.ndarray
+    R: np.ndarray | None
+    var_U: np.ndarray
+    var_Y: np.ndarray
+    cov_YU: np.ndarray
+
+    def on(self, lines: np.ndarray) -> Spectra:
+        """The spectra on some of the lines."""
+        at = np.searchsorted(self.lines, lines)
+        return Spectra(
+            lines=lines,
+            U=self.U[:, at],
+            Y=self.Y[:, at],
+            R=None if self.R is None else self.R[:, at],
+            var_U=self.var_U[:, at],
+            var_Y=self.var_Y[:, at],
+            cov_YU=self.cov_YU[:, at],
+        )
+
+
+def period_spectra(record: Record, transient: str = "none") -> tuple[Spectra, str]:
+    """Spectra of a record on all its excited and detection lines, and what was done about the transient.
+
+    Parameters
+    ----------
+    record : Record
+    transient : str
+        "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
+        periods agree but for noise, discard where that leaves periods that agree, else local.
+
+    Raises
+    ------
+    ValueError
+        One period only, where the transient is to be discarded or fitted.
+    """
+    n_periods = record.n_periods
+    if transient in ("discard", "local") and n_periods < 2:
+        raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
+    grid = record.lines
+    lines = np.sort(np.concatenate([grid.excited, grid.odd, grid.even]))
+    U, Y = dft(record.u, lines), dft(record.y, lines)
+    R = None if record.r is None else dft(record.r, lines)
+    if transient == "auto":
+        transient = treatment(Y)
+    if transient == "discard":
+        U, Y, R = U[:, 1:], Y[:, 1:], None if R is None else R[:, 1:]
+    spectra = averaged(lines, U, Y, None if R is None else R.mean(axis=1))
+    return (without_transient(record, spectra) if transient == "local" else spectra), transient
+
+
+def treatment(Y: np.ndarray) -> str:
+    """What the spectra of the periods (M, P, K) ask for: "none", "discard" or "local"."""
+    n_periods = Y.shape[1]
+    if n_periods < 2 or not is_transient(Y[:, 0], Y[:, -1]):
+        return "none"
+    if n_periods > 2 and not is_transient(Y[:, 1], Y[:, -1]):
+        return "discard"
+    return "local"
+
+
+def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """(M, P, K) amplitudes of the lines in each period of x (M, P, N)."""
+    n_samples = x.shape[2]
+    spectra = np.empty((*x.shape[:2], lines.size), dtype=complex)
+    for m in range(x.shape[0]):  # a realisation at a time, so that long records need little memory beyond their own
+        spectra[m] = fft.rfft(x[m], axis=1)[:, lines]
+    spectra *= 2 / n_samples
+    return spectra
+
+
+def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None) -> Spectra:
+    """Means over the periods of U, Y (M, P, K), and the sample (co)variances of those means."""
+    n_periods = U.shape[1]
+    U_mean, Y_mean = U.mean(axis=1), Y.mean(axis=1)
+    if n_periods > 1:
+        dU, dY = U - U_mean[:, None], Y - Y_mean[:, None]
+        scale = 1 / (n_periods * (n_periods - 1))
+        var_U = scale * np.sum(dU.real**2 + dU.imag**2, axis=1)
+        var_Y = scale * np.sum(dY.real**2 + dY.imag**2, axis=1)
+        cov_YU = scale * np.sum(dY * dU.conj(), axis=1)
+    else:
+        var_U = var_Y = np.full(U_mean.shape, np.nan)
+        cov_YU = np.full(U_mean.shape, complex(np.nan, np.nan))
+    return Spectra(lines=lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU)
+
+
+def without_transient(record: Record, spectra: Spectra) -> Spectra:
+    """The same spectra with the transient taken off at every line, and the noise read between the harmonics."""
+    T_U, residual_U, leverage_U = local_fit(record.u, spectra.lines)
+    T_Y, residual_Y, leverage_Y = local_fit(record.y, spectra.lines)
+    cov_YU = np.sum(residual_Y * residual_U.conj(), axis=2)
+    return replace(
+        spectra,
+        U=spectra.U - T_U,
+        Y=spectra.Y - T_Y,
+        R=spectra.R,
+        var_U=(1 + leverage_U) * power(residual_U),
+        var_Y=(1 + leverage_Y) * power(residual_Y),
+        cov_YU=cov_YU * np.sqrt((1 + leverage_U) * (1 + leverage_Y)),
+    )

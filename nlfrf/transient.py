@@ -1,0 +1,112 @@
+"""The transient: whether it is there, and taking it off by local fits between the harmonics.
+
+In the DFT of P whole periods the lines that are not multiples of P hold transient and noise only. The transient is
+a smooth, rational function of frequency, so it is fitted there and read at the harmonics in between, excited
+and not, as T(r) = (t0 + t1 r + t2 r^2) / (1 + a1 r + a2 r^2) (local rational method, LRM), or as a
+polynomial (LPM) where noise leaves the denominator undetermined (Pintelon & Schoukens, 7.2.2 and 7.3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+
+SIDE = 6  # lines on either side of a harmonic used for one fit
+N_POLYNOMIAL = 3
+N_RATIONAL = 5
+WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
+
+
+def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
+    """Whether two periods differ by more than noise: noise is rough over frequency, a transient is smooth.
+
+    Parameters
+    ----------
+    first, last : (M, K) complex ndarray
+        Spectra of two periods on neighbouring lines.
+    """
+    difference = first - last
+    if np.linalg.norm(difference) <= 1e-10 * np.linalg.norm(last):
+        return False
+    n_windows = difference.shape[1] // WINDOW
+    if n_windows == 0:
+        return False
+    windows = difference[:, : n_windows * WINDOW].reshape(-1, WINDOW)
+    basis = np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0]
+    explained = np.sum(np.abs(windows @ basis) ** 2, axis=1) / N_POLYNOMIAL
+    total = np.sum(np.abs(windows) ** 2, axis=1)
+    rest = np.maximum(total - N_POLYNOMIAL * explained, 1e-12 * total) / (WINDOW - N_POLYNOMIAL)
+    # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
+    ratio = explained / np.maximum(rest, np.finfo(float).tiny)
+    return bool(np.mean(ratio) > 1.5 + 5 * 0.75 / np.sqrt(ratio.size))
+
+
+def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Transient at the harmonics of a record, and what remains around them.
+
+    Parameters
+    ----------
+    x : (M, P, N) ndarray
+        Signal, P >= 2.
+    lines : (K,) int ndarray
+        Harmonics.
+
+    Returns
+    -------
+    T : (M, K) complex ndarray
+        Transient at each line, an amplitude as of 2/N rfft of the period mean.
+    residual : (M, K, 2 SIDE) complex ndarray
+        What the fit left on the lines in between, scaled by its degrees of freedom: the sum of squares is the
+        variance by noise of the period mean.
+    leverage : (M, K) ndarray
+        Variance of T over that variance.
+    """
+    n_realizations, n_periods, n_samples = x.shape
+    r = offsets(n_periods)
+    n_total = n_periods * n_samples
+    where = lines[:, None] * n_periods + r
+    mirrored = (where < 0) | (where > n_total // 2)  # beyond 0 and Nyquist a real signal repeats itself, conjugated
+    index = np.where(where < 0, -where, np.where(where > n_total // 2, n_total - where, where))
+    X = np.empty((n_realizations, lines.size, r.size), dtype=complex)
+    for m in range(n_realizations):
+        spectrum = fft.rfft(x[m].reshape(-1))
+        X[m] = spectrum[index] * (2 / n_total)
+    X = np.where(mirrored, X.conj(), X)
+    s = r / np.abs(r).max()
+    polynomial = np.broadcast_to(s[:, None] ** np.arange(N_POLYNOMIAL), (*X.shape, N_POLYNOMIAL)).astype(complex)
+    rational = np.concatenate([polynomial, -s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None]], axis=-1)
+    T, residual, leverage = least_squares(polynomial, X)
+    T_r, residual_r, leverage_r = least_squares(rational, X)
+    # the denominator has to earn its place: noise alone would be fitted by it now and then
+    better = power(residual_r) < 0.5 * power(residual)
+    return (
+        np.where(better, T_r, T),
+        np.where(better[..., None], residual_r, residual),
+        np.where(better, leverage_r, leverage),
+    )
+
+
+def offsets(n_periods: int) -> np.ndarray:
+    """Offsets from a harmonic to the lines nearest to it that are not harmonics, SIDE on either side."""
+    right = np.arange(1, SIDE * n_periods + n_periods)
+    right = right[right % n_periods != 0][:SIDE]
+    return np.concatenate([-right[::-1], right])
+
+
+def power(x: np.ndarray) -> np.ndarray:
+    """Sum of squared moduli over the last axis."""
+    return np.asarray(np.sum(x.real**2 + x.imag**2, axis=-1))
+
+
+def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First unknown, residual over the root of its degrees of freedom, and the first unknown's variance factor."""
+    scale = np.sqrt(power(np.swapaxes(A, -1, -2)))
+    scale = np.where(scale > 0, scale, 1.0)
+    U, sigma, Vh = np.linalg.svd(A / scale[..., None, :], full_matrices=False)
+    inverse = np.where(sigma > 1e-13 * sigma[..., :1], 1 / np.maximum(sigma, np.finfo(float).tiny), 0.0)
+    projected = (np.swapaxes(U, -1, -2).conj() @ b[..., None])[..., 0]
+    first_row = Vh[..., :, 0].conj() * inverse / scale[..., :1]
+    first = np.sum(first_row * projected, axis=-1)
+    residual = b - (U @ projected[..., None])[..., 0]
+    dof = A.shape[-2] - A.shape[-1]
+    return first, residual / np.sqrt(dof), power(first_row)
