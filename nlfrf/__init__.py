@@ -1,0 +1,33 @@
+"""Best linear approximations of nonlinear systems, with a bound on their distortion, from one multisine experiment.
+
+    multisine -> Record -> identify -> Bla
+
+Pictures are in `nlfrf.plot`, friction laws in `nlfrf.friction`, hysteresis in `nlfrf.hysteresis`.
+"""
+
+from nlfrf.bla import Bla
+from nlfrf.checks import DataWarning
+from nlfrf.distortion import DistortionLevels
+from nlfrf.identify import identify
+from nlfrf.io import load_bla, load_record, save_bla, save_record
+from nlfrf.lines import LineGrid
+from nlfrf.multisine import Multisine, multisine
+from nlfrf.record import Record, record_from_samples
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Bla",
+    "DataWarning",
+    "DistortionLevels",
+    "LineGrid",
+    "Multisine",
+    "Record",
+    "identify",
+    "load_bla",
+    "load_record",
+    "multisine",
+    "record_from_samples",
+    "save_bla",
+    "save_record",
+]

@@ -55,8 +55,7 @@ class Record:
                 raise ValueError(
                     f"{name} must hold at least 1 realisation, 1 period and 4 samples, got shape {signal.shape}"
                 )
-            if name != "y":
-                refuse_constant(name, signal)
+            refuse_constant(name, signal)
             if signal is not getattr(self, name):
                 signal = signal.copy()
                 signal.flags.writeable = False

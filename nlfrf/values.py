@@ -64,3 +64,8 @@ def frozen(array: np.ndarray) -> np.ndarray:
         array = array.copy()
         array.flags.writeable = False
     return array
+
+
+def field_names(thing: Any) -> tuple[str, ...]:
+    """The names of a value's fields, or of a value type's, in order."""
+    return tuple(field.name for field in fields(thing))

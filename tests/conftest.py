@@ -1,0 +1,15 @@
+"""Shared by all tests: where measured records lie."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def measured():
+    """The folder of measured records: NLFRF_DATA, else ../shared/data beside the checkout."""
+    folder = Path(os.environ.get("NLFRF_DATA", Path(__file__).parents[2] / "shared" / "data"))
+    if not (folder / "motor_bench").is_dir():
+        pytest.skip(f"no measured records in {folder}; set NLFRF_DATA to the folder that holds motor_bench")
+    return folder
