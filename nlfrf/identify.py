@@ -65,9 +65,9 @@ def identify(record: Record, *, transient: str = "auto", level_from: str = "auto
     A static cubic: the BLA on these six lines of amplitude 1 is 8.25, but one realisation scatters about it.
 
     >>> from nlfrf.multisine import multisine
-    >>> ms = multisine(fs=64, n_samples=64, f_min=1, f_max=19, rms=3**0.5, n_realizations=200, rng=1)
+    >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=3**0.5, n_realizations=200, rng=1)
     >>> u = ms.u[:, None, :]
-    >>> bla = identify(Record(u=u, y=u**3, fs=64, lines=ms.lines))
+    >>> bla = identify(Record(u=u, y=u**3, fs=128, lines=ms.lines))
     >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
     True
     """
@@ -82,8 +82,10 @@ def identify(record: Record, *, transient: str = "auto", level_from: str = "auto
     source = level_source(level_from, excited, odd, record.lines, n_detection)
     if source == "detection":
         level = level_from_detection(excited, odd, frf, record.lines, n_detection)
-    else:
+    elif source == "roughness":
         level = level_from_roughness(excited, frf, record.lines)
+    else:
+        level = no_level(record.lines)
     return assembled(record, treatment, excited, frf, odd, even, source, level, n_detection)
 
 
@@ -143,8 +145,9 @@ def level_source(level_from: str, excited: Spectra, odd: Detection, grid: LineGr
         return "detection"
     if enough and calibrates(excited, odd, grid, n_detection):
         return "detection"
-    if excited.U.shape[0] < ENOUGH:
-        warnings.warn(why_roughness(grid, odd.lines.size, n_detection), DataWarning, stacklevel=3)
+    if excited.U.shape[0] >= ENOUGH:
+        return "realizations"
+    warnings.warn(why_roughness(grid, odd.lines.size, n_detection), DataWarning, stacklevel=3)
     return "roughness"
 
 
@@ -196,6 +199,12 @@ def level_from_roughness(excited: Spectra, frf: Frf, grid: LineGrid) -> Level:
     return Level(variance=variance.mean(axis=0), dof=dof.sum(axis=0), grid_factor=np.ones(grid.excited.size))
 
 
+def no_level(grid: LineGrid) -> Level:
+    """None beside the scatter over realisations: it weighs nothing."""
+    zeros = np.zeros(grid.excited.size)
+    return Level(variance=zeros, dof=zeros, grid_factor=np.ones(grid.excited.size))
+
+
 def rms(x: np.ndarray) -> np.ndarray:
     """Root mean square modulus over realisations."""
     return np.asarray(np.sqrt(np.mean(np.abs(x) ** 2, axis=0)))
@@ -221,12 +230,9 @@ def assembled(
         dof = level.dof
     else:
         var_total = frf.var_total
-        if source == "roughness" and n >= ENOUGH:
-            var_bound, dof, source = var_total, np.full(grid.excited.size, n - 1), "realizations"
-        else:
-            dof = n - 1 + level.dof
-            var_bound = ((n - 1) * var_total + level.dof * level.variance / n) / dof
-            source = f"realizations and {source}"
+        dof = n - 1 + level.dof
+        var_bound = ((n - 1) * var_total + level.dof * level.variance / n) / dof
+        source = source if source == "realizations" else f"realizations and {source}"
         factor = np.ones(grid.excited.size)
     if n_periods > 1:
         var_total, var_bound = np.maximum(var_total, 0.0), np.maximum(var_bound, 0.0)

@@ -1,0 +1,70 @@
+"""Exact counts of a cubic's output on excited and detection lines."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from nlfrf import multisine
+from nlfrf.calibration import cubic_bla, cubic_variance, variance_ratio
+from nlfrf.distortion import nearest_lines
+
+LINES = np.array([1, 3, 9, 11, 17, 19])
+
+
+def test_exact_numbers_of_the_special_odd_grid():
+    np.testing.assert_allclose(
+        cubic_variance(np.ones(6), LINES, LINES), [12.9375, 10.1875, 14.125, 12.375, 8.4375, 8.4375], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        cubic_variance(np.ones(6), LINES, np.array([5, 7, 13, 15])), [15.75, 17.4375, 12.9375, 11.25], rtol=1e-12
+    )
+    np.testing.assert_allclose(cubic_bla(np.ones(6)), 8.25)
+
+
+def test_counts_equal_brute_force_over_all_triples():
+    rng = np.random.default_rng(1)
+    excited = np.array([1, 3, 5, 9, 15])
+    amplitude = rng.uniform(0.5, 2, excited.size)
+    half = dict(zip(excited.tolist(), amplitude / 2, strict=True))
+    signed = {s * k: a for k, a in half.items() for s in (1, -1)}
+    lines = np.arange(1, 16, 2)
+    expected = []
+    for k in lines:
+        # sum the contributions of equal phase (same multiset of signed lines) coherently, then square
+        phases: dict[tuple[int, ...], float] = {}
+        for triple in itertools.product(signed, repeat=3):
+            if sum(triple) == k:
+                rest = sorted(triple)
+                cancelled = next((j for j in rest if j > 0 and -j in rest), None)
+                key = (k,) if cancelled is not None and k in signed else tuple(rest)
+                phases[key] = phases.get(key, 0.0) + np.prod([signed[j] for j in triple])
+        phases.pop((k,), None)  # the coherent part is the BLA
+        expected.append(4 * sum(total**2 for total in phases.values()))
+    np.testing.assert_allclose(cubic_variance(amplitude, excited, lines), expected, rtol=1e-11)
+
+
+def test_narrow_band_special_odd_under_reads_by_three_and_odd_odd_without_limit():
+    for kind, factor in (("special-odd", 3.0), ("odd-odd", np.inf)):
+        grid = multisine(kind, fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines
+        window = nearest_lines(grid.excited, grid.odd, 6)
+        ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, grid.odd, window)
+        middle = ratio[ratio.size // 3 : -ratio.size // 3]
+        np.testing.assert_allclose(middle, factor, rtol=0.05)
+
+
+def test_random_odd_needs_no_factor():
+    grid = multisine("random-odd", fs=4096, n_samples=4096, f_min=1, f_max=1600, rng=0).lines
+    window = nearest_lines(grid.excited, grid.odd, 6)
+    ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, grid.odd, window)
+    assert abs(10 * np.log10(ratio.mean())) < 0.1
+
+
+@pytest.mark.parametrize("at", [[1, 3, 9], [40, 41], [100]])
+def test_nearest_lines_are_the_nearest(at):
+    lines = np.array([5, 7, 13, 15, 21, 23, 29, 31, 37, 39])
+    found = nearest_lines(np.array(at), lines, 6)
+    for k, window in zip(at, found, strict=True):
+        farthest = np.sort(np.abs(lines - k))[5]
+        assert np.abs(lines[window] - k).max() == farthest
+        assert np.unique(window).size == 6

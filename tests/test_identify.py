@@ -1,0 +1,294 @@
+"""Identification against exact cases, closed forms and formulas written independently."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from nlfrf import DataWarning, Record, identify, multisine
+
+FS = N = 1024
+
+
+def record_of(system, kind="special-odd", *, n_periods=1, noise=0.0, f_max=300, rms=1.0, n_realizations=1, seed=0):
+    """A record of a static system, with white noise on the output."""
+    rng = np.random.default_rng(seed)
+    ms = multisine(kind, fs=FS, n_samples=N, f_min=1, f_max=f_max, rms=rms, n_realizations=n_realizations, rng=rng)
+    u = np.repeat(ms.u[:, None, :], n_periods, axis=1)
+    return Record(u=u, y=system(u) + noise * rng.standard_normal(u.shape), fs=FS, lines=ms.lines)
+
+
+def filtered(u, b, a):
+    """Steady-state answer of a discrete filter to a period."""
+    n = u.shape[-1]
+    H = signal.freqz(b, a, np.arange(n // 2 + 1) * 2 * np.pi / n)[1]
+    return np.fft.irfft(np.fft.rfft(u, axis=-1) * H, n, axis=-1), H
+
+
+def level(amplitudes):
+    return np.sqrt(np.mean(np.abs(amplitudes) ** 2))
+
+
+# Which lines distortion falls on
+
+
+def test_linear_plant_leaves_detection_lines_at_rounding():
+    record = record_of(lambda u: filtered(u, [0.2, 0.1], [1, -0.7])[0])
+    bla = identify(record)
+    H = filtered(record.u, [0.2, 0.1], [1, -0.7])[1][record.lines.excited]
+    np.testing.assert_allclose(bla.G, H, rtol=1e-12)
+    assert level(bla.levels.odd) < 1e-14
+    assert level(bla.levels.even) < 1e-14
+    assert bla.bound().max() < 1e-12
+
+
+@pytest.mark.parametrize(("power", "lit", "dark"), [(2, "even", "odd"), (3, "odd", "even")])
+def test_even_and_odd_powers_fall_on_their_lines_only(power, lit, dark):
+    levels = identify(record_of(lambda u: u + 0.1 * u**power)).levels
+    assert level(getattr(levels, dark)) < 1e-13
+    assert level(getattr(levels, lit)) > 1e-3
+
+
+def test_energy_on_detection_lines_of_the_input_is_no_distortion():
+    rng = np.random.default_rng(0)
+    ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, rng=rng)
+    u = (ms.u + 0.05 * ms.u**3 + 0.05 * ms.u**2)[:, None, :]  # a real actuator
+    y, _ = filtered(u, [0.2, 0.1], [1, -0.7])
+    levels = identify(Record(u=u, y=y, fs=FS, lines=ms.lines)).levels
+    raw = np.fft.rfft(y[0, 0])[ms.lines.odd] * 2 / N
+    assert level(levels.odd) < 0.02 * level(raw)  # what is left is interpolation of G between lines
+
+
+# Exact numbers
+
+
+def test_cubic_on_six_lines_is_the_exact_table():
+    n_realizations = 20_000
+    # 128 samples: the highest combination, line 57, does not alias
+    ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=np.sqrt(3), n_realizations=n_realizations, rng=1)
+    u = ms.u[:, None, :]
+    bla = identify(Record(u=u, y=u**3, fs=128, lines=ms.lines))
+    variance = np.array([12.9375, 10.1875, 14.125, 12.375, 8.4375, 8.4375])
+    sigma = np.sqrt(variance / n_realizations)
+    assert np.all(np.abs(bla.G - 8.25) < 4 * sigma)
+    np.testing.assert_allclose(bla.var_distortion, variance, rtol=5 * 1.5 / np.sqrt(n_realizations))
+    detected = np.mean(np.abs(bla.levels.odd) ** 2, axis=0)
+    np.testing.assert_allclose(detected, [15.75, 17.4375, 12.9375, 11.25], rtol=5 * 1.5 / np.sqrt(n_realizations))
+
+
+@pytest.mark.parametrize(
+    ("f", "G", "residual"),
+    [(np.tanh, 0.6057055096, 0.0274153260), (lambda u: u**3, 3.0, 6.0)],
+    ids=["tanh", "cubic"],
+)
+def test_bussgang_gain_and_residual_of_static_nonlinearities(f, G, residual):
+    # many lines are as good as Gaussian: G = E[f'(u)], and the rest of the power of y is distortion
+    rng = np.random.default_rng(2)
+    ms = multisine("odd", fs=1, n_samples=16384, f_min=1e-4, f_max=0.49, n_realizations=64, rng=rng)
+    u = ms.u[:, None, :]
+    bla = identify(Record(u=u, y=f(u), fs=1, lines=ms.lines))
+    assert abs(np.mean(bla.G) - G) < 2e-3 * G
+    rest = np.mean((f(u) - np.mean(bla.G.real) * u) ** 2)
+    assert abs(rest - residual) < 0.02 * residual
+
+
+# Noise
+
+
+def test_noise_variance_is_recovered_within_statistics():
+    sigma = 0.01
+    n_periods = 8
+    bla = identify(record_of(lambda u: 2 * u, n_periods=n_periods, noise=sigma))
+    U = np.abs(bla.levels.excited[0]) / np.abs(bla.G)
+    expected = 4 * sigma**2 / N / n_periods / U**2
+    # a sum of F chi-squares with 2 (P - 1) degrees of freedom each
+    spread = 1 / np.sqrt(bla.f.size * (n_periods - 1))
+    assert abs(np.mean(bla.var_noise / expected) - 1) < 4 * spread
+    # a linear plant: everything is noise, so the total agrees with it
+    assert 0.7 < np.median(bla.var_total) / np.median(bla.var_noise) < 1.4
+
+
+def test_one_period_has_no_noise_split_and_says_so():
+    bla = identify(record_of(lambda u: u + 0.1 * u**3))
+    assert np.all(np.isnan(bla.var_noise))
+    assert np.all(np.isnan(bla.levels.noise_odd))
+    np.testing.assert_array_equal(bla.var_total, bla.var_distortion)
+    assert np.all(np.isfinite(bla.bound()))
+
+
+def test_robust_method_equals_formulas_written_independently():
+    rng = np.random.default_rng(5)
+    M, P = 7, 2
+    ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, n_realizations=M, rng=rng)
+    u = np.repeat(ms.u[:, None, :], P, axis=1) + 0.01 * rng.standard_normal((M, P, N))
+    y = u**3 + 0.01 * rng.standard_normal((M, P, N))
+    bla = identify(Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+    k = ms.lines.excited
+    each, noise = [], np.zeros(k.size)
+    for m in range(M):
+        U, Y = (np.array([np.fft.rfft(x[m, p])[k] for p in range(P)]) for x in (u, y))
+        Um, Ym = U.sum(0) / P, Y.sum(0) / P
+        G = Ym / Um
+        each.append(G)
+        vU = sum(abs(U[p] - Um) ** 2 for p in range(P)) / (P - 1) / P
+        vY = sum(abs(Y[p] - Ym) ** 2 for p in range(P)) / (P - 1) / P
+        cYU = sum((Y[p] - Ym) * (U[p] - Um).conj() for p in range(P)) / (P - 1) / P
+        noise += abs(G) ** 2 * (vY / abs(Ym) ** 2 + vU / abs(Um) ** 2 - 2 * (cYU / (Ym * Um.conj())).real)
+    G = sum(each) / M
+    total = sum(abs(g - G) ** 2 for g in each) / (M * (M - 1))
+    np.testing.assert_allclose(bla.G, G, rtol=1e-12)
+    np.testing.assert_allclose(bla.var_noise, noise / M**2, rtol=1e-10)
+    np.testing.assert_allclose(bla.var_total, total, rtol=1e-12)
+    np.testing.assert_allclose(bla.var_distortion, M * np.maximum(total - noise / M**2, 0), rtol=1e-10)
+
+
+def test_a_reference_removes_the_bias_of_a_noisy_input():
+    rng = np.random.default_rng(6)
+    M, P = 6, 4
+    ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, n_realizations=M, rng=rng)
+    r = np.repeat(ms.u[:, None, :], P, axis=1)
+    u = r + 3.0 * rng.standard_normal(r.shape)
+    y = 2 * r
+    with_r = identify(Record(u=u, y=y, r=r, fs=FS, lines=ms.lines))
+    assert with_r.G.shape == with_r.bound().shape
+    inside = np.mean(np.abs(with_r.G - 2) < with_r.bound())
+    assert inside > 0.9
+
+
+# Invariances
+
+
+def test_scaling_the_input_scales_the_frf_and_a_shift_changes_no_variance():
+    record = record_of(lambda u: u + 0.2 * u**3, n_periods=2, noise=0.01)
+    bla = identify(record)
+    scaled = identify(Record(u=4 * record.u, y=record.y, fs=FS, lines=record.lines))
+    np.testing.assert_allclose(scaled.G, bla.G / 4, rtol=1e-12)
+    np.testing.assert_allclose(scaled.bound(), bla.bound() / 4, rtol=1e-9)
+    shifted = identify(
+        Record(u=np.roll(record.u, 100, axis=2), y=np.roll(record.y, 100, axis=2), fs=FS, lines=record.lines)
+    )
+    np.testing.assert_allclose(shifted.bound(), bla.bound(), rtol=1e-6)
+    np.testing.assert_allclose(shifted.var_noise, bla.var_noise, rtol=1e-6)
+
+
+# Transients
+
+
+def resonant(zeta, f_n, n_periods, kind="special-odd", noise=0.0):
+    """A lightly damped mode from rest, sampled exactly, and its frequency response."""
+    rng = np.random.default_rng(3)
+    ms = multisine(kind, fs=FS, n_samples=N, f_min=2, f_max=200, rng=rng)
+    w = 2 * np.pi * f_n
+    discrete = signal.cont2discrete(([w**2], [1, 2 * zeta * w, w**2]), 1 / FS)
+    b, a = np.squeeze(discrete[0]), discrete[1]
+    u = np.tile(ms.u[0], n_periods)
+    y = signal.lfilter(b, a, u) + noise * rng.standard_normal(u.size)
+    shape = (1, n_periods, N)
+    return Record(u=u.reshape(shape), y=y.reshape(shape), fs=FS, lines=ms.lines), signal.freqz(
+        b, a, ms.lines.excited * 2 * np.pi / N
+    )[1]
+
+
+def frf_error(bla, G):
+    return np.max(np.abs(bla.G - G) / np.abs(G))
+
+
+def test_local_rational_fit_takes_the_transient_off():
+    record, G = resonant(0.002, 50.3, 2)
+    assert frf_error(identify(record, transient="none"), G) > 0.05
+    bla = identify(record)
+    assert bla.transient == "local"
+    assert frf_error(bla, G) < 1e-6
+    # at detection lines too: there leakage would read as distortion
+    assert level(bla.levels.odd) < 1e-5 * level(bla.levels.excited)
+    assert level(identify(record, transient="none").levels.odd) > 1e-3 * level(bla.levels.excited)
+
+
+def test_a_transient_that_dies_within_a_period_is_discarded():
+    record, G = resonant(0.08, 50.3, 4, noise=1e-4)
+    bla = identify(record)
+    assert bla.transient == "discard"
+    assert bla.n_periods == 3
+    assert frf_error(bla, G) < 5e-3
+    assert frf_error(identify(record, transient="none"), G) > 2e-2
+
+
+def test_steady_records_are_left_alone():
+    for seed in range(20):
+        assert identify(record_of(lambda u: u, n_periods=2, noise=0.01, seed=seed)).transient == "none"
+
+
+# Grids without usable detection lines
+
+
+@pytest.mark.parametrize("kind", ["odd-odd", "odd", "full"])
+def test_any_grid_yields_a_labelled_bound(kind):
+    record = record_of(lambda u: u + 0.05 * u**3, kind)
+    with pytest.warns(DataWarning, match="roughness"):
+        bla = identify(record)
+    assert bla.grid == kind
+    assert bla.level_source == "roughness"
+    assert np.all(np.isfinite(bla.bound()))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert identify(record, level_from="roughness").level_source == "roughness"
+
+
+def test_roughness_follows_a_resonance_a_few_lines_wide():
+    # one mode and no distortion: all the roughness there is comes from the bend of the FRF
+    record, G = resonant(0.01, 50.3, 1, "full")
+    n = record.n_samples
+    y = np.fft.irfft(np.fft.rfft(record.u[0, 0]) * np.interp(np.arange(n // 2 + 1), record.lines.excited, G), n)
+    bla = identify(Record(u=record.u, y=y.reshape(1, 1, n), fs=FS, lines=record.lines), level_from="roughness")
+    assert np.max(bla.bound() / np.abs(bla.G)) < 0.05
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (dict(transient="maybe"), r"transient must be one of 'auto', 'none', 'discard', 'local', got 'maybe'"),
+        (dict(level_from="even"), r"level_from must be one of 'auto', 'detection', 'roughness', got 'even'"),
+        (dict(n_detection=2), r"n_detection must be a whole number of at least 3, got 2"),
+        (dict(n_detection=1000), r"lines must hold at least n_detection = 1000 odd detection lines .* got 74"),
+        (dict(transient="local"), r"transient=\"local\" must have at least 2 periods to work on, got 1"),
+        (dict(transient="discard"), r"transient=\"discard\" must have at least 2 periods to work on, got 1"),
+    ],
+)
+def test_refusals(arguments, message):
+    if "n_detection" in arguments:
+        arguments = arguments | {"level_from": "detection"}
+    with pytest.raises(ValueError, match=message):
+        identify(record_of(lambda u: u**3), **arguments)
+
+
+def test_no_detection_lines_to_read_from():
+    with pytest.raises(ValueError, match=r"at least n_detection = 6 odd detection lines .* got 0 on this odd grid"):
+        identify(record_of(lambda u: u**3, "odd"), level_from="detection")
+
+
+def test_a_grid_too_narrow_for_any_level():
+    with (
+        pytest.raises(ValueError, match="at least 5 excited lines for the roughness, got 4"),
+        pytest.warns(DataWarning),
+    ):
+        identify(record_of(lambda u: u**3, f_max=12))
+
+
+def test_lines_without_input_are_refused():
+    record = record_of(lambda u: u)
+    grid = multisine(fs=FS, n_samples=N, f_min=1, f_max=400, rng=0).lines
+    with pytest.raises(ValueError, match="lines must be excited by the input, got line 305 with no input on it"):
+        identify(Record(u=record.u, y=record.y, fs=FS, lines=grid))
+
+
+def test_bound_refusals():
+    bla = identify(record_of(lambda u: u**3))
+    for confidence in (0, 1, 1.5, -0.1):
+        with pytest.raises(ValueError, match="confidence must lie strictly between 0 and 1"):
+            bla.bound(confidence)
+    with pytest.raises(ValueError, match="of must be one of 'bla', 'realization'"):
+        bla.bound(of="both")
