@@ -1,0 +1,205 @@
+"""Friction laws as plain values; `nlfrf.rig` puts them under a mass.
+
+All are point symmetric: a motion turned around gives the force turned around. s(v) is the Stribeck curve,
+
+    s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf import packing
+from nlfrf.checks import nonnegative, one_of, positive
+from nlfrf.hysteresis import Curve, Linear, Tanh, packed_curve
+from nlfrf.values import value
+
+
+@value
+class Dahl:
+    """Dahl's model: a force that yields gradually with the displacement, whatever the velocity.
+
+    dF/dx = sigma0 |1 - F/Fc sgn v|^n sgn(1 - F/Fc sgn v).
+
+    Parameters
+    ----------
+    sigma0 : float
+        Stiffness at the origin [N/m].
+    Fc : float
+        Coulomb friction [N].
+    n : float
+        Shape of the yielding; 1 in most of the literature.
+
+    References
+    ----------
+    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968.
+    """
+
+    sigma0: float
+    Fc: float
+    n: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("sigma0", "Fc", "n"):
+            positive(name, getattr(self, name))
+
+
+@value
+class LuGre:
+    """The LuGre model: bristles that bend, and slip at the Stribeck force.
+
+    F = sigma0 z + sigma1 dz/dt + sigma2 v,  dz/dt = v - sigma0 |v| / |s(v)| z.
+
+    Parameters
+    ----------
+    sigma0 : float
+        Stiffness of the bristles [N/m].
+    sigma1, sigma2 : float
+        Damping of the bristles, viscous friction [Ns/m].
+    Fc, Fs : float
+        Coulomb and static friction [N].
+    vs : float
+        Stribeck velocity [m/s].
+    delta : float
+        Shape of the Stribeck curve.
+
+    References
+    ----------
+    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, *A new model for control of systems with
+    friction*, IEEE Trans. Automatic Control 40, 1995.
+    """
+
+    sigma0: float
+    sigma1: float
+    sigma2: float
+    Fc: float
+    Fs: float
+    vs: float
+    delta: float = 2.0
+
+    def __post_init__(self) -> None:
+        positive("sigma0", self.sigma0)
+        check_stribeck(self)
+
+
+@value
+class Leuven:
+    """The Leuven model: hysteresis with non-local memory in presliding, the Stribeck curve in sliding.
+
+    F = Fh(z) + sigma1 dz/dt + sigma2 v,  dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),
+
+    with Fh the hysteresis force of `curve`. Without arguments: the friction of the paper, with n and the curve,
+    which it does not print, chosen so that its resonances come out.
+
+    Parameters
+    ----------
+    Fs, Fc : float
+        Static and Coulomb friction [N].
+    vs : float
+        Stribeck velocity [m/s].
+    delta : float
+        Shape of the Stribeck curve.
+    sigma1, sigma2 : float
+        Micro-viscous damping, viscous friction [Ns/m].
+    n : float
+        How suddenly presliding passes into sliding.
+    curve : Tanh, Linear, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
+        Virgin curve of the hysteresis; `MaxwellSlip` for elements as the memory. It must reach Fs.
+    form : str
+        "modified", as above (Lampaert); "original" (Swevers): the ratio of the force since the last turning
+        point to the way left from there, whose friction force jumps where an inner loop closes. For studying
+        that jump only.
+
+    Raises
+    ------
+    ValueError
+        Fs below Fc, a curve that does not reach Fs, numbers that are not positive.
+
+    References
+    ----------
+    J. Swevers, F. Al-Bender, C. Ganseman, T. Prajogo, *An integrated friction model structure with improved
+    presliding behavior for accurate friction compensation*, IEEE Trans. Automatic Control 45, 2000;
+    V. Lampaert, J. Swevers, F. Al-Bender, *Modification of the Leuven integrated friction model structure*,
+    IEEE Trans. Automatic Control 47, 2002.
+    """
+
+    Fs: float = 1.0
+    Fc: float = 0.7
+    vs: float = 0.01
+    delta: float = 2.0
+    sigma1: float = 13.0
+    sigma2: float = 0.4
+    n: float = 1.0
+    curve: Curve = Tanh(K0=64e3, Fy=1.0)
+    form: str = "modified"
+
+    def __post_init__(self) -> None:
+        check_stribeck(self)
+        positive("n", self.n)
+        one_of("form", self.form, ("modified", "original"))
+        packed = packed_curve(self.curve)
+        if packed.Fy < self.Fs * (1 - 1e-2):
+            raise ValueError(
+                f"curve must reach the static friction Fs = {self.Fs:g} N, got one that ends at {packed.Fy:g} N"
+            )
+        if self.form == "original" and packed.kind == packing.ELEMENTS:
+            raise ValueError('curve must be a virgin curve where form="original", got MaxwellSlip')
+
+
+Friction = Dahl | LuGre | Leuven
+
+
+def check_stribeck(law: Any) -> None:
+    """Refuse numbers that make no Stribeck curve."""
+    for name in ("Fc", "vs", "delta"):
+        positive(name, getattr(law, name))
+    nonnegative("sigma1", law.sigma1)
+    nonnegative("sigma2", law.sigma2)
+    if not positive("Fs", law.Fs) >= law.Fc:
+        raise ValueError(f"Fs must be at least Fc = {law.Fc:g} N, got {law.Fs:g} N")
+
+
+def stribeck(law: Any, v: Any) -> np.ndarray:
+    """Stribeck curve s(v) [N] of a law, without its viscous part; zero at v = 0.
+
+    >>> stribeck(Leuven(), [-0.01, 0.0, 1.0]).round(4)
+    array([-0.8104,  0.    ,  0.7   ])
+    """
+    v = np.asarray(v, dtype=float)
+    packed = packed_law(law)
+    return np.sign(v) * (packed.Fc + (packed.Fs - packed.Fc) * np.exp(-(np.abs(v / packed.vs) ** packed.delta)))
+
+
+def packed_law(law: Friction) -> packing.Law:
+    """The law as the compiled code reads it."""
+    if isinstance(law, Dahl):
+        spring = packed_curve(Linear(K0=law.sigma0))
+        force = float(law.Fc)
+        return packing.Law(packing.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring)
+    if isinstance(law, LuGre):
+        return packed_stribeck(law, packing.LEUVEN, 1.0, packed_curve(Linear(K0=law.sigma0)))
+    if not isinstance(law, Leuven):
+        raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
+    curve = packed_curve(law.curve)
+    if law.form == "modified":
+        return packed_stribeck(law, packing.LEUVEN, law.n, curve)
+    if curve.kind == packing.SPRING:  # the original form needs the turning points of a spring too
+        curve = curve._replace(kind=packing.LINEAR)
+    return packed_stribeck(law, packing.ORIGINAL, law.n, curve)
+
+
+def packed_stribeck(law: LuGre | Leuven, form: int, n: float, curve: packing.Curve) -> packing.Law:
+    """A law with a Stribeck curve and its dampings."""
+    return packing.Law(
+        form=form,
+        Fs=float(law.Fs),
+        Fc=float(law.Fc),
+        vs=float(law.vs),
+        delta=float(law.delta),
+        sigma1=float(law.sigma1),
+        sigma2=float(law.sigma2),
+        n=float(n),
+        curve=curve,
+    )

@@ -1,0 +1,235 @@
+"""A mass on a spring with friction: force in, position out.
+
+    m x'' + c x' + k x + friction(x') = force
+
+`Rig` is the machine; `run` takes it from rest through any force. `nlfrf.simulate` runs multisines.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nlfrf import packing
+from nlfrf.checks import DataWarning, integer, nonnegative, one_of, positive, real_array
+from nlfrf.friction import Friction, Leuven, packed_law
+from nlfrf.values import value
+
+#: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
+REAL_LIMIT = 2.785
+
+
+@value(positional=True)
+class Rig:
+    """A mass on a spring, with viscous damping and friction between mass and ground.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    stiffness : float
+        Of the spring to ground [N/m]; zero for a free mass.
+    friction : Dahl, LuGre or Leuven
+        The friction law.
+    damping : float
+        Viscous damping beside the friction law's own [Ns/m].
+
+    Raises
+    ------
+    ValueError
+        A mass that is not positive, a negative stiffness or damping, a friction that is no law.
+
+    Examples
+    --------
+    >>> from nlfrf.friction import LuGre
+    >>> rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
+    >>> bool(rig.stable_step > 1 / 4096)
+    True
+    """
+
+    mass: float
+    stiffness: float
+    friction: Friction
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("mass", self.mass)
+        nonnegative("stiffness", self.stiffness)
+        nonnegative("damping", self.damping)
+        packed_law(self.friction)
+
+    @property
+    def stable_step(self) -> float:
+        """Longest integration step [s] that is stable without sliding; sliding may ask for a shorter one."""
+        law = packed_law(self.friction)
+        limits = []
+        # stuck, just after a reversal (dz/dt = 2 v), and sliding
+        for gain in (1.0, 2.0, 0.0):
+            stiffness = self.stiffness + gain * law.curve.K0
+            damping = self.damping + gain * law.sigma1 + law.sigma2
+            poles = np.roots([self.mass, damping, stiffness])
+            limits += [longest_step(complex(pole)) for pole in poles]
+        return min(limits)
+
+
+def paper_rig() -> Rig:
+    """The rig of the paper: 1 kg on 80 kN/m with Leuven friction, resonances near 59 Hz and 45 Hz.
+
+    >>> round(float(np.sqrt(paper_rig().stiffness / paper_rig().mass) / (2 * np.pi)), 2)
+    45.02
+    """
+    return Rig(mass=1.0, stiffness=80e3, friction=Leuven())
+
+
+@value
+class Motion:
+    """What a run gave, sample by sample.
+
+    Fields
+    ------
+    t : (n,) ndarray
+        Time [s].
+    drive : (n,) ndarray
+        Force on the mass [N], or velocity of a prescribed motion [m/s].
+    x, v, z : (n,) ndarray
+        Position [m], velocity [m/s], and deflection of the friction [m].
+    friction : (n,) ndarray
+        Friction force [N].
+    """
+
+    t: np.ndarray
+    drive: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    z: np.ndarray
+    friction: np.ndarray
+
+
+def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "linear") -> Motion:
+    """Run the rig from rest through any force, periodic or not.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    force : (n,) ndarray
+        Force on the mass [N].
+    fs : float
+        Sampling frequency [Hz].
+    oversampling : int
+        Integration steps per sample.
+    hold : str
+        The force between samples: "linear", or "zoh" (held).
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    ValueError
+        A step too long to be stable, with the oversampling that would do.
+
+    Examples
+    --------
+    A force below the static friction moves the mass by a few micrometres and does not set it free.
+
+    >>> motion = run(paper_rig(), np.full(4000, 0.5), fs=4000.0)
+    >>> bool(2e-6 < motion.x[-1] < 8e-6)
+    True
+    """
+    samples = real_array("force", force, ndim=1)
+    fs = positive("fs", fs)
+    oversampling = integer("oversampling", oversampling, least=1)
+    one_of("hold", hold, ("linear", "zoh"))
+
+    def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
+        memory = packing.at_rest(packed_law(rig.friction).curve)
+        return advance(rig, memory, between_samples(samples, steps, hold), 1 / (fs * steps), steps), memory
+
+    refuse_long_step(rig, fs, oversampling)
+    out, memory = attempt(oversampling)
+    if out is None:
+        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
+    warn_lost(memory.state[packing.LOST])
+    x, v, z, friction = out.T
+    return Motion(t=np.arange(samples.size) / fs, drive=samples, x=x, v=v, z=z, friction=friction)
+
+
+def advance(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
+    """Integrate the rig over the (n, 3) drive (force at begin, middle and end of each step), moving `memory` on.
+
+    Returns (n / substeps, 4): position, velocity, z and friction force at the begin of every `substeps`-th step;
+    None where the step was too long to be stable.
+    """
+    from nlfrf import kernels
+
+    out = np.empty((drive.shape[0] // substeps, 4))
+    body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
+    finite = kernels.advance_hysteretic(body, packed_law(rig.friction), memory, drive, h, substeps, out)
+    stable = finite and memory.state[packing.RATE] * h <= REAL_LIMIT
+    memory.state[packing.RATE] = 0.0
+    return out if stable else None
+
+
+def between_samples(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
+    """(n * oversampling, 3) force at the begin, middle and end of each step; the last sample is held."""
+    step = np.arange(oversampling)[:, np.newaxis]
+    fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling if hold == "linear" else np.zeros((oversampling, 3))
+    rise = np.diff(samples, append=samples[-1])
+    return (samples[:, np.newaxis, np.newaxis] + rise[:, np.newaxis, np.newaxis] * fraction).reshape(-1, 3)
+
+
+def longest_step(pole: complex) -> float:
+    """Longest step [s] with which the Runge-Kutta method keeps a mode with this pole from growing."""
+    if abs(pole) == 0 or pole.real > 0:
+        return np.inf
+    direction = pole / abs(pole)
+
+    def growth(length: float) -> float:
+        q = length * direction
+        return abs(1 + q + q**2 / 2 + q**3 / 6 + q**4 / 24)
+
+    low, high = 0.0, 4.0  # along every ray into the left half plane growth passes 1 once before 4
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if growth(middle) <= 1 + 1e-12 else (low, middle)
+    return low / abs(pole)
+
+
+def refuse_long_step(rig: Rig, fs: float, oversampling: int) -> None:
+    """Refuse a step with which the rig is unstable even before it slides."""
+    longest = rig.stable_step
+    if 1 / (fs * oversampling) > longest:
+        raise ValueError(
+            f"oversampling must be at least {int(np.ceil(1 / (fs * longest)))} for a stable integration step "
+            f"of at most {longest:.3g} s at fs = {fs:g} Hz, got {oversampling}"
+        )
+
+
+def step_refusal(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
+    """The refusal of a step that turned out too long in sliding, with one that was tried and would do."""
+    for finer in (oversampling * 2**i for i in range(1, 7)):
+        if stable(finer):
+            return ValueError(
+                f"oversampling must be about {finer} for a stable integration step in sliding "
+                f"({1 / (fs * finer):.3g} s at fs = {fs:g} Hz), got {oversampling}"
+            )
+    return ValueError(
+        f"force must leave the rig within what can be integrated, got one that still runs away with an "
+        f"oversampling of {oversampling * 64}"
+    )
+
+
+def warn_lost(lost: float) -> None:
+    """Warn where the memory of turning points was too short."""
+    if lost:
+        warnings.warn(
+            f"the hysteresis memory of {packing.STACK_DEPTH} turning points overflowed {lost:g} times; "
+            "the innermost loops were forgotten",
+            DataWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,137 @@
+"""The rig against linear theory, an independent integrator, and its own symmetry."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from nlfrf.friction import Dahl, Leuven, LuGre
+from nlfrf.hysteresis import ElasticPlastic, Linear, MaxwellSlip, Tanh
+from nlfrf.rig import Rig, paper_rig, run
+
+LUGRE = {"sigma1": 13.0, "sigma2": 0.4, "Fc": 0.7, "Fs": 1.0, "vs": 0.01}
+
+
+def force(n, *, rms, rng=3):
+    """A smooth random force: lines 1..140 of a 1 s period."""
+    generator = np.random.default_rng(rng)
+    spectrum = np.zeros(n // 2 + 1, dtype=complex)
+    spectrum[1:141] = np.exp(2j * np.pi * generator.uniform(size=140))
+    u = np.fft.irfft(spectrum, n)
+    return rms * u / u.std()
+
+
+def test_lugre_agrees_with_an_independent_integrator():
+    sigma0, fs, n = 64e3, 4096.0, 1024
+    rig = Rig(1.0, 80e3, LuGre(sigma0=sigma0, **LUGRE))
+    u = force(4096, rms=2.0)[:n]
+    motion = run(rig, u, fs=fs, oversampling=16)
+
+    def derivative(t, state):
+        x, v, z = state
+        s = 0.7 + 0.3 * np.exp(-((v / 0.01) ** 2))
+        dz = v - sigma0 * abs(v) / s * z
+        return v, np.interp(t, motion.t, u) - 80e3 * x - (sigma0 * z + 13.0 * dz + 0.4 * v), dz
+
+    exact = solve_ivp(
+        derivative,
+        (0, (n - 1) / fs),
+        [0, 0, 0],
+        method="DOP853",
+        rtol=1e-10,
+        atol=1e-14,
+        max_step=1 / fs,
+        t_eval=motion.t,
+    )
+    assert np.abs(motion.v).max() > 0.02  # it slides
+    assert np.abs(motion.x - exact.y[0]).max() < 2e-6 * np.abs(motion.x).max()
+    assert np.abs(motion.z - exact.y[2]).max() < 1e-5 * np.abs(motion.z).max()
+
+
+@pytest.mark.parametrize("curve", [Linear(64e3), MaxwellSlip([64e3], [np.inf]), ElasticPlastic(64e3, 1e6)])
+def test_leuven_with_a_straight_curve_is_lugre(curve):
+    u = force(4096, rms=2.5)
+    lugre = run(Rig(1.0, 80e3, LuGre(sigma0=64e3, **LUGRE)), u, fs=4096.0, oversampling=2)
+    leuven = run(Rig(1.0, 80e3, Leuven(curve=curve)), u, fs=4096.0, oversampling=2)
+    assert np.allclose(leuven.x, lugre.x, atol=1e-11 * np.abs(lugre.x).max())
+    assert np.allclose(leuven.friction, lugre.friction, atol=1e-9)
+
+
+def test_elements_and_stack_move_the_rig_alike():
+    u = force(4096, rms=1.0)
+    stack = run(Rig(1.0, 80e3, Leuven(curve=ElasticPlastic(64e3, 1.0))), u, fs=4096.0, oversampling=4)
+    elements = run(Rig(1.0, 80e3, Leuven(curve=MaxwellSlip([64e3], [1.0]))), u, fs=4096.0, oversampling=4)
+    assert np.abs(stack.x - elements.x).max() < 1e-11 * np.abs(stack.x).max()
+
+
+def test_small_motion_is_that_of_the_stuck_spring():
+    fs, frequency, amplitude = 4096.0, 20.0, 1e-6
+    t = np.arange(4 * 4096) / fs
+    motion = run(paper_rig(), amplitude * np.sin(2 * np.pi * frequency * t), fs=fs)
+    s = 2j * np.pi * frequency
+    gain = 1 / (s**2 + (13.0 + 0.4) * s + 80e3 + 64e3)
+    last = slice(3 * 4096, None)
+    measured = np.mean(motion.x[last] * np.exp(-s * t[last])) * 2j / amplitude
+    assert abs(measured / gain - 1) < 2e-4  # the chord between samples costs 1e-4
+
+
+def test_force_turned_around_turns_the_motion_around_to_the_last_bit():
+    u = force(2048, rms=2.0)
+    for friction in (Leuven(), Leuven(n=2.0), Dahl(sigma0=64e3, Fc=1.0, n=1.5), Leuven(form="original")):
+        rig = Rig(1.0, 80e3, friction)
+        assert np.array_equal(run(rig, -u, fs=2048.0, oversampling=4).x, -run(rig, u, fs=2048.0, oversampling=4).x)
+
+
+def test_dahl_yields_at_the_coulomb_force():
+    rig = Rig(1.0, 1000.0, Dahl(sigma0=64e3, Fc=0.7))
+    motion = run(rig, np.linspace(0, 5, 4000), fs=1000.0, oversampling=4)
+    assert motion.friction[-1] == pytest.approx(0.7, rel=1e-6)
+
+
+def test_refinement_converges_with_second_order():
+    u = force(2048, rms=1.0)
+    x = [run(paper_rig(), u, fs=2048.0, oversampling=steps).x for steps in (2, 8, 32, 128)]
+    errors = [np.sqrt(np.mean((x[i] - x[3]) ** 2)) / x[3].std() for i in range(3)]
+    assert errors[0] < 3e-4
+    assert errors[0] / errors[1] > 9.0  # 4 times finer: 16 in the mean, as the kinks fall into the steps
+    assert errors[1] / errors[2] > 9.0
+
+
+def test_too_long_a_step_is_refused_with_one_that_would_do():
+    with pytest.raises(
+        ValueError, match=r"oversampling must be at least (\d+) for a stable integration step"
+    ) as refused:
+        run(paper_rig(), np.ones(100), fs=100.0)
+    enough = int(str(refused.value).split("at least ")[1].split()[0])
+    assert np.isfinite(run(paper_rig(), np.ones(100), fs=100.0, oversampling=enough).x).all()
+
+
+def test_step_too_long_for_sliding_is_refused_with_one_that_was_tried():
+    rig = Rig(1.0, 80e3, Leuven(curve=Tanh(64e3, 1.0), n=3.0))
+    u = 60.0 * np.sin(2 * np.pi * 40 * np.arange(4096) / 4096)
+    with pytest.raises(ValueError, match=r"oversampling must be about (\d+) for a stable .* in sliding") as refused:
+        run(rig, u, fs=4096.0)
+    enough = int(str(refused.value).split("about ")[1].split()[0])
+    assert np.isfinite(run(rig, u, fs=4096.0, oversampling=enough).x).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0.0, 1.0, Leuven()), "mass must be positive, got 0"),
+        ((1.0, -1.0, Leuven()), "stiffness must be zero or positive, got -1"),
+        ((1.0, 1.0, Leuven(), -2.0), "damping must be zero or positive, got -2"),
+        ((1.0, 1.0, "Leuven"), "friction must be one of the laws of nlfrf.friction, got 'Leuven'"),
+    ],
+)
+def test_rigs_that_make_no_sense_are_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Rig(*arguments)
+
+
+def test_run_refuses_bad_arguments():
+    with pytest.raises(ValueError, match="force must be finite"):
+        run(paper_rig(), [0.0, np.nan], fs=1e4)
+    with pytest.raises(ValueError, match="hold must be one of 'linear', 'zoh'"):
+        run(paper_rig(), [0.0, 1.0], fs=1e4, hold="cubic")
+    with pytest.raises(ValueError, match="fs must be positive"):
+        run(paper_rig(), [0.0, 1.0], fs=0)
