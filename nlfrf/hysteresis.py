@@ -23,7 +23,7 @@ NO_TABLE = np.zeros((3, 1))
 NO_ELEMENTS = np.zeros((2, 0))
 
 
-@value(positional=True)
+@value(kw_only=False)
 class Linear:
     """A spring that never yields, y = K0 z: no hysteresis of its own. With n = 1 it makes the Leuven model LuGre.
 
@@ -48,7 +48,7 @@ class Linear:
         return self.K0 * np.asarray(z, dtype=float)
 
 
-@value(positional=True)
+@value(kw_only=False)
 class Tanh:
     """y = Fy tanh(K0 z / Fy): odd distortion that starts with the third power of the displacement.
 
@@ -79,7 +79,7 @@ class Tanh:
         return self.Fy * np.tanh(self.K0 / self.Fy * np.asarray(z, dtype=float))
 
 
-@value(positional=True)
+@value(kw_only=False)
 class Exponential:
     """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already lose energy.
 
@@ -104,7 +104,7 @@ class Exponential:
         return -np.sign(z) * self.Fy * np.expm1(-self.K0 / self.Fy * np.abs(z))
 
 
-@value(positional=True)
+@value(kw_only=False)
 class Parabola:
     """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of yielding elements.
 
@@ -130,7 +130,7 @@ class Parabola:
         return np.sign(z) * self.Fy * (1 - rest**2)
 
 
-@value(positional=True)
+@value(kw_only=False)
 class ElasticPlastic:
     """y = K0 z up to Fy, flat beyond: a single yielding element (Jenkins).
 
@@ -154,7 +154,7 @@ class ElasticPlastic:
         return np.clip(self.K0 * np.asarray(z, dtype=float), -self.Fy, self.Fy)
 
 
-@value(positional=True)
+@value(kw_only=False)
 class Table:
     """A measured virgin curve: straight lines between points, flat beyond the last one.
 
@@ -223,7 +223,7 @@ class Table:
         return np.sign(z) * np.interp(np.abs(z), np.append(0.0, self.z), np.append(0.0, self.F))
 
 
-@value(positional=True)
+@value(kw_only=False)
 class MaxwellSlip:
     """Parallel elements, each a spring that slips when its force reaches its strength.
 

@@ -22,7 +22,7 @@ from nlfrf.values import value
 REAL_LIMIT = 2.785
 
 
-@value(positional=True)
+@value(kw_only=False)
 class Rig:
     """A mass on a spring, with viscous damping and friction between mass and ground.
 

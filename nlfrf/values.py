@@ -19,10 +19,10 @@ T = TypeVar("T")
 @overload
 def value(cls: type[T], /) -> type[T]: ...
 @overload
-def value(*, positional: bool = False) -> Callable[[type[T]], type[T]]: ...
+def value(*, kw_only: bool = True) -> Callable[[type[T]], type[T]]: ...
 @dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
-def value(cls: Any = None, /, *, positional: bool = False) -> Any:
-    """Make a class a value type; ``positional=True`` lets its fields also be given in order.
+def value(cls: Any = None, /, *, kw_only: bool = True) -> Any:
+    """Make a class a value type; ``kw_only=False`` lets its fields also be given in order.
 
     >>> @value
     ... class Tone:
@@ -38,11 +38,11 @@ def value(cls: Any = None, /, *, positional: bool = False) -> Any:
     ValueError: assignment destination is read-only
     """
     if cls is None:
-        return lambda c: value_class(c, positional)
-    return value_class(cls, positional)
+        return lambda c: value_class(c, kw_only)
+    return value_class(cls, kw_only)
 
 
-def value_class(cls: type[T], positional: bool) -> type[T]:
+def value_class(cls: type[T], kw_only: bool) -> type[T]:
     """The dataclass behind `value`, with arrays frozen before the class's own validation."""
     validate = cls.__dict__.get("__post_init__")
 
@@ -55,7 +55,7 @@ def value_class(cls: type[T], positional: bool) -> type[T]:
             validate(self)
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
-    return dataclass(frozen=True, kw_only=not positional, eq=False)(cls)
+    return dataclass(frozen=True, kw_only=kw_only, eq=False)(cls)
 
 
 def frozen(array: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ class Tone:
     f: float = 1.0
 
 
-@value(positional=True)
+@value(kw_only=False)
 class Spring:
     stiffness: float
 
