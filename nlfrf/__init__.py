@@ -9,10 +9,12 @@ from nlfrf.bla import Bla
 from nlfrf.checks import DataWarning
 from nlfrf.distortion import DistortionLevels
 from nlfrf.identify import identify
-from nlfrf.io import load_bla, load_record, save_bla, save_record
+from nlfrf.io import load_bla, load_multisine, load_record, save_bla, save_multisine, save_record
 from nlfrf.lines import LineGrid
 from nlfrf.multisine import Multisine, multisine
 from nlfrf.record import Record, record_from_samples
+from nlfrf.rig import Rig, paper_rig
+from nlfrf.simulate import simulate
 
 __version__ = "0.1.0"
 
@@ -23,11 +25,16 @@ __all__ = [
     "LineGrid",
     "Multisine",
     "Record",
+    "Rig",
     "identify",
     "load_bla",
+    "load_multisine",
     "load_record",
     "multisine",
+    "paper_rig",
     "record_from_samples",
     "save_bla",
+    "save_multisine",
     "save_record",
+    "simulate",
 ]

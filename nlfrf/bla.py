@@ -115,6 +115,27 @@ class Bla:
             variance = variance + self.n_realizations * np.maximum(self.var_bound - noise, 0.0)
         return np.sqrt(f_quantile(p, self.dof) * variance)
 
+    def __str__(self) -> str:
+        """What was found, in a few lines."""
+        peak = int(np.argmax(np.abs(self.G)))
+        relative = np.median(self.bound() / np.abs(self.G))
+        even = np.nanmedian(self.var_even) if np.isfinite(self.var_even).any() else np.nan
+        levels = {
+            "noise": np.median(self.var_noise) * self.n_realizations,
+            "distortion of one realisation": np.median(self.var_distortion),
+            "even distortion": even,
+        }
+        power = np.median(np.abs(self.G) ** 2)
+        said = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
+        return (
+            f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.grid} grid, "
+            f"M = {self.n_realizations}, P = {self.n_periods}\n"
+            f"  largest |G| {np.abs(self.G[peak]):.4g} at {self.f[peak]:g} Hz; "
+            f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
+            f"  under the median |G|: {', '.join(said) or 'nothing above rounding'}\n"
+            f"  transient: {self.transient}; level from {self.level_source}"
+        )
+
 
 def f_quantile(p: float, dof: np.ndarray) -> np.ndarray:
     """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.

@@ -18,10 +18,11 @@ from nlfrf.channels import read_channels
 from nlfrf.checks import integer, positive
 from nlfrf.distortion import DistortionLevels
 from nlfrf.lines import LineGrid
+from nlfrf.multisine import Multisine
 from nlfrf.record import Record, record_from_samples
 from nlfrf.values import field_names
 
-RECORD_SCHEMA, BLA_SCHEMA = "nlfrf-record", "nlfrf-bla"
+RECORD_SCHEMA, BLA_SCHEMA, MULTISINE_SCHEMA = "nlfrf-record", "nlfrf-bla", "nlfrf-multisine"
 VERSION = 1
 PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla
 
@@ -181,17 +182,7 @@ def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     ValueError
         A suffix other than .npz.
     """
-    path = Path(path)
-    if path.suffix.lower() != ".npz":
-        raise ValueError(f"path must end in .npz, got {path.name!r}")
-    content: dict[str, np.ndarray] = {"schema": np.array(BLA_SCHEMA), "version": np.array(VERSION)}
-    for name in field_names(Bla):
-        part = getattr(bla, name)
-        if name in PARTS:
-            content |= {f"{name}.{inner}": getattr(part, inner) for inner in field_names(part)}
-        else:
-            content[name] = np.asarray(part)
-    write_whole(path, lambda target: save_arrays(target, content))
+    save_value(bla, BLA_SCHEMA, path)
 
 
 def load_bla(path: str | os.PathLike[str]) -> Bla:
@@ -204,23 +195,74 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
     FileNotFoundError
         No such file.
     """
+    bla: Bla = load_value(Bla, BLA_SCHEMA, path)
+    return bla
+
+
+def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
+    """Write a design to an ``.npz`` file, exactly, with its samples u (M, N) beside it.
+
+    Raises
+    ------
+    ValueError
+        A suffix other than .npz.
+    """
+    save_value(ms, MULTISINE_SCHEMA, path, u=ms.u)
+
+
+def load_multisine(path: str | os.PathLike[str]) -> Multisine:
+    """Read the design that `save_multisine` wrote; errors as of `load_bla`."""
+    ms: Multisine = load_value(Multisine, MULTISINE_SCHEMA, path)
+    return ms
+
+
+def load(path: str | os.PathLike[str]) -> Multisine | Record | Bla:
+    """Read whatever this package wrote: a multisine, a record or a BLA; errors as of `load_bla`."""
+    readers = {RECORD_SCHEMA: load_record, BLA_SCHEMA: load_bla, MULTISINE_SCHEMA: load_multisine}
+    schema = read_channels(path).text("schema")
+    if schema not in readers:
+        raise ValueError(f"path must be a multisine, record or BLA that this package wrote, got {str(path)!r}")
+    reader: Any = readers[schema]
+    content: Multisine | Record | Bla = reader(path)
+    return content
+
+
+def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np.ndarray) -> None:
+    """Write every field of a value, those of the values inside it by dotted names."""
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        raise ValueError(f"path must end in .npz, got {path.name!r}")
+    content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
+    for name in field_names(thing):
+        part = getattr(thing, name)
+        if name in PARTS:
+            content |= {f"{name}.{inner}": getattr(part, inner) for inner in field_names(part)}
+        else:
+            content[name] = np.asarray(part)
+    write_whole(path, lambda target: save_arrays(target, content))
+
+
+def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
+    """The value of one kind that `save_value` wrote."""
     channels = read_channels(path)
-    if channels.text("schema") != BLA_SCHEMA:
-        raise ValueError(f"path must be a file written by save_bla, got {str(path)!r}")
-    content = dict(channels.arrays)
+    found = channels.text("schema")
+    if found != schema:
+        raise ValueError(f"path must be a file of the schema {schema}, got {found or 'none'} in {str(path)!r}")
+    content = channels.arrays
     version = int(content.get("version", np.array(0)))
     if version != VERSION:
-        raise ValueError(f"path must hold a BLA of schema version {VERSION}, got version {version} in {str(path)!r}")
+        raise ValueError(f"path must hold schema version {VERSION} of {schema}, got {version} in {str(path)!r}")
     try:
-        arguments: dict[str, Any] = {
-            name: PARTS[name](**{inner: content[f"{name}.{inner}"] for inner in field_names(PARTS[name])})
-            if name in PARTS
-            else plain(content[name])
-            for name in field_names(Bla)
-        }
+        return kind(
+            **{
+                name: PARTS[name](**{inner: content[f"{name}.{inner}"] for inner in field_names(PARTS[name])})
+                if name in PARTS
+                else plain(content[name])
+                for name in field_names(kind)
+            }
+        )
     except KeyError as missing:
-        raise ValueError(f"path must hold a whole BLA, got {str(path)!r} without {missing}") from None
-    return Bla(**arguments)
+        raise ValueError(f"path must hold a whole {schema}, got {str(path)!r} without {missing}") from None
 
 
 def plain(array: np.ndarray) -> Any:

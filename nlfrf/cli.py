@@ -1,0 +1,186 @@
+"""The command ``nlfrf``: files in, files out."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import nlfrf
+from nlfrf import io
+from nlfrf.lines import KINDS
+
+app = typer.Typer(
+    help="Best linear approximations with a distortion bound from one multisine experiment.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # units stand in brackets
+)
+
+Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+
+
+@app.callback()
+def common(version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False) -> None:
+    """Best linear approximations with a distortion bound from one multisine experiment."""
+    if version:
+        print(f"nlfrf {nlfrf.__version__}")
+        raise typer.Exit
+
+
+@app.command()
+def design(
+    out: Out,
+    fs: Annotated[float, typer.Option(help="Sampling frequency [Hz].")],
+    period: Annotated[int, typer.Option(help="Samples in one period.")],
+    f_min: Annotated[float, typer.Option(help="Lowest frequency [Hz].")],
+    f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
+    kind: Annotated[str, typer.Option(help=f"Harmonic grid: {', '.join(KINDS[:-1])}.")] = "special-odd",
+    rms: Annotated[float, typer.Option(help="Root mean square of the signal.")] = 1.0,
+    realizations: Annotated[int, typer.Option(help="Realisations, with independent phases.")] = 1,
+    seed: Annotated[int | None, typer.Option(help="Seed of the random phases.")] = None,
+) -> None:
+    """Design a random-phase multisine and write it with its samples."""
+    ms = nlfrf.multisine(
+        kind, fs=fs, n_samples=period, f_min=f_min, f_max=f_max, rms=rms, n_realizations=realizations, rng=seed
+    )
+    io.save_multisine(ms, out)
+    print(
+        f"{ms.kind} multisine, {ms.f.size} lines from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
+        f"period {ms.n_samples / ms.fs:g} s, rms {ms.rms:g}, crest factor {ms.crest_factor.max():.2f}"
+    )
+    print(f"wrote {out}")
+
+
+@app.command()
+def simulate(
+    file: Annotated[Path, typer.Argument(help="Multisine written by 'nlfrf design'.")],
+    out: Out,
+    periods: Annotated[int, typer.Option(help="Periods to keep.")] = 2,
+    discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 2,
+    mass: Annotated[float | None, typer.Option(help="Mass [kg] instead of the paper's 1.")] = None,
+    stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m] instead of the paper's 80000.")] = None,
+    noise: Annotated[float, typer.Option(help="Standard deviation of white noise added to the position [m].")] = 0.0,
+    seed: Annotated[int | None, typer.Option(help="Seed of that noise.")] = None,
+) -> None:
+    """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out."""
+    ms = io.load_multisine(file)
+    rig = nlfrf.paper_rig()
+    if mass is not None:
+        rig = replace(rig, mass=mass)
+    if stiffness is not None:
+        rig = replace(rig, stiffness=stiffness)
+    noise = nlfrf.checks.nonnegative("noise", noise)
+    with progress_bar("simulating") as advance:
+        record = nlfrf.simulate(rig, ms, n_periods=periods, n_discard=discard, progress=advance)
+    if noise > 0:
+        record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
+    io.save_record(record, out)
+    print(
+        f"wrote {out}: {record.n_realizations} realisations x {record.n_periods} periods x {record.n_samples} samples"
+    )
+
+
+@app.command()
+def identify(
+    file: Annotated[Path, typer.Argument(help="Measured record: .mat, .csv, .npz or .h5.")],
+    out: Out,
+    input: Annotated[str, typer.Option("--input", help="Name of the input in the file.")] = "u",
+    output: Annotated[list[str] | None, typer.Option("--output", help="Name of the output; may be repeated.")] = None,
+    reference: Annotated[
+        str | None, typer.Option(help="Name of the reference, for closed loop or noisy input.")
+    ] = None,
+    fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")] = None,
+    period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
+    discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
+    transient: Annotated[str, typer.Option(help="auto, none, discard or local.")] = "auto",
+    level_from: Annotated[str, typer.Option(help="auto, detection or roughness.")] = "auto",
+    detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
+) -> None:
+    """Best linear approximation, distortion level and bound from a measured record.
+
+    With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz.
+    """
+    outputs = output or ["y"]
+    records = io.load_record(file, u=input, y=outputs, r=reference, fs=fs, n_samples=period, n_discard=discard)
+    for name, record in zip(outputs, records, strict=True):
+        bla = nlfrf.identify(record, transient=transient, level_from=level_from, n_detection=detection)
+        target = out if len(outputs) == 1 else out.with_name(f"{out.stem}-{name}{out.suffix}")
+        io.save_bla(bla, target)
+        print(f"{name}: {bla}")
+        print(f"wrote {target}")
+
+
+@app.command()
+def plot(
+    file: Annotated[Path, typer.Argument(help="Multisine, record or BLA written by this command.")],
+    out: Out,
+    confidence: Annotated[float, typer.Option(help="Probability of the bound that is drawn.")] = 0.95,
+) -> None:
+    """Draw a saved result as .png, .pdf or .svg."""
+    if out.suffix.lower() not in (".png", ".pdf", ".svg"):
+        raise ValueError(f"out must end in .png, .pdf or .svg, got {out.name!r}")
+    content = io.load(file)
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from nlfrf import plot as pictures
+
+    if isinstance(content, nlfrf.Record):
+        content = nlfrf.identify(content)
+    figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 9), layout="constrained")
+    if isinstance(content, nlfrf.Multisine):
+        pictures.plot_excitation(content, ax=top)
+        pictures.plot_spectrum(content, ax=bottom)
+    else:
+        pictures.plot_bla(content, confidence=confidence, ax=top)
+        pictures.plot_levels(content, ax=bottom)
+    io.write_whole(out, lambda target: figure.savefig(target, dpi=120))
+    print(f"wrote {out}")
+
+
+class progress_bar:
+    """A progress bar on standard error that takes (done, total)."""
+
+    def __init__(self, label: str) -> None:
+        from rich.console import Console
+        from rich.progress import Progress
+
+        self.bar = Progress(console=Console(stderr=True), transient=True)
+        self.task = self.bar.add_task(label, total=None)
+
+    def __enter__(self) -> Any:
+        self.bar.start()
+        return lambda done, total: self.bar.update(self.task, completed=done, total=total)
+
+    def __exit__(self, *error: object) -> None:
+        self.bar.stop()
+
+
+def one_line(message: object, *args: object, **kwargs: object) -> None:
+    """A warning as one line on standard error."""
+    print(f"nlfrf: warning: {message}", file=sys.stderr)
+
+
+def main() -> None:
+    """Run the command: bad input is one line on standard error and exit code 2, never a traceback."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", nlfrf.DataWarning)
+        warnings.showwarning = one_line
+        try:
+            app()
+        except (ValueError, OSError) as error:
+            print(f"nlfrf: {error}", file=sys.stderr)
+            raise SystemExit(2) from None
+
+
+if __name__ == "__main__":
+    main()

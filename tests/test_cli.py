@@ -1,0 +1,85 @@
+"""The command nlfrf: the whole way by files, and errors as one line and exit code 2."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from nlfrf import cli, load_bla
+
+
+@pytest.fixture
+def nlfrf_command(monkeypatch, capsys, tmp_path):
+    """Run the command in an empty folder; gives exit code, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["nlfrf", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        said = capsys.readouterr()
+        return stop.value.code or 0, said.out, said.err
+
+    return run
+
+
+def test_design_simulate_identify_plot(nlfrf_command, tmp_path):
+    steps = [
+        "design --fs 2048 --period 4096 --f-min 2 --f-max 140 --rms 0.25 --seed 1 -o ms.npz",
+        "simulate ms.npz --noise 1e-8 --seed 2 -o record.npz",
+        "identify record.npz -o bla.npz",
+        "plot bla.npz -o bla.png",
+        "plot ms.npz -o ms.svg",
+        "plot record.npz -o record.pdf",
+    ]
+    for step in steps:
+        code, out, _ = nlfrf_command(*step.split())
+        assert code == 0, step
+        assert "wrote" in out
+    bla = load_bla(tmp_path / "bla.npz")
+    assert bla.grid == "special-odd"
+    assert 55 < bla.f[np.argmax(np.abs(bla.G))] < 63
+    for name, magic in (("bla.png", b"\x89PNG"), ("ms.svg", b"<?xml"), ("record.pdf", b"%PDF")):
+        assert (tmp_path / name).read_bytes().startswith(magic)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("identify no.mat -o bla.npz", "path must be an existing file, got 'no.mat'"),
+        ("design --fs 100 --period 100 --f-min 1 --f-max 80 -o ms.npz", "f_max must lie below the Nyquist frequency"),
+        ("design --fs 100 --period 100 --f-min 1 --f-max 40 --kind even -o ms.npz", "kind must be one of"),
+        ("design --fs 100 --period 100 --f-min 1 --f-max 40 -o ms.txt", "path must end in .npz"),
+        ("plot no.npz -o picture.bmp", "out must end in .png, .pdf or .svg"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(nlfrf_command, tmp_path, arguments, message):
+    code, out, err = nlfrf_command(*arguments.split())
+    assert code == 2
+    assert out == ""
+    assert err.startswith("nlfrf: ")
+    assert message in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_that_are_no_numbers_exit_with_2_too(nlfrf_command):
+    assert nlfrf_command("design", "--fs", "fast", "-o", "ms.npz")[0] == 2
+
+
+@pytest.mark.data
+def test_motor_bench_from_the_command_line(nlfrf_command, measured):
+    file = measured / "motor_bench" / "MultisineTypeB.mat"
+    names = "--input iq_adx --output theta_mx --output theta_my --fs 2500 --period 2500 --discard 1"
+    code, out, err = nlfrf_command("identify", file, *names.split(), "-o", "bla.npz")
+    assert code == 0
+    assert "nlfrf: warning: the odd detection lines of an odd-odd grid" in err
+    assert "60 lines from 13 to 249 Hz, odd-odd grid" in out
+    assert load_bla("bla-theta_my.npz").n_periods == 19
+
+
+def test_the_command_is_installed():
+    shown = subprocess.check_output([sys.executable, "-m", "nlfrf.cli", "--help"], text=True)
+    for command in ("design", "simulate", "identify", "plot"):
+        assert command in shown

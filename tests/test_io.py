@@ -1,0 +1,150 @@
+"""Files: exact round trips, names that are listed, damaged files refused, nothing half written."""
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+import nlfrf
+from nlfrf import io
+from nlfrf.values import field_names
+
+FORMATS = [".npz", ".mat", ".h5", ".csv"]
+
+
+@pytest.fixture(scope="module")
+def record():
+    rng = np.random.default_rng(0)
+    ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, rng=rng)
+    u = np.repeat(ms.u[:, None, :], 3, axis=1)
+    return nlfrf.Record(u=u, y=u**3 + 0.01 * rng.standard_normal(u.shape), fs=512, lines=ms.lines)
+
+
+def same(one, two):
+    for name in field_names(one):
+        a, b = getattr(one, name), getattr(two, name)
+        if hasattr(a, "__dataclass_fields__"):
+            same(a, b)
+        else:
+            np.testing.assert_array_equal(a, b)
+            assert type(a) is type(b)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_records_round_trip_exactly(record, suffix, tmp_path):
+    path = tmp_path / f"record{suffix}"
+    nlfrf.save_record(record, path)
+    same(nlfrf.load_record(path, n_samples=512), record)
+    if suffix != ".csv":
+        assert nlfrf.load_record(path, n_discard=2).n_periods == 1
+
+
+def test_a_reference_travels_along(record, tmp_path):
+    with_r = nlfrf.Record(u=record.u, y=record.y, r=2 * record.u, fs=record.fs, lines=record.lines)
+    nlfrf.save_record(with_r, tmp_path / "r.npz")
+    same(nlfrf.load_record(tmp_path / "r.npz", r="r"), with_r)
+
+
+def test_blas_and_multisines_round_trip_exactly(record, tmp_path):
+    bla = nlfrf.identify(record)
+    nlfrf.save_bla(bla, tmp_path / "bla.npz")
+    same(nlfrf.load_bla(tmp_path / "bla.npz"), bla)
+    ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=2, rng=0)
+    nlfrf.save_multisine(ms, tmp_path / "ms.npz")
+    same(nlfrf.load_multisine(tmp_path / "ms.npz"), ms)
+    assert isinstance(io.load(tmp_path / "bla.npz"), nlfrf.Bla)
+    with pytest.raises(ValueError, match="path must be a file of the schema nlfrf-bla, got nlfrf-multisine"):
+        nlfrf.load_bla(tmp_path / "ms.npz")
+
+
+def test_foreign_files_by_name(record, tmp_path):
+    u, y = record.u.reshape(-1), record.y.reshape(-1)
+    savemat(tmp_path / "m.mat", {"current": u, "run": {"angle": y, "note": "first"}, "fs": 512})
+    read = nlfrf.load_record(tmp_path / "m.mat", u="current", y="run.angle")
+    np.testing.assert_array_equal(read.u, record.u)
+    np.testing.assert_array_equal(read.lines.excited, record.lines.excited)
+    assert read.fs == 512
+    t = np.arange(u.size) / 512
+    table = np.column_stack([t, u, y])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=";", header="time [s];current [A];angle (rad)", comments="")
+    read = nlfrf.load_record(tmp_path / "m.csv", u="current", y="angle", n_samples=512)
+    np.testing.assert_allclose(read.y, record.y, rtol=1e-12)
+    assert read.fs == 512
+
+
+def test_several_outputs_share_the_input(record, tmp_path):
+    u, y = record.u.reshape(-1), record.y.reshape(-1)
+    np.savez(tmp_path / "m.npz", u=u, motor=y, load=2 * y)
+    motor, load = nlfrf.load_record(tmp_path / "m.npz", y=["motor", "load"], fs=512)
+    np.testing.assert_array_equal(2 * motor.y, load.y)
+
+
+def test_names_that_are_not_there_are_answered_with_those_that_are(tmp_path):
+    np.savez(tmp_path / "m.npz", current=np.arange(9.0), angle=np.arange(9.0), fs=1.0, note="x")
+    with pytest.raises(ValueError, match=r"u must name a signal of 'm.npz', one of angle, current; got 'force'"):
+        nlfrf.load_record(tmp_path / "m.npz", u="force", y="angle")
+    np.savez(tmp_path / "n.npz", u=np.arange(9.0), y=np.arange(9.0))
+    with pytest.raises(ValueError, match=r"fs must be given: 'n.npz' holds neither fs nor a time channel"):
+        nlfrf.load_record(tmp_path / "n.npz")
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_damaged_files_are_refused(record, suffix, tmp_path):
+    whole = tmp_path / f"whole{suffix}"
+    nlfrf.save_record(record, whole)
+    content = whole.read_bytes()
+    cut = tmp_path / f"cut{suffix}"
+    for damaged in (b"", content[: len(content) // 2], b"not a measurement"):
+        cut.write_bytes(damaged)
+        with pytest.raises(ValueError, match=r"path must|n_samples|u must|y must"):
+            nlfrf.load_record(cut, n_samples=512 * 3)
+
+
+def test_pickles_are_never_read(tmp_path):
+    np.savez(tmp_path / "p.npz", u=np.array([{"a": 1}], dtype=object), y=np.arange(5.0))
+    with pytest.raises(ValueError, match=r"path must be a readable \.npz file"):
+        nlfrf.load_record(tmp_path / "p.npz")
+
+
+def test_missing_files_and_unknown_suffixes(tmp_path):
+    with pytest.raises(FileNotFoundError, match="path must be an existing file"):
+        nlfrf.load_record(tmp_path / "no.mat")
+    (tmp_path / "m.xls").write_text("x")
+    with pytest.raises(ValueError, match=r"path must end in \.mat, \.npz, \.csv, \.h5, \.hdf5, got 'm.xls'"):
+        nlfrf.load_record(tmp_path / "m.xls")
+
+
+def test_a_file_is_written_whole_or_not_at_all(record, tmp_path):
+    path = tmp_path / "out.npz"
+    path.write_text("before")
+
+    def half(target):
+        target.write_text("half")
+        raise RuntimeError("disk full")
+
+    with pytest.raises(RuntimeError):
+        io.write_whole(path, half)
+    assert path.read_text() == "before"
+    assert [p.name for p in tmp_path.iterdir()] == ["out.npz"]
+    with pytest.raises(ValueError, match=r"path must end in \.npz, \.mat, \.h5 or \.csv"):
+        nlfrf.save_record(record, tmp_path / "out.txt")
+    with pytest.raises(FileNotFoundError, match="path must lie in an existing folder"):
+        nlfrf.save_record(record, tmp_path / "no" / "out.npz")
+
+
+@pytest.mark.data
+def test_motor_bench_loads_in_spite_of_objects_in_the_file(measured):
+    path = measured / "motor_bench" / "MultisineTypeB.mat"
+    record = nlfrf.load_record(path, u="iq_adx", y="theta_mx", n_samples=2500, n_discard=1)
+    assert record.u.shape == (1, 19, 2500)
+    assert record.fs == 2500
+    np.testing.assert_array_equal(record.lines.excited, np.arange(13, 250, 4))
+
+
+@pytest.mark.data
+def test_dspace_recordings_name_their_channels(measured):
+    path = measured / "linear_guide" / "exp1.mat"
+    with pytest.raises(ValueError, match=r"one of enc1 \(mm\), enc2 \(mm\), input \(V\), time; got 'force'"):
+        nlfrf.load_record(path, u="force", y="enc1")
+    record = nlfrf.load_record(path, u="input", y="enc1", n_samples=5000)
+    assert record.fs == 1000
+    assert record.n_periods == 20
