@@ -1,0 +1,37 @@
+# Two commands on a machine with Python >= 3.11 and make; each sets everything up in .venv and works alone.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: demo test lint bench clean help
+
+help:
+	@echo "make demo   the main job on the built-in rig: files and pictures in demo/"
+	@echo "make test   format, lint, types and every test"
+	@echo "make bench  speeds and measured coverage, against peers where they install"
+	@echo "make clean  remove what these made"
+
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	  || { echo "Python 3.11 or later is needed; choose one by: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
+	@touch $@
+
+demo: $(READY)
+	MPLBACKEND=Agg $(BIN)/python examples/01_identify_then_design.py --out demo
+
+lint: $(READY)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+test: lint
+	MPLBACKEND=Agg $(BIN)/python -m pytest -n 2 --dist worksteal
+
+bench: $(READY)
+	MPLBACKEND=Agg $(BIN)/python -m benchmarks
+
+clean:
+	rm -rf $(VENV) demo build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,123 @@
+"""The floors of the house: a module imports only from strictly lower floors, and heavy packages come late."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+FLOORS = {
+    "nlfrf.values": 0,
+    "nlfrf.checks": 0,
+    "nlfrf.lines": 1,
+    "nlfrf.hysteresis": 2,
+    "nlfrf.multisine": 2,
+    "nlfrf.friction": 3,
+    "nlfrf.packing": 0,
+    "nlfrf.kernels": 1,
+    "nlfrf.excitation": 2,
+    "nlfrf.record": 3,
+    "nlfrf.rig": 4,
+    "nlfrf.transient": 3,
+    "nlfrf.channels": 3,
+    "nlfrf.spectra": 4,
+    "nlfrf.frf": 5,
+    "nlfrf.calibration": 5,
+    "nlfrf.distortion": 5,
+    "nlfrf.simulate": 6,
+    "nlfrf.roughness": 6,
+    "nlfrf.bla": 6,
+    "nlfrf.identify": 7,
+    "nlfrf.io": 7,
+    "nlfrf.plot": 8,
+    "nlfrf": 9,
+    "nlfrf.cli": 10,
+    "robust": 29,
+    "robust.cli": 30,
+}
+
+#: Where a heavy package may be imported at all.
+HEAVY = {
+    "matplotlib": {"nlfrf.plot", "nlfrf.reproduce", "nlfrf.cli", "robust.plot", "robust.cli"},
+    "numba": {"nlfrf.kernels"},
+    "h5py": {"nlfrf.channels", "nlfrf.io"},
+}
+
+
+def found_modules():
+    for package in ("nlfrf", "robust"):
+        for path in sorted((ROOT / package).glob("*.py")):
+            name = package if path.stem == "__init__" else f"{package}.{path.stem}"
+            yield name, ast.parse(path.read_text())
+
+
+MODULES = list(found_modules())
+
+
+def imports(tree):
+    """Every module imported anywhere in a file, inside functions too, and whether the import runs on import."""
+    late = {node for function in ast.walk(tree) if isinstance(function, ast.FunctionDef) for node in ast.walk(function)}
+    typing_only = {
+        node
+        for block in ast.walk(tree)
+        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.dump(block.test)
+        for node in ast.walk(block)
+    }
+    for node in ast.walk(tree):
+        if node in typing_only:
+            continue
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node not in late
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports are absolute"
+            inner = [f"{node.module}.{alias.name}" for alias in node.names]
+            for name in inner if set(inner) <= set(FLOORS) else [node.module]:
+                yield name, node not in late
+
+
+def test_every_module_has_a_floor():
+    assert {name for name, _ in MODULES} == set(FLOORS)
+
+
+@pytest.mark.parametrize(("name", "tree"), MODULES, ids=[name for name, _ in MODULES])
+def test_imports_run_downstairs(name, tree):
+    for imported, _ in imports(tree):
+        if imported in FLOORS and imported not in ("nlfrf", "robust"):
+            assert FLOORS[imported] < FLOORS[name], f"{name} imports {imported} from floor {FLOORS[imported]}"
+        elif imported in ("nlfrf", "robust") and not (imported == "nlfrf" and name.startswith("robust")):
+            assert name.endswith(".cli"), f"{name} imports its own package"
+        if name.startswith("nlfrf"):
+            assert imported.split(".")[0] not in ("robust", "control", "cvxpy"), f"{name} imports {imported}"
+
+
+@pytest.mark.parametrize(("name", "tree"), MODULES, ids=[name for name, _ in MODULES])
+def test_heavy_packages_are_imported_where_they_are_used(name, tree):
+    for imported, at_import in imports(tree):
+        package = imported.split(".")[0]
+        if package in HEAVY:
+            assert name in HEAVY[package], f"{name} imports {package}"
+        if package in ("matplotlib", "cvxpy", "h5py"):
+            assert not at_import, f"{name} imports {package} at the top"
+
+
+@pytest.mark.parametrize(
+    ("package", "unloaded"),
+    [
+        ("nlfrf", ["control", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"]),
+        ("robust", ["cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"]),
+    ],
+)
+def test_import_loads_nothing_heavy(package, unloaded):
+    code = f"import sys, {package}; print([m for m in {unloaded} if m in sys.modules])"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
+
+
+def test_the_library_never_prints():
+    for name, tree in MODULES:
+        if not name.endswith(".cli"):
+            calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"]
+            assert not calls, f"{name} prints"
