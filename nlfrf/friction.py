@@ -139,7 +139,7 @@ class Leuven:
         check_stribeck(self)
         positive("n", self.n)
         one_of("form", self.form, ("modified", "original"))
-        packed = packed_curve(self.curve)
+        packed, _ = packed_curve(self.curve)
         if packed.Fy < self.Fs * (1 - 1e-2):
             raise ValueError(
                 f"curve must reach the static friction Fs = {self.Fs:g} N, got one that ends at {packed.Fy:g} N"
@@ -168,26 +168,27 @@ def stribeck(law: Any, v: Any) -> np.ndarray:
     array([-0.8104,  0.    ,  0.7   ])
     """
     v = np.asarray(v, dtype=float)
-    packed = packed_law(law)
+    packed, _ = packed_law(law)
     return np.sign(v) * (packed.Fc + (packed.Fs - packed.Fc) * np.exp(-(np.abs(v / packed.vs) ** packed.delta)))
 
 
-def packed_law(law: Friction) -> packing.Law:
+def packed_law(law: Friction) -> tuple[packing.Law, packing.Grid]:
     """The law as the compiled code reads it."""
     if isinstance(law, Dahl):
-        spring = packed_curve(Linear(K0=law.sigma0))
         force = float(law.Fc)
-        return packing.Law(packing.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring)
+        spring, grid = packed_curve(Linear(K0=law.sigma0))
+        return packing.Law(packing.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
     if isinstance(law, LuGre):
-        return packed_stribeck(law, packing.LEUVEN, 1.0, packed_curve(Linear(K0=law.sigma0)))
+        spring, grid = packed_curve(Linear(K0=law.sigma0))
+        return packed_stribeck(law, packing.LEUVEN, 1.0, spring), grid
     if not isinstance(law, Leuven):
         raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
-    curve = packed_curve(law.curve)
+    curve, grid = packed_curve(law.curve)
     if law.form == "modified":
-        return packed_stribeck(law, packing.LEUVEN, law.n, curve)
+        return packed_stribeck(law, packing.LEUVEN, law.n, curve), grid
     if curve.kind == packing.SPRING:  # the original form needs the turning points of a spring too
         curve = curve._replace(kind=packing.LINEAR)
-    return packed_stribeck(law, packing.ORIGINAL, law.n, curve)
+    return packed_stribeck(law, packing.ORIGINAL, law.n, curve), grid
 
 
 def packed_stribeck(law: LuGre | Leuven, form: int, n: float, curve: packing.Curve) -> packing.Law:

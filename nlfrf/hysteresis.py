@@ -19,8 +19,7 @@ from nlfrf import packing
 from nlfrf.checks import positive, real_array
 from nlfrf.values import value
 
-NO_TABLE = np.zeros((3, 1))
-NO_ELEMENTS = np.zeros((2, 0))
+NO_GRID = np.zeros((3, 1))
 
 
 @value(kw_only=False)
@@ -319,20 +318,21 @@ def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
     from nlfrf import kernels
 
     path = np.array(real_array("z", z, ndim=1))
-    packed = packed_curve(curve)
+    packed, grid = packed_curve(curve)
+    memory = packing.at_rest(packed, grid)
     force = np.empty_like(path)
-    kernels.follow(packed, packing.at_rest(packed), path, force)
+    kernels.follow(packed, grid, memory.state, memory.stack, path, force)
     return force
 
 
-def packed_curve(curve: Curve) -> packing.Curve:
+def packed_curve(curve: Curve) -> tuple[packing.Curve, packing.Grid]:
     """The curve as the compiled code reads it."""
     if type(curve) not in KINDS:
         raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in KINDS)}, got {curve!r}")
-    table, elements = NO_TABLE, NO_ELEMENTS
+    grid = NO_GRID
     if isinstance(curve, Table):
         z, force = np.append(0.0, curve.z), np.append(0.0, curve.F)
-        table = np.stack([z, force, np.append(np.diff(force) / np.diff(z), 0.0)])
+        grid = np.stack([z, force, np.append(np.diff(force) / np.diff(z), 0.0)])
     if isinstance(curve, MaxwellSlip):
-        elements = np.stack([curve.stiffness, curve.strength])
-    return packing.Curve(KINDS[type(curve)], float(curve.K0), float(curve.Fy), table, elements)
+        grid = np.stack([curve.stiffness, curve.strength, np.zeros(curve.stiffness.size)])
+    return packing.Curve(KINDS[type(curve)], float(curve.K0), float(curve.Fy)), grid

@@ -2,11 +2,13 @@
 
 One file, because the cache of compiled code on disk looks only at the file of the function it holds: a kernel
 that calls into another file would go on running old code after an update. Nothing imports this module at its
-head, so that numba is loaded by the first simulation and not by ``import nlfrf``.
+head, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays are passed one by one:
+taken out of a tuple each would be counted in and out, which costs more than the arithmetic.
 
-Fixed-step fourth-order Runge-Kutta. The trial stages look at the memory of the hysteresis as it was committed
-at the beginning of the step, and the step is committed once, at its end: a look ahead leaves no trace. Every
-formula is odd in (position, velocity, force), so the point symmetry of friction survives to rounding.
+Fixed-step fourth-order Runge-Kutta. The trial stages look at the memory of the hysteresis as it was committed,
+and it is committed once at the end of a step: a look ahead leaves no trace. The stiffness jumps where z turns
+and where a loop closes, so a step is divided there. Every formula is odd in (position, velocity, force), so
+the point symmetry of friction survives to rounding.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -37,17 +39,25 @@ from nlfrf.packing import (
     Curve,
     F,
     Law,
-    Memory,
     V,
     X,
     Z,
 )
 
+#: Branches: where the memory is asked at every stage, and the two that are followed without asking.
+LOOKED_UP, VIRGIN, LATER = range(3)
+#: What divides a step.
+VELOCITY, RATE_OF_Z, PLACE = range(3)
+
+Way = tuple[int, float, float]
+Drive = tuple[float, float, float]
+
 compiled = njit(cache=True, nogil=True, error_model="numpy")
+inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)  # the innermost: a sixth of the time
 
 
-@compiled
-def virgin(curve: Curve, z: float) -> float:
+@inlined
+def virgin(curve: Curve, grid: np.ndarray, z: float) -> float:
     """Virgin curve y(z), odd."""
     if curve.kind <= LINEAR:
         return curve.K0 * z
@@ -62,36 +72,35 @@ def virgin(curve: Curve, z: float) -> float:
     elif curve.kind == ELASTIC_PLASTIC:
         y = min(curve.K0 * a, curve.Fy)
     else:
-        i = segment(curve.table, a)
-        y = curve.table[1, i] + curve.table[2, i] * (a - curve.table[0, i])
+        i = segment(grid, a)
+        y = grid[1, i] + grid[2, i] * (a - grid[0, i])
     return y if z >= 0.0 else -y
 
 
 @compiled
-def slope(curve: Curve, z: float) -> float:
-    """Stiffness y'(z) of the virgin curve."""
+def slope(curve: Curve, grid: np.ndarray, z: float, y: float) -> float:
+    """Stiffness y'(z) of the virgin curve, where y = y(z)."""
     if curve.kind <= LINEAR:
         return curve.K0
-    a = abs(z)
     if curve.kind == TANH:
-        t = math.tanh(curve.K0 * a / curve.Fy)
-        return curve.K0 * (1.0 - t * t)
+        return curve.K0 * (1.0 - (y / curve.Fy) ** 2)
     if curve.kind == EXPONENTIAL:
-        return curve.K0 * math.exp(-curve.K0 * a / curve.Fy)
+        return curve.K0 * (1.0 - abs(y) / curve.Fy)
+    a = abs(z)
     if curve.kind == PARABOLA:
         return curve.K0 * max(1.0 - 0.5 * curve.K0 * a / curve.Fy, 0.0)
     if curve.kind == ELASTIC_PLASTIC:
         return curve.K0 if curve.K0 * a < curve.Fy else 0.0
-    return curve.table[2, segment(curve.table, a)]
+    return grid[2, segment(grid, a)]
 
 
 @compiled
-def segment(table: np.ndarray, a: float) -> int:
+def segment(grid: np.ndarray, a: float) -> int:
     """Index of the last point of the table at or before a."""
-    low, high = 0, table.shape[1]
+    low, high = 0, grid.shape[1]
     while high - low > 1:
         middle = (low + high) // 2
-        if table[0, middle] <= a:
+        if grid[0, middle] <= a:
             low = middle
         else:
             high = middle
@@ -119,53 +128,57 @@ def branch(z: float, z0: float, direction: float, depth: int, stack: np.ndarray)
 
 
 @compiled
-def hysteresis(curve: Curve, memory: Memory, z: float) -> tuple[float, float]:
+def began(state: np.ndarray, stack: np.ndarray) -> float:
+    """The force the current branch began with."""
+    depth = int(state[DEPTH])
+    return stack[1, depth - 1] if depth > 0 else 0.0
+
+
+@compiled
+def hysteresis(curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, z: float) -> tuple[float, float]:
     """Hysteresis force after a monotone move from the committed state to z, and the force its branch began with."""
-    state, stack = memory.state, memory.stack
     z0 = state[Z]
     if curve.kind == SPRING:
         return curve.K0 * z, 0.0
     if curve.kind == ELEMENTS:
         total = 0.0
-        for i in range(curve.elements.shape[1]):
-            w = curve.elements[1, i]
-            total += min(max(memory.slip[0, i] + curve.elements[0, i] * (z - z0), -w), w)
+        for i in range(grid.shape[1]):
+            w = grid[1, i]
+            total += min(max(stack[0, i] + grid[0, i] * (z - z0), -w), w)
         return total, 0.0
-    depth = int(state[DEPTH])
     if z == z0:
-        return state[F], (stack[1, depth - 1] if depth > 0 else 0.0)
+        return state[F], began(state, stack)
+    depth = int(state[DEPTH])
     n = branch(z, z0, state[DIRECTION], depth, stack)
     if n == 0:
-        return virgin(curve, z), 0.0
-    if n == depth + 1:
-        zm, fm = z0, state[F]
-    else:
+        return virgin(curve, grid, z), 0.0
+    zm, fm = z0, state[F]
+    if n <= depth:
         zm, fm = stack[0, n - 1], stack[1, n - 1]
-    return fm + 2.0 * virgin(curve, 0.5 * (z - zm)), fm
+    return fm + 2.0 * virgin(curve, grid, 0.5 * (z - zm)), fm
 
 
 @compiled
-def commit(curve: Curve, memory: Memory, z: float) -> float:
+def commit(curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, z: float) -> float:
     """Move the memory to z; returns the stiffness dFh/dz there."""
-    state, stack, slip = memory.state, memory.stack, memory.slip
     z0 = state[Z]
     if curve.kind == SPRING:
         state[Z], state[F] = z, curve.K0 * z
         return curve.K0
     if curve.kind == ELEMENTS:
         total, stiffness = 0.0, 0.0
-        for i in range(curve.elements.shape[1]):
-            w = curve.elements[1, i]
-            force = slip[0, i] + curve.elements[0, i] * (z - z0)
+        for i in range(grid.shape[1]):
+            w = grid[1, i]
+            force = stack[0, i] + grid[0, i] * (z - z0)
             if abs(force) < w:
-                stiffness += curve.elements[0, i]
-            slip[0, i] = min(max(force, -w), w)
-            total += slip[0, i]
+                stiffness += grid[0, i]
+            stack[0, i] = min(max(force, -w), w)
+            total += stack[0, i]
         state[Z], state[F] = z, total
         return stiffness
     depth = int(state[DEPTH])
     if z != z0:
-        force, _ = hysteresis(curve, memory, z)
+        force, _ = hysteresis(curve, grid, state, stack, z)
         n = branch(z, z0, state[DIRECTION], depth, stack)
         if n == depth + 1:
             if depth == stack.shape[1]:  # full: the innermost loop is forgotten, and counted
@@ -178,19 +191,21 @@ def commit(curve: Curve, memory: Memory, z: float) -> float:
         state[DEPTH], state[DEEPEST] = depth, max(state[DEEPEST], depth)
         state[Z], state[F] = z, force
     if depth == 0:
-        return slope(curve, z)
-    return slope(curve, 0.5 * (z - stack[0, depth - 1]))
+        return slope(curve, grid, z, state[F])
+    return slope(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
 
 
 @compiled
-def follow(curve: Curve, memory: Memory, path: np.ndarray, out: np.ndarray) -> None:
+def follow(
+    curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, path: np.ndarray, out: np.ndarray
+) -> None:
     """The hysteresis force along a path of z, monotone between its points."""
     for j in range(path.size):
-        commit(curve, memory, path[j])
-        out[j] = memory.state[F]
+        commit(curve, grid, state, stack, path[j])
+        out[j] = state[F]
 
 
-@compiled
+@inlined
 def sliding_force(law: Law, v: float) -> float:
     """Stribeck curve |s(v)|."""
     if law.Fs == law.Fc:
@@ -200,7 +215,7 @@ def sliding_force(law: Law, v: float) -> float:
     return law.Fc + (law.Fs - law.Fc) * math.exp(-e)
 
 
-@compiled
+@inlined
 def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
     """dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
     g = sliding_force(law, v)
@@ -225,53 +240,226 @@ def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
 @compiled
 def pull_back(law: Law, v: float, fh: float, stiffness: float) -> float:
     """How fast dz/dt pulls z back while sliding [1/s]: the eigenvalue that limits the step."""
-    g = sliding_force(law, v)
-    rate = law.n * stiffness * abs(v) / g
+    rate = law.n * stiffness * abs(v) / law.Fc
     if law.form != DAHL and law.n > 1.0:
-        rate *= (abs(fh) / g) ** (law.n - 1.0)
+        rate *= (min(abs(fh) / law.Fc, 1.0)) ** (law.n - 1.0)
     return rate
 
 
 @compiled
+def way_ahead(law: Law, state: np.ndarray, stack: np.ndarray, v: float, turned: bool) -> Way:
+    """The branch that is followed until z turns or a loop closes, and its turning point."""
+    if not (LINEAR <= law.curve.kind <= PARABOLA):
+        return LOOKED_UP, 0.0, began(state, stack)
+    if not turned and state[DIRECTION] != 0.0:
+        dz, _ = rates(law, v, state[F], began(state, stack))
+        turned = dz * state[DIRECTION] < 0.0
+    if turned:
+        return LATER, state[Z], state[F]
+    depth = int(state[DEPTH])
+    if depth == 0:
+        return VIRGIN, 0.0, 0.0
+    return LATER, stack[0, depth - 1], stack[1, depth - 1]
+
+
+@inlined
+def ahead(
+    curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, way: Way, z: float
+) -> tuple[float, float]:
+    """Hysteresis force at z on the way ahead, and the force its branch began with."""
+    if way[0] == LATER:
+        return way[2] + 2.0 * virgin(curve, grid, 0.5 * (z - way[1])), way[2]
+    if way[0] == VIRGIN:
+        return virgin(curve, grid, z), 0.0
+    return hysteresis(curve, grid, state, stack, z)
+
+
+@compiled
+def at(u: Drive, s: float) -> float:
+    """Parabola through the begin, middle and end of a step."""
+    return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
+
+
+@compiled
+def trial(
+    body: Body,
+    law: Law,
+    grid: np.ndarray,
+    state: np.ndarray,
+    stack: np.ndarray,
+    way: Way,
+    x: float,
+    v: float,
+    u: Drive,
+    h: float,
+) -> tuple[float, float, float, float, float]:
+    """One Runge-Kutta step off the committed memory: x, v, z at its end, dz/dt at both ends."""
+    curve, z = law.curve, state[Z]
+    w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
+    z1, f1 = rates(law, v, state[F], way[2])
+    a1 = w * (u[0] - k * x - c * v - f1)
+    v2 = u[1] if driven else v + 0.5 * h * a1
+    fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z1)
+    z2, f2 = rates(law, v2, fh, fb)
+    a2 = w * (u[1] - k * (x + 0.5 * h * v) - c * v2 - f2)
+    v3 = u[1] if driven else v + 0.5 * h * a2
+    fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z2)
+    z3, f3 = rates(law, v3, fh, fb)
+    a3 = w * (u[1] - k * (x + 0.5 * h * v2) - c * v3 - f3)
+    v4 = u[2] if driven else v + h * a3
+    fh, fb = ahead(curve, grid, state, stack, way, z + h * z3)
+    z4, f4 = rates(law, v4, fh, fb)
+    a4 = w * (u[2] - k * (x + h * v3) - c * v4 - f4)
+    x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+    v = u[2] if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    z += h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+    return x, v, z, z1, z4
+
+
+@compiled
+def partial(
+    body: Body,
+    law: Law,
+    grid: np.ndarray,
+    state: np.ndarray,
+    stack: np.ndarray,
+    way: Way,
+    x: float,
+    v: float,
+    u: Drive,
+    h: float,
+    a: float,
+    b: float,
+) -> tuple[float, float, float, float, float]:
+    """The part a..b of a step."""
+    part = (at(u, a), at(u, 0.5 * (a + b)), at(u, b))
+    return trial(body, law, grid, state, stack, way, x, v, part, (b - a) * h)
+
+
+@compiled
+def locate(
+    body: Body,
+    law: Law,
+    grid: np.ndarray,
+    state: np.ndarray,
+    stack: np.ndarray,
+    way: Way,
+    x: float,
+    v: float,
+    u: Drive,
+    h: float,
+    a: float,
+    b: float,
+    what: int,
+    z: float,
+) -> float:
+    """Where between a and b of a step the velocity or dz/dt passes zero, or z is reached: false position."""
+    low, high, e0, e1, enough = a, b, 0.0, 0.0, 0.0
+    for i in range(12):
+        if i > 0:
+            b = low + (high - low) * e0 / (e0 - e1)
+        _, v1, z1, d0, d1 = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+        e = v1 if what == VELOCITY else (d1 if what == RATE_OF_Z else z1 - z)
+        if i == 0:
+            e0, e1 = (v if what == VELOCITY else (d0 if what == RATE_OF_Z else state[Z] - z)), e
+            enough = 1e-12 * max(abs(e0), abs(e1))
+        elif abs(e) <= enough:
+            break
+        elif e * e0 > 0.0:
+            low, e0, e1 = b, e, 0.5 * e1
+        else:
+            high, e1, e0 = b, e, 0.5 * e0
+    return b
+
+
+@compiled
+def closing(state: np.ndarray, stack: np.ndarray, z: float) -> tuple[bool, float]:
+    """Whether a monotone move to z closes a loop, and the z where the first one closes."""
+    z0, depth = state[Z], int(state[DEPTH])
+    turned = (z - z0) * state[DIRECTION] < 0.0
+    if branch(z, z0, state[DIRECTION], depth, stack) >= depth + turned:
+        return False, z
+    if turned:
+        return True, (stack[0, depth - 1] if depth > 0 else -z0)
+    return True, (stack[0, depth - 2] if depth > 1 else -stack[0, 0])
+
+
+@compiled
+def divide(
+    body: Body,
+    law: Law,
+    grid: np.ndarray,
+    state: np.ndarray,
+    stack: np.ndarray,
+    way: Way,
+    x: float,
+    v: float,
+    u: Drive,
+    h: float,
+    a: float,
+    turned: bool,
+) -> tuple[float, float, float, float, bool]:
+    """The part of a step from a on up to where z turns or a loop closes: its end, x, v, z there, and if z turned."""
+    b = 1.0
+    x1, v1, z1, d0, d1 = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+    if not turned and d0 * d1 < 0.0:
+        what = VELOCITY if v * v1 < 0.0 else RATE_OF_Z
+        b, turned = locate(body, law, grid, state, stack, way, x, v, u, h, a, b, what, 0.0), True
+        x1, v1, z1, _, _ = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+    if way[0] != LOOKED_UP:
+        closes, z = closing(state, stack, z1)
+        # a loop that closes just where z turns needs no second division
+        if closes and not (turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
+            b, turned = locate(body, law, grid, state, stack, way, x, v, u, h, a, b, PLACE, z), False
+            x1, v1, _, _, _ = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+            z1 = z
+    return b, x1, v1, z1, turned
+
+
+@compiled
 def advance_hysteretic(
-    body: Body, law: Law, memory: Memory, drive: np.ndarray, h: float, substeps: int, out: np.ndarray
+    body: Body,
+    law: Law,
+    grid: np.ndarray,
+    state: np.ndarray,
+    stack: np.ndarray,
+    drive: np.ndarray,
+    h: float,
+    substeps: int,
+    out: np.ndarray,
 ) -> bool:
     """Leuven family over the steps of `drive` (begin, middle, end of each); False where the numbers ran away.
 
     `drive` is the force on the mass, or the velocity of a driven body. `out` takes position, velocity, z and
-    friction force at the beginning of every step that is a multiple of `substeps`.
+    friction force at the begin of every step that is a multiple of `substeps`. Steps are divided at turning
+    points always, and at closing loops where the curve itself is smooth.
     """
-    curve, state = law.curve, memory.state
-    w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
     x, v = state[X], state[V]
     for j in range(drive.shape[0]):
-        u1, u2, u3 = drive[j, 0], drive[j, 1], drive[j, 2]
-        z = state[Z]
-        if driven:
-            v = u1
-        depth = int(state[DEPTH])
-        z1, f1 = rates(law, v, state[F], memory.stack[1, depth - 1] if depth > 0 else 0.0)
-        a1 = w * (u1 - k * x - c * v - f1)
+        u = (drive[j, 0], drive[j, 1], drive[j, 2])
+        if body.driven:
+            v = u[0]
         if j % substeps == 0:
             i = j // substeps
-            out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, v, z, f1
+            out[i, 0], out[i, 1], out[i, 2] = x, v, state[Z]
+            _, out[i, 3] = rates(law, v, state[F], began(state, stack))
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
-        v2 = u2 if driven else v + 0.5 * h * a1
-        fh, fb = hysteresis(curve, memory, z + 0.5 * h * z1)
-        z2, f2 = rates(law, v2, fh, fb)
-        a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - f2)
-        v3 = u2 if driven else v + 0.5 * h * a2
-        fh, fb = hysteresis(curve, memory, z + 0.5 * h * z2)
-        z3, f3 = rates(law, v3, fh, fb)
-        a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - f3)
-        v4 = u3 if driven else v + h * a3
-        fh, fb = hysteresis(curve, memory, z + h * z3)
-        z4, f4 = rates(law, v4, fh, fb)
-        a4 = w * (u3 - k * (x + h * v3) - c * v4 - f4)
-        x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-        v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-        stiffness = commit(curve, memory, z + h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4))
+        way = way_ahead(law, state, stack, v, False)
+        x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, x, v, u, h)
+        if d0 * d1 < 0.0 or (way[0] != LOOKED_UP and closing(state, stack, z1)[0]):
+            a, turned, parts = 0.0, False, 0
+            while a < 1.0 and parts < 6:
+                a, x1, v1, z1, turned = divide(body, law, grid, state, stack, way, x, v, u, h, a, turned)
+                parts += 1
+                if a < 1.0:
+                    x, v = x1, v1
+                    commit(law.curve, grid, state, stack, z1)
+                    way = way_ahead(law, state, stack, v, turned)
+            if a < 1.0:  # more happens in this step than it resolves: over the rest of it as it comes
+                x1, v1, z1, _, _ = partial(body, law, grid, state, stack, way, x, v, u, h, a, 1.0)
+        x, v = x1, v1
+        stiffness = commit(law.curve, grid, state, stack, z1)
         state[RATE] = max(state[RATE], pull_back(law, v, state[F], stiffness))
     state[X], state[V] = x, v
     return abs(x) < 1e150 and abs(v) < 1e150

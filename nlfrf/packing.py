@@ -1,7 +1,7 @@
-"""What the compiled code reads and writes: plain tuples of numbers and arrays, made without loading numba.
+"""What the compiled code reads and writes: tuples of numbers, and arrays, made without loading numba.
 
-The cache of compiled code on disk is renewed when `kernels.py` changes and does not look here: change the
-fields of these tuples and `kernels.py` together.
+The cache of compiled code on disk is renewed when `kernels.py` changes and does not look here: change these
+tuples and `kernels.py` together.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points, elements
+# Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones
+# first), elements
 SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS = range(8)
 
 # Forms of the state equation dz/dt
@@ -25,17 +26,15 @@ STACK_DEPTH = 256
 
 
 class Curve(NamedTuple):
-    """A virgin curve, or the elements that stand for one."""
+    """The numbers of a virgin curve."""
 
     kind: int
     K0: float
     Fy: float
-    table: np.ndarray  # (3, n): z, force, slope that follows
-    elements: np.ndarray  # (2, E): stiffness, strength
 
 
 class Law(NamedTuple):
-    """A friction law."""
+    """The numbers of a friction law."""
 
     form: int
     Fs: float
@@ -61,12 +60,13 @@ class Memory(NamedTuple):
     """What is carried from one step to the next."""
 
     state: np.ndarray  # (N_STATES,)
-    stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points
-    slip: np.ndarray  # (2, E): force and slip direction of the elements
+    stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2, E): forces of the elements
 
 
-def at_rest(curve: Curve) -> Memory:
+#: (3, n) points of a virgin curve: z, force, slope that follows; or (3, E) elements: stiffness, strength, 0.
+Grid = np.ndarray
+
+
+def at_rest(curve: Curve, grid: Grid) -> Memory:
     """The memory of a body that has never moved."""
-    return Memory(
-        state=np.zeros(N_STATES), stack=np.zeros((2, STACK_DEPTH)), slip=np.zeros((2, curve.elements.shape[1]))
-    )
+    return Memory(np.zeros(N_STATES), np.zeros((2, grid.shape[1] if curve.kind == ELEMENTS else STACK_DEPTH)))

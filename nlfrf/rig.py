@@ -64,7 +64,7 @@ class Rig:
     @property
     def stable_step(self) -> float:
         """Longest integration step [s] that is stable without sliding; sliding may ask for a shorter one."""
-        law = packed_law(self.friction)
+        law, _ = packed_law(self.friction)
         limits = []
         # stuck, just after a reversal (dz/dt = 2 v), and sliding
         for gain in (1.0, 2.0, 0.0):
@@ -147,7 +147,7 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     one_of("hold", hold, ("linear", "zoh"))
 
     def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory = packing.at_rest(packed_law(rig.friction).curve)
+        memory = at_rest(rig)
         return advance(rig, memory, between_samples(samples, steps, hold), 1 / (fs * steps), steps), memory
 
     refuse_long_step(rig, fs, oversampling)
@@ -157,6 +157,12 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     warn_lost(memory.state[packing.LOST])
     x, v, z, friction = out.T
     return Motion(t=np.arange(samples.size) / fs, drive=samples, x=x, v=v, z=z, friction=friction)
+
+
+def at_rest(rig: Rig) -> packing.Memory:
+    """The memory of a rig that has never moved."""
+    law, grid = packed_law(rig.friction)
+    return packing.at_rest(law.curve, grid)
 
 
 def advance(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
@@ -169,7 +175,8 @@ def advance(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, subst
 
     out = np.empty((drive.shape[0] // substeps, 4))
     body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
-    finite = kernels.advance_hysteretic(body, packed_law(rig.friction), memory, drive, h, substeps, out)
+    law, grid = packed_law(rig.friction)
+    finite = kernels.advance_hysteretic(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
     stable = finite and memory.state[packing.RATE] * h <= REAL_LIMIT
     memory.state[packing.RATE] = 0.0
     return out if stable else None

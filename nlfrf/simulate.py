@@ -12,10 +12,9 @@ import numpy as np
 
 from nlfrf import packing
 from nlfrf.checks import DataWarning, integer, one_of
-from nlfrf.friction import packed_law
 from nlfrf.multisine import Multisine
 from nlfrf.record import Record
-from nlfrf.rig import Rig, advance, refuse_long_step, step_refusal, warn_lost
+from nlfrf.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_lost
 from nlfrf.values import value
 
 #: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
@@ -175,7 +174,7 @@ def run_all(
 def run_experiment(experiment: Experiment) -> Outcome:
     """Integrate one realisation from rest; runs in a worker."""
     rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
-    memory = packing.at_rest(packed_law(rig.friction).curve)
+    memory = at_rest(rig)
     drive = one_period(ms, steps, experiment.hold)
     n_total = experiment.n_discard + experiment.n_periods
     kept = np.empty((experiment.n_periods, ms.n_samples))
