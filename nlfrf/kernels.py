@@ -39,6 +39,7 @@ from nlfrf.packing import (
     Curve,
     F,
     Law,
+    Step,
     V,
     X,
     Z,
@@ -50,14 +51,14 @@ LOOKED_UP, VIRGIN, LATER = range(3)
 VELOCITY, RATE_OF_Z, PLACE = range(3)
 
 Way = tuple[int, float, float]
-Drive = tuple[float, float, float]
+Array = np.ndarray
 
 compiled = njit(cache=True, nogil=True, error_model="numpy")
 inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)  # the innermost: a sixth of the time
 
 
 @inlined
-def virgin(curve: Curve, grid: np.ndarray, z: float) -> float:
+def virgin(curve: Curve, grid: Array, z: float) -> float:
     """Virgin curve y(z), odd."""
     if curve.kind <= LINEAR:
         return curve.K0 * z
@@ -78,7 +79,7 @@ def virgin(curve: Curve, grid: np.ndarray, z: float) -> float:
 
 
 @compiled
-def slope(curve: Curve, grid: np.ndarray, z: float, y: float) -> float:
+def slope(curve: Curve, grid: Array, z: float, y: float) -> float:
     """Stiffness y'(z) of the virgin curve, where y = y(z)."""
     if curve.kind <= LINEAR:
         return curve.K0
@@ -95,7 +96,7 @@ def slope(curve: Curve, grid: np.ndarray, z: float, y: float) -> float:
 
 
 @compiled
-def segment(grid: np.ndarray, a: float) -> int:
+def segment(grid: Array, a: float) -> int:
     """Index of the last point of the table at or before a."""
     low, high = 0, grid.shape[1]
     while high - low > 1:
@@ -108,7 +109,7 @@ def segment(grid: np.ndarray, a: float) -> int:
 
 
 @compiled
-def branch(z: float, z0: float, direction: float, depth: int, stack: np.ndarray) -> int:
+def branch(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
     """Depth of the memory after a monotone move from z0 to z; depth + 1 where z0 becomes a turning point.
 
     Passing the turning point before last closes an inner loop and wipes two points out; the outermost branch
@@ -128,14 +129,14 @@ def branch(z: float, z0: float, direction: float, depth: int, stack: np.ndarray)
 
 
 @compiled
-def began(state: np.ndarray, stack: np.ndarray) -> float:
+def began(state: Array, stack: Array) -> float:
     """The force the current branch began with."""
     depth = int(state[DEPTH])
     return stack[1, depth - 1] if depth > 0 else 0.0
 
 
 @compiled
-def hysteresis(curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, z: float) -> tuple[float, float]:
+def hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> tuple[float, float]:
     """Hysteresis force after a monotone move from the committed state to z, and the force its branch began with."""
     z0 = state[Z]
     if curve.kind == SPRING:
@@ -159,7 +160,7 @@ def hysteresis(curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndar
 
 
 @compiled
-def commit(curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, z: float) -> float:
+def commit(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> float:
     """Move the memory to z; returns the stiffness dFh/dz there."""
     z0 = state[Z]
     if curve.kind == SPRING:
@@ -196,9 +197,7 @@ def commit(curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray,
 
 
 @compiled
-def follow(
-    curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, path: np.ndarray, out: np.ndarray
-) -> None:
+def follow(curve: Curve, grid: Array, state: Array, stack: Array, path: Array, out: Array) -> None:
     """The hysteresis force along a path of z, monotone between its points."""
     for j in range(path.size):
         commit(curve, grid, state, stack, path[j])
@@ -247,7 +246,7 @@ def pull_back(law: Law, v: float, fh: float, stiffness: float) -> float:
 
 
 @compiled
-def way_ahead(law: Law, state: np.ndarray, stack: np.ndarray, v: float, turned: bool) -> Way:
+def way_ahead(law: Law, state: Array, stack: Array, v: float, turned: bool) -> Way:
     """The branch that is followed until z turns or a loop closes, and its turning point."""
     if not (LINEAR <= law.curve.kind <= PARABOLA):
         return LOOKED_UP, 0.0, began(state, stack)
@@ -263,9 +262,7 @@ def way_ahead(law: Law, state: np.ndarray, stack: np.ndarray, v: float, turned: 
 
 
 @inlined
-def ahead(
-    curve: Curve, grid: np.ndarray, state: np.ndarray, stack: np.ndarray, way: Way, z: float
-) -> tuple[float, float]:
+def ahead(curve: Curve, grid: Array, state: Array, stack: Array, way: Way, z: float) -> tuple[float, float]:
     """Hysteresis force at z on the way ahead, and the force its branch began with."""
     if way[0] == LATER:
         return way[2] + 2.0 * virgin(curve, grid, 0.5 * (z - way[1])), way[2]
@@ -275,79 +272,49 @@ def ahead(
 
 
 @compiled
-def at(u: Drive, s: float) -> float:
-    """Parabola through the begin, middle and end of a step."""
-    return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
-
-
-@compiled
 def trial(
-    body: Body,
-    law: Law,
-    grid: np.ndarray,
-    state: np.ndarray,
-    stack: np.ndarray,
-    way: Way,
-    x: float,
-    v: float,
-    u: Drive,
-    h: float,
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, way: Way, step: Step, a: float, b: float
 ) -> tuple[float, float, float, float, float]:
-    """One Runge-Kutta step off the committed memory: x, v, z at its end, dz/dt at both ends."""
-    curve, z = law.curve, state[Z]
+    """The part a..b of a Runge-Kutta step off the committed memory: x, v, z at its end, dz/dt at both ends."""
+    curve, z, h = law.curve, state[Z], (b - a) * step.h
     w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
+    u1, u2, u3 = at(step.u, a), at(step.u, 0.5 * (a + b)), at(step.u, b)
+    x, v = step.x, step.v
     z1, f1 = rates(law, v, state[F], way[2])
-    a1 = w * (u[0] - k * x - c * v - f1)
-    v2 = u[1] if driven else v + 0.5 * h * a1
+    a1 = w * (u1 - k * x - c * v - f1)
+    v2 = u2 if driven else v + 0.5 * h * a1
     fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z1)
     z2, f2 = rates(law, v2, fh, fb)
-    a2 = w * (u[1] - k * (x + 0.5 * h * v) - c * v2 - f2)
-    v3 = u[1] if driven else v + 0.5 * h * a2
+    a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - f2)
+    v3 = u2 if driven else v + 0.5 * h * a2
     fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z2)
     z3, f3 = rates(law, v3, fh, fb)
-    a3 = w * (u[1] - k * (x + 0.5 * h * v2) - c * v3 - f3)
-    v4 = u[2] if driven else v + h * a3
+    a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - f3)
+    v4 = u3 if driven else v + h * a3
     fh, fb = ahead(curve, grid, state, stack, way, z + h * z3)
     z4, f4 = rates(law, v4, fh, fb)
-    a4 = w * (u[2] - k * (x + h * v3) - c * v4 - f4)
+    a4 = w * (u3 - k * (x + h * v3) - c * v4 - f4)
     x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-    v = u[2] if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
     z += h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
     return x, v, z, z1, z4
 
 
 @compiled
-def partial(
-    body: Body,
-    law: Law,
-    grid: np.ndarray,
-    state: np.ndarray,
-    stack: np.ndarray,
-    way: Way,
-    x: float,
-    v: float,
-    u: Drive,
-    h: float,
-    a: float,
-    b: float,
-) -> tuple[float, float, float, float, float]:
-    """The part a..b of a step."""
-    part = (at(u, a), at(u, 0.5 * (a + b)), at(u, b))
-    return trial(body, law, grid, state, stack, way, x, v, part, (b - a) * h)
+def at(u: tuple[float, float, float], s: float) -> float:
+    """Parabola through the begin, middle and end of a step."""
+    return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
 
 
 @compiled
 def locate(
     body: Body,
     law: Law,
-    grid: np.ndarray,
-    state: np.ndarray,
-    stack: np.ndarray,
+    grid: Array,
+    state: Array,
+    stack: Array,
     way: Way,
-    x: float,
-    v: float,
-    u: Drive,
-    h: float,
+    step: Step,
     a: float,
     b: float,
     what: int,
@@ -358,10 +325,10 @@ def locate(
     for i in range(12):
         if i > 0:
             b = low + (high - low) * e0 / (e0 - e1)
-        _, v1, z1, d0, d1 = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+        _, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, a, b)
         e = v1 if what == VELOCITY else (d1 if what == RATE_OF_Z else z1 - z)
         if i == 0:
-            e0, e1 = (v if what == VELOCITY else (d0 if what == RATE_OF_Z else state[Z] - z)), e
+            e0, e1 = (step.v if what == VELOCITY else (d0 if what == RATE_OF_Z else state[Z] - z)), e
             enough = 1e-12 * max(abs(e0), abs(e1))
         elif abs(e) <= enough:
             break
@@ -373,7 +340,7 @@ def locate(
 
 
 @compiled
-def closing(state: np.ndarray, stack: np.ndarray, z: float) -> tuple[bool, float]:
+def closing(state: Array, stack: Array, z: float) -> tuple[bool, float]:
     """Whether a monotone move to z closes a loop, and the z where the first one closes."""
     z0, depth = state[Z], int(state[DEPTH])
     turned = (z - z0) * state[DIRECTION] < 0.0
@@ -386,47 +353,28 @@ def closing(state: np.ndarray, stack: np.ndarray, z: float) -> tuple[bool, float
 
 @compiled
 def divide(
-    body: Body,
-    law: Law,
-    grid: np.ndarray,
-    state: np.ndarray,
-    stack: np.ndarray,
-    way: Way,
-    x: float,
-    v: float,
-    u: Drive,
-    h: float,
-    a: float,
-    turned: bool,
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, way: Way, step: Step, a: float, turned: bool
 ) -> tuple[float, float, float, float, bool]:
     """The part of a step from a on up to where z turns or a loop closes: its end, x, v, z there, and if z turned."""
     b = 1.0
-    x1, v1, z1, d0, d1 = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+    x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, a, b)
     if not turned and d0 * d1 < 0.0:
-        what = VELOCITY if v * v1 < 0.0 else RATE_OF_Z
-        b, turned = locate(body, law, grid, state, stack, way, x, v, u, h, a, b, what, 0.0), True
-        x1, v1, z1, _, _ = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+        what = VELOCITY if step.v * v1 < 0.0 else RATE_OF_Z
+        b, turned = locate(body, law, grid, state, stack, way, step, a, b, what, 0.0), True
+        x1, v1, z1, _, _ = trial(body, law, grid, state, stack, way, step, a, b)
     if way[0] != LOOKED_UP:
         closes, z = closing(state, stack, z1)
         # a loop that closes just where z turns needs no second division
         if closes and not (turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
-            b, turned = locate(body, law, grid, state, stack, way, x, v, u, h, a, b, PLACE, z), False
-            x1, v1, _, _, _ = partial(body, law, grid, state, stack, way, x, v, u, h, a, b)
+            b, turned = locate(body, law, grid, state, stack, way, step, a, b, PLACE, z), False
+            x1, v1, _, _, _ = trial(body, law, grid, state, stack, way, step, a, b)
             z1 = z
     return b, x1, v1, z1, turned
 
 
 @compiled
 def advance_hysteretic(
-    body: Body,
-    law: Law,
-    grid: np.ndarray,
-    state: np.ndarray,
-    stack: np.ndarray,
-    drive: np.ndarray,
-    h: float,
-    substeps: int,
-    out: np.ndarray,
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
     """Leuven family over the steps of `drive` (begin, middle, end of each); False where the numbers ran away.
 
@@ -446,18 +394,19 @@ def advance_hysteretic(
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
         way = way_ahead(law, state, stack, v, False)
-        x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, x, v, u, h)
+        step = Step(x, v, u, h)
+        x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, 0.0, 1.0)
         if d0 * d1 < 0.0 or (way[0] != LOOKED_UP and closing(state, stack, z1)[0]):
             a, turned, parts = 0.0, False, 0
             while a < 1.0 and parts < 6:
-                a, x1, v1, z1, turned = divide(body, law, grid, state, stack, way, x, v, u, h, a, turned)
+                a, x1, v1, z1, turned = divide(body, law, grid, state, stack, way, step, a, turned)
                 parts += 1
                 if a < 1.0:
-                    x, v = x1, v1
+                    step = Step(x1, v1, u, h)
                     commit(law.curve, grid, state, stack, z1)
-                    way = way_ahead(law, state, stack, v, turned)
+                    way = way_ahead(law, state, stack, v1, turned)
             if a < 1.0:  # more happens in this step than it resolves: over the rest of it as it comes
-                x1, v1, z1, _, _ = partial(body, law, grid, state, stack, way, x, v, u, h, a, 1.0)
+                x1, v1, z1, _, _ = trial(body, law, grid, state, stack, way, step, a, 1.0)
         x, v = x1, v1
         stiffness = commit(law.curve, grid, state, stack, z1)
         state[RATE] = max(state[RATE], pull_back(law, v, state[F], stiffness))

@@ -56,6 +56,15 @@ class Body(NamedTuple):
     damping: float
 
 
+class Step(NamedTuple):
+    """Where a step, or what is left of it, begins: position, velocity; the drive over the whole step; its length."""
+
+    x: float
+    v: float
+    u: tuple[float, float, float]
+    h: float
+
+
 class Memory(NamedTuple):
     """What is carried from one step to the next."""
 
