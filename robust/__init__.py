@@ -1,0 +1,102 @@
+"""Robust control design on a measured FRF: uncertainty models, weights, controllers, and a check with proofs.
+
+    Bla -> fit_nominal -> uncertainty -> UncertaintyModel -> ncfsyn -> K -> check -> RobustnessReport
+
+Nothing heavy is loaded before it is used.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from robust.certify import Certificate, certify_norm
+    from robust.check import check
+    from robust.export import load_controller, load_model, save_controller, save_model
+    from robust.lti import sampled
+    from robust.nominal import NominalFit, fit_nominal, frd
+    from robust.report import RobustnessReport
+    from robust.shaping import Design, crossover_weight, ncfsyn
+    from robust.uncertainty import UncertaintyModel, Validation, uncertainty, validate
+    from robust.weights import WeightFit, fit_weight, performance_weight
+
+
+class DesignWarning(UserWarning):
+    """A result that is usable but suspicious: the model or the design limits what it means."""
+
+
+HOMES = {
+    "Certificate": "certify",
+    "Design": "shaping",
+    "NominalFit": "nominal",
+    "RobustnessReport": "report",
+    "UncertaintyModel": "uncertainty",
+    "Validation": "uncertainty",
+    "WeightFit": "weights",
+    "certify_norm": "certify",
+    "check": "check",
+    "crossover_weight": "shaping",
+    "fit_nominal": "nominal",
+    "fit_weight": "weights",
+    "frd": "nominal",
+    "load_controller": "export",
+    "load_model": "export",
+    "ncfsyn": "shaping",
+    "performance_weight": "weights",
+    "sampled": "lti",
+    "save_controller": "export",
+    "save_model": "export",
+    "uncertainty": "uncertainty",
+    "validate": "uncertainty",
+}
+
+__all__ = [
+    "Certificate",
+    "Design",
+    "DesignWarning",
+    "NominalFit",
+    "RobustnessReport",
+    "UncertaintyModel",
+    "Validation",
+    "WeightFit",
+    "certify_norm",
+    "check",
+    "crossover_weight",
+    "fit_nominal",
+    "fit_weight",
+    "frd",
+    "load_controller",
+    "load_model",
+    "ncfsyn",
+    "performance_weight",
+    "sampled",
+    "save_controller",
+    "save_model",
+    "uncertainty",
+    "validate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, loaded with its module when it is first asked for (PEP 562)."""
+    if name in HOMES:
+        return getattr(import_module(f"robust.{HOMES[name]}"), name)
+    raise AttributeError(f"module 'robust' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+class LazyPackage(ModuleType):
+    """Some functions are called like the module they live in: importing the module must not hide the function."""
+
+    def __setattr__(self, name: str, content: Any) -> None:
+        if not (name in HOMES and isinstance(content, ModuleType)):
+            super().__setattr__(name, content)
+
+
+sys.modules[__name__].__class__ = LazyPackage

@@ -1,0 +1,220 @@
+"""The loop as it will run: plant, controller, hold and delay on one time base, its curves and its proofs."""
+
+from __future__ import annotations
+
+from math import factorial
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import eig, matrix_balance
+from scipy.optimize import minimize_scalar
+
+from nlfrf.checks import nonnegative
+from nlfrf.values import value
+from robust.intervals import Magnitude, magnitude
+from robust.loop import PORTS, closed_loop, worst_sensitivity, worst_terms
+from robust.lti import (
+    constant,
+    delay_samples,
+    delayed,
+    in_series,
+    poles,
+    response,
+    sampled,
+    state_space,
+    timebase,
+    zeros,
+)
+from robust.norms import EPS
+from robust.uncertainty import UncertaintyModel
+
+DELAY_ORDER = 8
+
+
+@value
+class Assembly:
+    """A loop ready to be judged.
+
+    Fields
+    ------
+    G, K : control.StateSpace
+        Plant as the controller sees it (hold and delay inside) and controller, on the time base dt.
+    dt : float
+        Sampling time of the loop [s], 0 for continuous.
+    form : str
+        Form of the uncertainty.
+    weight : control.StateSpace
+        Its weight, on its own time base.
+    w_P : control.StateSpace or None
+        Performance weight, on its own time base.
+    pade_delay : float
+        Delay [s] that G holds as a Padé approximation made here (continuous loops only).
+    """
+
+    G: control.StateSpace
+    K: control.StateSpace
+    dt: float
+    form: str
+    weight: control.StateSpace
+    w_P: Any
+    pade_delay: float
+
+    @property
+    def top(self) -> float:
+        """Highest frequency that means anything [rad/s]."""
+        return np.pi / self.dt if self.dt else np.inf
+
+    def closed(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
+        """A closed-loop transfer function of the nominal loop."""
+        return control.StateSpace(*closed_loop(self.G, self.K, outputs, inputs), self.dt)
+
+    def terms(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """S, a and b at omega (`robust.loop.worst_terms`), from the responses of the parts."""
+        return worst_terms(self.form, response(self.weight, omega), response(self.G, omega), response(self.K, omega))
+
+    def rs(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |b|: one perturbation of the set destabilises the loop where it reaches one."""
+        return np.abs(self.terms(np.atleast_1d(omega))[2])
+
+    def nominal(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |w_P S|; nan without w_P."""
+        if self.w_P is None:
+            return np.full(np.size(omega), np.nan)
+        return np.abs(response(self.w_P, np.atleast_1d(omega)) * self.terms(np.atleast_1d(omega))[0])
+
+    def rp(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |w_P| max |S_p|; nan without w_P."""
+        omega = np.atleast_1d(omega)
+        if self.w_P is None:
+            return np.full(omega.size, np.nan)
+        return np.abs(response(self.w_P, omega)) * worst_sensitivity(*self.terms(omega))
+
+    def grid(self, lines: np.ndarray) -> np.ndarray:
+        """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
+        features = [np.abs(lines)]
+        A = closed_loop(self.G, self.K, ("e",), ("r",))[0]
+        loop_poles = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
+        roots = [in_s(loop_poles, self.dt)]
+        for system in (self.G, self.K, self.weight, self.w_P):
+            if system is not None and system.nstates:
+                roots += [in_s(poles(system), timebase(system)), in_s(zeros(system), timebase(system))]
+        s = np.concatenate(roots)
+        s = s[np.isfinite(s) & (np.abs(s) > 0)]
+        features.append(np.abs(s))
+        size = np.concatenate(features)
+        centre = np.median(size)
+        size = size[(size > 1e-9 * centre) & (size < 1e9 * centre)]
+        low, high = size.min() / 100, min(size.max() * 100, self.top)
+        sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
+        near = sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.linspace(-4, 4, 17)
+        keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
+        omega = np.unique(np.concatenate([keep, np.geomspace(low, high, 500), near.ravel()]))
+        return omega[(omega >= low) & (omega <= min(high, self.top * (1 - 1e-9)))]
+
+    def peak(self, curve: Any, omega: np.ndarray) -> tuple[float, float]:
+        """Largest value of a curve and where, refined between the points of the grid."""
+        values = curve(omega)
+        values = np.where(np.isnan(values), np.inf, values)
+        best, where = float(values.max()), float(omega[values.argmax()])
+        inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
+        for k in inner[np.argsort(-values[inner])][:4]:
+            found = minimize_scalar(
+                lambda log: -float(curve(np.array([np.exp(log)]))[0]),
+                bounds=(np.log(omega[k - 1]), np.log(omega[k + 1])),
+                method="bounded",
+                options={"xatol": 1e-10},
+            )
+            if -found.fun > best:
+                best, where = float(-found.fun), float(np.exp(found.x))
+        return best, where
+
+    def weight_bound(self, system: control.StateSpace) -> Any:
+        """f(x_low, x_high) bounding |system| over an interval of the axis the loop is proved on."""
+        bound: Magnitude = magnitude(system)
+        if self.dt and not timebase(system) and not constant(system):
+            # a continuous weight over a sampled loop: x = tan(omega dt/2) is the axis of the loop
+            return lambda low, high: bound.upper(2 / self.dt * np.arctan(low), 2 / self.dt * np.arctan(high))
+        return bound.upper
+
+    def omega_of(self, x: float) -> float:
+        """Frequency [rad/s] of a point of the axis the loop is proved on."""
+        return float(2 / self.dt * np.arctan(x)) if self.dt else float(x)
+
+    def x_of(self, omega: np.ndarray) -> np.ndarray:
+        """The way back from `omega_of`."""
+        return np.tan(np.minimum(omega * self.dt / 2, np.pi / 2 * (1 - 1e-12))) if self.dt else omega
+
+    def ports(self) -> tuple[str, str]:
+        """Where the perturbation reads and where it acts."""
+        return PORTS[self.form]
+
+    def delay_error(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) a bound on |exp(-j omega delay) - Padé|, increasing: 2 at most, c (omega delay)^(2n+1) for small ones.
+
+        The phase error of the approximation grows at the rate c (2n+1) x^(2n)/|q(jx)|^2 with |q| >= 1.
+        """
+        n = DELAY_ORDER
+        c = factorial(n) ** 2 / (factorial(2 * n) * factorial(2 * n + 1))
+        with np.errstate(over="ignore"):
+            return np.minimum(2.0, c * (omega * self.pade_delay) ** (2 * n + 1))
+
+
+def in_s(roots: np.ndarray, dt: float) -> np.ndarray:
+    """Roots in the s plane: by the logarithm where they are discrete."""
+    if not dt:
+        return roots
+    with np.errstate(divide="ignore"):
+        return np.log(np.where(roots == 0, 1e-300, roots).astype(complex)) / dt
+
+
+def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembly:
+    """Put plant and controller on one time base, or refuse what does not fit together."""
+    K = state_space("K", K)
+    w_P = None if w_P is None else state_space("w_P", w_P)
+    delay = nonnegative("delay", delay)
+    G = model.nominal
+    dt_G, dt_K = timebase(G), timebase(K)
+    pade_delay = 0.0
+    if dt_G:
+        if not constant(K) and dt_K != dt_G:
+            raise ValueError(
+                f"K must have the sampling time of the nominal model, {dt_G:g} s, "
+                + (f"got {dt_K:g} s" if dt_K else "got a continuous controller")
+            )
+        dt = dt_G
+        G = delayed(G, delay_samples("delay", delay, dt) * dt, order=0)
+    elif dt_K:
+        dt = dt_K
+        G = sampled(G, dt, delay)
+    else:
+        dt, pade_delay = 0.0, delay
+        G = delayed(G, delay, order=DELAY_ORDER)
+    K = control.StateSpace(K.A, K.B, K.C, K.D, dt)
+    if w_P is not None:
+        step = timebase(w_P)
+        if step and step != dt:
+            raise ValueError(f"w_P must be continuous or have the sampling time of the loop, {dt:g} s, got {step:g} s")
+        if np.any(np.abs(poles(w_P)) >= 1) if step else np.any(poles(w_P).real >= 0):
+            raise ValueError(f"w_P must be stable, got poles {poles(w_P)}. Use a slow pole in place of an integrator.")
+    closed_loop(G, K, ("e",), ("r",))  # refuses a loop without a solution
+    return Assembly(G=G, K=K, dt=dt, form=model.form, weight=model.weight, w_P=w_P, pade_delay=pade_delay)
+
+
+def loop_poles(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
+    """Poles of the nominal loop, hidden modes included, and how far rounding may have moved each."""
+    A = closed_loop(assembly.G, assembly.K, ("e",), ("r",))[0]
+    if not A.size:
+        return np.zeros(0, complex), np.zeros(0)
+    A = matrix_balance(A, permute=False)[0]
+    found, left, right = eig(A, left=True, right=True)
+    cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+    return found, 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS))
+
+
+def weighted(assembly: Assembly, weight: control.StateSpace | None) -> control.StateSpace | None:
+    """The function whose norm decides robust stability, as one system on the time base of the loop."""
+    if weight is None:
+        return None
+    out, into = assembly.ports()
+    return in_series(assembly.closed((out,), (into,)), weight, dt=assembly.dt)

@@ -1,0 +1,218 @@
+"""The command ``robust``: files in, files out."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import nlfrf
+import robust
+from nlfrf.io import write_whole
+
+app = typer.Typer(
+    help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # units stand in brackets
+)
+
+Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
+Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
+
+
+@app.callback()
+def common() -> None:
+    """Uncertainty models of measured machines, controllers for them, and a check that says what was proved."""
+
+
+@app.command()
+def model(
+    bla: Annotated[list[Path], typer.Argument(help="BLA written by 'nlfrf identify'; several make a plant family.")],
+    out: Out,
+    poles: Annotated[int, typer.Option(help="Poles of the nominal model.")],
+    zeros: Annotated[int | None, typer.Option(help="Its zeros; one fewer than poles when not given.")] = None,
+    delay: Annotated[str, typer.Option(help="Its delay [s], or 'estimate'.")] = "0",
+    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
+    unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
+    form: Annotated[
+        str, typer.Option(help="multiplicative, additive, inverse-multiplicative or inverse-additive.")
+    ] = "multiplicative",
+    order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
+    confidence: Annotated[
+        float, typer.Option(help="Probability that a line of another realisation is covered.")
+    ] = 0.95,
+    simultaneous: Annotated[bool, typer.Option("--simultaneous", help="... for all lines together.")] = False,
+    no_even: Annotated[bool, typer.Option("--no-even", help="Leave the even distortion level out.")] = False,
+    systematic: Annotated[
+        float | None, typer.Option(help="Decibels above the odd level for the systematic part.")
+    ] = None,
+    below: Annotated[str, typer.Option(help="Radius below the band: 'flat' or dB/decade.")] = "flat",
+    above: Annotated[str, typer.Option(help="Radius above the band: 'flat' or dB/decade.")] = "20",
+    perturbation: Annotated[str, typer.Option(help="Class of the set: statistical, LTI or operator.")] = "statistical",
+    picture: Picture = None,
+) -> None:
+    """Fit a nominal model to a measured BLA and put a weight over what it leaves open."""
+    blas = [nlfrf.load_bla(path) for path in bla]
+    with working("fitting the nominal model"):
+        nominal = robust.fit_nominal(
+            blas if len(blas) > 1 else blas[0],
+            n_poles=poles,
+            n_zeros=zeros,
+            delay=delay if delay == "estimate" else number("delay", delay),
+            dt=sample_time,
+            stable=not unstable,
+        )
+    print(nominal)
+    with working("fitting the weight"):
+        result = robust.uncertainty(
+            blas,
+            nominal,
+            form=form,
+            order=order,
+            confidence=confidence,
+            simultaneous=simultaneous,
+            even=not no_even,
+            systematic=systematic,
+            below=below if below == "flat" else number("below", below),
+            above=above if above == "flat" else number("above", above),
+            perturbation=perturbation,
+        )
+    print(result)
+    robust.save_model(result, out)
+    print(f"wrote {out}")
+    if picture is not None:
+        from robust.plot import plot_nominal, plot_weight
+
+        draw(picture, [(plot_weight, result), (plot_nominal, result)])
+
+
+@app.command()
+def design(
+    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    out: Out,
+    bandwidth: Annotated[float, typer.Option(help="Crossover asked for [Hz].")],
+    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
+    delay: Annotated[float, typer.Option(help="Computation delay [s] to design for.")] = 0.0,
+    factor: Annotated[float, typer.Option(help="gamma over the smallest possible one, above 1.")] = 1.1,
+) -> None:
+    """Design a controller by H-infinity loop shaping (Glover & McFarlane) around an integrating loop."""
+    plant = robust.load_model(model)
+    if plant.measured_only:
+        raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
+    G = plant.nominal
+    if sample_time and not G.dt:
+        G = robust.sampled(G, sample_time, delay)
+    elif sample_time and abs(sample_time / G.dt - 1) > 1e-9:
+        raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {sample_time:g} s")
+    with working("designing"):
+        result = robust.ncfsyn(G, robust.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
+    robust.save_controller(result.K, out)
+    kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
+    print(f"controller of order {result.K.nstates}, {kind}: gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}")
+    if result.gamma > 4:
+        print("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
+    print(f"wrote {out}")
+
+
+@app.command()
+def check(
+    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    controller: Annotated[Path, typer.Argument(help="Controller written by 'robust design'.")],
+    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
+    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
+    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
+    no_certify: Annotated[bool, typer.Option("--no-certify", help="Look at a grid only; proves nothing.")] = False,
+    solver: Annotated[str, typer.Option(help="CLARABEL or SCS.")] = "CLARABEL",
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Report to write (.txt).")] = None,
+    picture: Picture = None,
+) -> None:
+    """Check a controller against a model: nominal stability, the whole set, and a proof over all frequencies."""
+    plant, K = robust.load_model(model), robust.load_controller(controller)
+    w_P = None
+    if bandwidth is not None:
+        w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    with working("checking"):
+        report = robust.check(plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver)
+    print(report)
+    if out is not None:
+        write_text(out, f"{report}\n")
+        print(f"wrote {out}")
+    if picture is not None:
+        from robust.plot import plot_check, plot_loop
+
+        draw(picture, [(plot_loop, report), (plot_check, report)])
+
+
+def write_text(path: Path, text: str) -> None:
+    """A text file, whole or not at all."""
+
+    def write(beside: Path) -> None:
+        beside.write_text(text, encoding="utf-8")
+
+    write_whole(path, write)
+
+
+def number(name: str, text: str) -> float:
+    """A number given as text, or a refusal."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{name} must be a number or the word its help names, got {text!r}") from None
+
+
+def draw(path: Path, pictures: list[Any]) -> None:
+    """Several pictures side by side in one file, without a screen."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(1, len(pictures), figsize=(7.5 * len(pictures), 4.8), layout="constrained")
+    for ax, (plot, content) in zip(np.atleast_1d(axes), pictures, strict=True):
+        plot(content, ax=ax)
+    kind = path.suffix.lstrip(".").lower()
+    if kind not in figure.canvas.get_supported_filetypes():
+        raise ValueError(f"picture must be a file that matplotlib writes (.png, .pdf, .svg), got {path}")
+    write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=130))
+    plt.close(figure)
+    print(f"wrote {path}")
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner on standard error while something takes its time."""
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
+        yield
+
+
+def one_line(message: Any, category: type[Warning], *_: Any) -> None:
+    """A warning as one line on standard error."""
+    print(f"warning: {message}", file=sys.stderr)
+
+
+def main() -> None:
+    """Run the command: bad input is one line on standard error and exit code 2, never a traceback."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", nlfrf.DataWarning)
+        warnings.simplefilter("always", robust.DesignWarning)
+        warnings.showwarning = one_line  # type: ignore[assignment]
+        try:
+            app()
+        except (ValueError, OSError) as error:
+            print(f"robust: {error}", file=sys.stderr)
+            raise SystemExit(2) from None
+
+
+if __name__ == "__main__":
+    main()

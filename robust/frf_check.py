@@ -1,0 +1,138 @@
+"""The check on measured lines only: a loop whose plant is known as an FRF and nowhere else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf.checks import integer, nonnegative, shown
+from robust.loop import worst_sensitivity, worst_terms
+from robust.lti import constant, poles, response, state_space, timebase
+from robust.margins import factor_allowed
+from robust.report import RobustnessReport, hertz
+from robust.uncertainty import UncertaintyModel
+
+
+def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) -> RobustnessReport:
+    """Stability by the winding number of 1 + L, and the curves, all on the lines of the FRF."""
+    K = state_space("K", K)
+    w_P = None if w_P is None else state_space("w_P", w_P)
+    delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
+    omega, G, form, w, perturbation = on_lines(model)
+    dt = timebase(K) if not constant(K) else 0.0
+    if dt and omega[-1] * dt >= np.pi:
+        raise ValueError(f"K must be sampled fast enough for the lines up to {hertz(omega[-1])}, got dt = {dt:g} s")
+    source = model.nominal if isinstance(model, UncertaintyModel) else model
+    sampled_frf = bool(getattr(source, "dt", 0))
+    if sampled_frf and dt and abs(source.dt / dt - 1) > 1e-9:
+        raise ValueError(f"K must have the sampling time of the FRF, {source.dt:g} s, got {dt:g} s")
+    if dt and not sampled_frf:
+        x = omega * dt / 2
+        G = G * np.sin(x) / x * np.exp(-1j * x)  # zero-order hold; what folds down from above Nyquist is not known
+        hold = " with zero-order hold"
+    else:
+        hold = ""
+    G = G * np.exp(-1j * omega * delay)
+    k = response(K, omega)
+    S, a, b = worst_terms(form, w, G, k)
+    encirclements, clear = winding(1 + G * k, K, dt)
+    wanted = n_unstable + unstable_poles(K, dt)
+    nominally_stable = clear and encirclements == wanted
+    nothing = np.full(omega.size, np.nan)
+    has_set = bool(np.isfinite(w).all())
+    rs = np.abs(b) if nominally_stable and has_set else nothing
+    w_P_size = None if w_P is None else np.abs(response(w_P, omega))
+    np_ = w_P_size * np.abs(S) if nominally_stable and w_P_size is not None else nothing
+    rp = w_P_size * worst_sensitivity(S, a, b) if nominally_stable and w_P_size is not None and has_set else nothing
+    violated = nominally_stable and has_set and rs.max() >= 1
+    disk = np.abs(S - 0.5)
+    lines_only = "holds on the measured lines only"
+    if not nominally_stable:
+        verdict = "not robust" if clear else "not certified"
+        reason = (
+            f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
+            if clear
+            else "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
+        )
+    elif violated:
+        verdict, reason = "not robust", f"a plant of the set is unstable in this loop: rs = {rs.max():.4g}"
+    elif has_set:
+        verdict, reason = "not certified", f"rs stays below {rs.max():.4g}, but this {lines_only}: fit a nominal model"
+    else:
+        verdict, reason = "not certified", f"the FRF comes without uncertainty, and all of this {lines_only}"
+    margin_rp, where_rp = np.nan, np.nan
+    if np.isfinite(np_).all() and has_set:
+        factors = factor_allowed(np_, a, b) if np_.max() < 1 else np.where(np_ < 1, 1.0, 0.0)
+        margin_rp, where_rp = float(factors.min()), float(omega[factors.argmin()])
+    return RobustnessReport(
+        omega=omega,
+        S=S,
+        T=1 - S,
+        rs=rs,
+        np_=np_,
+        rp=rp,
+        nominally_stable=nominally_stable,
+        robustly_stable=False,
+        robust_performance=False,
+        margin_rs=float(1 / rs.max()) if np.isfinite(rs).all() else np.nan,
+        margin_rp=margin_rp,
+        omega_rs=float(omega[rs.argmax()]) if np.isfinite(rs).all() else np.nan,
+        omega_rp=where_rp,
+        disk_margin=float(1 / disk.max()) if nominally_stable else np.nan,
+        omega_disk=float(omega[disk.argmax()]) if nominally_stable else np.nan,
+        certificates=(),
+        perturbation=perturbation,
+        verdict=verdict,
+        reason=reason,
+        advice="Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies.",
+        proved="Nothing; computed on the measured lines only.",
+        not_proved="Anything between and outside the measured lines.",
+        context=f"{omega.size} lines, {hertz(omega[0])} to {hertz(omega[-1])}{hold}; controller {K.nstates} states",
+        G=G,
+        K=k,
+        radius=np.abs(w),
+        w_P=w_P_size,
+    )
+
+
+def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str]:
+    """Frequencies, plant, form, weight (nan: none) and class of whatever FRF was given."""
+    if isinstance(model, Bla):
+        radius = model.bound(of="realization") / np.abs(model.G)
+        return model.omega, model.G, "multiplicative", radius + 0j, "statistical"
+    if isinstance(model, control.FrequencyResponseData):
+        if (model.ninputs, model.noutputs) != (1, 1):
+            raise ValueError(f"model must have one input and one output, got {shown(model)}")
+        omega = np.asarray(model.omega, dtype=float)
+        return omega, np.asarray(model.frdata[0, 0]), "multiplicative", np.full(omega.size, np.nan + 0j), "LTI"
+    weight = response(model.weight, model.omega)
+    return model.omega, model.at(model.omega), model.form, weight, model.perturbation
+
+
+def unstable_poles(K: control.StateSpace, dt: float) -> int:
+    """Poles of the controller strictly outside the stability region; those on the boundary are integrators."""
+    p = poles(K)
+    return int(np.sum(np.abs(p) > 1 + 1e-9)) if dt else int(np.sum(p.real > 1e-9 * (1 + np.abs(p))))
+
+
+def winding(F: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
+    """Anticlockwise encirclements of zero by F = 1 + L over all frequencies, and whether the lines resolve them.
+
+    From the lines alone: the phase is followed from line to line, from the first line down to the phase that the
+    integrators of K give at zero frequency, and from the last line to F = 1 (or the real axis, at Nyquist).
+    """
+    p = poles(K)
+    n_integrators = (
+        int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
+    )
+    steps = np.angle(F[1:] / F[:-1])
+    start = -n_integrators * np.pi / 2 if n_integrators else (0.0 if F[0].real > 0 else np.pi)
+    opening = np.angle(F[0] * np.exp(-1j * start))
+    closing = -np.angle(F[-1]) if F[-1].real > 0 else np.angle(-1 / F[-1])
+    total = float(steps.sum() + opening + closing)
+    turns = total / np.pi - n_integrators / 2 + (0.0 if n_integrators or F[0].real > 0 else 1.0)
+    clear = bool(np.abs(steps).max(initial=0.0) < 2.0 and abs(opening) < 1.6 and abs(turns - round(turns)) < 0.05)
+    return round(turns), clear

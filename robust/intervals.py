@@ -1,0 +1,185 @@
+"""Norm bounds at every frequency, interval by interval: weights and scaling frozen, a Hamiltonian test on each.
+
+On an interval the weights are replaced by upper bounds, so the frozen loop is at least as large as the true one. If
+its largest singular value is below one at a point of the interval and no eigenvalue of the Hamiltonian at level one
+lies on the interval, it stays below one all over it. Intervals that fail are split until they pass, a violation is
+found, or the cap is reached.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+
+import control
+import numpy as np
+
+from nlfrf.values import value
+from robust.lti import poles, timebase, zeros
+from robust.norms import Matrices, crossings, largest_gain
+
+MAX_INTERVALS = 600
+NARROWEST = 1e-9
+
+
+@value
+class Magnitude:
+    """|W(j omega)| = gain prod |j omega - zeros| / prod |j omega - poles|, to be bounded on intervals."""
+
+    zeros: np.ndarray
+    poles: np.ndarray
+    gain: float
+
+    def reciprocal(self) -> Magnitude:
+        """1 / |W|."""
+        return Magnitude(zeros=self.poles, poles=self.zeros, gain=1 / self.gain)
+
+    def upper(self, low: float, high: float) -> float:
+        """A bound from above on [low, high]; high may be infinite. Tight as the interval shrinks."""
+        if np.isinf(high):
+            return self.upper_tail(low)
+        z, p = self.zeros / 1j, self.poles / 1j
+        if low == high:
+            return self.gain * float(np.prod(np.abs(low - z)) / np.prod(np.abs(low - p)))
+        crude = log_farthest(z, low, high) - log_nearest(p, low, high)
+        middle, half = (low + high) / 2, (high - low) / 2
+        at = np.sum(np.log(np.abs(middle - z))) - np.sum(np.log(np.abs(middle - p)))
+        z_low, z_high = slope_range(z, low, high)
+        p_low, p_high = slope_range(p, low, high)
+        fine = at + half * max(abs(z_high - p_low), abs(z_low - p_high))
+        return self.gain * float(np.exp(min(crude, fine))) * (1 + 1e-9)
+
+    def upper_tail(self, low: float) -> float:
+        """A bound on [low, inf), in the variable 1/omega, where it is an ordinary interval."""
+        excess = self.poles.size - self.zeros.size
+        z, p = self.zeros[self.zeros != 0], self.poles[self.poles != 0]
+        if p.size < self.poles.size and low == 0:
+            return np.inf
+        # |j omega - z| = omega |z| |u - j/z| with u = 1/omega
+        end = 1 / low if low else np.inf
+        if np.isinf(end):
+            middle = 1.0
+            return max(self.upper(0.0, middle), self.upper_tail(middle))
+        log = log_farthest(1j / z, 0.0, end) + np.sum(np.log(np.abs(z)))
+        log -= log_nearest(1j / p, 0.0, end) + np.sum(np.log(np.abs(p)))
+        return self.gain * float(np.exp(log)) * end**excess * (1 + 1e-9)
+
+
+def log_farthest(roots: np.ndarray, low: float, high: float) -> float:
+    """Log of the product of the largest distances of the roots from the real interval."""
+    return float(np.sum(np.log(np.maximum(np.abs(low - roots), np.abs(high - roots)))))
+
+
+def log_nearest(roots: np.ndarray, low: float, high: float) -> float:
+    """Log of the product of the smallest distances."""
+    with np.errstate(divide="ignore"):
+        return float(np.sum(np.log(np.abs(np.clip(roots.real, low, high) - roots))))
+
+
+def slope_range(roots: np.ndarray, low: float, high: float) -> tuple[float, float]:
+    """Range over the interval of the derivative of the log distances, summed root by root."""
+    a, least, most = np.abs(roots.imag), 0.0, 0.0
+    for b, size in zip(roots.real, a, strict=True):
+        ends = np.array([low - b, high - b])
+        # t/(t^2 + a^2) has its extremes +-1/(2a) at t = +-a
+        inner = [t for t in (-size, size) if ends[0] < t < ends[1]]
+        points = np.concatenate([ends, inner])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values = points / (points**2 + size**2)
+        if not np.isfinite(values).all() or (size == 0 and ends[0] < 0 < ends[1]):
+            return -np.inf, np.inf
+        least, most = least + values.min(), most + values.max()
+    return least, most
+
+
+def magnitude(system: control.StateSpace) -> Magnitude:
+    """The magnitude of a single-loop system over omega, or over x = tan(omega dt/2) where it is discrete."""
+    z, p = zeros(system), poles(system)
+    dt = timebase(system)
+    if dt:
+        z, p = (z - 1) / (z + 1), (p - 1) / (p + 1)
+        z, p = z[np.abs(z) < 1e12], p[np.abs(p) < 1e12]
+    # the gain from one point where nothing is near
+    point = 1.2345 * (np.exp(np.mean(np.log(np.abs(p[p != 0])))) if np.any(p != 0) else 1.0)
+    at = np.exp(2j * np.arctan(point)) if dt else 1j * point
+    value_there = abs(complex(system(at))) if system.nstates else abs(system.D[0, 0])
+    gain = value_there * float(np.prod(np.abs(1j * point - p)) / np.prod(np.abs(1j * point - z)))
+    return Magnitude(zeros=z, poles=p, gain=gain)
+
+
+@value
+class Outcome:
+    """Intervals proved (I, 2), whether they cover everything, the violation found (nan: none), and what went wrong."""
+
+    intervals: np.ndarray
+    holds: bool
+    violated_at: float
+    reason: str
+
+
+def prove(
+    frozen: Callable[[float, float], Matrices],
+    exact: Callable[[float], float],
+    starts: np.ndarray,
+    top: float,
+    *,
+    time_cap: float,
+) -> Outcome:
+    """Prove that the loop stays below one on [0, top].
+
+    frozen(low, high) : the loop with its weights at their upper bounds on the interval; exact(x) : the true value
+    at one frequency, computed in another way, which the frozen loop must not undercut.
+    """
+    deadline = time.monotonic() + time_cap
+    edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
+    todo = list(itertools.pairwise(edges.tolist()))[::-1]
+    done: list[tuple[float, float]] = []
+    count = 0
+
+    def stop(reason: str, where: float = np.nan) -> Outcome:
+        return Outcome(intervals=np.array(done).reshape(-1, 2), holds=False, violated_at=where, reason=reason)
+
+    while todo:
+        count += 1
+        if count > MAX_INTERVALS or time.monotonic() > deadline:
+            return stop("undecided after " + (f"{count - 1} intervals" if count > MAX_INTERVALS else f"{time_cap:g} s"))
+        low, high = todo.pop()
+        inner = inside(low, high)
+        if not (truth := exact(inner)) < 1:
+            return stop(f"the value there is {truth:.6g}", inner)
+        matrices = frozen(low, high)
+        if not all(np.isfinite(m).all() for m in matrices):
+            todo += [(inner, high), (low, inner)]
+            continue
+        at_inner = float(largest_gain(matrices, np.array([inner]))[0])
+        if truth > at_inner * (1 + 1e-6) + 1e-9:
+            return stop("the state space of the loop does not reproduce its frequency response")
+        split = None
+        if not at_inner < 1:
+            split = inner
+        else:
+            found = crossings(matrices, 1.0)
+            if found is None:
+                split = inner
+            else:
+                omega, moved = found
+                hit = (omega + moved >= low) & (omega - moved <= high)
+                if hit.any():
+                    split = inner
+        if split is None:
+            done.append((low, high))
+        elif high - low <= NARROWEST * high:
+            return stop(f"undecided at {inner:.6g}")
+        else:
+            todo += [(split, high), (low, split)]
+    return Outcome(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
+
+
+def inside(low: float, high: float) -> float:
+    """A point well inside: the geometric middle, a decade from an end at zero or infinity."""
+    if low == 0 and np.isinf(high):
+        return 1.0
+    if low == 0:
+        return high / 8
+    return low * 8 if np.isinf(high) else float(np.sqrt(low * high))

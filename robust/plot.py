@@ -1,0 +1,197 @@
+"""Pictures of models and verdicts. They compute nothing beyond units; the curves come from the values."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robust.lti import response
+from robust.report import RobustnessReport
+from robust.uncertainty import UncertaintyModel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# told apart by colour-blind readers too; the parts of the radius as in the pictures of nlfrf
+COLOR = {
+    "noise": "#999999",
+    "odd": "#D55E00",
+    "even": "#0072B2",
+    "misfit": "#CC79A7",
+    "level": "#E69F00",
+    "systematic": "#F0E442",
+    "radius": "#000000",
+    "weight": "#009E73",
+    "loop": "#0072B2",
+    "limit": "#D55E00",
+}
+
+
+def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
+    """The radius on the measured lines, what it is made of, and the weight over it, outside the band too.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f = hz(model.omega)
+    below = np.zeros(f.size)
+    for name, part in model.budget().items():
+        if np.any(part > 0):
+            top = below + np.nan_to_num(part)
+            ax.fill_between(f, db(np.maximum(below, 1e-12)), db(top), color=COLOR[name], alpha=0.35, lw=0, label=name)
+            below = top
+    ax.plot(f, db(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
+    wide = outside_too(model)
+    ax.plot(hz(wide), db(np.abs(response(model.weight, wide))), "-", lw=1.8, color=COLOR["weight"], label="|weight|")
+    shade(ax, model)
+    low = db(model.radius.min())
+    ax.set(
+        xscale="log",
+        ylim=(low - 25, None),
+        xlabel="frequency [Hz]",
+        ylabel=f"radius, {model.form} [dB]",
+        title=f"Uncertainty weight of order {model.weight.nstates}; {model.extrapolation}",
+    )
+    ax.title.set_fontsize("medium")
+    return finished(ax)
+
+
+def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
+    """The nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
+    ax = axes(ax)
+    omega = model.omega if model.measured_only else outside_too(model)
+    G = model.at(omega)
+    w = np.abs(response(model.weight, omega))
+    size = np.abs(G)
+    low, high = {
+        "multiplicative": lambda: (size * (1 - w), size * (1 + w)),
+        "additive": lambda: (size - w, size + w),
+        "inverse-multiplicative": lambda: (size / (1 + w), np.where(w < 1, size / np.abs(1 - w), np.inf)),
+        "inverse-additive": lambda: (
+            size / (1 + w * size),
+            np.where(w * size < 1, size / np.abs(1 - w * size), np.inf),
+        ),
+    }[model.form]()
+    floor, ceiling = size.min() * 1e-2, size.max() * 1e2
+    band = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
+    ax.fill_between(hz(omega), *band, color=COLOR["weight"], alpha=0.25, lw=0, label="gains of the set")
+    ax.plot(hz(omega), db(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
+    shade(ax, model)
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|G| [dB]", ylim=(db(floor * 3), db(ceiling / 3)))
+    return finished(ax)
+
+
+def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
+    """Loop gain, sensitivity and complementary sensitivity of the nominal loop.
+
+    Parameters
+    ----------
+    report : RobustnessReport
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f = hz(report.omega)
+    ax.plot(f, db(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
+    ax.plot(f, db(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
+    ax.plot(f, db(np.abs(report.T)), "-", lw=1.4, color=COLOR["limit"], label="|T|")
+    if report.w_P is not None:
+        ax.plot(f, -db(report.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
+    ax.axhline(0, color="0.5", lw=0.8)
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop", ylim=(-80, 60))
+    return finished(ax)
+
+
+def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
+    """Robust stability, nominal and robust performance over frequency, all to stay below one.
+
+    Arguments as in `plot_loop`.
+    """
+    ax = axes(ax)
+    f = hz(report.omega)
+    curves = (
+        (report.rs, "robust stability", COLOR["limit"], "-"),
+        (report.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
+        (report.rp, "robust performance", COLOR["radius"], "-"),
+    )
+    drawn = [np.clip(c, 1e-4, 1e2) for c, *_ in curves if np.isfinite(c).any()]
+    for curve, label, color, style in curves:
+        if np.isfinite(curve).any():
+            ax.plot(f, np.clip(curve, 1e-4, 1e2), style, lw=1.6, color=color, label=label)
+    if np.isfinite(report.margin_rs) and report.margin_rs > 0:
+        ax.plot(
+            hz(report.omega_rs), 1 / report.margin_rs, "o", color=COLOR["limit"], label="limits the stability margin"
+        )
+    ax.axhline(1, color="0.3", lw=1, ls=":")
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="must stay below 1",
+        title=f"Verdict: {report.verdict}",
+    )
+    if drawn:
+        ax.set_ylim(max(1e-4, min(c.min() for c in drawn)) * 0.8, max(2.0, 1.5 * max(c.max() for c in drawn)))
+    else:
+        ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
+    return finished(ax)
+
+
+def outside_too(model: UncertaintyModel) -> np.ndarray:
+    """Frequencies [rad/s] for a curve: the band and a decade on both sides, up to Nyquist."""
+    high = model.omega[-1] * 10
+    if model.weight.dt:
+        high = min(high, np.pi / model.weight.dt * (1 - 1e-9))
+    return np.unique(np.concatenate([np.geomspace(model.omega[0] / 10, high, 600), model.omega]))
+
+
+def shade(ax: Any, model: UncertaintyModel) -> None:
+    """The measured band in white, what is assumed outside it in grey."""
+    low, high = ax.get_xlim()
+    low, high = max(low, hz(model.omega[0]) / 12), hz(model.omega[-1]) * 12
+    for start, end in ((low, hz(model.omega[0])), (hz(model.omega[-1]), high)):
+        ax.axvspan(start, end, color="0.85", alpha=0.5, lw=0, zorder=0)
+    top = np.inf if not model.weight.dt else 0.5 / model.weight.dt
+    ax.set_xlim(hz(model.omega[0]) / 10, min(hz(model.omega[-1]) * 10, top))
+
+
+def hz(omega: Any) -> Any:
+    """rad/s to Hz."""
+    return omega / (2 * np.pi)
+
+
+def axes(ax: Any) -> Any:
+    """The axes given, or those of a new figure."""
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot as plt
+
+    return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
+
+
+def finished(ax: Any) -> Any:
+    """Grid and legend, the same in every picture."""
+    ax.grid(alpha=0.3, which="both", lw=0.5)
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(fontsize="small", loc="best", framealpha=0.85)
+    return ax
+
+
+def db(x: Any) -> Any:
+    """Amplitude in decibels; nan where it is zero."""
+    x = np.asarray(x, dtype=float)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 20 * np.log10(np.where(x > 0, x, np.nan))

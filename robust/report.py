@@ -1,0 +1,140 @@
+"""``RobustnessReport``: the verdict on a controller, in fields for programs and on one screen for people."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from nlfrf.values import value
+from robust.certify import Certificate
+
+VERDICTS = ("robust", "statistically robust", "not robust", "not certified")
+
+
+@value
+class RobustnessReport:
+    """What was found about one controller on one model, and what was proved.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies of the curves [rad/s].
+    S, T : (W,) complex ndarray
+        Sensitivity and complementary sensitivity of the nominal loop.
+    rs, np_, rp : (W,) ndarray
+        Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|; nan where
+        the nominal loop is unstable or no w_P was given.
+    nominally_stable, robustly_stable, robust_performance : bool
+        True only when established; robust ones hold for the whole set, whatever the verdict makes of the set.
+    margin_rs, margin_rp : float
+        Largest factor on the uncertainty alone with robust stability, with rp <= 1 (0 where |w_P S| >= 1 already);
+        nan for an unstable loop.
+    omega_rs, omega_rp : float
+        Where they are limited [rad/s].
+    disk_margin, omega_disk : float
+        Symmetric disk margin alpha = 1/max |S - 1/2| and where; nan for an unstable loop.
+    certificates : tuple of Certificate
+        What was proved over all frequencies.
+    perturbation : str
+        Class of the set: "LTI", "statistical" or "operator".
+    verdict : str
+        "robust", "statistically robust", "not robust" or "not certified".
+    reason, advice : str
+        Why, and what limits the margin and what to measure or change next.
+    proved, not_proved : str
+        In one sentence each.
+    context : str
+        The loop in one line.
+    """
+
+    omega: np.ndarray
+    S: np.ndarray
+    T: np.ndarray
+    rs: np.ndarray
+    np_: np.ndarray
+    rp: np.ndarray
+    nominally_stable: bool
+    robustly_stable: bool
+    robust_performance: bool
+    margin_rs: float
+    margin_rp: float
+    omega_rs: float
+    omega_rp: float
+    disk_margin: float
+    omega_disk: float
+    certificates: tuple[Certificate, ...]
+    perturbation: str
+    verdict: str
+    reason: str
+    advice: str
+    proved: str
+    not_proved: str
+    context: str
+    G: np.ndarray
+    K: np.ndarray
+    radius: np.ndarray
+    w_P: Any = None
+
+    @property
+    def gain_margin(self) -> float:
+        """Factor the loop gain may be multiplied or divided by, whatever the phase does inside the disk margin."""
+        return (2 + self.disk_margin) / (2 - self.disk_margin) if self.disk_margin < 2 else np.inf
+
+    @property
+    def phase_margin(self) -> float:
+        """Phase [rad] the loop may gain or lose, by the disk margin."""
+        return 2 * float(np.arctan(self.disk_margin / 2))
+
+    def __str__(self) -> str:
+        lines = [
+            f"verdict: {self.verdict.upper()}",
+            *paragraph("because", self.reason),
+            *paragraph("loop", self.context),
+        ]
+        if self.nominally_stable and np.isfinite(self.margin_rs):
+            lines += paragraph(
+                "stability", f"max rs {1 / self.margin_rs:.3f} at {hertz(self.omega_rs)}: {factor(self.margin_rs)}"
+            )
+            if np.isfinite(self.margin_rp):
+                worst = float(np.max(self.rp))
+                text = (
+                    f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at {hertz(self.omega_rp)}; "
+                    + ("demand met by the whole set" if self.robust_performance else "demand not met by the whole set")
+                )
+                lines += paragraph("performance", text)
+            lines += paragraph(
+                "disk margin",
+                f"{self.disk_margin:.3f} at {hertz(self.omega_disk)}: gain {20 * np.log10(self.gain_margin):.2f} dB, "
+                f"phase {np.degrees(self.phase_margin):.1f} deg, at once",
+            )
+        elif self.nominally_stable:
+            lines += paragraph("stability", "no uncertainty to hold it against")
+        lines += paragraph("proved", self.proved)
+        lines += paragraph("not proved", self.not_proved)
+        for certificate in self.certificates:
+            how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
+            if certificate.holds and len(certificate.intervals) > 1:
+                how += f" ({len(certificate.intervals)} of them)"
+            lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
+        lines += paragraph("next", self.advice)
+        return "\n".join(lines)
+
+
+def paragraph(label: str, text: str) -> list[str]:
+    """A labelled paragraph that fits a screen 100 wide."""
+    rows = wrap(text, 86) or [""]
+    return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
+
+
+def hertz(omega: float) -> str:
+    """A frequency for people."""
+    return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"
+
+
+def factor(margin: float) -> str:
+    """A margin on the uncertainty, in words."""
+    if margin > 1:
+        return f"the uncertainty may grow by a factor {margin:.3g}"
+    return f"the uncertainty would have to shrink to {100 * margin:.3g} %"

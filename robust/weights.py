@@ -1,0 +1,264 @@
+"""Weights: a stable, minimum-phase, biproper function over a radius, and the usual ones by formula.
+
+The fit works on log |W| over log frequency: W = k prod of second-order sections in (log omega, log zeta), stable
+and minimum phase whatever the parameters. What it returns is verified on the lines, on a ten times finer grid, at
+zero and at infinity, and lifted until nothing is violated.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.checks import integer, nonnegative, positive, real_array
+from nlfrf.values import value
+from robust.lti import from_roots, response
+from robust.overbound import Problem, asymmetric, polished, starts, zeros_and_poles
+from robust.rational import to_plane
+
+MAX_ORDER = 16
+MAX_MEAN_EXCESS_DB = 30.0
+FINER = 10
+DB = 20 / np.log(10)
+
+
+@value
+class WeightFit:
+    """A weight over a radius.
+
+    Fields
+    ------
+    W : control.StateSpace
+        Stable, minimum phase, biproper.
+    min_ratio : float
+        Smallest |W| over what it has to cover, on the lines, on a ten times finer grid, at zero and infinity;
+        at least one.
+    max_excess_db, mean_excess_db : float
+        Largest and mean |W| over the radius on the lines [dB].
+    exact : bool
+        The radius was itself a weight of this order and was recovered; what it does between the lines is then
+        taken for the radius there. Otherwise the larger of the two neighbours holds between lines.
+    """
+
+    W: control.StateSpace
+    min_ratio: float
+    max_excess_db: float
+    mean_excess_db: float
+    exact: bool
+
+
+def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float = 0) -> WeightFit:
+    """Fit a weight that covers a radius, with as little excess as the order allows.
+
+    Parameters
+    ----------
+    omega : (W,) ndarray
+        Frequencies [rad/s], increasing.
+    radius : (W,) ndarray
+        What |W| has to cover there, positive.
+    order : int
+        Number of poles (and zeros) of the weight.
+    dt : float
+        0 for a continuous weight, otherwise the sampling time [s] of a discrete one.
+
+    Returns
+    -------
+    WeightFit
+        The mean excess over the lines was minimised; |W| >= radius holds on the lines, |W| >= the larger
+        neighbour between them, |W| >= the first and last radius at zero and infinity.
+
+    Raises
+    ------
+    ValueError
+        Frequencies that do not increase, a radius that is not positive, or an order so low that the mean
+        excess would be 30 dB or more (it says which order would do).
+
+    References
+    ----------
+    SP 7.4.3 (what the weight is for); Boyd & Vandenberghe, *Convex Optimization*, 11.3 (the barrier).
+
+    Examples
+    --------
+    >>> omega = np.geomspace(0.1, 1000, 400)
+    >>> fit = fit_weight(omega, np.abs((1j * omega + 2) / (0.5j * omega + 10)), order=1)
+    >>> fit.exact, round(float(fit.W.poles()[0].real), 3), round(float(fit.W.zeros()[0].real), 3)
+    (True, -20.0, -2.0)
+    """
+    omega, radius = checked_radius(omega, radius, dt)
+    order = integer("order", order, least=0)
+    if order > MAX_ORDER:
+        raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
+    fit = best_weight(omega, radius, order, float(dt))
+    if fit.mean_excess_db < MAX_MEAN_EXCESS_DB:
+        return fit
+    for enough in range(order + 1, MAX_ORDER + 1):
+        if best_weight(omega, radius, enough, float(dt)).mean_excess_db < MAX_MEAN_EXCESS_DB:
+            cure = f"Order {enough} would do."
+            break
+    else:
+        cure = f"No order up to {MAX_ORDER} would do: is the radius in the unit and range you expect?"
+    raise ValueError(
+        f"order must be high enough to cover the radius with a mean excess under {MAX_MEAN_EXCESS_DB:g} dB, "
+        f"got order {order} with {fit.mean_excess_db:.1f} dB. {cure}"
+    )
+
+
+def checked_radius(omega: Any, radius: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """The two arrays, or a refusal."""
+    omega, radius = real_array("omega", omega, ndim=1), real_array("radius", radius, ndim=1)
+    dt = nonnegative("dt", dt)
+    if omega.size < 2 or radius.shape != omega.shape:
+        raise ValueError(f"radius must have one value per frequency, at least two, got {radius.size} for {omega.size}")
+    if np.any(np.diff(omega) <= 0) or omega[0] <= 0:
+        raise ValueError(f"omega must be positive and increasing, got it starting {omega[:3]}")
+    if np.any(radius <= 0):
+        k = int(np.argmin(radius))
+        raise ValueError(f"radius must be positive, got {radius[k]:g} at {omega[k]:g} rad/s")
+    if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
+        raise ValueError(
+            f"omega must not exceed the Nyquist frequency pi / dt = {np.pi / dt:g} rad/s, got {omega[-1]:g} rad/s"
+        )
+    return omega, radius
+
+
+def best_weight(omega: np.ndarray, radius: np.ndarray, order: int, dt: float) -> WeightFit:
+    """The fit itself: exact where possible, otherwise several starts, the best two polished."""
+    deadline = time.monotonic() + 5.0
+    x = axis(omega, dt)
+    log_r = np.log(radius)
+    if order == 0:
+        return verified(omega, radius, np.zeros(0), log_r.max(), 0, dt, exact=False)
+    upper = envelope(log_r)
+    pick = selection(upper, 1500)
+    problem = Problem(x=x[pick], target=upper[pick], low=log_r[0], high=log_r[-1], floor=damping_floor(x))
+    smooth = x.size >= 4 * (2 * order + 1)
+    if smooth:
+        raw = Problem(x=x[pick], target=log_r[pick], low=-np.inf, high=-np.inf, floor=damping_floor(x) - 20)
+        for start in starts(raw, order):
+            theta, log_k = asymmetric(raw, start, order, (1.0,), 40)
+            e = raw.excess(theta, log_k, order)[0]
+            if np.abs(e).max() < 1e-4:
+                fit = verified(omega, radius, theta, log_k, order, dt, exact=True)
+                if fit.max_excess_db < 0.005:
+                    return fit
+    rough = []
+    for start in starts(problem, order):
+        theta, log_k = asymmetric(problem, start, order, (1.0, 4.0, 16.0), 12)
+        e = problem.excess(theta, log_k, order)[0]
+        rough.append((float(np.mean(e) - e.min()), theta, log_k))
+    rough.sort(key=lambda item: item[0])
+    fits = []
+    for _, theta, log_k in rough[:2]:
+        theta, log_k = polished(problem, theta, log_k, order, deadline)
+        fits.append(verified(omega, radius, theta, log_k, order, dt, exact=False))
+    fits.append(verified(omega, radius, np.zeros(2 * order), log_r.max(), order, dt, exact=False))
+    return min(fits, key=lambda fit: fit.mean_excess_db)
+
+
+def axis(omega: np.ndarray, dt: float) -> np.ndarray:
+    """Frequencies on the imaginary axis: themselves, or 2/dt tan(omega dt/2)."""
+    return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else omega
+
+
+def envelope(log_r: np.ndarray) -> np.ndarray:
+    """What a continuous function must reach at each line to be above the larger neighbour on both sides."""
+    upper = log_r.copy()
+    upper[1:] = np.maximum(upper[1:], log_r[:-1])
+    upper[:-1] = np.maximum(upper[:-1], log_r[1:])
+    return upper
+
+
+def selection(upper: np.ndarray, most: int) -> np.ndarray:
+    """Indices to optimise on: all, or the highest line of each of `most` groups."""
+    if upper.size <= most:
+        return np.arange(upper.size)
+    groups = np.array_split(np.arange(upper.size), most)
+    return np.array([g[np.argmax(upper[g])] for g in groups])
+
+
+def damping_floor(x: np.ndarray) -> np.ndarray:
+    """log of the smallest zero damping that leaves no notch between two lines, per line."""
+    return np.log(np.clip(np.gradient(np.log(x)), 1e-6, 0.5))
+
+
+def verified(
+    omega: np.ndarray, radius: np.ndarray, theta: np.ndarray, log_k: float, order: int, dt: float, *, exact: bool
+) -> WeightFit:
+    """The weight as a system, looked at on a finer grid and lifted until it covers what it has to."""
+    zeros, poles = zeros_and_poles(theta, order)
+    shape = from_roots(*to_plane(zeros, poles, 1.0, dt, 0), dt)
+    on_lines = np.abs(response(shape, omega))
+    needed = np.max(radius / on_lines)
+    if not exact:
+        fine, target = finer(omega, radius, dt)
+        ends = np.abs(
+            np.array([shape.dcgain(), shape.D[0, 0] if not dt else response(shape, np.array([np.pi / dt]))[0]])
+        )
+        needed = max(needed, np.max(target / np.abs(response(shape, fine))), np.max(radius[[0, -1]] / ends))
+    gain = float(needed) * (1 + 1e-9)
+    W = control.StateSpace(shape.A, shape.B, shape.C * gain, shape.D * gain, dt)
+    excess = DB * np.log(on_lines * gain / radius)
+    del log_k
+    return WeightFit(
+        W=W,
+        min_ratio=gain / float(needed),
+        max_excess_db=float(excess.max()),
+        mean_excess_db=float(excess.mean()),
+        exact=exact,
+    )
+
+
+def finer(omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """A ten times finer logarithmic grid between the lines, and the larger neighbour on it."""
+    step = np.arange(1, FINER) / FINER
+    log = np.log(omega)
+    fine = np.exp(log[:-1, None] + step * np.diff(log)[:, None]).ravel()
+    return fine, np.repeat(np.maximum(radius[1:], radius[:-1]), FINER - 1)
+
+
+def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, order: int = 1) -> control.StateSpace:
+    """What the sensitivity must stay under: |S| <= 1/|w_P|, bandwidth omega_B, peak M_S, error A at low frequency.
+
+    w_P = ((s/M_S^(1/n) + omega_B)/(s + omega_B A^(1/n)))^n.
+
+    Parameters
+    ----------
+    omega_B : float
+        Bandwidth asked for [rad/s]: where the asymptote of 1/|w_P| crosses one.
+    M_S : float
+        Largest |S| allowed anywhere, above one (2 is usual).
+    A : float
+        |S| allowed at zero frequency, below M_S.
+    order : int
+        Slope of the demand: n decades per decade.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Raises
+    ------
+    ValueError
+        Numbers out of range.
+
+    References
+    ----------
+    SP eq. 2.105 and 2.106 (2.8.2).
+
+    Examples
+    --------
+    >>> w_P = performance_weight(10, M_S=1.5, A=1e-4)
+    >>> round(float(abs(w_P(1e6j))), 4), round(float(abs(w_P(0))))
+    (0.6667, 10000)
+    """
+    omega_B, M_S, A = positive("omega_B", omega_B), positive("M_S", M_S), positive("A", A)
+    order = integer("order", order, least=1)
+    if M_S <= 1:
+        raise ValueError(f"M_S must be above 1: |S| of a real loop exceeds one somewhere, got {M_S:g}")
+    if A >= M_S:
+        raise ValueError(f"A must be below M_S = {M_S:g}, got {A:g}")
+    high, low = M_S ** (1 / order), A ** (1 / order)
+    return from_roots(np.full(order, -omega_B * high), np.full(order, -omega_B * low), 1 / M_S, 0.0)

@@ -1,0 +1,102 @@
+"""What a result means and what to do next, in words a test engineer can act on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from robust.lti import response
+from robust.report import hertz
+
+CURES = {
+    "noise": "noise: average more periods",
+    "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
+    "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
+    "misfit": "misfit of the nominal model: give it more poles or a delay",
+    "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
+    "systematic": "the allowance for the systematic part: measure at a second level instead",
+}
+
+
+def advice(model: Any, omega_rs: float) -> str:
+    """What limits the stability margin and what to measure or change next."""
+    if not np.isfinite(omega_rs):
+        return ""
+    low, high = model.omega[0], model.omega[-1]
+    at = f"The margin is limited at {hertz(omega_rs)}"
+    if omega_rs > high * 1.001 or omega_rs < low * 0.999:
+        side = "above" if omega_rs > high else "below"
+        return f"{at}, {side} the measured band, where the radius is assumed ({model.extrapolation}): measure there."
+    parts = model.budget()
+    k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
+    total = sum(float(part[k]) for part in parts.values() if np.isfinite(part[k]))
+    if not parts or not total > 0:
+        return f"{at}; the model does not say what its radius is made of there."
+    shares = sorted(((float(part[k]) / total, name) for name, part in parts.items() if part[k] > 0), reverse=True)
+    listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
+    spare = (
+        f" The weight lies {20 * np.log10(excess(model, k)):.1f} dB over the radius there."
+        if excess(model, k) > 1.26
+        else ""
+    )
+    return f"{at}, where the radius is {listed}. {CURES[shares[0][1]].capitalize()}.{spare}"
+
+
+def excess(model: Any, k: int) -> float:
+    """|weight| over the radius at line k."""
+    return float(np.abs(response(model.weight, model.omega[k : k + 1]))[0] / model.radius[k])
+
+
+def described(model: Any) -> str:
+    """The set, in words."""
+    if model.perturbation == "LTI":
+        return f"every stable LTI perturbation inside the {model.form} weight"
+    if model.perturbation == "operator":
+        return f"every causal perturbation, nonlinear ones included, with the gain of the {model.form} weight"
+    return f"every linear plant inside the {model.form} weight"
+
+
+def claim(model: Any) -> str:
+    """The confidence behind the set, in words; empty where none is claimed."""
+    if np.isnan(model.confidence):
+        return ""
+    percent = f"{100 * model.confidence:.4g} %"
+    if model.simultaneous:
+        return f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
+    return f"each line of another realisation lies in the set with {percent} probability"
+
+
+def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
+    """What was proved and what was not, one sentence each."""
+    where = "at all frequencies" if not loop.dt else f"at all frequencies up to Nyquist ({0.5 / loop.dt:.4g} Hz)"
+    if not stable:
+        proved = "Only that the nominal loop is stable."
+        return proved, "Anything about the set around it."
+    what = "stability and the performance demand" if performance else "stability"
+    proved = f"{what.capitalize()} with {described(model)}, {where}."
+    missing = []
+    if model.perturbation == "statistical":
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+        if claim(model):
+            missing.append(f"more than the confidence of the set ({claim(model)})")
+    if loop.w_P is not None and not performance:
+        missing.append("the performance demand for the whole set")
+    if loop.dt and not model.nominal.dt:
+        missing.append("perturbations above the Nyquist frequency, which fold down")
+    missing.append(f"anything about the plant outside the measured band beyond the assumption ({model.extrapolation})")
+    text = "; ".join(missing)
+    return proved, text[0].upper() + text[1:] + "."
+
+
+def context(model: Any, loop: Any) -> str:
+    """The loop in one line."""
+    kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
+    held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
+    band = f"{hertz(model.omega[0])} to {hertz(model.omega[-1])}"
+    return (
+        f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
+        f"{model.weight.nstates}, perturbations {model.perturbation}, measured {band}"
+    )
