@@ -6,6 +6,9 @@ import numpy as np
 
 from nlfrf.values import value
 
+SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
+FEWEST = 4
+
 
 @value
 class DistortionLevels:
@@ -33,16 +36,6 @@ class DistortionLevels:
     noise_even: np.ndarray
 
 
-def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
-    """(F, n) indices into `lines` of the n lines nearest to each of `at`; one-sided at the ends."""
-    n = min(n, lines.size)
-    place = np.searchsorted(lines, at)
-    starts = np.clip(place[:, None] + np.arange(-n, 1), 0, lines.size - n)
-    farthest = np.maximum(np.abs(lines[starts] - at[:, None]), np.abs(lines[starts + n - 1] - at[:, None]))
-    first = starts[np.arange(at.size), np.argmin(farthest, axis=1)]
-    return np.asarray(first[:, None] + np.arange(n))
-
-
 def interpolate_frf(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """G between its lines, linear in log magnitude and in phase; held at the ends."""
     log_magnitude = np.interp(lines, excited, np.log(np.maximum(np.abs(G), np.finfo(float).tiny)))
@@ -50,10 +43,51 @@ def interpolate_frf(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np
     return np.asarray(np.exp(log_magnitude + 1j * phase))
 
 
-def whitened_level(power: np.ndarray, G_lines: np.ndarray, G_excited: np.ndarray, window: np.ndarray) -> np.ndarray:
-    """(F,) mean power over each window of lines, divided by |G|^2 before averaging and multiplied back.
+def detected_power(
+    power: np.ndarray,
+    noise: np.ndarray,
+    gain: np.ndarray,
+    gain_excited: np.ndarray,
+    window: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distortion read on a window of detection lines for each excited line.
 
-    Across a resonance the distortion at the output follows |G|; without the whitening a window there would mix
-    lines of very different power.
+    Distortion at the output follows |G|^2 across a resonance, noise does not: so the expected power on line j of a
+    window is taken as q_j = d |G_j|^2 + n_j, with the noise n_j known from the periods and d from maximum likelihood
+    (scoring on exponentially distributed powers). What is measured over what is expected is then averaged over the
+    window, so that lines of very different power weigh the same.
+
+    Parameters
+    ----------
+    power, noise, gain : (O,) ndarray
+        Measured power, variance by noise and |G|^2 on the detection lines.
+    gain_excited : (F,) ndarray
+        |G|^2 on the excited lines.
+    window : (F, n) int ndarray
+        Detection lines of each excited line, nearest first.
+
+    Returns
+    -------
+    distortion : (F,) ndarray
+        Power of the distortion on the scale of the excited line, d |G|^2.
+    ratio : (F,) ndarray
+        Mean of the measured over the expected power: near one.
+    n_used : (F,) ndarray
+        Lines used: fewer than n where |G| changes much within the window.
     """
-    return np.asarray(np.abs(G_excited) ** 2 * (power / np.abs(G_lines) ** 2)[window].mean(axis=1))
+    P, N, A = power[window], noise[window], gain[window]
+    used = narrowed(A, gain_excited)
+    n_used = used.sum(axis=1)
+    d = np.maximum(np.sum(used * (P - N) / A, axis=1) / n_used, 0.0)
+    for _ in range(4):
+        weight = used / np.maximum(A * d[:, None] + N, np.finfo(float).tiny ** 0.25) ** 2
+        d = np.maximum(np.sum(weight * A * (P - N), axis=1) / np.sum(weight * A**2, axis=1), 0.0)
+    expected = np.maximum(A * d[:, None] + N, np.finfo(float).tiny)
+    return d * gain_excited, np.sum(used * P / expected, axis=1) / n_used, n_used
+
+
+def narrowed(gain: np.ndarray, gain_excited: np.ndarray) -> np.ndarray:
+    """(F, n) which lines of a window to use: those up to where |G|^2 has changed by SHARP, and never under FEWEST."""
+    level = 10 * np.log10(np.column_stack([gain_excited, gain]))
+    spread = np.maximum.accumulate(level, axis=1) - np.minimum.accumulate(level, axis=1)
+    return np.asarray((spread[:, 1:] < SHARP) | (np.arange(gain.shape[1]) < FEWEST))

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import fft
 
+from nlfrf.localfit import power
 from nlfrf.record import Record
-from nlfrf.transient import is_transient, local_fit, power
+from nlfrf.transient import is_transient, local_fit
 from nlfrf.values import value
 
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import fft
 
+from nlfrf.localfit import least_squares, power
+
 SIDE = 6  # lines on either side of a harmonic used for one fit
 N_POLYNOMIAL = 3
-N_RATIONAL = 5
 WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
 
 
@@ -73,9 +74,10 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
         X[m] = spectrum[index] * (2 / n_total)
     X = np.where(mirrored, X.conj(), X)
     s = r / np.abs(r).max()
-    polynomial = np.broadcast_to(s[:, None] ** np.arange(N_POLYNOMIAL), (*X.shape, N_POLYNOMIAL)).astype(complex)
-    rational = np.concatenate([polynomial, -s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None]], axis=-1)
-    T, residual, leverage = least_squares(polynomial, X)
+    powers = (s[:, None] ** np.arange(N_POLYNOMIAL - 1, -1, -1)).astype(complex)
+    T, residual, leverage = least_squares(powers, X)
+    polynomial = np.broadcast_to(powers, (*X.shape, N_POLYNOMIAL))
+    rational = np.concatenate([-s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None], polynomial], axis=-1)
     T_r, residual_r, leverage_r = least_squares(rational, X)
     # the denominator has to earn its place: noise alone would be fitted by it now and then
     better = power(residual_r) < 0.5 * power(residual)
@@ -91,22 +93,3 @@ def offsets(n_periods: int) -> np.ndarray:
     right = np.arange(1, SIDE * n_periods + n_periods)
     right = right[right % n_periods != 0][:SIDE]
     return np.concatenate([-right[::-1], right])
-
-
-def power(x: np.ndarray) -> np.ndarray:
-    """Sum of squared moduli over the last axis."""
-    return np.asarray(np.sum(x.real**2 + x.imag**2, axis=-1))
-
-
-def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First unknown, residual over the root of its degrees of freedom, and the first unknown's variance factor."""
-    scale = np.sqrt(power(np.swapaxes(A, -1, -2)))
-    scale = np.where(scale > 0, scale, 1.0)
-    U, sigma, Vh = np.linalg.svd(A / scale[..., None, :], full_matrices=False)
-    inverse = np.where(sigma > 1e-13 * sigma[..., :1], 1 / np.maximum(sigma, np.finfo(float).tiny), 0.0)
-    projected = (np.swapaxes(U, -1, -2).conj() @ b[..., None])[..., 0]
-    first_row = Vh[..., :, 0].conj() * inverse / scale[..., :1]
-    first = np.sum(first_row * projected, axis=-1)
-    residual = b - (U @ projected[..., None])[..., 0]
-    dof = A.shape[-2] - A.shape[-1]
-    return first, residual / np.sqrt(dof), power(first_row)

@@ -7,7 +7,7 @@ import pytest
 
 from nlfrf import multisine
 from nlfrf.calibration import cubic_bla, cubic_variance, variance_ratio
-from nlfrf.distortion import nearest_lines
+from nlfrf.localfit import nearest_lines
 
 LINES = np.array([1, 3, 9, 11, 17, 19])
 

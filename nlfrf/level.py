@@ -1,0 +1,149 @@
+"""The variance of one realisation's FRF about the BLA, from detection lines or from the roughness of the FRF."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.calibration import LARGEST, grid_factor, variance_ratio
+from nlfrf.distortion import detected_power, interpolate_frf
+from nlfrf.excitation import local_mean
+from nlfrf.frf import Frf
+from nlfrf.lines import LineGrid
+from nlfrf.localfit import LEAST, fit_locally, nearest_lines
+from nlfrf.spectra import Spectra
+from nlfrf.values import value
+
+NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
+ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
+
+
+@value
+class Level:
+    """Variance of one realisation's FRF by everything but its BLA, from one source.
+
+    Fields
+    ------
+    variance : (F,) ndarray
+        At each excited line, averaged over realisations, noise included.
+    dof : (F,) ndarray
+        Complex degrees of freedom behind it.
+    grid_factor : (F,) ndarray
+        The calibration that was applied.
+    """
+
+    variance: np.ndarray
+    dof: np.ndarray
+    grid_factor: np.ndarray
+
+
+@value
+class Answer:
+    """The output of an experiment with its linear part taken off.
+
+    Fields
+    ------
+    lines : (K,) int ndarray
+        All lines, excited and not.
+    G : (K,) complex ndarray
+        The FRF, locally fitted and interpolated.
+    Yc : (M, K) complex ndarray
+        Y - G U: a real actuator, or a loop, puts some input on detection lines too.
+    noise : (K,) ndarray
+        Variance of Yc by noise, averaged over realisations; nan for one period.
+    """
+
+    lines: np.ndarray
+    G: np.ndarray
+    Yc: np.ndarray
+    noise: np.ndarray
+
+    def at(self, lines: np.ndarray) -> np.ndarray:
+        """Where some lines stand among all."""
+        return np.searchsorted(self.lines, lines)
+
+
+def nonlinear_answer(spectra: Spectra, frf: Frf, excited: Spectra) -> Answer:
+    """What is left of the output when the answer of the BLA is taken off."""
+    smooth = frf.G
+    if excited.lines.size >= LEAST:  # with less scatter in it, G whitens the lines more evenly
+        smooth = fit_locally(frf.G[None], rms(excited.U)[None], excited.lines).G[0]
+    G = interpolate_frf(smooth, excited.lines, spectra.lines)
+    noise = spectra.var_Y + np.abs(G) ** 2 * spectra.var_U - 2 * np.real(G.conj() * spectra.cov_YU)
+    return Answer(lines=spectra.lines, G=G, Yc=spectra.Y - G * spectra.U, noise=np.maximum(noise, 0.0).mean(axis=0))
+
+
+def level_from_detection(excited: Spectra, answer: Answer, detection: np.ndarray, n_detection: int) -> Level:
+    """From lines that were not excited: the odd ones, scaled by what the grid makes of a cubic."""
+    window, distortion, ratio, noise, n_used = read(excited, answer, detection, n_detection)
+    factor = grid_factor(rms(excited.U), rms(excited.Y), excited.lines, detection, window)
+    variance = ratio * (factor * distortion + noise) / rms(excited.U) ** 2
+    return Level(variance=variance, dof=n_used * excited.U.shape[0], grid_factor=factor)
+
+
+def even_variance(excited: Spectra, answer: Answer, even: np.ndarray, n_detection: int) -> np.ndarray:
+    """(F,) what the even lines say, noise left in: an upper limit where there is nothing but noise."""
+    if not even.size:
+        return np.full(excited.lines.size, np.nan)
+    _, distortion, ratio, noise, _ = read(excited, answer, even, n_detection)
+    return np.asarray(ratio * (distortion + noise) / rms(excited.U) ** 2)
+
+
+def read(
+    excited: Spectra, answer: Answer, detection: np.ndarray, n_detection: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Window of detection lines of each excited line, distortion, ratio, noise there, and lines used."""
+    window = nearest_lines(excited.lines, detection, n_detection)
+    noise = local_mean(np.nan_to_num(answer.noise), NOISE_LINES)
+    there, here = answer.at(detection), answer.at(excited.lines)
+    power, gain = np.mean(np.abs(answer.Yc[:, there]) ** 2, axis=0), np.abs(answer.G) ** 2
+    distortion, ratio, n_used = detected_power(power, noise[there], gain[there], gain[here], window)
+    return window, distortion, ratio, noise[here], n_used
+
+
+def level_from_roughness(excited: Spectra, frf: Frf) -> Level:
+    """From the roughness of each realisation's FRF over the excited lines."""
+    fit = fit_locally(frf.each, np.abs(excited.U), excited.lines)
+    return Level(variance=fit.variance.mean(axis=0), dof=fit.dof.sum(axis=0), grid_factor=np.ones(excited.lines.size))
+
+
+def no_level(n_lines: int) -> Level:
+    """None beside the scatter over realisations: it weighs nothing."""
+    return Level(variance=np.zeros(n_lines), dof=np.zeros(n_lines), grid_factor=np.ones(n_lines))
+
+
+def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
+    """Whether odd detection lines tell the level within a known factor on this grid."""
+    kind = grid.kind
+    if grid.odd.size < n_detection or kind in ("full", "odd", "odd-odd"):
+        return False
+    if kind in ("special-odd", "random-odd"):
+        return True
+    if np.any(grid.excited % 2 == 0):
+        return False
+    window = nearest_lines(grid.excited, grid.odd, n_detection)
+    ratio = variance_ratio(rms(excited.U), grid.excited, grid.odd, window)
+    return bool(np.mean(ratio <= LARGEST) >= 0.95)
+
+
+def why_roughness(grid: LineGrid, n_detection: int) -> str:
+    """The warning that goes with a level from the roughness."""
+    kind, n_odd = grid.kind, grid.odd.size
+    if kind == "odd-odd":
+        reason = (
+            "the odd detection lines of an odd-odd grid under-read the distortion, without limit around a resonance"
+        )
+    elif n_odd == 0:
+        reason = f"the {kind} grid of this record has no odd detection lines"
+    elif n_odd < n_detection:
+        reason = f"the grid of this record has {n_odd} odd detection lines, fewer than n_detection = {n_detection}"
+    else:
+        reason = f"the detection lines of this {kind} grid do not calibrate"
+    return (
+        f"{reason}; the level was taken from the roughness of the FRF, which reads too high where the FRF bends within "
+        "a few lines. A special-odd or random-odd multisine gives a level that can be calibrated."
+    )
+
+
+def rms(x: np.ndarray) -> np.ndarray:
+    """Root mean square modulus over realisations."""
+    return np.asarray(np.sqrt(np.mean(np.abs(x) ** 2, axis=0)))

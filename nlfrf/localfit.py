@@ -1,0 +1,125 @@
+"""Small least-squares fits in many windows at once, and the local fit of an FRF over its excited lines.
+
+The fit of an FRF serves twice. Its value is the FRF with less scatter. Its residual is a distortion level: random
+phases make the stochastic distortion rough over frequency where the FRF itself is smooth (Pintelon & Schoukens,
+7.2). It needs no detection lines. The fit is a polynomial, or a rational function where that explains the FRF much
+better (a resonance a few lines wide, a steep slope); what neither can follow is read as distortion, so the level may
+be too high there, not too low.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.values import value
+
+ORDER = 2
+WIDTH = 9
+EARNED = 0.25  # the denominator has to earn its place: noise alone would be fitted by it now and then
+LEAST = ORDER + 3  # lines that leave two degrees of freedom
+
+
+@value
+class LocalFit:
+    """FRFs fitted over their neighbouring lines.
+
+    Fields
+    ------
+    G : (M, F) complex ndarray
+        Fitted value at each line.
+    variance : (M, F) ndarray
+        Variance of the FRF about the fit.
+    dof : (M, F) ndarray
+        Complex degrees of freedom behind it.
+    """
+
+    G: np.ndarray
+    variance: np.ndarray
+    dof: np.ndarray
+
+
+def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray) -> LocalFit:
+    """Fit each FRF at each line over the nine lines around it.
+
+    Parameters
+    ----------
+    G : (M, F) complex ndarray
+        FRF of each realisation.
+    weight : (M, F) ndarray
+        |U|: the variance of G is taken as a smooth variance at the output over |U|^2.
+    excited : (F,) int ndarray
+        Excited lines.
+
+    Raises
+    ------
+    ValueError
+        Fewer than five excited lines.
+    """
+    if excited.size < LEAST:
+        raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {excited.size}")
+    window = nearest_lines(excited, excited, WIDTH)
+    r = (excited[window] - excited[:, None]).astype(float)
+    r /= np.abs(r).max(axis=1, keepdims=True)
+    w = weight[:, window]
+    data = w * G[:, window]
+    polynomial = w[..., None] * r[..., None] ** np.arange(ORDER, -1, -1)
+    value, rest = least_squares(polynomial, data)[:2]
+    residual = power(rest)
+    dof = np.full(residual.shape, window.shape[1] - (ORDER + 1))
+    n_rational = 2 * ORDER + 1
+    if window.shape[1] >= n_rational + 3:
+        # (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: its residual is weighted by the denominator, that is by 1/|G|
+        # across a resonance, where the distortion follows |G|
+        denominator = -(r[..., None] ** np.arange(1, ORDER + 1)) * data[..., None]
+        value_r, rest_r = least_squares(np.concatenate([denominator, polynomial], axis=-1), data)[:2]
+        residual_r = power(rest_r)
+        better = residual_r < EARNED * residual
+        value = np.where(better, value_r, value)
+        residual = np.where(better, residual_r, residual)
+        dof = np.where(better, window.shape[1] - n_rational, dof)
+    return LocalFit(G=value, variance=residual / weight**2, dof=dof)
+
+
+def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Solve A x = b in many windows at once, for the last unknown.
+
+    Parameters
+    ----------
+    A : (..., n, p) ndarray
+    b : (..., n) ndarray
+
+    Returns
+    -------
+    last : (...) ndarray
+        The last unknown: in the QR factors it needs no back substitution.
+    residual : (..., n) ndarray
+        What is left, over the root of its n - p degrees of freedom.
+    leverage : (...) ndarray
+        Variance of the last unknown over that of b.
+    """
+    scale = np.sqrt(power(np.swapaxes(A, -1, -2)))
+    scale = np.where(scale > 0, scale, 1.0)
+    Q, R = np.linalg.qr(A / scale[..., None, :])
+    diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    projected = (np.swapaxes(Q, -1, -2).conj() @ b[..., None])[..., 0]
+    projected = np.where(diagonal > 1e-13, projected, 0.0)  # a column that the others span says nothing
+    residual = b - (Q @ projected[..., None])[..., 0]
+    pivot = np.where(diagonal[..., -1] > 1e-13, R[..., -1, -1] * scale[..., -1], np.inf)
+    return projected[..., -1] / pivot, residual / np.sqrt(A.shape[-2] - A.shape[-1]), 1 / np.abs(pivot) ** 2
+
+
+def power(x: np.ndarray) -> np.ndarray:
+    """Sum of squared moduli over the last axis."""
+    return np.asarray(np.sum(x.real**2 + x.imag**2, axis=-1))
+
+
+def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
+    """(F, n) indices into `lines` of the n lines nearest to each of `at`, nearest first; one-sided at the ends."""
+    n = min(n, lines.size)
+    place = np.searchsorted(lines, at)
+    starts = np.clip(place[:, None] + np.arange(-n, 1), 0, lines.size - n)
+    farthest = np.maximum(np.abs(lines[starts] - at[:, None]), np.abs(lines[starts + n - 1] - at[:, None]))
+    first = starts[np.arange(at.size), np.argmin(farthest, axis=1)]
+    window = first[:, None] + np.arange(n)
+    order = np.argsort(np.abs(lines[window] - at[:, None]), axis=1, kind="stable")
+    return np.asarray(np.take_along_axis(window, order, axis=1))
