@@ -13,8 +13,45 @@ import numpy as np
 
 from nlfrf import packing
 from nlfrf.checks import nonnegative, one_of, positive
-from nlfrf.hysteresis import Curve, Linear, Tanh, packed_curve
+from nlfrf.hysteresis import NO_GRID, Curve, Linear, MaxwellSlip, Tanh, packed_curve
 from nlfrf.values import value
+
+
+@value
+class Coulomb:
+    """Dry friction: the mass sticks until the force passes Fs, and slides under the Stribeck curve until it stops.
+
+    F = s(v) + sigma2 v while sliding. No motion at all before it breaks away.
+
+    Parameters
+    ----------
+    Fc : float
+        Coulomb friction [N].
+    Fs : float, optional
+        Static friction [N]; Fc when not given.
+    vs : float, optional
+        Stribeck velocity [m/s]; needed where Fs exceeds Fc.
+    delta : float
+        Shape of the Stribeck curve.
+    sigma2 : float
+        Viscous friction [Ns/m].
+    """
+
+    Fc: float
+    Fs: float = np.nan
+    vs: float = np.nan
+    delta: float = 2.0
+    sigma2: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("Fc", self.Fc)
+        if np.isnan(self.Fs):
+            object.__setattr__(self, "Fs", self.Fc)
+        if np.isnan(self.vs):
+            if self.Fs > self.Fc:
+                raise ValueError(f"vs must be given where Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
+            object.__setattr__(self, "vs", 1.0)
+        check_stribeck(self)
 
 
 @value
@@ -148,14 +185,63 @@ class Leuven:
             raise ValueError('curve must be a virgin curve where form="original", got MaxwellSlip')
 
 
-Friction = Dahl | LuGre | Leuven
+@value
+class GeneralizedMaxwellSlip:
+    """The generalised Maxwell-slip model: parallel elements that stick, and slip with a lag behind the Stribeck curve.
+
+    An element sticks, dF_i/dt = k_i v, until its force reaches alpha_i s(v) in the direction of the motion;
+    then it slips, dF_i/dt = sgn(v) C (alpha_i - F_i / s(v)), until the velocity turns. F = sum F_i + sigma2 v.
+
+    Parameters
+    ----------
+    stiffness : (E,) ndarray
+        Stiffness k_i of each element [N/m].
+    alpha : (E,) ndarray
+        Share of each element in s(v); they add up to one.
+    C : float
+        How fast a slipping element is drawn to the Stribeck curve [N/s].
+    Fs, Fc : float
+        Static and Coulomb friction [N].
+    vs : float
+        Stribeck velocity [m/s].
+    delta : float
+        Shape of the Stribeck curve.
+    sigma2 : float
+        Viscous friction [Ns/m].
+
+    References
+    ----------
+    F. Al-Bender, V. Lampaert, J. Swevers, *The generalized Maxwell-slip model: a novel model for friction
+    simulation and compensation*, IEEE Trans. Automatic Control 50, 2005.
+    """
+
+    stiffness: Any
+    alpha: Any
+    C: float
+    Fs: float
+    Fc: float
+    vs: float
+    delta: float = 2.0
+    sigma2: float = 0.0
+
+    def __post_init__(self) -> None:
+        shares = MaxwellSlip(stiffness=self.stiffness, strength=self.alpha)
+        if not abs(shares.Fy - 1) < 1e-6:
+            raise ValueError(f"alpha must add up to 1, got {shares.Fy:g}")
+        object.__setattr__(self, "stiffness", shares.stiffness)
+        object.__setattr__(self, "alpha", shares.strength)
+        positive("C", self.C)
+        check_stribeck(self)
+
+
+Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip
 
 
 def check_stribeck(law: Any) -> None:
     """Refuse numbers that make no Stribeck curve."""
     for name in ("Fc", "vs", "delta"):
         positive(name, getattr(law, name))
-    nonnegative("sigma1", law.sigma1)
+    nonnegative("sigma1", getattr(law, "sigma1", 0.0))
     nonnegative("sigma2", law.sigma2)
     if not positive("Fs", law.Fs) >= law.Fc:
         raise ValueError(f"Fs must be at least Fc = {law.Fc:g} N, got {law.Fs:g} N")
@@ -181,6 +267,12 @@ def packed_law(law: Friction) -> tuple[packing.Law, packing.Grid]:
     if isinstance(law, LuGre):
         spring, grid = packed_curve(Linear(K0=law.sigma0))
         return packed_stribeck(law, packing.LEUVEN, 1.0, spring), grid
+    if isinstance(law, Coulomb):
+        return packed_stribeck(law, packing.COULOMB, 1.0, packing.Curve(packing.SPRING, 0.0, np.inf)), NO_GRID
+    if isinstance(law, GeneralizedMaxwellSlip):
+        shares = MaxwellSlip(stiffness=law.stiffness, strength=law.alpha)
+        curve, grid = packed_curve(shares)
+        return packed_stribeck(law, packing.GMS, law.C, curve), grid
     if not isinstance(law, Leuven):
         raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
     curve, grid = packed_curve(law.curve)
@@ -191,7 +283,7 @@ def packed_law(law: Friction) -> tuple[packing.Law, packing.Grid]:
     return packed_stribeck(law, packing.ORIGINAL, law.n, curve), grid
 
 
-def packed_stribeck(law: LuGre | Leuven, form: int, n: float, curve: packing.Curve) -> packing.Law:
+def packed_stribeck(law: Any, form: int, n: float, curve: packing.Curve) -> packing.Law:
     """A law with a Stribeck curve and its dampings."""
     return packing.Law(
         form=form,
@@ -199,7 +291,7 @@ def packed_stribeck(law: LuGre | Leuven, form: int, n: float, curve: packing.Cur
         Fc=float(law.Fc),
         vs=float(law.vs),
         delta=float(law.delta),
-        sigma1=float(law.sigma1),
+        sigma1=float(getattr(law, "sigma1", 0.0)),
         sigma2=float(law.sigma2),
         n=float(n),
         curve=curve,

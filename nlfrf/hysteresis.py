@@ -11,15 +11,22 @@ are the same operator.
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from nlfrf import packing
-from nlfrf.checks import positive, real_array
+from nlfrf.checks import integer, positive, real_array
 from nlfrf.values import value
 
 NO_GRID = np.zeros((3, 1))
+
+
+def check_positive(curve: Any) -> None:
+    """Refuse a curve whose numbers are not all positive."""
+    for field in fields(curve):
+        positive(field.name, getattr(curve, field.name))
 
 
 @value(kw_only=False)
@@ -35,7 +42,7 @@ class Linear:
     K0: float
 
     def __post_init__(self) -> None:
-        positive("K0", self.K0)
+        check_positive(self)
 
     @property
     def Fy(self) -> float:
@@ -70,8 +77,7 @@ class Tanh:
     Fy: float
 
     def __post_init__(self) -> None:
-        positive("K0", self.K0)
-        positive("Fy", self.Fy)
+        check_positive(self)
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
@@ -94,8 +100,7 @@ class Exponential:
     Fy: float
 
     def __post_init__(self) -> None:
-        positive("K0", self.K0)
-        positive("Fy", self.Fy)
+        check_positive(self)
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
@@ -119,8 +124,7 @@ class Parabola:
     Fy: float
 
     def __post_init__(self) -> None:
-        positive("K0", self.K0)
-        positive("Fy", self.Fy)
+        check_positive(self)
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
@@ -145,8 +149,7 @@ class ElasticPlastic:
     Fy: float
 
     def __post_init__(self) -> None:
-        positive("K0", self.K0)
-        positive("Fy", self.Fy)
+        check_positive(self)
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
@@ -323,6 +326,69 @@ def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
     force = np.empty_like(path)
     kernels.follow(packed, grid, memory.state, memory.stack, path, force)
     return force
+
+
+def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0) -> MaxwellSlip:
+    """Elements that stand for a curve: its chords between graded knots.
+
+    Graded, because elements are exactly linear below the first knot: evenly spaced ones would show no
+    hysteresis, and no distortion, in small motions. Half of the knots go where the curve bends, half are spread
+    over the powers of ten below. Where the curve consists of straight lines already, with no
+    more corners than elements, the elements are exact.
+
+    Parameters
+    ----------
+    curve : Linear, Tanh, Exponential, Parabola, ElasticPlastic or Table
+        The virgin curve.
+    n_elements : int
+        Elements at most.
+    decades : float
+        Powers of ten from the first knot to the displacement where the curve ends.
+
+    Returns
+    -------
+    MaxwellSlip
+
+    Examples
+    --------
+    >>> elements = fit_maxwell_slip(Tanh(64e3, 1.0), n_elements=32)
+    >>> z = np.linspace(0, 1e-4, 1000)
+    >>> bool(np.abs(elements(z) - np.tanh(64e3 * z)).max() < 5e-3)
+    True
+    """
+    n_elements = integer("n_elements", n_elements, least=1)
+    decades = positive("decades", decades)
+    packed_curve(curve)
+    if isinstance(curve, MaxwellSlip):
+        return curve
+    if isinstance(curve, Linear):
+        return MaxwellSlip(stiffness=[curve.K0], strength=[np.inf])
+    if isinstance(curve, ElasticPlastic):
+        return MaxwellSlip(stiffness=[curve.K0], strength=[curve.Fy])
+    if isinstance(curve, Table) and curve.z.size <= n_elements:
+        knots = curve.z
+    else:
+        knots = graded_knots(curve, n_elements, decades)
+    force = np.append(np.asarray(curve(knots[:-1])), curve.Fy)
+    slope = np.append(np.diff(force, prepend=0.0) / np.diff(knots, prepend=0.0), 0.0)
+    stiffness = -np.diff(slope)
+    used = stiffness > 1e-12 * curve.K0  # a knot on a straight piece needs no element
+    return MaxwellSlip(stiffness=stiffness[used], strength=(stiffness * knots)[used])
+
+
+def graded_knots(curve: Curve, n_knots: int, decades: float) -> np.ndarray:
+    """Knots up to the end of a curve: their density is the mean of sqrt|y''|, which evens out the error, and 1/z."""
+    z = end_of(curve, 0.05 / n_knots**2) * np.logspace(-decades, 0, 2000)
+    bend = np.sqrt(np.abs(np.gradient(np.gradient(curve(z), z), z)))
+    share = np.concatenate([[0.0], np.cumsum((bend[1:] + bend[:-1]) / 2 * np.diff(z))])
+    place = share / share[-1] + np.linspace(0, 1, z.size)
+    return np.interp(np.linspace(0, place[-1], n_knots), place, z)
+
+
+def end_of(curve: Curve, rest: float) -> float:
+    """Displacement at which all but this part of a curve's largest force is reached."""
+    z = curve.Fy / curve.K0 * np.geomspace(1, 1e6, 2000)
+    return float(z[np.argmax(curve(z) >= (1 - rest) * curve.Fy)])
 
 
 def packed_curve(curve: Curve) -> tuple[packing.Curve, packing.Grid]:

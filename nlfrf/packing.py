@@ -14,8 +14,8 @@ import numpy as np
 # first), elements
 SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS = range(8)
 
-# Forms of the state equation dz/dt
-LEUVEN, ORIGINAL, DAHL = range(3)
+# Laws: three forms of the state equation dz/dt, and two that switch between sticking and slipping
+LEUVEN, ORIGINAL, DAHL, COULOMB, GMS = range(5)
 
 # Places in Memory.state
 X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, RATE = range(9)
@@ -43,7 +43,7 @@ class Law(NamedTuple):
     delta: float
     sigma1: float
     sigma2: float
-    n: float
+    n: float  # exponent; of the generalised Maxwell-slip model the attraction C
     curve: Curve
 
 

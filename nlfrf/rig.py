@@ -32,7 +32,7 @@ class Rig:
         [kg].
     stiffness : float
         Of the spring to ground [N/m]; zero for a free mass.
-    friction : Dahl, LuGre or Leuven
+    friction : Coulomb, Dahl, LuGre, Leuven or GeneralizedMaxwellSlip
         The friction law.
     damping : float
         Viscous damping beside the friction law's own [Ns/m].
@@ -72,6 +72,8 @@ class Rig:
             damping = self.damping + gain * law.sigma1 + law.sigma2
             poles = np.roots([self.mass, damping, stiffness])
             limits += [longest_step(complex(pole)) for pole in poles]
+        if law.form == packing.GMS:  # how fast a slipping element is drawn to the Stribeck curve
+            limits.append(REAL_LIMIT * law.Fc / law.n)
         return min(limits)
 
 
@@ -155,8 +157,63 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     if out is None:
         raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
     warn_lost(memory.state[packing.LOST])
+    return motion(samples, out, fs)
+
+
+def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Motion:
+    """Friction force for a prescribed motion, from rest: to draw hysteresis loops and Stribeck curves.
+
+    Parameters
+    ----------
+    friction : Coulomb, Dahl, LuGre, Leuven or GeneralizedMaxwellSlip
+        The friction law.
+    v : (n,) ndarray
+        Velocity [m/s], straight between samples.
+    fs : float
+        Sampling frequency [Hz].
+    oversampling : int
+        Integration steps per sample.
+
+    Returns
+    -------
+    Motion
+        With the velocity as its drive.
+
+    Raises
+    ------
+    ValueError
+        A step too long to be stable, with the oversampling that would do.
+
+    Examples
+    --------
+    At constant velocity the friction settles on the Stribeck curve, with the viscous part on top.
+
+    >>> motion = drive(Leuven(), np.full(2000, 0.01), fs=10e3)
+    >>> round(float(motion.friction[-1]), 4)
+    0.8144
+    """
+    velocity = real_array("v", v, ndim=1)
+    fs = positive("fs", fs)
+    oversampling = integer("oversampling", oversampling, least=1)
+    law, grid = packed_law(friction)
+    body = packing.Body(True, 1.0, 0.0, 0.0)
+
+    def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
+        memory = packing.at_rest(law.curve, grid)
+        samples = between_samples(velocity, steps, "linear")
+        return integrate(body, law, grid, memory, samples, 1 / (fs * steps), steps), memory
+
+    out, memory = attempt(oversampling)
+    if out is None:
+        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
+    warn_lost(memory.state[packing.LOST])
+    return motion(velocity, out, fs)
+
+
+def motion(drive: np.ndarray, out: np.ndarray, fs: float) -> Motion:
+    """What the integrator gave, as a value."""
     x, v, z, friction = out.T
-    return Motion(t=np.arange(samples.size) / fs, drive=samples, x=x, v=v, z=z, friction=friction)
+    return Motion(t=np.arange(drive.size) / fs, drive=drive, x=x, v=v, z=z, friction=friction)
 
 
 def at_rest(rig: Rig) -> packing.Memory:
@@ -166,17 +223,35 @@ def at_rest(rig: Rig) -> packing.Memory:
 
 
 def advance(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
-    """Integrate the rig over the (n, 3) drive (force at begin, middle and end of each step), moving `memory` on.
+    """Integrate the rig over the (n, 3) force at begin, middle and end of each step, moving `memory` on."""
+    law, grid = packed_law(rig.friction)
+    body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
+    return integrate(body, law, grid, memory, drive, h, substeps)
+
+
+def integrate(
+    body: packing.Body,
+    law: packing.Law,
+    grid: packing.Grid,
+    memory: packing.Memory,
+    drive: np.ndarray,
+    h: float,
+    substeps: int,
+) -> np.ndarray | None:
+    """The compiled integration.
 
     Returns (n / substeps, 4): position, velocity, z and friction force at the begin of every `substeps`-th step;
     None where the step was too long to be stable.
     """
-    from nlfrf import kernels
-
+    kernel: Callable[..., bool]
+    if law.form == packing.COULOMB:
+        from nlfrf.slip_kernels import advance_coulomb as kernel
+    elif law.form == packing.GMS:
+        from nlfrf.slip_kernels import advance_gms as kernel
+    else:
+        from nlfrf.kernels import advance_hysteretic as kernel
     out = np.empty((drive.shape[0] // substeps, 4))
-    body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
-    law, grid = packed_law(rig.friction)
-    finite = kernels.advance_hysteretic(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
+    finite = kernel(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
     stable = finite and memory.state[packing.RATE] * h <= REAL_LIMIT
     memory.state[packing.RATE] = 0.0
     return out if stable else None

@@ -12,6 +12,7 @@ from nlfrf.hysteresis import (
     Parabola,
     Table,
     Tanh,
+    fit_maxwell_slip,
     hysteresis_force,
 )
 
@@ -80,6 +81,35 @@ def test_stack_and_elements_are_the_same_operator():
     assert np.abs(difference).max() < 1e-12
 
 
+@pytest.mark.parametrize("curve", [CURVES[0], *CURVES[4:]], ids=lambda c: type(c).__name__)
+def test_elements_fitted_to_straight_lines_are_exact(curve):
+    z = walk(3000, rng=3, span=0.3)
+    difference = hysteresis_force(fit_maxwell_slip(curve), z) - hysteresis_force(curve, z)
+    assert np.abs(difference).max() < 1e-12
+
+
+@pytest.mark.parametrize("curve", CURVES[1:4], ids=lambda c: type(c).__name__)
+def test_fitted_elements_come_close_with_their_number(curve):
+    z = walk(3000, rng=4, span=0.05)
+    exact = hysteresis_force(curve, z)
+    errors = [
+        np.abs(hysteresis_force(fit_maxwell_slip(curve, n_elements=n, decades=3), z) - exact).max() for n in (16, 64)
+    ]
+    assert errors[0] < 0.02 * curve.Fy
+    assert errors[1] < errors[0] / 10  # second order in the spacing of the knots: 4 times closer, 16 times better
+
+
+def test_graded_knots_keep_the_loss_of_small_motions():
+    curve, amplitude = Tanh(1.0, 1.0), 0.1
+    elements = fit_maxwell_slip(curve, n_elements=32)
+    quarter = np.linspace(0, amplitude, 1001)
+    cycle = np.concatenate([quarter, quarter[-2::-1], -quarter[1:], -quarter[-2::-1], quarter[1:]])
+    loss = [np.trapezoid(hysteresis_force(c, cycle)[1000:], cycle[1000:]) for c in (curve, elements)]
+    assert loss[1] == pytest.approx(loss[0], rel=0.1)
+    uniform = MaxwellSlip(np.full(8, 1 / 8), np.full(8, 1 / 8) * np.linspace(0.4, 3.0, 8))
+    assert abs(np.trapezoid(hysteresis_force(uniform, cycle)[1000:], cycle[1000:])) < 1e-12
+
+
 @pytest.mark.parametrize(
     ("z", "F", "message"),
     [
@@ -107,5 +137,7 @@ def test_refusals_name_the_parameter():
         Parabola(1, -1)
     with pytest.raises(ValueError, match="strength must be positive for every element, got 0"):
         MaxwellSlip([1.0, 1.0], [1.0, 0.0])
+    with pytest.raises(ValueError, match="n_elements must be a whole number of at least 1, got 0"):
+        fit_maxwell_slip(Tanh(1, 1), n_elements=0)
     with pytest.raises(ValueError, match="curve must be one of Linear"):
         hysteresis_force(3.0, [1.0])

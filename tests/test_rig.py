@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from nlfrf.friction import Dahl, Leuven, LuGre
+from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Tanh
 from nlfrf.rig import Rig, paper_rig, run
 
@@ -76,7 +76,10 @@ def test_small_motion_is_that_of_the_stuck_spring():
 
 def test_force_turned_around_turns_the_motion_around_to_the_last_bit():
     u = force(2048, rms=2.0)
-    for friction in (Leuven(), Leuven(n=2.0), Dahl(sigma0=64e3, Fc=1.0, n=1.5), Leuven(form="original")):
+    sliding = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01}
+    gms = GeneralizedMaxwellSlip(stiffness=[30e3, 34e3], alpha=[0.3, 0.7], C=20.0, **sliding)
+    frictions = [Leuven(), Leuven(n=2.0), Dahl(sigma0=64e3, Fc=1.0, n=1.5), Leuven(form="original"), gms]
+    for friction in (*frictions, Coulomb(**sliding)):
         rig = Rig(1.0, 80e3, friction)
         assert np.array_equal(run(rig, -u, fs=2048.0, oversampling=4).x, -run(rig, u, fs=2048.0, oversampling=4).x)
 
@@ -102,6 +105,29 @@ def test_refinement_converges(curve, worst, order):
     # fourth order where the curve is smooth, as steps are divided where its branches meet; else second
     u = force(2048, rms=1.0)
     rig = Rig(1.0, 80e3, Leuven(curve=curve))
+    x = [run(rig, u, fs=2048.0, oversampling=steps).x for steps in (2, 8, 64)]
+    errors = [np.sqrt(np.mean((x[i] - x[2]) ** 2)) / x[2].std() for i in range(2)]
+    assert errors[0] < worst
+    assert errors[0] / errors[1] > 4**order
+
+
+@pytest.mark.parametrize(
+    ("friction", "worst", "order"),
+    [
+        (Coulomb(Fc=0.7, Fs=1.0, vs=0.01, sigma2=0.4), 1e-5, 3.5),
+        (
+            GeneralizedMaxwellSlip(
+                stiffness=[20e3, 20e3, 24e3], alpha=[0.2, 0.3, 0.5], C=20.0, Fs=1.0, Fc=0.7, vs=0.01, sigma2=0.4
+            ),
+            5e-4,
+            1.5,
+        ),
+    ],
+    ids=["Coulomb", "GMS"],
+)
+def test_refinement_converges_for_laws_that_switch(friction, worst, order):
+    u = force(2048, rms=2.5)
+    rig = Rig(1.0, 80e3, friction)
     x = [run(rig, u, fs=2048.0, oversampling=steps).x for steps in (2, 8, 64)]
     errors = [np.sqrt(np.mean((x[i] - x[2]) ** 2)) / x[2].std() for i in range(2)]
     assert errors[0] < worst
