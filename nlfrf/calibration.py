@@ -95,8 +95,8 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
         The ratio; inf where the detection lines of a window hold no combination at all.
     """
     # the convolutions are exact to rounding of the largest count; below that a count is noise
-    at_excited = cubic_variance(amplitude, excited, excited)
-    at_detection = cubic_variance(amplitude, excited, detection)
+    counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
+    at_excited, at_detection = counts[: excited.size], counts[excited.size :]
     trusted = 1e-9 * max(at_excited.max(), at_detection.max())
     mean = at_detection[window].mean(axis=1)
     ratio = np.full(excited.size, np.inf)

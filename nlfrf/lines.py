@@ -8,6 +8,7 @@ Schoukens, 4.3).
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,7 @@ class LineGrid:
             array.flags.writeable = False
             object.__setattr__(self, name, array)
 
-    @property
+    @cached_property
     def kind(self) -> str:
         """The grid these excited lines form: one of `KINDS`."""
         return recognise(self.excited)
@@ -109,7 +110,6 @@ def grid_lines(kind: str, first: int, last: int, rng: np.random.Generator) -> Li
 
 def recognise(excited: np.ndarray) -> str:
     """The kind of grid a set of excited lines forms; "custom" where it forms none of the known ones."""
-    first, last = int(excited[0]), int(excited[-1])
     if excited.size < 2:
         return "custom"
     steps = np.diff(excited)
@@ -121,12 +121,9 @@ def recognise(excited: np.ndarray) -> str:
         return "odd"
     if np.all(steps == 4):
         return "odd-odd"
-    if excited.size >= 3:
-        band = np.arange(first, last + 1)
-        # 8k+1, 8k+3, or the same pattern begun at another odd line
-        for shift in (0, 2, 4, 6):
-            if np.array_equal(excited, band[np.isin((band - shift) % 8, (1, 3))]):
-                return "special-odd"
+    # 8k+1, 8k+3, or the same pattern begun at another odd line: steps of 2 and 6 in turn
+    if excited.size >= 3 and set(steps[:2].tolist()) == {2, 6} and np.all(steps[2:] == steps[:-2]):
+        return "special-odd"
     return "random-odd" if one_of_four_left_out(excited) else "custom"
 
 

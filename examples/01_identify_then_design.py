@@ -1,0 +1,78 @@
+"""From one record of a machine with friction to a controller with a checked claim.
+
+python examples/01_identify_then_design.py                      the built-in rig
+python examples/01_identify_then_design.py FILE --input NAME --output NAME --fs HZ --period SAMPLES
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import nlfrf
+import robust
+from nlfrf.plot import plot_bla, plot_levels
+from robust.plot import plot_check, plot_loop, plot_nominal, plot_weight
+
+parser = argparse.ArgumentParser()
+parser.add_argument("file", nargs="?", help="measured record; the built-in rig is simulated when not given")
+parser.add_argument("--input", default="u")
+parser.add_argument("--output", default="y")
+parser.add_argument("--fs", type=float)
+parser.add_argument("--period", type=int)
+parser.add_argument("--discard", type=int, default=1)
+parser.add_argument("--poles", type=int, default=3)
+parser.add_argument("--bandwidth", type=float, default=5.0, help="crossover of the loop [Hz]")
+parser.add_argument("--sample-time", type=float, default=1e-3, help="of the controller [s]")
+parser.add_argument("--out", type=Path, default=Path("demo"))
+args = parser.parse_args()
+args.out.mkdir(parents=True, exist_ok=True)
+
+# 1. One record: a special-odd multisine through the machine, two periods of it, and a little sensor noise.
+if args.file:
+    record = nlfrf.load_record(
+        args.file, u=args.input, y=args.output, fs=args.fs, n_samples=args.period, n_discard=args.discard
+    )
+else:
+    ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=0.25, rng=1)
+    print("simulating the rig: a mass on a spring with friction (the first run compiles the integrator) ...")
+    record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2)
+    noise = 1e-8 * np.random.default_rng(2).standard_normal(record.y.shape)
+    record = replace(record, y=record.y + noise)
+nlfrf.save_record(record, args.out / "record.npz")
+
+# 2. Its best linear approximation, with the level of its distortion and a bound.
+bla = nlfrf.identify(record)
+nlfrf.save_bla(bla, args.out / "bla.npz")
+print(bla)
+
+# 3. A nominal plant, and the uncertainty that covers the bound.
+nominal = robust.fit_nominal(bla, n_poles=args.poles, delay=0.0)
+model = robust.uncertainty(bla, nominal, order=4)
+robust.save_model(model, args.out / "model.json")
+print(nominal)
+
+# 4. A sampled controller for it by H-infinity loop shaping, on the plant that the controller sees.
+plant = robust.sampled(model.nominal, args.sample_time)
+design = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * args.bandwidth))
+robust.save_controller(design.K, args.out / "controller.json")
+
+# 5. What can be claimed of the loop, for which perturbations.
+w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 3, M_S=2.5, A=1e-2)
+report = robust.check(model, design.K, w_P=w_P)
+(args.out / "report.txt").write_text(f"{bla}\n{nominal}\n{report}\n")
+print(report)
+
+pictures = {
+    "bla.png": ((plot_bla, bla), (plot_levels, bla)),
+    "model.png": ((plot_nominal, model), (plot_weight, model)),
+    "check.png": ((plot_loop, report), (plot_check, report)),
+}
+for name, panels in pictures.items():
+    figure, axes = plt.subplots(len(panels), 1, figsize=(9, 9), layout="constrained")
+    for ax, (draw, what) in zip(axes, panels, strict=True):
+        draw(what, ax=ax)
+    figure.savefig(args.out / name, dpi=110)
+print(f"wrote {', '.join(sorted(path.name for path in args.out.iterdir()))} in {args.out}/")
