@@ -133,6 +133,7 @@ def prove(
     """
     deadline = time.monotonic() + time_cap
     edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
+    nothing_below = NARROWEST * edges[1] if np.isfinite(edges[1]) else 0.0
     todo = list(itertools.pairwise(edges.tolist()))[::-1]
     done: list[tuple[float, float]] = []
     count = 0
@@ -169,7 +170,7 @@ def prove(
                     split = inner
         if split is None:
             done.append((low, high))
-        elif high - low <= NARROWEST * high:
+        elif high - low <= NARROWEST * high or high <= nothing_below:
             return stop(f"undecided at {inner:.6g}")
         else:
             todo += [(split, high), (low, split)]
