@@ -1,8 +1,11 @@
 """Experiments on the rig: symmetry, steady state, and the same result whoever computes it."""
 
+import signal
 import subprocess
 import sys
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+import warnings
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
@@ -10,7 +13,7 @@ import pytest
 
 from nlfrf.checks import DataWarning
 from nlfrf.friction import Leuven, LuGre
-from nlfrf.hysteresis import Exponential
+from nlfrf.hysteresis import Exponential, MaxwellSlip, Tanh
 from nlfrf.multisine import multisine
 from nlfrf.rig import Rig, paper_rig
 from nlfrf.simulate import simulate
@@ -50,18 +53,131 @@ def test_odd_grids_are_answered_with_half_wave_antisymmetry_to_rounding(kind, rm
 
 
 def test_result_does_not_depend_on_who_computes_it():
-    ms, rig = odd(4), paper_rig()
+    ms, rig = odd(4, n_samples=8192), paper_rig()
     y = simulate(rig, ms).y
-    with ThreadPoolExecutor(1) as one:
-        assert np.array_equal(simulate(rig, ms, executor=one).y, y)
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as processes:
-        assert np.array_equal(simulate(rig, ms, executor=processes).y, y)
+    for executor in (ThreadPoolExecutor(1), ThreadPoolExecutor(3), ProcessPoolExecutor(2, get_context("spawn"))):
+        with executor:
+            assert np.array_equal(simulate(rig, ms, executor=executor).y, y)
+
+
+def test_result_is_the_same_on_a_cluster():
+    distributed = pytest.importorskip("distributed")
+    ms, rig = odd(4, n_samples=8192), paper_rig()
+    y = simulate(rig, ms).y
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # sockets of the cluster, closed by its own time
+        with (
+            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            record = simulate(rig, ms, executor=client.get_executor())
+    assert np.array_equal(record.y, y)
 
 
 def test_progress_counts_up_to_the_total():
     seen = []
-    simulate(paper_rig(), odd(3), progress=lambda done, total: seen.append((done, total)))
+    simulate(paper_rig(), odd(3, n_samples=8192), progress=lambda done, total: seen.append((done, total)))
     assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+class Dying(ThreadPoolExecutor):
+    """An executor that computes three runs and breaks, as a pool does whose worker was killed."""
+
+    def __init__(self):
+        super().__init__(1)
+        self.left = 3
+
+    def submit(self, task, *args):
+        if self.left == 0:
+            future = Future()
+            future.set_exception(BrokenExecutor("a worker was killed"))
+            return future
+        self.left -= 1
+        future = super().submit(task, *args)
+        future.result()
+        return future
+
+
+def test_executor_that_dies_is_named_and_what_was_done_is_kept(tmp_path):
+    ms, rig = odd(5, n_samples=8192), paper_rig()
+    with (
+        Dying() as dying,
+        pytest.raises(
+            ValueError, match=r"executor must finish all 5 runs, got BrokenExecutor .* after \d, .* are lost"
+        ),
+    ):
+        simulate(rig, ms, executor=dying)
+    with Dying() as dying, pytest.raises(ValueError, match=r"executor must finish all 5 runs, got .* are kept in"):
+        simulate(rig, ms, executor=dying, resume=tmp_path)
+    kept = len(list(tmp_path.glob("*.npz")))
+    seen = []
+    record = simulate(rig, ms, resume=tmp_path, progress=lambda done, total: seen.append(done))
+    assert kept == 0 or seen[0] == kept
+    assert len(list(tmp_path.glob("*.npz"))) == 5
+    assert np.array_equal(record.y, simulate(rig, ms).y)
+
+
+KILLED = """
+import os, signal, sys
+from nlfrf.multisine import multisine
+from nlfrf.rig import paper_rig
+from nlfrf.simulate import simulate
+ms = multisine(fs=4096, n_samples=8192, f_min=1, f_max=140, rms=0.25, n_realizations=6, rng=5)
+stop = lambda done, total: os.kill(os.getpid(), signal.SIGKILL) if done == 3 else None
+simulate(paper_rig(), ms, resume=sys.argv[1], progress=stop)
+"""
+
+
+def test_run_that_was_killed_is_resumed(tmp_path):
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], capture_output=True, check=False)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr.decode()
+    assert len(list(tmp_path.glob("*.npz"))) == 3
+    ms, seen = odd(6, n_samples=8192), []
+    damaged = sorted(tmp_path.glob("*.npz"))[0]
+    damaged.write_bytes(damaged.read_bytes()[:1000])  # a file that cannot be read is computed again
+    record = simulate(paper_rig(), ms, resume=tmp_path, progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(2, 6), (3, 6), (4, 6), (5, 6), (6, 6)]
+    assert np.array_equal(record.y, simulate(paper_rig(), ms).y)
+
+
+def test_results_of_another_experiment_are_not_taken(tmp_path):
+    ms, seen = odd(2, n_samples=8192), []
+    simulate(paper_rig(), ms, resume=tmp_path)
+    others = [
+        (replace(paper_rig(), mass=1.1), ms, {}),
+        (replace(paper_rig(), friction=Leuven(curve=Tanh(60e3, 1.0))), ms, {}),
+        (paper_rig(), odd(2, n_samples=8192, rng=6), {}),
+        (paper_rig(), ms, {"oversampling": 2}),
+        (paper_rig(), ms, {"n_discard": 3}),
+        (paper_rig(), ms, {"hold": "zoh"}),
+    ]
+    for rig, excitation, options in others:
+        simulate(rig, excitation, resume=tmp_path, progress=lambda done, total: seen.append(done), **options)
+    assert seen == [1, 2] * len(others)
+
+
+def test_interruption_cancels_what_was_not_begun(tmp_path):
+    def interrupt(done, total):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate(paper_rig(), odd(40, n_samples=8192), progress=interrupt, resume=tmp_path)
+    assert 1 <= len(list(tmp_path.glob("*.npz"))) < 10
+
+
+def test_accuracy_is_met_and_no_finer_step_taken_than_it_needs():
+    ms = odd(1)
+    exact = simulate(paper_rig(), ms, n_discard=5, oversampling=32).y
+    errors = []
+    for accuracy in (1e-4, 1e-6, 1e-8):
+        y = simulate(paper_rig(), ms, n_discard=5, accuracy=accuracy).y
+        errors.append(np.sqrt(np.mean((y - exact) ** 2) / np.mean(exact**2)))
+        assert errors[-1] < 1.2 * accuracy
+    assert errors[0] > 1e-7
+    with pytest.raises(ValueError, match="accuracy must be one that 64 integration steps per sample reach"):
+        simulate(
+            Rig(1.0, 80e3, Leuven(curve=MaxwellSlip([32e3, 32e3], [0.3, 0.8]))), odd(n_samples=1024), accuracy=1e-13
+        )
 
 
 def test_held_force_is_a_force_delayed_by_half_a_sample():
@@ -82,6 +198,10 @@ def test_refusals_name_the_parameter():
         simulate(paper_rig(), odd(), n_periods=0)
     with pytest.raises(ValueError, match="hold must be one of 'band-limited', 'zoh', got 'foh'"):
         simulate(paper_rig(), odd(), hold="foh")
+    with pytest.raises(ValueError, match="accuracy must be positive, got 0"):
+        simulate(paper_rig(), odd(), accuracy=0)
+    with pytest.raises(ValueError, match="resume must be a folder, got the file"):
+        simulate(paper_rig(), odd(), resume=__file__)
     coarse = multisine(fs=100, n_samples=400, f_min=1, f_max=40, rng=1)
     with pytest.raises(ValueError, match=r"oversampling must be at least \d+ for a stable integration step"):
         simulate(paper_rig(), coarse)
@@ -90,7 +210,7 @@ def test_refusals_name_the_parameter():
 def test_step_too_long_in_sliding_is_refused():
     rig = Rig(1.0, 80e3, Leuven(n=3.0))
     with pytest.raises(ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"):
-        simulate(rig, odd(2, rms=60.0))
+        simulate(rig, odd(2, rms=60.0, n_samples=2048))
 
 
 def test_numba_is_loaded_by_the_first_simulation_only():
