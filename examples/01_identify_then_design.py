@@ -63,7 +63,7 @@ robust.save_controller(design.K, args.out / "controller.json")
 w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 3, M_S=2.5, A=1e-2)
 report = robust.check(model, design.K, w_P=w_P)
 (args.out / "report.txt").write_text(f"{bla}\n{nominal}\n{report}\n")
-print(report)
+print(report.summary)
 
 pictures = {
     "bla.png": ((plot_bla, bla), (plot_levels, bla)),
@@ -75,4 +75,6 @@ for name, panels in pictures.items():
     for ax, (draw, what) in zip(axes, panels, strict=True):
         draw(what, ax=ax)
     figure.savefig(args.out / name, dpi=110)
-print(f"wrote {', '.join(sorted(path.name for path in args.out.iterdir()))} in {args.out}/")
+print(
+    f"{args.out}/report.txt says it in full; beside it: {', '.join(sorted(p.name for p in args.out.glob('*.[npj]*')))}"
+)

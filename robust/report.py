@@ -10,7 +10,13 @@ import numpy as np
 from nlfrf.values import value
 from robust.certify import Certificate
 
-VERDICTS = ("robust", "statistically robust", "not robust", "not certified")
+#: Every verdict, and what it means.
+VERDICTS = {
+    "robust": "proved for every perturbation of the set",
+    "statistically robust": "holds for the whole set at its confidence; no stability proof for the nonlinear plant",
+    "not robust": "fails for a plant of the set, or for the nominal one",
+    "not certified": "neither proved nor disproved",
+}
 
 
 @value
@@ -87,11 +93,16 @@ class RobustnessReport:
         """Phase [rad] the loop may gain or lose, by the disk margin."""
         return 2 * float(np.arctan(self.disk_margin / 2))
 
-    def __str__(self) -> str:
+    @property
+    def summary(self) -> str:
+        """Verdict, margins and what was proved, in a few lines."""
+        return "\n".join(self.findings())
+
+    def findings(self) -> list[str]:
+        """The rows of the summary."""
         lines = [
-            f"verdict: {self.verdict.upper()}",
+            *paragraph("verdict", f"{self.verdict.upper()} ({VERDICTS[self.verdict]})"),
             *paragraph("because", self.reason),
-            *paragraph("loop", self.context),
         ]
         if self.nominally_stable and np.isfinite(self.margin_rs):
             lines += paragraph(
@@ -104,21 +115,26 @@ class RobustnessReport:
                     + ("demand met by the whole set" if self.robust_performance else "demand not met by the whole set")
                 )
                 lines += paragraph("performance", text)
-            lines += paragraph(
-                "disk margin",
-                f"{self.disk_margin:.3f} at {hertz(self.omega_disk)}: gain {20 * np.log10(self.gain_margin):.2f} dB, "
-                f"phase {np.degrees(self.phase_margin):.1f} deg, at once",
-            )
         elif self.nominally_stable:
             lines += paragraph("stability", "no uncertainty to hold it against")
-        lines += paragraph("proved", self.proved)
+        return lines + paragraph("proved", self.proved)
+
+    def __str__(self) -> str:
+        lines = self.findings()
         lines += paragraph("not proved", self.not_proved)
         for certificate in self.certificates:
             how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
             if certificate.holds and len(certificate.intervals) > 1:
                 how += f" ({len(certificate.intervals)} of them)"
             lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
+        if self.nominally_stable and np.isfinite(self.disk_margin):
+            lines += paragraph(
+                "disk margin",
+                f"{self.disk_margin:.3f} at {hertz(self.omega_disk)}: gain {20 * np.log10(self.gain_margin):.2f} dB, "
+                f"phase {np.degrees(self.phase_margin):.1f} deg, at once",
+            )
         lines += paragraph("next", self.advice)
+        lines += paragraph("loop", self.context)
         return "\n".join(lines)
 
 
