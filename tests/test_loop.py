@@ -1,0 +1,141 @@
+"""The sampled loop against linear theory where friction acts as a spring, and what friction does to it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from nlfrf.friction import LuGre
+from nlfrf.loop import simulate_loop
+from nlfrf.rig import Rig, paper_rig
+
+FS = 2000.0
+
+
+def controller(A, B, C, D, dt=1 / FS):
+    return SimpleNamespace(A=np.array(A), B=np.array(B), C=np.array(C), D=np.array(D), dt=dt)
+
+
+PI = controller([[1.0]], [[1.0]], [[200.0]], [[3e3]])
+
+
+def linear_loop(K, r, *, delay, disturbance=None):
+    """The stuck rig, (k + K0) stiff and 13.4 Ns/m damped, under the same controller: exact between samples."""
+    A = np.array([[0.0, 1.0], [-144e3, -13.4]])
+    whole, part = divmod(delay * FS, 1)
+
+    def hold(span):
+        block = np.zeros((3, 3))
+        block[:2, :2], block[1, 2] = A * span / FS, span / FS
+        big = expm(block)
+        return big[:2, :2], big[:2, 2]
+
+    first, second = hold(part), hold(1 - part)
+    x, state, forces, out = np.zeros(2), np.zeros(K.A.shape[0]), np.zeros(r.size + int(whole) + 1), []
+    for k in range(r.size):
+        out.append(x[0])
+        e = r[k] - x[0]
+        forces[k + int(whole)] = (K.C @ state)[0] + K.D[0, 0] * e
+        state = K.A @ state + K.B[:, 0] * e
+        added = 0.0 if disturbance is None else disturbance[k]
+        x = first[0] @ x + first[1] * (added + (forces[k - 1] if k else 0.0))
+        x = second[0] @ x + second[1] * (added + forces[k])
+    return np.array(out)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.25e-3, 0.5e-3, 1.1e-3])
+def test_small_motion_is_that_of_the_linear_loop(delay):
+    rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
+    r = 1e-10 * np.ones(600)  # so small that friction is a spring and a damper
+    response = simulate_loop(rig, PI, r, fs=FS, delay=delay, oversampling=8)
+    exact = linear_loop(PI, r, delay=delay)
+    assert np.abs(response.x - exact).max() < 1e-5 * np.abs(exact).max()
+    assert not response.diverged
+
+
+def test_disturbance_enters_at_the_input_of_the_rig():
+    rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
+    disturbance = 1e-6 * np.ones(600)
+    response = simulate_loop(rig, PI, np.zeros(600), fs=FS, disturbance=disturbance, oversampling=8)
+    exact = linear_loop(PI, np.zeros(600), delay=0.0, disturbance=disturbance)
+    assert np.abs(response.x - exact).max() < 1e-5 * np.abs(exact).max()
+
+
+def hunting(Fs):
+    """The example of Canudas de Wit, Olsson, Astrom and Lischinsky (1995): PID on a mass, Kp = 3, Ki = 4, Kv = 6."""
+    fs = 500.0
+    rig = Rig(1.0, 0.0, LuGre(sigma0=1e5, sigma1=np.sqrt(1e5), sigma2=0.4, Fc=1.0, Fs=Fs, vs=1e-3))
+    PID = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[4 / fs, -6 * fs]], [[6 * fs + 3 + 4 / fs]], dt=1 / fs)
+    response = simulate_loop(rig, PID, np.minimum(np.arange(20_000) / fs / 2, 1.0), fs=fs)
+    assert not response.diverged
+    return response.e
+
+
+def test_integral_action_hunts_against_static_friction():
+    e = hunting(1.5)
+    swings = [np.abs(e[k : k + 5000]).max() for k in (5000, 10_000, 15_000)]
+    assert np.allclose(swings, 0.0637, rtol=0.03)  # a limit cycle: it neither dies out nor grows
+    assert e[5000:].min() < -0.06 < 0.06 < e[5000:].max()
+    assert np.mean(np.abs(np.diff(e[5000:])) < 1e-6) > 0.7  # and it stands still most of the time
+
+
+def test_hunting_dies_out_where_static_friction_is_no_larger():
+    e = hunting(1.0)
+    assert np.abs(e[15_000:]).max() < 0.5 * np.abs(e[3000:5000]).max()
+
+
+def test_saturation_quantisation_and_noise_act_where_they_stand():
+    rng = np.random.default_rng(1)
+    r = np.full(400, 1e-4)
+    response = simulate_loop(paper_rig(), PI, r, fs=FS, saturation=1.5, resolution=1e-6)
+    assert np.abs(response.u).max() == 1.5
+    assert np.allclose(response.y / 1e-6, np.round(response.y / 1e-6), atol=1e-9)
+    assert np.abs(response.y - response.x).max() <= 0.5e-6 * (1 + 1e-9)
+    noise = 1e-6 * rng.standard_normal(400)
+    noisy = simulate_loop(paper_rig(), PI, r, fs=FS, noise=noise)
+    assert np.allclose(noisy.y - noisy.x, noise, atol=1e-18)
+    assert np.allclose(noisy.e, noisy.r - noisy.x)
+
+
+def test_loop_that_runs_away_is_a_result():
+    unstable = controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[-2e5]])
+    response = simulate_loop(paper_rig(), unstable, np.full(2000, 1e-3), fs=FS)
+    assert response.diverged
+    assert 5 < response.x.size < 2000
+    assert np.isfinite(response.x).all()
+    assert np.abs(response.x[-1]) > 20 * 1e-3
+
+
+def test_refinement_changes_little():
+    r = 2e-4 * np.sin(2 * np.pi * 20 * np.arange(1000) / FS)
+    x = [simulate_loop(paper_rig(), PI, r, fs=FS, oversampling=n).x for n in (4, 32)]
+    assert np.sqrt(np.mean((x[0] - x[1]) ** 2)) < 1e-5 * x[1].std()
+
+
+@pytest.mark.parametrize(
+    ("K", "options", "message"),
+    [
+        (
+            controller([[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=0),
+            {},
+            r"K must be sampled with dt = 1/fs = 0\.0005 s, got dt = 0",
+        ),
+        (controller([[1.0]], [[1.0]], [[1.0]], [[1.0]], dt=1e-3), {}, r"K must be sampled .* got dt = 0\.001 s"),
+        (
+            controller([[1.0]], [[1.0, 1.0]], [[1.0]], [[1.0, 1.0]]),
+            {},
+            "K must have one input and one output, got 2 and 1",
+        ),
+        (controller([[np.nan]], [[1.0]], [[1.0]], [[1.0]]), {}, "K must have finite matrices, got a number in A"),
+        (3.0, {}, "K must have A, B, C, D and dt, got float without A, B, C, D, dt"),
+        (PI, {"delay": -1.0}, "delay must be zero or positive, got -1"),
+        (PI, {"saturation": 0.0}, "saturation must be positive, got 0"),
+        (PI, {"resolution": -1.0}, "resolution must be zero or positive, got -1"),
+        (PI, {"noise": np.zeros(3)}, "noise must have one value for each of the 10 samples of r, got 3"),
+        (PI, {"oversampling": 0}, "oversampling must be a whole number of at least 1, got 0"),
+    ],
+)
+def test_refusals_name_the_parameter(K, options, message):
+    with pytest.raises(ValueError, match=message):
+        simulate_loop(paper_rig(), K, np.zeros(10), fs=FS, **options)
