@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import warnings
 from dataclasses import replace
@@ -99,6 +100,9 @@ def identify(
     fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
     discard: Annotated[int, typer.Option(help="Periods to leave out at the start.")] = 0,
+    resample: Annotated[
+        bool, typer.Option("--resample", help="Cut the periods where the input shows they are.")
+    ] = False,
     transient: Annotated[str, typer.Option(help="auto, none, discard or local.")] = "auto",
     level_from: Annotated[str, typer.Option(help="auto, detection or roughness.")] = "auto",
     detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
@@ -108,10 +112,12 @@ def identify(
     With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz.
     """
     outputs = output or ["y"]
-    records = io.load_record(file, u=input, y=outputs, r=reference, fs=fs, n_samples=period, n_discard=discard)
+    records = io.load_record(
+        file, u=input, y=outputs, r=reference, fs=fs, n_samples=period, n_discard=discard, resample=resample
+    )
     for name, record in zip(outputs, records, strict=True):
         bla = nlfrf.identify(record, transient=transient, level_from=level_from, n_detection=detection)
-        target = out if len(outputs) == 1 else out.with_name(f"{out.stem}-{name}{out.suffix}")
+        target = out if len(outputs) == 1 else out.with_name(f"{out.stem}-{slug(name)}{out.suffix}")
         io.save_bla(bla, target)
         print(f"{name}: {bla}")
         print(f"wrote {target}")
@@ -145,6 +151,11 @@ def plot(
         pictures.plot_levels(content, ax=bottom)
     io.write_whole(out, lambda target: figure.savefig(target, dpi=120))
     print(f"wrote {out}")
+
+
+def slug(name: str) -> str:
+    """A channel's name as part of a file's."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("_")
 
 
 class progress_bar:

@@ -37,6 +37,7 @@ def load_record(
     n_samples: int | None = None,
     lines: LineGrid | None = None,
     n_discard: int = 0,
+    resample: bool = False,
 ) -> Any:
     """Read a record from a measurement file.
 
@@ -56,6 +57,8 @@ def load_record(
         Excited and detection lines; found from the input when not given.
     n_discard : int
         Periods to leave out at the start.
+    resample : bool
+        Cut the periods where the input shows that they stand; see `record_from_samples`.
 
     Returns
     -------
@@ -70,17 +73,17 @@ def load_record(
         No such file.
     """
     if not isinstance(y, str):
-        return [
-            load_record(path, u=u, y=one, r=r, fs=fs, n_samples=n_samples, lines=lines, n_discard=n_discard)
-            for one in y
-        ]
+        common: dict[str, Any] = {"u": u, "r": r, "fs": fs, "n_samples": n_samples, "lines": lines}
+        return [load_record(path, y=one, n_discard=n_discard, resample=resample, **common) for one in y]
     channels = read_channels(path)
     names = {"u": u, "y": y} | ({} if r is None else {"r": r})
     signals = {parameter: channels.signal(parameter, name) for parameter, name in names.items()}
     fs = positive("fs", channels.sampling_frequency() if fs is None else fs)
     if channels.text("schema") == RECORD_SCHEMA:
         return stored_record(channels.arrays, signals, fs=fs, lines=lines, n_discard=n_discard)
-    return record_from_samples(**signals, fs=fs, n_samples=n_samples, lines=lines, n_discard=n_discard)
+    return record_from_samples(
+        **signals, fs=fs, n_samples=n_samples, lines=lines, n_discard=n_discard, resample=resample
+    )
 
 
 def stored_record(

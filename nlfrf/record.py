@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from nlfrf.checks import integer, positive, real_array
+from nlfrf.checks import DataWarning, integer, positive, real_array
+from nlfrf.diagnosis import SEVERE, Track, clipped, longest_standstill, recut, track
 from nlfrf.excitation import detect_lines, detect_period
 from nlfrf.lines import LineGrid
 from nlfrf.values import value
+
+REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
+CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
 
 
 @value
@@ -105,6 +110,7 @@ def record_from_samples(
     lines: LineGrid | None = None,
     r: np.ndarray | Sequence[np.ndarray] | None = None,
     n_discard: int = 0,
+    resample: bool = False,
 ) -> Record:
     """Cut streams of samples into whole periods.
 
@@ -122,6 +128,9 @@ def record_from_samples(
         Reference.
     n_discard : int
         Periods to leave out at the start, where the transient is.
+    resample : bool
+        Cut the periods where the input shows that they stand, between the samples where need be: the cure for a
+        period that is not a whole number of samples, a drifting clock, and lost or repeated samples.
 
     Returns
     -------
@@ -131,7 +140,13 @@ def record_from_samples(
     Raises
     ------
     ValueError
-        Streams of different lengths, fewer samples than one period, a period that the input does not have.
+        Streams of different lengths, fewer samples than one period, a period that the input does not have or
+        that is not whole, a drifting clock, lost samples; the message has the numbers and the cure.
+
+    Warns
+    -----
+    DataWarning
+        Periods that are slightly out of place, a clipped signal, a signal that stands still.
 
     Examples
     --------
@@ -166,13 +181,69 @@ def record_from_samples(
             f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
             f"got {shortest} samples, which is {shortest / n_samples:.2f} periods"
         )
-    kept = slice(n_discard * n_samples, (n_discard + n_periods) * n_samples)
-    cut = {
-        name: np.stack([one[kept].reshape(n_periods, n_samples) for one in signal]) for name, signal in streams.items()
-    }
+    for name, signal in streams.items():
+        for one in signal:
+            warn_about_channel(name, one, n_samples)
+    tracks = [track(one, n_samples) if one.size >= 2 * n_samples else None for one in excitation]
+    usable = [found is not None and found.unexplained < REPEATS for found in tracks]
+    if resample and all(usable):
+        begin = n_discard * n_samples
+        kept_tracks = [track(one[begin:], n_samples) for one in excitation]
+        cut = {
+            name: stacked([recut(one[begin:], where) for one, where in zip(signal, kept_tracks, strict=True)])
+            for name, signal in streams.items()
+        }
+    else:
+        for found in tracks:
+            if found is not None and found.unexplained < REPEATS:
+                refuse_fault(found)
+        kept = slice(n_discard * n_samples, (n_discard + n_periods) * n_samples)
+        cut = {
+            name: np.stack([one[kept].reshape(n_periods, n_samples) for one in signal])
+            for name, signal in streams.items()
+        }
     periodic = cut.get("r", cut["u"])
     refuse_wrong_period(periodic, excitation[0])
     return Record(**cut, fs=fs, lines=detect_lines(periodic) if lines is None else lines)
+
+
+def stacked(cut: list[np.ndarray]) -> np.ndarray:
+    """(M, P, N) as many periods of each realisation as all of them have."""
+    n_periods = min(len(periods) for periods in cut)
+    return np.stack([periods[:n_periods] for periods in cut])
+
+
+def refuse_fault(where: Track) -> None:
+    """Refuse periods out of place where that would read as distortion, and warn where it just might."""
+    fault = where.fault
+    if fault and (where.misplaced > SEVERE or not where.sound.all()):
+        raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
+    if fault:
+        warnings.warn(
+            f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place",
+            DataWarning,
+            stacklevel=4,
+        )
+
+
+def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
+    """Warn of a signal that is clipped or that stands still: both would read as distortion."""
+    share = clipped(signal)
+    if share > CLIPPED:
+        warnings.warn(
+            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
+            "lower the level or widen the range",
+            DataWarning,
+            stacklevel=4,
+        )
+    begin, length = longest_standstill(signal)
+    if length > n_samples // 4:
+        warnings.warn(
+            f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
+            "was the channel alive?",
+            DataWarning,
+            stacklevel=4,
+        )
 
 
 def as_streams(name: str, signal: Any) -> list[np.ndarray]:
@@ -186,7 +257,7 @@ def as_streams(name: str, signal: Any) -> list[np.ndarray]:
 
 
 def whole_period(u: np.ndarray) -> int:
-    """The period of the input in samples, refused where it is not whole."""
+    """The period of the input, rounded to samples: whether it is whole is found by following the periods."""
     period = detect_period(u)
     if abs(period - round(period)) > 0.1:
         raise ValueError(
@@ -201,7 +272,7 @@ def refuse_wrong_period(u: np.ndarray, stream: np.ndarray) -> None:
         return
     centred = u - u.mean(axis=(1, 2), keepdims=True)
     unexplained = np.sum((centred - centred.mean(axis=1, keepdims=True)) ** 2) / np.sum(centred**2)
-    if unexplained > 0.25:
+    if unexplained > REPEATS:
         try:
             found = f"its autocorrelation points to {detect_period(stream):.1f}"
         except ValueError:

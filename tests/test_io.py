@@ -145,6 +145,17 @@ def test_dspace_recordings_name_their_channels(measured):
     path = measured / "linear_guide" / "exp1.mat"
     with pytest.raises(ValueError, match=r"one of enc1 \(mm\), enc2 \(mm\), input \(V\), time; got 'force'"):
         nlfrf.load_record(path, u="force", y="enc1")
-    record = nlfrf.load_record(path, u="input", y="enc1", n_samples=5000)
+    record = nlfrf.load_record(path, u="input", y="enc1")
     assert record.fs == 1000
     assert record.n_periods == 20
+
+
+@pytest.mark.data
+def test_the_linear_guide_repeats_one_sample_early(measured):
+    # designed for 5000 samples, played with 4999: read as 5000 it would be 16 % distortion
+    path = measured / "linear_guide" / "exp1.mat"
+    with pytest.raises(ValueError, match="got 5000: the input repeats every 4999 samples; give n_samples=4999"):
+        nlfrf.load_record(path, u="input", y="enc1", n_samples=5000)
+    record = nlfrf.load_record(path, u="input", y="enc1")
+    assert record.n_samples == 4999
+    np.testing.assert_array_equal(record.lines.excited, np.arange(1, 101))

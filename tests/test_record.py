@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nlfrf import LineGrid, Record, multisine, record_from_samples
+from nlfrf import DataWarning, LineGrid, Record, multisine, record_from_samples
 from nlfrf.excitation import detect_lines, detect_period
 
 
@@ -106,8 +106,8 @@ def test_stream_refusals():
         ValueError, match=r"at least one period of n_samples = 4096 .* got 2048 samples, .* 0.50 periods"
     ):
         record_from_samples(u, u, fs=1, n_samples=4096)
-    with pytest.raises(ValueError, match=r"n_samples must be the period of the input, got 1000: .* points to 1024.0"):
-        record_from_samples(u, u, fs=1, n_samples=1000)
+    with pytest.raises(ValueError, match=r"n_samples must be the period of the input, got 700: .* points to 1024.0"):
+        record_from_samples(u, u, fs=1, n_samples=700)
     with pytest.raises(ValueError, match=r"u must vary, got the constant 0"):
         record_from_samples(0 * u, u, fs=1, n_samples=1024)
     with pytest.raises(ValueError, match=r"y must hold as many realisations as u, 1, got 2"):
@@ -117,3 +117,82 @@ def test_stream_refusals():
     noise = np.random.default_rng(0).standard_normal(4096)
     with pytest.raises(ValueError, match=r"does not seem to repeat at all"):
         record_from_samples(noise, noise, fs=1, n_samples=1024)
+
+
+# Faults of raw records
+
+
+def raw(period, *, n_periods=6, drift=0.0, noise=0.0, seed=1):
+    """A multisine whose period, in samples, is any number; designed for 2000 samples."""
+    rng = np.random.default_rng(seed)
+    ms = multisine(fs=1000, n_samples=2000, f_min=0.5, f_max=200, rng=0)
+    n = n_periods * 2000
+    turns = np.arange(n) / period + drift * (np.arange(n) / n) ** 2
+    u = np.zeros(n)
+    for k, amplitude, phase in zip(ms.lines.excited, ms.amplitude, ms.phase[0], strict=True):
+        u += amplitude * np.cos(2 * np.pi * k * turns + phase)
+    return ms, u + noise * rng.standard_normal(n)
+
+
+def unrepeated(record):
+    """Share of the power that does not repeat from period to period."""
+    return np.sum((record.u - record.u.mean(axis=1, keepdims=True)) ** 2) / np.sum(record.u**2)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_period_one_sample_off_is_named(noise):
+    _, u = raw(1999, noise=noise)
+    with pytest.raises(ValueError, match=r"got 2000: the input repeats every 1999 samples; give n_samples=1999"):
+        record_from_samples(u, u, fs=1000, n_samples=2000)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_a_period_that_is_not_whole_is_named_and_cured(noise):
+    ms, u = raw(2000.37, noise=noise)
+    with pytest.raises(ValueError, match=r"repeats every 2000\.3[67]\d+ samples, not a whole number; resample=True"):
+        record_from_samples(u, u, fs=1000, n_samples=2000)
+    record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)
+    assert unrepeated(record) < 1e-7 + 1.2 * noise**2
+    np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
+
+
+def test_a_drifting_clock_is_named_and_cured():
+    _, u = raw(2000, drift=5e-4, n_periods=12)
+    with pytest.raises(ValueError, match=r"the clock drifts: the periods leave an even pace by up to 0\.1\d* samples"):
+        record_from_samples(u, u, fs=1000, n_samples=2000)
+    assert unrepeated(record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)) < 1e-5
+
+
+def test_lost_and_repeated_samples_are_named_and_cured():
+    _, u = raw(2000)
+    lost = np.delete(u, slice(5000, 5007))
+    with pytest.raises(ValueError, match=r"7 lost by period 4\); resample=True cuts the periods where they stand"):
+        record_from_samples(lost, lost, fs=1000, n_samples=2000)
+    record = record_from_samples(lost, lost, fs=1000, n_samples=2000, resample=True)
+    assert record.n_periods == 4  # of the five that are whole, the one with the gap is gone
+    assert unrepeated(record) < 1e-20
+    repeated = np.insert(u, 3000, u[3000] * np.ones(4))
+    with pytest.raises(ValueError, match=r"4 repeated by period 2"):
+        record_from_samples(repeated, repeated, fs=1000, n_samples=2000)
+
+
+def test_a_missing_period_is_named_and_left_out():
+    _, u = raw(2000)
+    u[6000:8000] = 0.0
+    with pytest.raises(ValueError, match=r"the input does not repeat in period 4 of 6"), pytest.warns(DataWarning):
+        record_from_samples(u, u + 0, fs=1000, n_samples=2000)
+    with pytest.warns(DataWarning, match=r"stands still for 2000 samples from sample 6000, 1 periods"):
+        record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)
+    assert record.n_periods == 5
+
+
+def test_clipping_is_named():
+    _, u = raw(2000)
+    with pytest.warns(DataWarning, match=r"y seems clipped: \d.\d* % of its samples"):
+        record_from_samples(u, np.clip(u, -1.7, 1.7), fs=1000, n_samples=2000)
+
+
+def test_sound_records_pass_without_a_word():
+    for seed in range(10):
+        _, u = raw(2000, noise=0.1, seed=seed)
+        record_from_samples(u, u, fs=1000, n_samples=2000)
