@@ -182,8 +182,8 @@ def recut(x: np.ndarray, where: Track) -> np.ndarray:
         curve = np.polyfit(middle, smooth, min(DRIFT, middle.size - 1))
     rows = []
     for period in j[where.sound]:
-        # a gap before the next period's start lies in this period
-        if period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]:
+        jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
+        if jumps and where.sound[period + 1]:  # then the gap lies in this one, too short to make it unsound
             continue
         tau = period + np.arange(n) / n
         at = n * tau + np.polyval(curve, tau) + where.jumps[period]
