@@ -50,8 +50,13 @@ class Track:
     @property
     def jumps(self) -> np.ndarray:
         """(P,) how far each period stands off by lost (negative) or repeated samples before it [samples]."""
-        steps = np.diff(self.delay)
-        return np.concatenate([[0.0], np.cumsum(np.round(steps - np.median(steps)))])
+        j = np.flatnonzero(self.sound)
+        if j.size < 2:
+            return np.zeros(self.sound.size)
+        steps, apart = np.diff(self.delay[j]), np.diff(j)
+        whole = np.round(steps - np.median(steps / apart) * apart)
+        sums = np.concatenate([[0.0], np.cumsum(whole)])
+        return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
 
     @property
     def pace(self) -> np.ndarray:
@@ -82,7 +87,7 @@ class Track:
         steps = np.diff(self.jumps)
         if steps.any():
             found = ", ".join(
-                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} by period {j + 2}" for j, n in nonzero(steps)
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in nonzero(steps)
             )
             return f"samples were lost or repeated ({found}); resample=True cuts the periods where they stand"
         if not self.sound.all():
@@ -143,7 +148,7 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     used = weight > 0
     rest = np.sum(np.abs(turned - reference)[:, used] ** 2, axis=1) / np.sum(weight)
     delay = -delay  # a period that stands later has a positive delay
-    sound = rest < max(0.02, 10 * float(np.median(rest[1:])))
+    sound = rest < max(1e-3, 10 * float(np.median(rest[1:])))
     noise = float(np.sqrt(np.median(rest[1:]) / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.sum())))
     shift = delay[sound] - delay[sound].mean()
     misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))

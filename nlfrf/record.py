@@ -184,20 +184,18 @@ def record_from_samples(
     for name, signal in streams.items():
         for one in signal:
             warn_about_channel(name, one, n_samples)
-    tracks = [track(one, n_samples) if one.size >= 2 * n_samples else None for one in excitation]
-    usable = [found is not None and found.unexplained < REPEATS for found in tracks]
-    if resample and all(usable):
-        begin = n_discard * n_samples
-        kept_tracks = [track(one[begin:], n_samples) for one in excitation]
+    begin = n_discard * n_samples
+    tracks = [track(one[begin:], n_samples) for one in excitation if one.size - begin >= 2 * n_samples]
+    tracks = [found for found in tracks if found.unexplained < REPEATS]
+    if resample and len(tracks) == len(excitation):
         cut = {
-            name: stacked([recut(one[begin:], where) for one, where in zip(signal, kept_tracks, strict=True)])
+            name: stacked([recut(one[begin:], where) for one, where in zip(signal, tracks, strict=True)])
             for name, signal in streams.items()
         }
     else:
-        for found in tracks:
-            if found is not None and found.unexplained < REPEATS:
-                refuse_fault(found)
-        kept = slice(n_discard * n_samples, (n_discard + n_periods) * n_samples)
+        for where in tracks:
+            refuse_fault(where)
+        kept = slice(begin, begin + n_periods * n_samples)
         cut = {
             name: np.stack([one[kept].reshape(n_periods, n_samples) for one in signal])
             for name, signal in streams.items()

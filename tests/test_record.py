@@ -166,7 +166,7 @@ def test_a_drifting_clock_is_named_and_cured():
 def test_lost_and_repeated_samples_are_named_and_cured():
     _, u = raw(2000)
     lost = np.delete(u, slice(4300, 4307))
-    with pytest.raises(ValueError, match=r"7 lost by period 3\); resample=True cuts the periods where they stand"):
+    with pytest.raises(ValueError, match=r"7 lost before period 4\); resample=True cuts the periods where they stand"):
         record_from_samples(lost, lost, fs=1000, n_samples=2000)
     record = record_from_samples(lost, lost, fs=1000, n_samples=2000, resample=True)
     assert record.n_periods == 4  # of the five that are whole, the one with the gap is gone
@@ -174,7 +174,7 @@ def test_lost_and_repeated_samples_are_named_and_cured():
     one = np.delete(u, 3100)
     assert unrepeated(record_from_samples(one, one, fs=1000, n_samples=2000, resample=True)) < 1e-20
     repeated = np.insert(u, 2300, u[2300] * np.ones(4))
-    with pytest.raises(ValueError, match=r"4 repeated by period 2"):
+    with pytest.raises(ValueError, match=r"4 repeated before period 3"):
         record_from_samples(repeated, repeated, fs=1000, n_samples=2000)
 
 
