@@ -166,8 +166,8 @@ def record_from_samples(
             raise ValueError(f"{name} must hold as many realisations as u, {len(streams['u'])}, got {len(signal)}")
         for m, (one, u_one) in enumerate(zip(signal, streams["u"], strict=True)):
             if one.size != u_one.size:
-                where = "" if len(signal) == 1 else f" in realisation {m}"
-                raise ValueError(f"{name} must be as long as u, {u_one.size} samples{where}, got {one.size}")
+                which = "" if len(signal) == 1 else f" in realisation {m}"
+                raise ValueError(f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}")
     excitation = streams.get("r", streams["u"])
     for one in excitation:
         refuse_constant("r" if r is not None else "u", one[np.newaxis])
