@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,60 +17,177 @@ from robust.rational import in_order, numerator, roots_from, starting_poles, vec
 
 @value
 class Problem:
-    """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no demand there)."""
+    """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no demand there).
+
+    floor (N,) is the log of the smallest zero damping allowed near each point (poles: a third), share (N,) what a
+    point counts for in the mean.
+    """
 
     x: np.ndarray
     target: np.ndarray
     low: float
     high: float
     floor: np.ndarray
+    share: np.ndarray
+    log_x: np.ndarray
 
     def excess(self, theta: np.ndarray, log_k: float, order: int) -> tuple[np.ndarray, np.ndarray]:
         """log |W| - target at the points (then zero and infinity, where demanded), and its Jacobian (., 2n+1)."""
         top, d_top, top0 = log_sections(self.x, theta[:order], order)
         bottom, d_bottom, bottom0 = log_sections(self.x, theta[order:], order)
-        e = [log_k + top - bottom - self.target]
-        J = [np.column_stack([d_top, -d_bottom, np.ones(self.x.size)])]
+        N = self.x.size
+        J = np.zeros((N + 2 * bool(np.isfinite(self.low)), 2 * order + 1))
+        J[:N, :order], J[:N, order:-1], J[:, -1] = d_top.T, -d_bottom.T, 1.0
+        e = log_k + top - bottom - self.target
         if np.isfinite(self.low):
-            at_zero = np.concatenate([slope_at_zero(order), -slope_at_zero(order), [1.0]])
-            e.append(np.array([log_k + top0 - bottom0 - self.low]))
-            J.append(at_zero[None, :])
-        if np.isfinite(self.high):
-            e.append(np.array([log_k - self.high]))
-            J.append(np.concatenate([np.zeros(2 * order), [1.0]])[None, :])
-        return np.concatenate(e), np.vstack(J)
+            J[N, :order], J[N, order:-1] = slope_at_zero(order), -slope_at_zero(order)
+            e = np.concatenate([e, [log_k + top0 - bottom0 - self.low, log_k - self.high]])
+        return e, J
 
     def clipped(self, theta: np.ndarray, order: int) -> np.ndarray:
         """Sections kept near the band, zeros too broad to hide between two points."""
         theta = theta.copy()
-        span = (np.log(self.x[0]) - 7.0, np.log(self.x[-1]) + 7.0)
-        for start in (0, order):
-            for k in range(start, start + order - order % 2, 2):
-                theta[k] = np.clip(theta[k], *span)
-                least = np.interp(theta[k], np.log(self.x), self.floor) if start == 0 else np.log(1e-7)
-                theta[k + 1] = np.clip(theta[k + 1], least, 5.0)
+        low, high = self.log_x[0] - 7.0, self.log_x[-1] + 7.0
+        m = order - order % 2
+        for start, zeros in ((0, True), (order, False)):
+            w, zeta = slice(start, start + m, 2), slice(start + 1, start + m, 2)
+            theta[w] = np.minimum(np.maximum(theta[w], low), high)
+            least = np.interp(theta[w], self.log_x, self.floor) - (0.0 if zeros else 1.2)
+            theta[zeta] = np.minimum(np.maximum(theta[zeta], least), 5.0)
             if order % 2:
-                theta[start + order - 1] = np.clip(theta[start + order - 1], *span)
+                theta[start + order - 1] = min(max(theta[start + order - 1], low), high)
         return theta
+
+    def coarse(self, most: int) -> Problem:
+        """The same demand on fewer points: both ends of each group, with the highest target of the group."""
+        if self.x.size <= 1.2 * most:
+            return self
+        # evenly over the index and over log frequency: lines of a multisine crowd at the top of the band
+        steps = np.linspace(self.log_x[0], self.log_x[-1], most // 3 + 1)[1:-1]
+        even = np.linspace(0, self.x.size, most // 4 + 1).astype(int)
+        edges = np.unique(np.concatenate([even, np.searchsorted(self.log_x, steps)]))
+        pick = np.unique(np.concatenate([edges[:-1], edges[1:] - 1]))
+        group = np.searchsorted(edges, pick, side="right") - 1
+        share = np.add.reduceat(self.share, edges[:-1])[group] / np.bincount(group)[group]
+        return Problem(
+            x=self.x[pick],
+            target=np.maximum.reduceat(self.target, edges[:-1])[group],
+            low=self.low,
+            high=self.high,
+            floor=np.maximum(self.floor[pick], floor_of(self.log_x[pick])),
+            share=share,
+            log_x=self.log_x[pick],
+        )
+
+    def thinned(self, most: int) -> Problem:
+        """Every so-manieth point, as it is."""
+        step = max(1, self.x.size // most)
+        return Problem(
+            x=self.x[::step],
+            target=self.target[::step],
+            low=self.low,
+            high=self.high,
+            floor=self.floor[::step],
+            share=np.full(self.x[::step].size, 1 / self.x[::step].size),
+            log_x=self.log_x[::step],
+        )
+
+
+def problem_on(x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False) -> Problem:
+    """The demand on all points; with `ends` also at zero and infinity; `free` lets zeros hide between points."""
+    log_x = np.log(x)
+    return Problem(
+        x=x,
+        target=target,
+        low=target[0] if ends else -np.inf,
+        high=target[-1] if ends else -np.inf,
+        floor=np.full(x.size, -16.0) if free else floor_of(log_x),
+        share=np.full(x.size, 1 / x.size),
+        log_x=log_x,
+    )
+
+
+def floor_of(log_x: np.ndarray) -> np.ndarray:
+    """Log of a damping broad enough to leave no notch, and no unseen peak, between two points."""
+    return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
+
+
+def least_excess(problem: Problem, order: int, deadline: float) -> list[tuple[np.ndarray, float]]:
+    """The best few parameter sets found: several starts on fewer points, the best two polished on all of them."""
+    coarse = problem.coarse(240)
+    found = [rough(coarse, start, order, deadline) for start in starts(coarse, order)]
+    found.append(grown(coarse, order, deadline))
+    found.sort(key=lambda item: item[0])
+    return [polished(problem, theta, log_k, order, (0.005, 0.001), 30, deadline) for _, theta, log_k in found[:1]]
+
+
+def exact_fit(problem: Problem, order: int) -> np.ndarray | None:
+    """Parameters that reproduce the target itself on every point to 0.001 dB; None if there are none."""
+    few = problem.thinned(150)
+    for start in starts(few, order):
+        theta, log_k = asymmetric(few, start, order, (1.0,), 60)
+        if np.abs(few.excess(theta, log_k, order)[0]).max() < 1e-2:
+            theta, log_k = asymmetric(problem, theta, order, (1.0,), 15)
+            if np.abs(problem.excess(theta, log_k, order)[0]).max() < 1e-4:
+                return theta
+    return None
+
+
+def rough(problem: Problem, theta: np.ndarray, order: int, deadline: float) -> tuple[float, np.ndarray, float]:
+    """Mean excess and parameters after a quick fit."""
+    theta, log_k = asymmetric(problem, theta, order, (1.0, 4.0), 10)
+    theta, log_k = polished(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
+    e = problem.excess(theta, log_k, order)[0]
+    return float(problem.share @ e[: problem.x.size]), theta, log_k
+
+
+def grown(problem: Problem, order: int, deadline: float) -> tuple[float, np.ndarray, float]:
+    """Section by section: each new one where the excess is largest, or in the middle of a half of the band."""
+    done = order % 2
+    middle = (problem.log_x[0] + problem.log_x[-1]) / 2
+    best = rough(problem, np.full(2 * done, middle), done, deadline)
+    while done < order:
+        _, theta, log_k = best
+        e = problem.excess(theta, log_k, done)[0][: problem.x.size]
+        width = max(1, problem.x.size // 30)
+        smooth = np.convolve(e, np.ones(width) / width, mode="same")
+        places = [problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2]
+        m = done - done % 2
+        tries = []
+        for place in places:
+            zeros, poles = (
+                np.insert(part, m, [place, log_zeta]) for part, log_zeta in ((theta[:done], -0.9), (theta[done:], -0.5))
+            )
+            trial = np.concatenate([zeros, poles])
+            new, gain = asymmetric(problem, trial, done + 2, (4.0,), 8)
+            e_new = problem.excess(new, gain, done + 2)[0]
+            tries.append((float(problem.share @ e_new[: problem.x.size] - e_new.min()), new, gain))
+        _, theta, log_k = min(tries, key=lambda item: item[0])
+        done += 2
+        theta, log_k = polished(problem, theta, log_k, done, (0.1, 0.02), 10, deadline)
+        e = problem.excess(theta, log_k, done)[0]
+        best = (float(problem.share @ e[: problem.x.size]), theta, log_k)
+    return best
 
 
 def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Sum of log |section(j x)|, its Jacobian, and the sum at zero."""
-    total, slopes, at_zero = np.zeros(x.size), [], 0.0
+    """Sum of log |section(j x)|, its Jacobian (n, N), and the sum at zero."""
+    m = n - n % 2
+    total, slopes = np.zeros(x.size), np.empty((n, x.size))
     x2 = x * x
-    for k in range(0, n - n % 2, 2):
-        w2, damping = np.exp(2 * theta[k]), 4 * np.exp(2 * (theta[k] + theta[k + 1])) * x2
+    if m:
+        log_w, log_zeta = theta[:m:2, None], theta[1:m:2, None]
+        w2, damping = np.exp(2 * log_w), 4 * np.exp(2 * (log_w + log_zeta)) * x2
         gap = w2 - x2
         square = gap * gap + damping
-        total += 0.5 * np.log(square)
-        slopes += [(2 * w2 * gap + damping) / square, damping / square]
-        at_zero += 2 * theta[k]
+        total = 0.5 * np.log(square).sum(axis=0)
+        slopes[1:m:2] = damping / square
+        slopes[:m:2] = 2 * w2 * gap / square + slopes[1:m:2]
     if n % 2:
         w2 = np.exp(2 * theta[-1])
-        total += 0.5 * np.log(w2 + x2)
-        slopes.append(w2 / (w2 + x2))
-        at_zero += theta[-1]
-    return total, np.column_stack(slopes), float(at_zero)
+        total = total + 0.5 * np.log(w2 + x2)
+        slopes[-1] = w2 / (w2 + x2)
+    return total, slopes, float(slope_at_zero(n) @ theta)
 
 
 def slope_at_zero(n: int) -> np.ndarray:
@@ -115,16 +233,18 @@ def on_peaks(problem: Problem, order: int) -> np.ndarray:
 def magnitude_fit(problem: Problem, order: int) -> np.ndarray | None:
     """|W|^2 is rational in y = -x^2: vector fitting there, then the stable square roots of poles and zeros."""
     scale = np.exp(np.mean(np.log(problem.x)))
-    pick = slice(None, None, max(1, problem.x.size // 500))
-    x, power = problem.x[pick] / scale, np.exp(2 * (problem.target[pick] - problem.target.mean()))
+    x, power = problem.x / scale, np.exp(2 * (problem.target - problem.target.mean()))
     y = -(x * x) + 0j
     guess = starting_poles(order, x[0], x[-1], spacing="log")
     damped = np.where(guess.imag == 0, guess, -0.2 * np.abs(guess.imag) + 1j * guess.imag)
-    try:
+    with np.errstate(all="ignore"):
         q = vector_fit(y, power + 0j, 1 / power, in_order(damped**2), n_iterations=8, stable=False)
-        z, _ = numerator(y, power + 0j, 1 / power, q, order)
-    except np.linalg.LinAlgError:
-        return None
+        if np.any(np.abs(y[:, None] - q).min(axis=0) < 1e-12 * np.abs(q)):
+            return None
+        try:
+            z, _ = numerator(y, power + 0j, 1 / power, q, order)
+        except np.linalg.LinAlgError:
+            return None
     if z.size != order or q.size != order or not (np.isfinite(z).all() and np.isfinite(q).all()):
         return None
     theta = np.concatenate([from_square(z), from_square(q)])
@@ -136,8 +256,7 @@ def magnitude_fit(problem: Problem, order: int) -> np.ndarray | None:
 def from_square(q: np.ndarray) -> np.ndarray:
     """Parameters of the stable square roots of q; one on the negative axis would be undamped and gets damping."""
     p = -np.sqrt(q.astype(complex))
-    axis = np.abs(p.real) < 1e-9 * np.abs(p)
-    p = np.where(axis, -np.abs(p), p)
+    p = np.where(np.abs(p.real) < 1e-9 * np.abs(p), -np.abs(p), p)
     pairs, rest = paired(in_order(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
     theta: list[float] = []
     for a, b in pairs:
@@ -146,70 +265,109 @@ def from_square(q: np.ndarray) -> np.ndarray:
     return np.array(theta + [np.log(max(abs(r), 1e-15)) for r in rest])
 
 
+# excess -> value, first and second derivative
+Objective = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
+
+
+def descended(
+    problem: Problem, theta: np.ndarray, log_k: float, order: int, objective: Objective, n_iterations: int, small: float
+) -> tuple[np.ndarray, float]:
+    """Newton's method with the exact Hessian, its negative curvatures turned around, damped until it descends."""
+    e, J = problem.excess(theta, log_k, order)
+    value, first, second = objective(e)
+    damping = 1e-3
+    for _ in range(n_iterations):
+        H = J.T @ (second[:, None] * J)
+        H[:-1, :-1] += curvature(problem, theta, order, first)
+        sizes, axes = np.linalg.eigh(H)
+        slope = axes.T @ (J.T @ first)
+        before = value
+        for _ in range(10):
+            step = -axes @ (slope / (np.abs(sizes) + damping * np.abs(sizes).max()))
+            step *= min(1.0, 1.5 / np.abs(step[:-1]).max(initial=1e-300))
+            trial = problem.clipped(theta + step[:-1], order)
+            e_new, J_new = problem.excess(trial, log_k + step[-1], order)
+            value_new, first_new, second_new = objective(e_new)
+            if value_new < value:
+                theta, log_k, e, J = trial, log_k + step[-1], e_new, J_new
+                value, first, second = value_new, first_new, second_new
+                damping = max(damping / 10, 1e-12)
+                break
+            damping = min(max(damping * 10, 1e-8), 1e6)
+        if not value < before - small:
+            break
+    return theta, log_k
+
+
+def curvature(problem: Problem, theta: np.ndarray, order: int, first: np.ndarray) -> np.ndarray:
+    """Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section."""
+    out = np.zeros((2 * order, 2 * order))
+    c = first[: problem.x.size]
+    x2 = problem.x**2
+    m = order - order % 2
+    for start, sign in ((0, 1.0), (order, -1.0)):
+        part = theta[start : start + order]
+        if m:
+            w2 = np.exp(2 * part[:m:2, None])
+            damped = 4 * w2 * np.exp(2 * part[1:m:2, None]) * x2
+            gap = w2 - x2
+            square = gap * gap + damped
+            by_w, by_zeta = (4 * w2 * gap + 2 * damped) / square, 2 * damped / square
+            ww = ((8 * w2 * (gap + w2) + 4 * damped) / square - by_w**2) @ c
+            wz = (4 * damped / square - by_w * by_zeta) @ c
+            zz = (4 * damped / square - by_zeta**2) @ c
+            k = start + np.arange(0, m, 2)
+            out[k, k], out[k + 1, k + 1] = 0.5 * sign * ww, 0.5 * sign * zz
+            out[k, k + 1] = out[k + 1, k] = 0.5 * sign * wz
+        if order % 2:
+            w2 = np.exp(2 * part[-1])
+            ratio = w2 / (w2 + x2)
+            out[start + order - 1, start + order - 1] = sign * float(2 * ratio * (1 - ratio) @ c)
+    return out
+
+
 def asymmetric(
     problem: Problem, theta: np.ndarray, order: int, below: tuple[float, ...], n_iterations: int
 ) -> tuple[np.ndarray, float]:
     """Least squares on the log excess, where lying below the target costs below^2 times as much."""
-    theta, log_k = theta.copy(), 0.0
-    log_k = -float(np.mean(problem.excess(theta, 0.0, order)[0][: problem.x.size]))
-    damping = 1e-2
+    log_k = -float(problem.share @ problem.excess(theta, 0.0, order)[0][: problem.x.size])
     for factor in below:
-        e, J = problem.excess(theta, log_k, order)
-        w = np.where(e < 0, factor**2, 1.0)
-        cost = float(w @ e**2)
-        for _ in range(n_iterations):
-            H, g = J.T @ (w[:, None] * J), J.T @ (w * e)
-            size = np.diag(H).copy() + 1e-12 * np.trace(H)
-            before = cost
-            for _ in range(8):
-                step = np.linalg.solve(H + np.diag(damping * size), -g)
-                trial = problem.clipped(theta + np.clip(step[:-1], -2, 2), order)
-                e2, J2 = problem.excess(trial, log_k + step[-1], order)
-                w2 = np.where(e2 < 0, factor**2, 1.0)
-                if (cost2 := float(w2 @ e2**2)) < cost:
-                    theta, log_k, e, J, w, cost = trial, log_k + step[-1], e2, J2, w2, cost2
-                    damping = max(damping / 6, 1e-12)
-                    break
-                damping = min(damping * 5, 1e8)
-            if not cost < before * (1 - 1e-4) and cost > 1e-20:
-                break
+
+        def objective(e: np.ndarray, factor: float = factor) -> tuple[float, np.ndarray, np.ndarray]:
+            w = np.where(e < 0, 2 * factor**2, 2.0) / e.size
+            return float(0.5 * w @ e**2), w * e, w
+
+        theta, log_k = descended(problem, theta, log_k, order, objective, n_iterations, 1e-14)
     return theta, log_k
 
 
 def polished(
-    problem: Problem, theta: np.ndarray, log_k: float, order: int, deadline: float
+    problem: Problem,
+    theta: np.ndarray,
+    log_k: float,
+    order: int,
+    barriers: tuple[float, ...],
+    n_iterations: int,
+    deadline: float,
 ) -> tuple[np.ndarray, float]:
-    """Least mean excess with none negative: a logarithmic barrier, lowered until the gap is a hundredth of a dB."""
+    """Least mean excess with none negative: a logarithmic barrier, lowered step by step, then down to the target."""
     n = problem.x.size
-    e, J = problem.excess(theta, log_k, order)
+    e = problem.excess(theta, log_k, order)[0]
     log_k += 0.02 - e.min()
-    e = e + 0.02 - e.min()
-    damping = 1e-2
-    mean_slope = np.zeros(e.size)
-    mean_slope[:n] = 1 / n
+    share = np.zeros(e.size)
+    share[:n] = problem.share
+    weight = np.maximum(share, 1 / n)  # the ends count like a point
+    for mu in barriers:
+        if time.monotonic() > deadline:
+            break
 
-    def objective(e: np.ndarray, mu: float) -> float:
-        return float(mean_slope @ e - mu * np.mean(np.log(e))) if e.min() > 0 else np.inf
+        def objective(e: np.ndarray, mu: float = mu) -> tuple[float, np.ndarray, np.ndarray]:
+            if not e.min() > 0:
+                return np.inf, e, e
+            return float(share @ e - mu * (weight @ np.log(e))), share - mu * weight / e, mu * weight / (e * e)
 
-    for mu in (0.1, 0.02, 0.005, 0.001):
-        cost = objective(e, mu)
-        for _ in range(12):
-            g = J.T @ (mean_slope - mu / (e.size * e))
-            H = J.T @ ((mu / (e.size * e * e))[:, None] * J)
-            size = np.diag(H).copy() + 1e-9 * np.trace(H)
-            before = cost
-            for _ in range(8):
-                step = np.linalg.solve(H + np.diag(damping * size), -g)
-                trial = problem.clipped(theta + np.clip(step[:-1], -1, 1), order)
-                e2, J2 = problem.excess(trial, log_k + step[-1], order)
-                if (cost2 := objective(e2, mu)) < cost:
-                    theta, log_k, e, J, cost = trial, log_k + step[-1], e2, J2, cost2
-                    damping = max(damping / 5, 1e-9)
-                    break
-                damping = min(damping * 4, 1e9)
-            if cost > before - 1e-4 * mu - 1e-7 or time.monotonic() > deadline:
-                break
-    return theta, log_k - float(e.min())
+        theta, log_k = descended(problem, theta, log_k, order, objective, n_iterations, 1e-3 * mu)
+    return theta, log_k - float(problem.excess(theta, log_k, order)[0].min())
 
 
 def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:

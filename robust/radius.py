@@ -89,16 +89,18 @@ def record_disc(
 def misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
     """(F,) what the model misses beyond scatter: windowed mean of |residual|^2 less the variance, as an amplitude.
 
-    A line that sticks out of all scatter by itself counts by itself: a window would hide a narrow error.
+    Relative to the model inside the window, or a resonance would spread over its neighbours. A line that sticks out
+    of all scatter by itself counts by itself: a window would hide a narrow error.
     """
     square = np.abs(bla.G - model) ** 2
     var = bla.var_bound
     F = square.size
     half = min(MISFIT_WINDOW, F) // 2
-    sums = np.concatenate([[0.0], np.cumsum(square - var)])
+    size = np.maximum(np.abs(model) ** 2, np.finfo(float).tiny)
+    sums = np.concatenate([[0.0], np.cumsum((square - var) / size)])
     first = np.clip(np.arange(F) - half, 0, max(F - 2 * half - 1, 0))
     last = np.minimum(first + 2 * half + 1, F)
-    around = (sums[last] - sums[first]) / (last - first)
+    around = size * (sums[last] - sums[first]) / (last - first)
     alone = np.where(square > f_quantile(0.95 ** (1 / F), bla.dof) * var, square - var, 0.0)
     return np.sqrt(np.maximum(np.maximum(around, alone), 0.0))
 

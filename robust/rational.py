@@ -28,8 +28,11 @@ def vector_fit(
     weight = weight / np.abs(weight).max()
     best, least = poles, np.inf
     for _ in range(n_iterations):
-        basis = partial_fractions(s, poles)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            basis = partial_fractions(s, poles)
         ones = np.ones((s.size, 1))
+        if not np.isfinite(basis).all():  # a pole on a point of the data
+            return best
         A = np.hstack([basis, ones, -data[:, None] * basis]) * weight[:, None]
         A, b = stacked(A), stacked(data * weight)
         scale = np.linalg.norm(A, axis=0)

@@ -247,7 +247,8 @@ def uncertainty(
 
     On each line the disc about the nominal holds the FRF of a new realisation with the stated confidence: radius =
     misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)). The raw residual
-    of a line contains scatter already, so the misfit is what is left of it after the variance is taken off.
+    of a line contains scatter already, so the misfit is what is left of it after the variance is taken off. For a
+    fitted nominal this errs on the wide side: the fit averages the variance of G that is counted here.
 
     Parameters
     ----------

@@ -16,12 +16,16 @@ import numpy as np
 from nlfrf.checks import integer, nonnegative, positive, real_array
 from nlfrf.values import value
 from robust.lti import from_roots, response
-from robust.overbound import Problem, asymmetric, polished, starts, zeros_and_poles
+from robust.overbound import exact_fit, least_excess, log_sections, problem_on, slope_at_zero, zeros_and_poles
 from robust.rational import to_plane
 
 MAX_ORDER = 16
 MAX_MEAN_EXCESS_DB = 30.0
 FINER = 10
+SAFETY = 1e-7  # what a parabola between the finest points could still hide
+MOST_POINTS = 1500
+EXACT_DB = 0.005
+TIME_CAP = 3.0
 DB = 20 / np.log(10)
 
 
@@ -125,36 +129,22 @@ def checked_radius(omega: Any, radius: Any, dt: float) -> tuple[np.ndarray, np.n
 
 
 def best_weight(omega: np.ndarray, radius: np.ndarray, order: int, dt: float) -> WeightFit:
-    """The fit itself: exact where possible, otherwise several starts, the best two polished."""
-    deadline = time.monotonic() + 5.0
+    """The fit itself: exact where possible, otherwise the least mean excess found, never worse than a constant."""
+    deadline = time.monotonic() + TIME_CAP
     x = axis(omega, dt)
     log_r = np.log(radius)
-    if order == 0:
-        return verified(omega, radius, np.zeros(0), log_r.max(), 0, dt, exact=False)
-    upper = envelope(log_r)
-    pick = selection(upper, 1500)
-    problem = Problem(x=x[pick], target=upper[pick], low=log_r[0], high=log_r[-1], floor=damping_floor(x))
-    smooth = x.size >= 4 * (2 * order + 1)
-    if smooth:
-        raw = Problem(x=x[pick], target=log_r[pick], low=-np.inf, high=-np.inf, floor=damping_floor(x) - 20)
-        for start in starts(raw, order):
-            theta, log_k = asymmetric(raw, start, order, (1.0,), 40)
-            e = raw.excess(theta, log_k, order)[0]
-            if np.abs(e).max() < 1e-4:
-                fit = verified(omega, radius, theta, log_k, order, dt, exact=True)
-                if fit.max_excess_db < 0.005:
-                    return fit
-    rough = []
-    for start in starts(problem, order):
-        theta, log_k = asymmetric(problem, start, order, (1.0, 4.0, 16.0), 12)
-        e = problem.excess(theta, log_k, order)[0]
-        rough.append((float(np.mean(e) - e.min()), theta, log_k))
-    rough.sort(key=lambda item: item[0])
-    fits = []
-    for _, theta, log_k in rough[:2]:
-        theta, log_k = polished(problem, theta, log_k, order, deadline)
-        fits.append(verified(omega, radius, theta, log_k, order, dt, exact=False))
-    fits.append(verified(omega, radius, np.zeros(2 * order), log_r.max(), order, dt, exact=False))
+    fits = [verified(omega, radius, np.zeros(2 * order), order, dt, exact=False)]
+    if order and x.size >= 4 * (2 * order + 1):
+        # with this many lines a weight through all of them is no accident
+        theta = exact_fit(problem_on(x, log_r, ends=False, free=True), order)
+        if theta is not None:
+            fit = verified(omega, radius, theta, order, dt, exact=True)
+            if fit.max_excess_db < EXACT_DB:
+                return fit
+    if order:
+        problem = problem_on(x, envelope(log_r), ends=True).coarse(MOST_POINTS)
+        for theta, _ in least_excess(problem, order, deadline):
+            fits.append(verified(omega, radius, theta, order, dt, exact=False))
     return min(fits, key=lambda fit: fit.mean_excess_db)
 
 
@@ -171,37 +161,20 @@ def envelope(log_r: np.ndarray) -> np.ndarray:
     return upper
 
 
-def selection(upper: np.ndarray, most: int) -> np.ndarray:
-    """Indices to optimise on: all, or the highest line of each of `most` groups."""
-    if upper.size <= most:
-        return np.arange(upper.size)
-    groups = np.array_split(np.arange(upper.size), most)
-    return np.array([g[np.argmax(upper[g])] for g in groups])
-
-
-def damping_floor(x: np.ndarray) -> np.ndarray:
-    """log of the smallest zero damping that leaves no notch between two lines, per line."""
-    return np.log(np.clip(np.gradient(np.log(x)), 1e-6, 0.5))
-
-
 def verified(
-    omega: np.ndarray, radius: np.ndarray, theta: np.ndarray, log_k: float, order: int, dt: float, *, exact: bool
+    omega: np.ndarray, radius: np.ndarray, theta: np.ndarray, order: int, dt: float, *, exact: bool
 ) -> WeightFit:
     """The weight as a system, looked at on a finer grid and lifted until it covers what it has to."""
-    zeros, poles = zeros_and_poles(theta, order)
-    shape = from_roots(*to_plane(zeros, poles, 1.0, dt, 0), dt)
+    shape = from_roots(*to_plane(*zeros_and_poles(theta, order), 1.0, dt, 0), dt)
     on_lines = np.abs(response(shape, omega))
     needed = np.max(radius / on_lines)
     if not exact:
-        fine, target = finer(omega, radius, dt)
-        ends = np.abs(
-            np.array([shape.dcgain(), shape.D[0, 0] if not dt else response(shape, np.array([np.pi / dt]))[0]])
-        )
-        needed = max(needed, np.max(target / np.abs(response(shape, fine))), np.max(radius[[0, -1]] / ends))
-    gain = float(needed) * (1 + 1e-9)
+        low = float(np.exp(slope_at_zero(order) @ (theta[:order] - theta[order:])))
+        between = shortfall(theta, order, omega, radius, dt)
+        needed = max(needed, np.max(np.exp(envelope(np.log(radius))) / on_lines), between, radius[0] / low, radius[-1])
+    gain = float(needed) * (1 + SAFETY)
     W = control.StateSpace(shape.A, shape.B, shape.C * gain, shape.D * gain, dt)
     excess = DB * np.log(on_lines * gain / radius)
-    del log_k
     return WeightFit(
         W=W,
         min_ratio=gain / float(needed),
@@ -211,12 +184,23 @@ def verified(
     )
 
 
-def finer(omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """A ten times finer logarithmic grid between the lines, and the larger neighbour on it."""
-    step = np.arange(1, FINER) / FINER
+def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
+    """|W| with gain one at infinity."""
+    return np.exp(log_sections(x, theta[:order], order)[0] - log_sections(x, theta[order:], order)[0])
+
+
+def shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
+    """Largest of the larger neighbour over |W| between the lines: on a ten times finer grid, then down each dip."""
     log = np.log(omega)
-    fine = np.exp(log[:-1, None] + step * np.diff(log)[:, None]).ravel()
-    return fine, np.repeat(np.maximum(radius[1:], radius[:-1]), FINER - 1)
+    fine = np.exp(log[:-1, None] + np.linspace(0, 1, FINER + 1) * np.diff(log)[:, None])
+    target = np.maximum(radius[1:], radius[:-1])
+    ratio = magnitude_at(theta, order, axis(fine, dt).ravel()).reshape(fine.shape) / target[:, None]
+    worst = np.argsort(ratio.min(axis=1))[:40]
+    k = ratio[worst].argmin(axis=1)
+    ends = fine[worst, np.maximum(k - 1, 0)], fine[worst, np.minimum(k + 1, FINER)]
+    near = ends[0][:, None] + np.linspace(0, 1, 41) * (ends[1] - ends[0])[:, None]
+    bottom = magnitude_at(theta, order, axis(near, dt).ravel()).reshape(near.shape) / target[worst, None]
+    return 1 / min(float(ratio.min()), float(bottom.min()))
 
 
 def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, order: int = 1) -> control.StateSpace:

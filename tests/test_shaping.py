@@ -1,0 +1,101 @@
+"""Loop shaping against published numbers and its own guarantees."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import crossover_weight, ncfsyn, sampled
+from robust.lti import response
+
+BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+
+
+def four_block(G, K, omega):
+    """Largest singular value of [K; 1] (1 + G K)^-1 [1 G], which has rank one."""
+    g, k = response(control.ss(G), omega), response(K, omega)
+    return np.sqrt((1 + np.abs(g) ** 2) * (1 + np.abs(k) ** 2)) / np.abs(1 + g * k)
+
+
+def test_sp_example_9_3():
+    """SP 2nd ed., Example 9.3: gamma_min = 2.34 with W1 = (s + 2)/s."""
+    W1 = control.tf([1, 2], [1, 0])
+    design = ncfsyn(BOOK, W1)
+    assert design.gamma_min == pytest.approx(2.339, abs=5e-4)
+    assert design.gamma_min <= design.gamma <= 1.1 * design.gamma_min
+    closed = control.feedback(control.ss(BOOK) * design.K, 1)
+    assert np.all(closed.poles().real < 0)
+
+
+def test_gamma_is_the_norm_of_the_four_block_loop():
+    W1 = control.tf([1, 2], [1, 0])
+    design = ncfsyn(BOOK, W1)
+    shaped, K_inf = control.ss(BOOK) * control.ss(W1), control.minreal(design.K / control.ss(W1), verbose=False)
+    del shaped
+    omega = np.geomspace(1e-3, 1e4, 4000)
+    g = response(control.ss(BOOK), omega) * response(control.ss(W1), omega)
+    k = response(design.K, omega) / response(control.ss(W1), omega)
+    norm = np.max(np.sqrt((1 + np.abs(g) ** 2) * (1 + np.abs(k) ** 2)) / np.abs(1 + g * k))
+    assert norm == pytest.approx(design.gamma, rel=1e-4)
+    assert K_inf is not None
+
+
+def test_the_smallest_norm_is_approached_and_not_passed():
+    W1 = control.tf([1, 2], [1, 0])
+    for factor in (1.01, 1.05, 1.5):
+        design = ncfsyn(BOOK, W1, factor=factor)
+        assert design.gamma_min < design.gamma <= factor * design.gamma_min * (1 + 1e-6)
+
+
+def test_unstable_plant_is_stabilised():
+    G = control.tf([1], [1, -1])
+    design = ncfsyn(G, 4.0)
+    assert np.all(control.feedback(control.ss(G) * design.K, 1).poles().real < 0)
+    # closed form: for g/(s - 1) X and Z are scalar roots, gamma_min^2 = 1 + X Z
+    g = 4.0
+    X = (1 + np.sqrt(1 + g**2)) / 1.0
+    assert design.gamma_min == pytest.approx(np.sqrt(1 + X * X / g**2), rel=1e-9)
+
+
+def test_discrete_design_is_stable_and_tends_to_the_continuous_one():
+    W1 = control.tf([1, 2], [1, 0])
+    continuous = ncfsyn(BOOK, W1)
+    for T in (0.01, 0.001):
+        G = sampled(control.ss(BOOK), T)
+        discrete = ncfsyn(G, control.sample_system(control.ss(W1), T, method="bilinear"))
+        assert discrete.K.dt == T
+        assert np.isfinite(discrete.gamma)
+    assert discrete.gamma_min == pytest.approx(continuous.gamma_min, rel=0.02)
+
+
+def test_direct_term():
+    G = control.tf([0.5, 2], [1, 1])
+    design = ncfsyn(G)
+    omega = np.geomspace(1e-3, 1e4, 2000)
+    assert four_block(G, design.K, omega).max() == pytest.approx(design.gamma, rel=1e-4)
+
+
+@pytest.mark.parametrize("omega_c", [0.5, 20.0])
+@pytest.mark.parametrize("T", [0.0, 0.01])
+def test_crossover_weight_puts_the_crossover(omega_c, T):
+    G = control.ss(control.tf([5], [1, 10]))
+    G = sampled(G, T) if T else G
+    W1 = crossover_weight(G, omega_c)
+    assert np.abs(response(G, np.array([omega_c])) * response(W1, np.array([omega_c])))[0] == pytest.approx(1)
+    assert np.abs(response(W1, np.array([1e-6])))[0] > 1e3
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: ncfsyn(BOOK, factor=1.0), "factor must be above 1"),
+        (lambda: ncfsyn(BOOK, control.tf([1], [1, 1], 0.1)), "W1 must have the sampling time of G"),
+        (lambda: ncfsyn(control.tf([1, 0, 0], [1, 1])), "G must be proper"),
+        (lambda: ncfsyn(np.eye(2)), "G must have one input and one output"),
+        (lambda: ncfsyn(control.tf([1], [1, 0]), control.tf([1, 0], [1, 1])), "G must be stabilisable"),
+        (lambda: crossover_weight(BOOK, -1.0), "omega_c must be positive"),
+        (lambda: crossover_weight(sampled(control.ss(BOOK), 0.1), 30.0), "half the Nyquist frequency"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
