@@ -7,11 +7,14 @@ Pictures are in `nlfrf.plot`, friction laws in `nlfrf.friction`, hysteresis in `
 
 from nlfrf.bla import Bla
 from nlfrf.checks import DataWarning
+from nlfrf.crest import reduce_crest
 from nlfrf.distortion import DistortionLevels
 from nlfrf.identify import identify
-from nlfrf.io import load_bla, load_multisine, load_record, save_bla, save_multisine, save_record
+from nlfrf.io import export_csv, load_bla, load_multisine, load_record, save_bla, save_multisine, save_record
 from nlfrf.lines import LineGrid
 from nlfrf.multisine import Multisine, multisine
+from nlfrf.noise import identify_noise
+from nlfrf.opinion import SecondOpinion, second_opinion
 from nlfrf.record import Record, record_from_samples
 from nlfrf.rig import Rig, paper_rig
 from nlfrf.simulate import simulate
@@ -26,15 +29,20 @@ __all__ = [
     "Multisine",
     "Record",
     "Rig",
+    "SecondOpinion",
+    "export_csv",
     "identify",
+    "identify_noise",
     "load_bla",
     "load_multisine",
     "load_record",
     "multisine",
     "paper_rig",
     "record_from_samples",
+    "reduce_crest",
     "save_bla",
     "save_multisine",
     "save_record",
+    "second_opinion",
     "simulate",
 ]

@@ -82,6 +82,11 @@ class Bla:
         """(F,) excited frequencies [rad/s]."""
         return 2 * np.pi * self.f
 
+    @property
+    def upper_limit(self) -> np.ndarray:
+        """(F,) bool: distortion does not stand out of the noise here; its level is an upper limit, not a zero."""
+        return np.asarray(self.var_total < 2 * np.nan_to_num(self.var_noise))
+
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
         """Radius of the disc around G that holds the truth with the stated probability.
 
@@ -126,6 +131,7 @@ class Bla:
             "even distortion": even,
         }
         power = np.median(np.abs(self.G) ** 2)
+        hidden = int(self.upper_limit.sum())
         said = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
         return (
             f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.grid} grid, "
@@ -134,6 +140,7 @@ class Bla:
             f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
             f"  under the median |G|: {', '.join(said) or 'nothing above rounding'}\n"
             f"  transient: {self.transient}; level from {self.level_source}"
+            + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
         )
 
 

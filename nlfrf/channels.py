@@ -151,7 +151,7 @@ def read_hdf5(path: Path) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {}
 
     def add(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "fiub" and not name.startswith("#"):
+        if isinstance(node, h5py.Dataset) and node.dtype.kind in "fiubc" and not name.startswith("#"):
             arrays[name.replace("/", ".")] = np.asarray(node[()])
 
     with h5py.File(path, "r") as file:

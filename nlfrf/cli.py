@@ -44,13 +44,18 @@ def design(
     f_max: Annotated[float, typer.Option(help="Highest frequency [Hz].")],
     kind: Annotated[str, typer.Option(help=f"Harmonic grid: {', '.join(KINDS[:-1])}.")] = "special-odd",
     rms: Annotated[float, typer.Option(help="Root mean square of the signal.")] = 1.0,
+    log_lines: Annotated[int | None, typer.Option(help="Keep about this many lines, spaced logarithmically.")] = None,
+    crest: Annotated[
+        float | None, typer.Option(help="Lower the crest factor to this; phases are then not random.")
+    ] = None,
     realizations: Annotated[int, typer.Option(help="Realisations, with independent phases.")] = 1,
     seed: Annotated[int | None, typer.Option(help="Seed of the random phases.")] = None,
 ) -> None:
-    """Design a random-phase multisine and write it with its samples."""
-    ms = nlfrf.multisine(
-        kind, fs=fs, n_samples=period, f_min=f_min, f_max=f_max, rms=rms, n_realizations=realizations, rng=seed
-    )
+    """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
+    band: dict[str, Any] = {"fs": fs, "n_samples": period, "f_min": f_min, "f_max": f_max}
+    ms = nlfrf.multisine(kind, **band, rms=rms, n_log=log_lines, n_realizations=realizations, rng=seed)
+    if crest is not None:
+        ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     io.save_multisine(ms, out)
     print(
         f"{ms.kind} multisine, {ms.f.size} lines from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
@@ -106,6 +111,8 @@ def identify(
     transient: Annotated[str, typer.Option(help="auto, none, discard or local.")] = "auto",
     level_from: Annotated[str, typer.Option(help="auto, detection or roughness.")] = "auto",
     detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
+    opinion: Annotated[bool, typer.Option("--opinion", help="Compare with the roughness of the FRF.")] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Write a table beside the result.")] = False,
 ) -> None:
     """Best linear approximation, distortion level and bound from a measured record.
 
@@ -115,11 +122,15 @@ def identify(
     records = io.load_record(
         file, u=input, y=outputs, r=reference, fs=fs, n_samples=period, n_discard=discard, resample=resample
     )
-    for name, record in zip(outputs, records, strict=True):
-        bla = nlfrf.identify(record, transient=transient, level_from=level_from, n_detection=detection)
+    blas = nlfrf.identify(records, transient=transient, level_from=level_from, n_detection=detection)
+    for name, record, bla in zip(outputs, records, blas, strict=True):
         target = out if len(outputs) == 1 else out.with_name(f"{out.stem}-{slug(name)}{out.suffix}")
         io.save_bla(bla, target)
         print(f"{name}: {bla}")
+        if opinion:
+            print(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
+        if csv:
+            io.export_csv(bla, target.with_suffix(".csv"))
         print(f"wrote {target}")
 
 

@@ -7,6 +7,8 @@ method, which reads it from the scatter between realisations (Pintelon & Schouke
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
+from typing import overload
 
 import numpy as np
 
@@ -26,16 +28,28 @@ from nlfrf.level import (
 )
 from nlfrf.lines import LineGrid
 from nlfrf.record import Record
-from nlfrf.spectra import Spectra, period_spectra
+from nlfrf.spectra import Spectra, dft, period_spectra, used_lines
+
+N_PARTS = 8  # of the band, over which the input power of realisations is compared
+STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together
 
 
-def identify(record: Record, *, transient: str = "auto", level_from: str = "auto", n_detection: int = 6) -> Bla:
+@overload
+def identify(record: Record, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Bla: ...
+@overload
+def identify(
+    record: Sequence[Record], *, transient: str = ..., level_from: str = ..., n_detection: int = ...
+) -> list[Bla]: ...
+def identify(
+    record: Record | Sequence[Record], *, transient: str = "auto", level_from: str = "auto", n_detection: int = 6
+) -> Bla | list[Bla]:
     """Best linear approximation, noise and distortion of a system from one periodic record.
 
     Parameters
     ----------
-    record : Record
-        Input and output; one realisation is enough, two periods separate noise from distortion.
+    record : Record, or a list of them
+        Input and output; one realisation is enough, two periods separate noise from distortion. Several outputs of one
+        experiment, as `load_record` gives them, share the analysis of the input.
     transient : str
         "none": the record is taken as steady. "discard": the first period is left out. "local": the transient is
         fitted between the harmonics and taken off, at excited and at detection lines. "auto": nothing where the
@@ -49,12 +63,13 @@ def identify(record: Record, *, transient: str = "auto", level_from: str = "auto
 
     Returns
     -------
-    Bla
+    Bla, or a list of them for a list of records
 
     Raises
     ------
     ValueError
-        Lines that carry no input, no detection lines where they were asked for, too few lines for any level.
+        Lines that carry no input, realisations whose input spectra do not belong together, no detection lines where
+        they were asked for, too few lines for any level.
 
     Warns
     -----
@@ -79,10 +94,26 @@ def identify(record: Record, *, transient: str = "auto", level_from: str = "auto
     one_of("transient", transient, ("auto", "none", "discard", "local"))
     one_of("level_from", level_from, ("auto", "detection", "roughness"))
     n_detection = integer("n_detection", n_detection, least=3)
-    spectra, treatment = period_spectra(record, transient)
+    if isinstance(record, Record):
+        return identified(record, None, transient, level_from, n_detection)
+    known: list[tuple[Record, np.ndarray]] = []
+    blas = []
+    for one in record:
+        U = next((U for other, U in known if other.u is one.u and other.lines is one.lines), None)
+        if U is None:
+            U = dft(one.u, used_lines(one.lines))
+            known.append((one, U))
+        blas.append(identified(one, U, transient, level_from, n_detection))
+    return blas
+
+
+def identified(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
+    """`identify` for one record, with the spectra of its input where they are known."""
+    spectra, treatment = period_spectra(record, transient, U)
     grid, n = record.lines, record.n_realizations
     excited = spectra.on(grid.excited)
     refuse_unexcited(excited)
+    refuse_strangers(excited)
     frf = average_frf(excited)
     answer = nonlinear_answer(spectra, frf, excited)
     source = level_source(level_from, excited, grid, n_detection)
@@ -144,6 +175,19 @@ def refuse_unexcited(excited: Spectra) -> None:
         raise ValueError(f"lines must be excited by the input, got line {k} with no input on it")
 
 
+def refuse_strangers(excited: Spectra) -> None:
+    """Refuse realisations of another amplitude spectrum: their BLA is another one."""
+    known = excited.U if excited.R is None else excited.R
+    power = np.stack([part.mean(axis=1) for part in np.array_split(np.abs(known) ** 2, N_PARTS, axis=1) if part.size])
+    apart = np.abs(10 * np.log10(power / np.median(power, axis=1, keepdims=True))).max(axis=0)
+    worst = int(np.argmax(apart))
+    if apart[worst] > STRANGE:
+        raise ValueError(
+            f"u must have the same amplitude spectrum in every realisation, got realisation {worst} up to "
+            f"{apart[worst]:.1f} dB apart from the others"
+        )
+
+
 def level_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
     """Which source the level is taken from, with a warning where detection lines are passed over."""
     if level_from == "detection" and grid.odd.size < n_detection:
@@ -157,5 +201,5 @@ def level_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection:
         return "detection"
     if excited.U.shape[0] >= ENOUGH:
         return "realizations"
-    warnings.warn(why_roughness(grid, n_detection), DataWarning, stacklevel=3)
+    warnings.warn(why_roughness(grid, n_detection), DataWarning, stacklevel=4)
     return "roughness"

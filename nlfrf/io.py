@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,9 @@ def load_record(
     """
     if not isinstance(y, str):
         common: dict[str, Any] = {"u": u, "r": r, "fs": fs, "n_samples": n_samples, "lines": lines}
-        return [load_record(path, y=one, n_discard=n_discard, resample=resample, **common) for one in y]
+        first, *others = [load_record(path, y=one, n_discard=n_discard, resample=resample, **common) for one in y]
+        # the very same input, so that what is known of it need not be found again
+        return [first, *(replace(other, u=first.u, r=first.r, lines=first.lines) for other in others)]
     channels = read_channels(path)
     names = {"u": u, "y": y} | ({} if r is None else {"r": r})
     signals = {parameter: channels.signal(parameter, name) for parameter, name in names.items()}
@@ -134,18 +137,21 @@ def save_record(record: Record, path: str | os.PathLike[str]) -> None:
     if record.r is not None:
         content["r"] = record.r
     suffix = path.suffix.lower()
-    if suffix == ".npz":
-        write_whole(path, lambda target: save_arrays(target, content))
-    elif suffix == ".mat":
-        from scipy.io import savemat
-
-        write_whole(path, lambda target: savemat(target, content, appendmat=False, do_compression=True))
-    elif suffix in (".h5", ".hdf5"):
-        write_whole(path, lambda target: save_hdf5(target, content))
+    if suffix == ".mat":
+        save_mat(path, content)
     elif suffix == ".csv":
         write_whole(path, lambda target: save_csv(target, record))
+    elif suffix in (".npz", ".h5", ".hdf5"):
+        write_arrays(path, content)
     else:
         raise ValueError(f"path must end in .npz, .mat, .h5 or .csv, got {path.name!r}")
+
+
+def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
+    """Write arrays as a MATLAB v5 file."""
+    from scipy.io import savemat
+
+    write_whole(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
 
 
 def save_arrays(target: Path, content: Mapping[str, Any]) -> None:
@@ -178,14 +184,37 @@ def save_csv(target: Path, record: Record) -> None:
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
-    """Write a `Bla` to an ``.npz`` file, exactly.
+    """Write a `Bla` to an ``.npz`` or ``.h5`` file, exactly.
 
     Raises
     ------
     ValueError
-        A suffix other than .npz.
+        Another suffix.
     """
     save_value(bla, BLA_SCHEMA, path)
+
+
+def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95) -> None:
+    """Write a `Bla` as a table, one excited line a row, for spreadsheets and other programs.
+
+    Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
+    dof, grid_factor; standard deviations in the unit of G.
+    """
+    columns = {
+        "f [Hz]": bla.f,
+        "Re G": bla.G.real,
+        "Im G": bla.G.imag,
+        "bound": bla.bound(confidence),
+        "bound_realization": bla.bound(confidence, of="realization"),
+        "std_noise": np.sqrt(bla.var_noise),
+        "std_total": np.sqrt(bla.var_total),
+        "std_distortion": np.sqrt(bla.var_distortion),
+        "std_even": np.sqrt(bla.var_even),
+        "dof": bla.dof,
+        "grid_factor": bla.grid_factor,
+    }
+    table, header = np.column_stack(list(columns.values())), ",".join(columns)
+    write_whole(path, lambda target: np.savetxt(target, table, delimiter=",", header=header, comments="", fmt="%.17g"))
 
 
 def load_bla(path: str | os.PathLike[str]) -> Bla:
@@ -203,14 +232,35 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
 
 
 def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
-    """Write a design to an ``.npz`` file, exactly, with its samples u (M, N) beside it.
+    """Write a design with its samples.
+
+    ``.npz`` and ``.h5`` hold the design exactly, and the samples u (M, N) beside it. ``.csv``, ``.mat`` and ``.wav``
+    hold what a signal generator plays, one column, row or channel a realisation, with the design in an ``.npz`` of the
+    same name beside them; a WAV file is scaled to a peak of 1, and that peak stored with the design.
 
     Raises
     ------
     ValueError
-        A suffix other than .npz.
+        Another suffix.
     """
-    save_value(ms, MULTISINE_SCHEMA, path, u=ms.u)
+    path = Path(path)
+    suffix, u = path.suffix.lower(), ms.u
+    if suffix == ".csv":
+        t = np.arange(ms.n_samples) / ms.fs
+        table = np.column_stack([t, *u])
+        header = ",".join(["t [s]", *(f"u{m}" for m in range(ms.n_realizations))])
+        write_whole(path, lambda to: np.savetxt(to, table, delimiter=",", header=header, comments="", fmt="%.17g"))
+    elif suffix == ".mat":
+        save_mat(path, {"u": u, "fs": np.array(ms.fs), "f": ms.f, "amplitude": ms.amplitude, "phase": ms.phase})
+    elif suffix == ".wav":
+        from scipy.io import wavfile
+
+        samples = (u.T / np.abs(u).max()).astype(np.float32)
+        write_whole(path, lambda target: wavfile.write(target, round(ms.fs), samples))
+    else:
+        save_value(ms, MULTISINE_SCHEMA, path, u=u)
+        return
+    save_value(ms, MULTISINE_SCHEMA, path.with_suffix(".npz"), u=u, peak=np.array(np.abs(u).max()))
 
 
 def load_multisine(path: str | os.PathLike[str]) -> Multisine:
@@ -232,9 +282,6 @@ def load(path: str | os.PathLike[str]) -> Multisine | Record | Bla:
 
 def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np.ndarray) -> None:
     """Write every field of a value, those of the values inside it by dotted names."""
-    path = Path(path)
-    if path.suffix.lower() != ".npz":
-        raise ValueError(f"path must end in .npz, got {path.name!r}")
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
     for name in field_names(thing):
         part = getattr(thing, name)
@@ -242,7 +289,18 @@ def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np
             content |= {f"{name}.{inner}": getattr(part, inner) for inner in field_names(part)}
         else:
             content[name] = np.asarray(part)
-    write_whole(path, lambda target: save_arrays(target, content))
+    write_arrays(Path(path), content)
+
+
+def write_arrays(path: Path, content: Mapping[str, np.ndarray]) -> None:
+    """Write named arrays in the format that the suffix says."""
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        write_whole(path, lambda target: save_arrays(target, content))
+    elif suffix in (".h5", ".hdf5"):
+        write_whole(path, lambda target: save_hdf5(target, content))
+    else:
+        raise ValueError(f"path must end in .npz or .h5, got {path.name!r}")
 
 
 def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:

@@ -105,6 +105,7 @@ def multisine(
     rms: float = 1.0,
     amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
     lines: LineGrid | np.ndarray | None = None,
+    n_log: int | None = None,
     n_realizations: int = 1,
     rng: Rng = None,
 ) -> Multisine:
@@ -130,6 +131,8 @@ def multisine(
         Relative amplitude spectrum, scaled to `rms`; flat when not given.
     lines : LineGrid or array of int, optional
         The excited lines of a "custom" grid.
+    n_log : int, optional
+        Keep about this many lines of the grid, spaced logarithmically: for a band of several decades.
     n_realizations : int
         Realisations M, with independent phases on the same grid.
     rng : numpy Generator, int or None
@@ -181,6 +184,8 @@ def multisine(
                 f"f_min and f_max must hold at least one line of a {kind} grid between them, "
                 f"got lines {first} to {last}"
             ) from None
+    if n_log is not None:
+        grid = thinned(grid, integer("n_log", n_log, least=2))
     shape = relative_amplitude(amplitude, grid.excited * fs / n_samples)
     return Multisine(
         fs=fs,
@@ -190,6 +195,15 @@ def multisine(
         amplitude=shape * (rms / np.sqrt(np.sum(shape**2) / 2)),
         phase=rng.uniform(0, 2 * np.pi, size=(n_realizations, grid.excited.size)),
     )
+
+
+def thinned(grid: LineGrid, n_log: int) -> LineGrid:
+    """The lines of a grid nearest to a logarithmic spacing."""
+    excited = grid.excited
+    wanted = np.geomspace(excited[0], excited[-1], n_log)
+    right = np.clip(np.searchsorted(excited, wanted), 1, excited.size - 1)
+    left_is_nearer = wanted - excited[right - 1] < excited[right] - wanted
+    return LineGrid(excited=excited[np.unique(right - left_is_nearer)])
 
 
 def band_lines(fs: float, n_samples: int, f_min: float, f_max: float) -> tuple[int, int]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import fft
 
+from nlfrf.lines import LineGrid
 from nlfrf.localfit import power
 from nlfrf.record import Record
 from nlfrf.transient import is_transient, local_fit
@@ -53,7 +54,12 @@ class Spectra:
         )
 
 
-def period_spectra(record: Record, transient: str = "none") -> tuple[Spectra, str]:
+def used_lines(grid: LineGrid) -> np.ndarray:
+    """Excited and detection lines together, increasing."""
+    return np.sort(np.concatenate([grid.excited, grid.odd, grid.even]))
+
+
+def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None = None) -> tuple[Spectra, str]:
     """Spectra of a record on all its excited and detection lines, and what was done about the transient.
 
     Parameters
@@ -62,6 +68,8 @@ def period_spectra(record: Record, transient: str = "none") -> tuple[Spectra, st
     transient : str
         "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
         periods agree but for noise, discard where that leaves periods that agree, else local.
+    U : (M, P, K) complex ndarray, optional
+        Spectra of the input on `used_lines`, where they are known already.
 
     Raises
     ------
@@ -71,9 +79,9 @@ def period_spectra(record: Record, transient: str = "none") -> tuple[Spectra, st
     n_periods = record.n_periods
     if transient in ("discard", "local") and n_periods < 2:
         raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
-    grid = record.lines
-    lines = np.sort(np.concatenate([grid.excited, grid.odd, grid.even]))
-    U, Y = dft(record.u, lines), dft(record.y, lines)
+    lines = used_lines(record.lines)
+    U = dft(record.u, lines) if U is None else U
+    Y = dft(record.y, lines)
     R = None if record.r is None else dft(record.r, lines)
     if transient == "auto":
         transient = treatment(Y)

@@ -1,0 +1,113 @@
+"""A second opinion on the distortion level, from the same record: detection lines against the roughness of the FRF."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.checks import integer
+from nlfrf.frf import average_frf
+from nlfrf.level import level_from_detection, level_from_roughness, nonlinear_answer, rms
+from nlfrf.localfit import nearest_lines
+from nlfrf.record import Record
+from nlfrf.spectra import period_spectra
+from nlfrf.values import value
+
+DISAGREE = 6.0  # dB
+
+
+@value
+class SecondOpinion:
+    """Two levels of the same distortion, as variances of one realisation's FRF, and where they part.
+
+    Fields
+    ------
+    f : (F,) ndarray
+        Excited frequencies [Hz].
+    detection : (F,) ndarray
+        Variance read on the odd detection lines, calibrated; nan where the grid has too few of them.
+    roughness : (F,) ndarray
+        Variance read from the roughness of the FRF over the excited lines.
+    difference : (F,) ndarray
+        Roughness over detection [dB], averaged over the nine lines around each.
+    """
+
+    f: np.ndarray
+    detection: np.ndarray
+    roughness: np.ndarray
+    difference: np.ndarray
+
+    @property
+    def disagree(self) -> np.ndarray:
+        """(F,) bool: where the two differ by more than 6 dB."""
+        return np.abs(self.difference) > DISAGREE
+
+    def __str__(self) -> str:
+        """Whether they agree, and what it usually means where they do not."""
+        if not np.isfinite(self.difference).any():
+            return "second opinion: this grid has too few odd detection lines to compare the roughness of the FRF with"
+        median = np.median(self.difference)
+        said = [f"second opinion: roughness over detection lines {median:+.1f} dB in the median"]
+        for wrong, meaning in (
+            (
+                self.difference > DISAGREE,
+                "the FRF bends within a few lines there (a finer resolution would tell), or the detection lines are "
+                "blind to this distortion",
+            ),
+            (
+                self.difference < -DISAGREE,
+                "energy stands on detection lines that is no distortion of this input: a disturbance, a transient, or "
+                "a multisine that was not the one assumed; or the calibration is at its cautious end (factor 3)",
+            ),
+        ):
+            if wrong.any():
+                more = "above" if self.difference[wrong][0] > 0 else "below"
+                said.append(f"  more than 6 dB {more} at {spans(self.f, wrong)}: {meaning}")
+        if len(said) == 1:
+            said[0] += "; within 6 dB of each other at every line"
+        return "\n".join(said)
+
+
+def second_opinion(record: Record, *, transient: str = "auto", n_detection: int = 6) -> SecondOpinion:
+    """Read the distortion level of a record twice, by means that fail for different reasons.
+
+    Parameters
+    ----------
+    record : Record
+    transient, n_detection
+        As of `identify`.
+
+    Raises
+    ------
+    ValueError
+        As of `identify`; fewer than five excited lines.
+
+    Examples
+    --------
+    >>> from nlfrf.multisine import multisine
+    >>> u = multisine(fs=1024, n_samples=1024, f_min=1, f_max=200, rng=1)
+    >>> opinion = second_opinion(Record(u=u.u[None], y=u.u[None] ** 3, fs=1024, lines=u.lines))
+    >>> bool(abs(np.median(opinion.difference)) < 3)
+    True
+    """
+    n_detection = integer("n_detection", n_detection, least=3)
+    spectra, _ = period_spectra(record, transient)
+    grid = record.lines
+    excited = spectra.on(grid.excited)
+    frf = average_frf(excited)
+    rough = level_from_roughness(excited, frf).variance
+    detected = np.full(rough.size, np.nan)
+    if grid.odd.size >= n_detection:
+        answer = nonlinear_answer(spectra, frf, excited)
+        detected = level_from_detection(excited, answer, grid.odd, n_detection).variance
+    window = nearest_lines(grid.excited, grid.excited, 9)
+    floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2  # rounding is no disagreement
+    difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
+    return SecondOpinion(f=grid.excited * record.f0, detection=detected, roughness=rough, difference=difference)
+
+
+def spans(f: np.ndarray, where: np.ndarray) -> str:
+    """Frequencies where something holds, as a few ranges."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], where, [False]]).astype(int)))
+    pairs = [(f[a], f[b - 1]) for a, b in edges.reshape(-1, 2)]
+    shown = [f"{a:g} Hz" if a == b else f"{a:g} to {b:g} Hz" for a, b in pairs[:4]]
+    return ", ".join(shown) + (f" and {len(pairs) - 4} more" if len(pairs) > 4 else "")
