@@ -6,6 +6,7 @@ import numpy as np
 
 from nlfrf.checks import one_of, probability
 from nlfrf.distortion import DistortionLevels
+from nlfrf.excitation import local_mean
 from nlfrf.lines import LineGrid
 from nlfrf.values import value
 
@@ -85,7 +86,7 @@ class Bla:
     @property
     def upper_limit(self) -> np.ndarray:
         """(F,) bool: distortion does not stand out of the noise here; its level is an upper limit, not a zero."""
-        return np.asarray(self.var_total < 2 * np.nan_to_num(self.var_noise))
+        return np.asarray(self.var_total < 2 * local_mean(np.nan_to_num(self.var_noise), 13))
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
         """Radius of the disc around G that holds the truth with the stated probability.

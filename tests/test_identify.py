@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from nlfrf import DataWarning, Record, identify, multisine
+from nlfrf import DataWarning, Record, identify, identify_noise, multisine, second_opinion
 
 FS = N = 1024
 
@@ -292,3 +292,86 @@ def test_bound_refusals():
             bla.bound(confidence)
     with pytest.raises(ValueError, match="of must be one of 'bla', 'realization'"):
         bla.bound(of="both")
+
+
+def test_realisations_of_another_level_are_refused():
+    record = record_of(lambda u: u**3, n_realizations=4)
+    u = record.u.copy()
+    u[2] *= 2
+    with pytest.raises(
+        ValueError, match=r"same amplitude spectrum in every realisation, got realisation 2 up to 6.0 dB"
+    ):
+        identify(Record(u=u, y=record.y, fs=FS, lines=record.lines))
+
+
+# Under the noise
+
+
+def test_levels_under_the_noise_are_called_upper_limits():
+    quiet = identify(record_of(lambda u: u + 1e-6 * u**3, n_periods=8, noise=0.01))
+    assert quiet.upper_limit.mean() > 0.9
+    assert "upper limit" in str(quiet)
+    loud = identify(record_of(lambda u: u + 0.1 * u**3, n_periods=8, noise=0.01))
+    assert not loud.upper_limit.any()
+
+
+# A second opinion
+
+
+def test_second_opinion_agrees_on_a_cubic_and_says_so():
+    opinion = second_opinion(record_of(lambda u: u + 0.1 * u**3))
+    assert not opinion.disagree.any()
+    assert "within 6 dB of each other at every line" in str(opinion)
+
+
+def test_second_opinion_finds_a_disturbance_on_detection_lines():
+    record = record_of(lambda u: u + 0.02 * u**3)
+    t = np.arange(N) / FS
+    hum = sum(
+        0.1 * np.cos(2 * np.pi * k * t + k)
+        for k in record.lines.odd[(record.lines.odd > 90) & (record.lines.odd < 130)]
+    )
+    opinion = second_opinion(Record(u=record.u, y=record.y + hum, fs=FS, lines=record.lines))
+    f = opinion.f[opinion.disagree]
+    assert f.size
+    assert np.all((f > 60) & (f < 160))
+    assert "a disturbance" in str(opinion)
+
+
+def test_second_opinion_without_detection_lines():
+    opinion = second_opinion(record_of(lambda u: u + 0.1 * u**3, "odd"))
+    assert np.isnan(opinion.difference).all()
+    assert "too few odd detection lines" in str(opinion)
+
+
+# Noise excitation
+
+
+@pytest.mark.parametrize("method", ["welch", "local"])
+def test_noise_and_multisine_of_one_spectrum_give_the_same_bla(method):
+    rng = np.random.default_rng(8)
+    u = rng.standard_normal(60_000)
+    bla = identify_noise(u, np.tanh(u), fs=1.0, n_samples=600, f_min=0.01, f_max=0.45, method=method)
+    assert abs(np.mean(bla.G) - 0.6057055096) < 4 * np.sqrt(np.mean(bla.var_total) / bla.f.size)
+    assert 0.90 < np.mean(np.abs(bla.G - 0.6057055096) < bla.bound()) < 0.99
+    assert np.isnan(bla.var_noise).all()
+    assert bla.grid == "noise"
+
+
+def test_uniform_noise_gives_another_bla():
+    rng = np.random.default_rng(9)
+    u = rng.uniform(-np.sqrt(3), np.sqrt(3), 60_000)
+    bla = identify_noise(u, u**3, fs=1.0, n_samples=600, f_min=0.01, f_max=0.45)
+    # E[u f(u)] = E[u^4] = 9/5, against 3 for a Gaussian of the same power
+    assert abs(np.mean(bla.G) - 1.8) < 0.05
+
+
+def test_noise_records_are_refused_by_name():
+    u = np.random.default_rng(0).standard_normal(1000)
+    good = dict(fs=1.0, n_samples=100, f_min=0.05, f_max=0.4)
+    with pytest.raises(ValueError, match="u must hold at least 4000 samples for method='welch', got 1000"):
+        identify_noise(u, u, **good | {"n_samples": 500}, method="welch")
+    with pytest.raises(ValueError, match="y must be as long as u, 1000 samples, got 999"):
+        identify_noise(u, u[1:], **good)
+    with pytest.raises(ValueError, match="f_min and f_max must hold lines below Nyquist"):
+        identify_noise(u, u, **good | {"f_max": 0.6})

@@ -56,6 +56,55 @@ def test_blas_and_multisines_round_trip_exactly(record, tmp_path):
         nlfrf.load_bla(tmp_path / "ms.npz")
 
 
+def test_blas_and_multisines_round_trip_in_hdf5(record, tmp_path):
+    bla = nlfrf.identify(record)
+    nlfrf.save_bla(bla, tmp_path / "bla.h5")
+    same(nlfrf.load_bla(tmp_path / "bla.h5"), bla)
+    ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=2, rng=0)
+    nlfrf.save_multisine(ms, tmp_path / "ms.h5")
+    same(nlfrf.load_multisine(tmp_path / "ms.h5"), ms)
+
+
+def test_csv_of_a_bla_holds_its_numbers(record, tmp_path):
+    bla = nlfrf.identify(record)
+    nlfrf.export_csv(bla, tmp_path / "bla.csv")
+    header, *_ = (tmp_path / "bla.csv").read_text().splitlines()
+    assert header.split(",")[:4] == ["f [Hz]", "Re G", "Im G", "bound"]
+    table = np.loadtxt(tmp_path / "bla.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, 1] + 1j * table[:, 2], bla.G)
+    np.testing.assert_array_equal(table[:, 3], bla.bound())
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mat", ".wav"])
+def test_a_generator_plays_the_samples_and_the_design_lies_beside(suffix, tmp_path):
+    from scipy.io import loadmat, wavfile
+
+    ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=2, rng=0)
+    path = tmp_path / f"ms{suffix}"
+    nlfrf.save_multisine(ms, path)
+    same(nlfrf.load_multisine(tmp_path / "ms.npz"), ms)
+    if suffix == ".csv":
+        played = np.loadtxt(path, delimiter=",", skiprows=1)[:, 1:].T
+    elif suffix == ".mat":
+        played = loadmat(path)["u"]
+    else:
+        fs, samples = wavfile.read(path)
+        assert fs == 512
+        played = samples.T * np.load(tmp_path / "ms.npz")["peak"]
+    np.testing.assert_allclose(played, ms.u, atol=1e-6 if suffix == ".wav" else 0)
+
+
+def test_matlab_7_3_files_are_read(record, tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "m.mat", "w", userblock_size=512) as file:
+        file["u"], file["run/angle"] = record.u.reshape(1, -1), record.y.reshape(-1, 1)
+    with (tmp_path / "m.mat").open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file, Platform: any")
+    read = nlfrf.load_record(tmp_path / "m.mat", u="u", y="run.angle", fs=512)
+    np.testing.assert_array_equal(read.y, record.y)
+
+
 def test_foreign_files_by_name(record, tmp_path):
     u, y = record.u.reshape(-1), record.y.reshape(-1)
     savemat(tmp_path / "m.mat", {"current": u, "run": {"angle": y, "note": "first"}, "fs": 512})
@@ -76,6 +125,10 @@ def test_several_outputs_share_the_input(record, tmp_path):
     np.savez(tmp_path / "m.npz", u=u, motor=y, load=2 * y)
     motor, load = nlfrf.load_record(tmp_path / "m.npz", y=["motor", "load"], fs=512)
     np.testing.assert_array_equal(2 * motor.y, load.y)
+    assert motor.u is load.u
+    together = nlfrf.identify([motor, load])
+    same(together[0], nlfrf.identify(motor))
+    same(together[1], nlfrf.identify(load))
 
 
 def test_names_that_are_not_there_are_answered_with_those_that_are(tmp_path):
@@ -159,3 +212,46 @@ def test_the_linear_guide_repeats_one_sample_early(measured):
     record = nlfrf.load_record(path, u="input", y="enc1")
     assert record.n_samples == 4999
     np.testing.assert_array_equal(record.lines.excited, np.arange(1, 101))
+
+
+# Fuzz: whatever happens to a file, only documented errors come out
+
+
+def damaged(content, rng):
+    """The bytes of a file, cut short, with some flipped, or with a stretch moved."""
+    raw = bytearray(content)
+    how = rng.integers(3)
+    if how == 0:
+        return bytes(raw[: rng.integers(len(raw))])
+    if how == 1:
+        for place in rng.integers(len(raw), size=rng.integers(1, 20)):
+            raw[place] ^= 1 << rng.integers(8)
+        return bytes(raw)
+    a, b = np.sort(rng.integers(len(raw), size=2))
+    return bytes(raw[:a] + raw[b:] + raw[a:b])
+
+
+@pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_damaged_files_raise_documented_errors_only(record, suffix, tmp_path):
+    fuzz_loader(record, suffix, tmp_path, n=60, seed=0)
+
+
+def fuzz_loader(record, suffix, folder, *, n, seed):
+    """Load n damaged files of one format; anything but a ValueError or a record is let through to the caller."""
+    rng = np.random.default_rng(seed)
+    whole = folder / f"whole{suffix}"
+    nlfrf.save_record(record, whole)
+    content = whole.read_bytes()
+    path = folder / f"damaged{suffix}"
+    refused = 0
+    for _ in range(n):
+        path.write_bytes(damaged(content, rng))
+        message = ""
+        try:
+            nlfrf.load_record(path, n_samples=512)
+        except ValueError as error:
+            message = str(error)
+        refused += bool(message)
+        assert "\n" not in message
+    return refused

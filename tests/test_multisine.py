@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nlfrf import LineGrid, multisine
+from nlfrf import LineGrid, multisine, reduce_crest
 from nlfrf.lines import KINDS, recognise
 
 PLAIN = [kind for kind in KINDS if kind != "custom"]
@@ -83,6 +83,43 @@ def test_seeded_realisations_are_reproducible_and_differ():
 def test_denser_sampling_is_the_same_signal():
     ms = multisine(**BAND, rng=7)
     np.testing.assert_allclose(ms.sampled(4096)[:, ::4], ms.u, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", PLAIN)
+def test_crest_factor_falls_at_the_same_amplitude_spectrum(kind):
+    f_max = {"full": 100, "odd": 200, "odd-odd": 400, "special-odd": 400, "random-odd": 266}[kind]
+    ms = multisine(kind, fs=2048, n_samples=2048, f_min=1, f_max=f_max, n_realizations=2, rng=1)
+    assert 98 <= ms.f.size <= 102
+    better = reduce_crest(ms, rng=1)
+    assert better.crest_factor.max() <= 1.7
+    assert ms.crest_factor.min() > 2.5
+    np.testing.assert_array_equal(better.amplitude, ms.amplitude)
+    spectrum = np.abs(np.fft.rfft(better.u, axis=1))[:, ms.lines.excited] * 2 / 2048
+    np.testing.assert_allclose(spectrum, np.tile(ms.amplitude, (2, 1)), rtol=1e-9)
+    peak_between_samples = np.abs(better.sampled(8 * 2048)).max() / better.rms
+    assert peak_between_samples < 1.75
+
+
+def test_crest_factor_never_rises():
+    ms = multisine("full", fs=64, n_samples=64, f_min=1, f_max=2, rng=0)
+    assert reduce_crest(ms, n_iterations=3, target=0.1, rng=0).crest_factor[0] <= ms.crest_factor[0]
+    with pytest.raises(ValueError, match="target must be positive"):
+        reduce_crest(ms, target=0)
+
+
+def test_logarithmic_lines_stand_on_the_grid():
+    ms = multisine("odd", fs=4096, n_samples=8192, f_min=0.5, f_max=1000, n_log=40, rng=0)
+    assert np.all(ms.lines.excited % 2 == 1)
+    assert 30 <= ms.f.size <= 40
+    steps = np.diff(np.log(ms.f[ms.f > 5]))
+    assert steps.max() < 1.5 * steps.min() + 0.05
+
+
+@pytest.mark.parametrize("n_samples", [63, 64, 1001])
+def test_bands_close_to_nyquist_are_handled(n_samples):
+    ms = multisine("full", fs=n_samples, n_samples=n_samples, f_min=1, f_max=n_samples / 2 - 0.01, rng=0)
+    assert ms.lines.excited[-1] == (n_samples - 1) // 2
+    np.testing.assert_allclose(np.sqrt(np.mean(ms.u**2)), 1, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
