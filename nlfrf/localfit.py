@@ -62,22 +62,41 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray) -> Local
     r /= np.abs(r).max(axis=1, keepdims=True)
     w = weight[:, window]
     data = w * G[:, window]
-    polynomial = w[..., None] * r[..., None] ** np.arange(ORDER, -1, -1)
-    value, rest = least_squares(polynomial, data)[:2]
-    residual = power(rest)
-    dof = np.full(residual.shape, window.shape[1] - (ORDER + 1))
+    Q, R = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(ORDER, -1, -1))
+    Qt, pivot = np.swapaxes(Q, -1, -2), R[..., -1, -1]
+    projected = Qt @ data[..., None]
+    rest = (data[..., None] - Q @ projected)[..., 0]
+    fitted = projected[..., -1, 0] / pivot
+    n = window.shape[1]
+    variance = power(rest) / (n - ORDER - 1)
+    dof = np.full(variance.shape, n - ORDER - 1)
     n_rational = 2 * ORDER + 1
-    if window.shape[1] >= n_rational + 3:
+    if n >= n_rational + 3:
         # (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: its residual is weighted by the denominator, that is by 1/|G|
         # across a resonance, where the distortion follows |G|
-        denominator = -(r[..., None] ** np.arange(1, ORDER + 1)) * data[..., None]
-        value_r, rest_r = least_squares(np.concatenate([denominator, polynomial], axis=-1), data)[:2]
-        residual_r = power(rest_r)
-        better = residual_r < EARNED * residual
-        value = np.where(better, value_r, value)
-        residual = np.where(better, residual_r, residual)
-        dof = np.where(better, window.shape[1] - n_rational, dof)
-    return LocalFit(G=value, variance=residual / weight**2, dof=dof)
+        columns = -(r[..., None] ** np.arange(1, ORDER + 1)) * data[..., None]
+        spanned = Qt @ columns
+        a, rest = two_unknowns(columns - Q @ spanned, rest)
+        variance_r = power(rest) / (n - n_rational)
+        better = variance_r < EARNED * variance
+        fitted = np.where(better, (projected - spanned @ a[..., None])[..., -1, 0] / pivot, fitted)
+        variance = np.where(better, variance_r, variance)
+        dof = np.where(better, n - n_rational, dof)
+    return LocalFit(G=fitted, variance=variance / weight**2, dof=dof)
+
+
+def two_unknowns(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares A x = b for A (..., n, 2) by Gram-Schmidt, and the residual; dependent columns get zero."""
+    first, second = A[..., 0], A[..., 1]
+    n_first = power(first)
+    along = np.sum(first.conj() * second, axis=-1) / np.maximum(n_first, np.finfo(float).tiny)
+    second = second - along[..., None] * first
+    n_second = power(second)
+    n_second = np.where(n_second > 1e-20 * n_first, n_second, np.inf)
+    x_first = np.sum(first.conj() * b, axis=-1) / np.maximum(n_first, np.finfo(float).tiny)
+    x_second = np.sum(second.conj() * b, axis=-1) / n_second
+    rest = b - x_first[..., None] * first - x_second[..., None] * second
+    return np.stack([x_first - along * x_second, x_second], axis=-1), rest
 
 
 def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
