@@ -8,7 +8,7 @@ from nlfrf.spectra import Spectra
 from nlfrf.values import value
 
 
-@value
+@value(copy=False)
 class Frf:
     """Averaged FRF on some lines.
 

@@ -17,7 +17,7 @@ NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is 
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
 
 
-@value
+@value(copy=False)
 class Level:
     """Variance of one realisation's FRF by everything but its BLA, from one source.
 
@@ -36,7 +36,7 @@ class Level:
     grid_factor: np.ndarray
 
 
-@value
+@value(copy=False)
 class Answer:
     """The output of an experiment with its linear part taken off.
 

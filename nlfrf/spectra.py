@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +14,11 @@ from nlfrf.record import Record
 from nlfrf.transient import is_transient, local_fit
 from nlfrf.values import value
 
+WORKERS = os.cpu_count() or 1
+LONG = 1 << 17  # samples past which one transform is worth several threads
 
-@value
+
+@value(copy=False)
 class Spectra:
     """Spectra 2/N rfft of input and output on chosen lines, averaged over periods.
 
@@ -103,28 +107,37 @@ def treatment(Y: np.ndarray) -> str:
 
 def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """(M, P, K) amplitudes of the lines in each period of x (M, P, N)."""
-    n_samples = x.shape[2]
-    spectra = np.empty((*x.shape[:2], lines.size), dtype=complex)
-    for m in range(x.shape[0]):  # a realisation at a time, so that long records need little memory beyond their own
-        spectra[m] = fft.rfft(x[m], axis=1)[:, lines]
+    n_realizations, n_periods, n_samples = x.shape
+    spectra = np.empty((n_realizations, n_periods, lines.size), dtype=complex)
+    for m in range(n_realizations):  # one at a time, so that long records need little memory beyond their own
+        one = x[m]
+        if np.array_equal(one[0], one[-1]) and (one == one[0]).all():
+            one = one[:1]  # a generator's signal repeats to the bit: its periods need one transform
+        spectra[m] = fft.rfft(one, axis=1, workers=WORKERS if one.size > LONG else 1)[:, lines]
     spectra *= 2 / n_samples
     return spectra
 
 
 def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None) -> Spectra:
     """Means over the periods of U, Y (M, P, K), and the sample (co)variances of those means."""
-    n_periods = U.shape[1]
+    n_realizations, n_periods, n_lines = U.shape
     U_mean, Y_mean = U.mean(axis=1), Y.mean(axis=1)
+    shape = (n_realizations, n_lines)
+    var_U, var_Y = np.full(shape, np.nan), np.full(shape, np.nan)
+    cov_YU = np.full(shape, complex(np.nan, np.nan))
     if n_periods > 1:
-        dU, dY = U - U_mean[:, None], Y - Y_mean[:, None]
         scale = 1 / (n_periods * (n_periods - 1))
-        var_U = scale * np.sum(dU.real**2 + dU.imag**2, axis=1)
-        var_Y = scale * np.sum(dY.real**2 + dY.imag**2, axis=1)
-        cov_YU = scale * np.sum(dY * dU.conj(), axis=1)
-    else:
-        var_U = var_Y = np.full(U_mean.shape, np.nan)
-        cov_YU = np.full(U_mean.shape, complex(np.nan, np.nan))
+        for m in range(n_realizations):  # one at a time stays in the cache
+            dU, dY = U[m] - U_mean[m], Y[m] - Y_mean[m]
+            var_U[m], var_Y[m] = scale * sum_of_squares(dU), scale * sum_of_squares(dY)
+            cov_YU[m] = scale * np.einsum("pk,pk->k", dY, dU.conj())
     return Spectra(lines=lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU)
+
+
+def sum_of_squares(x: np.ndarray) -> np.ndarray:
+    """Sum of squared moduli of x (P, K) over the first axis, without temporaries."""
+    parts = x.view(float).reshape(*x.shape, 2)
+    return np.asarray(np.einsum("pkc,pkc->k", parts, parts))
 
 
 def without_transient(record: Record, spectra: Spectra) -> Spectra:

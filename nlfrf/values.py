@@ -19,10 +19,11 @@ T = TypeVar("T")
 @overload
 def value(cls: type[T], /) -> type[T]: ...
 @overload
-def value(*, kw_only: bool = True) -> Callable[[type[T]], type[T]]: ...
+def value(*, kw_only: bool = True, copy: bool = True) -> Callable[[type[T]], type[T]]: ...
 @dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
-def value(cls: Any = None, /, *, kw_only: bool = True) -> Any:
+def value(cls: Any = None, /, *, kw_only: bool = True, copy: bool = True) -> Any:
     """Make a class a value type; ``kw_only=False`` lets its fields also be given in order.
+    ``copy=False`` is for values that are only made inside this package, from arrays that nobody else holds.
 
     >>> @value
     ... class Tone:
@@ -38,11 +39,11 @@ def value(cls: Any = None, /, *, kw_only: bool = True) -> Any:
     ValueError: assignment destination is read-only
     """
     if cls is None:
-        return lambda c: value_class(c, kw_only)
-    return value_class(cls, kw_only)
+        return lambda c: value_class(c, kw_only, copy)
+    return value_class(cls, kw_only, copy)
 
 
-def value_class(cls: type[T], kw_only: bool) -> type[T]:
+def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
     """The dataclass behind `value`, with arrays frozen before the class's own validation."""
     validate = cls.__dict__.get("__post_init__")
 
@@ -50,7 +51,7 @@ def value_class(cls: type[T], kw_only: bool) -> type[T]:
         for field in fields(self):
             content = getattr(self, field.name)
             if isinstance(content, np.ndarray):
-                object.__setattr__(self, field.name, frozen(content))
+                object.__setattr__(self, field.name, frozen(content, copy))
         if validate is not None:
             validate(self)
 
@@ -58,11 +59,11 @@ def value_class(cls: type[T], kw_only: bool) -> type[T]:
     return dataclass(frozen=True, kw_only=kw_only, eq=False)(cls)
 
 
-def frozen(array: np.ndarray) -> np.ndarray:
-    """A read-only copy; the array itself where nobody else can write it."""
-    if array.flags.writeable or array.base is not None:
+def frozen(array: np.ndarray, copy: bool) -> np.ndarray:
+    """A read-only copy; the array itself where nobody else can write it, or where a copy is not asked for."""
+    if copy and (array.flags.writeable or array.base is not None):
         array = array.copy()
-        array.flags.writeable = False
+    array.flags.writeable = False
     return array
 
 
