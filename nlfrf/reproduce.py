@@ -18,7 +18,7 @@ import numpy as np
 
 from nlfrf.checks import integer
 from nlfrf.io import write_whole
-from nlfrf.levels import LevelStudy, level_study
+from nlfrf.level_study import LevelStudy, level_study
 from nlfrf.paper import (
     GRIDS,
     LEVELS,

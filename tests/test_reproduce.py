@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nlfrf.levels import LevelStudy, level_study
+from nlfrf.level_study import LevelStudy, level_study
 from nlfrf.lines import LineGrid
 from nlfrf.multisine import multisine
 from nlfrf.paper import (
