@@ -276,7 +276,7 @@ def longest_step(pole: complex) -> float:
         return abs(1 + q + q**2 / 2 + q**3 / 6 + q**4 / 24)
 
     low, high = 0.0, 4.0  # along every ray into the left half plane growth passes 1 once before 4
-    for _ in range(60):
+    for _ in range(25):
         middle = (low + high) / 2
         low, high = (middle, high) if growth(middle) <= 1 + 1e-12 else (low, middle)
     return low / abs(pole)
