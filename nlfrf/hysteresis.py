@@ -11,14 +11,15 @@ are the same operator.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
 from nlfrf import packing
-from nlfrf.checks import integer, positive, real_array
-from nlfrf.values import value
+from nlfrf.checks import DataWarning, integer, positive, real_array
+from nlfrf.values import frozen, value
 
 NO_GRID = np.zeros((3, 1))
 
@@ -44,10 +45,7 @@ class Linear:
     def __post_init__(self) -> None:
         check_positive(self)
 
-    @property
-    def Fy(self) -> float:
-        """Largest force [N]: infinite."""
-        return np.inf
+    Fy = np.inf  # it never yields
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
@@ -204,10 +202,8 @@ class Table:
                 f"F must be concave for z > 0 (slopes that do not grow), "
                 f"got {slope[i]:g} after {slope[i - 1]:g} N/m at z = {z[i - 1]:g} m"
             )
-        for name, array in (("z", z), ("F", force)):
-            array = array.copy()
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        object.__setattr__(self, "z", frozen(z.copy()))
+        object.__setattr__(self, "F", frozen(force.copy()))
 
     @property
     def K0(self) -> float:
@@ -257,9 +253,7 @@ class MaxwellSlip:
         for name, array in (("stiffness", stiffness), ("strength", strength)):
             if not np.all(array > 0):
                 raise ValueError(f"{name} must be positive for every element, got {array.min():g}")
-            array = array.copy()
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, frozen(array.copy()))
 
     @property
     def K0(self) -> float:
@@ -325,7 +319,15 @@ def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
     memory = packing.at_rest(packed, grid)
     force = np.empty_like(path)
     kernels.follow(packed, grid, memory.state, memory.stack, path, force)
+    warn_lost(memory.state[packing.LOST])
     return force
+
+
+def warn_lost(lost: float) -> None:
+    """Warn where the memory of turning points was too short."""
+    if lost:
+        said = f"the hysteresis memory of {packing.STACK_DEPTH} turning points overflowed {lost:g} times"
+        warnings.warn(f"{said}; the innermost loops were forgotten", DataWarning, stacklevel=3)
 
 
 def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0) -> MaxwellSlip:
@@ -378,17 +380,13 @@ def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0
 
 def graded_knots(curve: Curve, n_knots: int, decades: float) -> np.ndarray:
     """Knots up to the end of a curve: their density is the mean of sqrt|y''|, which evens out the error, and 1/z."""
-    z = end_of(curve, 0.05 / n_knots**2) * np.logspace(-decades, 0, 2000)
+    far = curve.Fy / curve.K0 * np.geomspace(1, 1e6, 2000)
+    end = far[np.argmax(curve(far) >= (1 - 0.05 / n_knots**2) * curve.Fy)]
+    z = end * np.logspace(-decades, 0, 2000)
     bend = np.sqrt(np.abs(np.gradient(np.gradient(curve(z), z), z)))
     share = np.concatenate([[0.0], np.cumsum((bend[1:] + bend[:-1]) / 2 * np.diff(z))])
     place = share / share[-1] + np.linspace(0, 1, z.size)
     return np.interp(np.linspace(0, place[-1], n_knots), place, z)
-
-
-def end_of(curve: Curve, rest: float) -> float:
-    """Displacement at which all but this part of a curve's largest force is reached."""
-    z = curve.Fy / curve.K0 * np.geomspace(1, 1e6, 2000)
-    return float(z[np.argmax(curve(z) >= (1 - rest) * curve.Fy)])
 
 
 def packed_curve(curve: Curve) -> tuple[packing.Curve, packing.Grid]:

@@ -19,31 +19,8 @@ import math
 import numpy as np
 from numba import njit
 
-from nlfrf.packing import (
-    DAHL,
-    DEEPEST,
-    DEPTH,
-    DIRECTION,
-    ELASTIC_PLASTIC,
-    ELEMENTS,
-    EXPONENTIAL,
-    LEUVEN,
-    LINEAR,
-    LOST,
-    ORIGINAL,
-    PARABOLA,
-    RATE,
-    SPRING,
-    TANH,
-    Body,
-    Curve,
-    F,
-    Law,
-    Step,
-    V,
-    X,
-    Z,
-)
+from nlfrf import packing
+from nlfrf.packing import DEEPEST, DEPTH, DIRECTION, LOST, RATE, Body, Curve, F, Law, Step, V, X, Z
 
 #: Branches: where the memory is asked at every stage, and the two that are followed without asking.
 LOOKED_UP, VIRGIN, LATER = range(3)
@@ -60,17 +37,17 @@ inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)  #
 @inlined
 def virgin(curve: Curve, grid: Array, z: float) -> float:
     """Virgin curve y(z), odd."""
-    if curve.kind <= LINEAR:
+    if curve.kind <= packing.LINEAR:
         return curve.K0 * z
-    if curve.kind == TANH:
+    if curve.kind == packing.TANH:
         return curve.Fy * math.tanh(curve.K0 * z / curve.Fy)
     a = abs(z)
-    if curve.kind == EXPONENTIAL:
+    if curve.kind == packing.EXPONENTIAL:
         y = -curve.Fy * math.expm1(-curve.K0 * a / curve.Fy)
-    elif curve.kind == PARABOLA:
+    elif curve.kind == packing.PARABOLA:
         rest = max(1.0 - 0.5 * curve.K0 * a / curve.Fy, 0.0)
         y = curve.Fy * (1.0 - rest * rest)
-    elif curve.kind == ELASTIC_PLASTIC:
+    elif curve.kind == packing.ELASTIC_PLASTIC:
         y = min(curve.K0 * a, curve.Fy)
     else:
         i = segment(grid, a)
@@ -81,16 +58,16 @@ def virgin(curve: Curve, grid: Array, z: float) -> float:
 @compiled
 def slope(curve: Curve, grid: Array, z: float, y: float) -> float:
     """Stiffness y'(z) of the virgin curve, where y = y(z)."""
-    if curve.kind <= LINEAR:
+    if curve.kind <= packing.LINEAR:
         return curve.K0
-    if curve.kind == TANH:
+    if curve.kind == packing.TANH:
         return curve.K0 * (1.0 - (y / curve.Fy) ** 2)
-    if curve.kind == EXPONENTIAL:
+    if curve.kind == packing.EXPONENTIAL:
         return curve.K0 * (1.0 - abs(y) / curve.Fy)
     a = abs(z)
-    if curve.kind == PARABOLA:
+    if curve.kind == packing.PARABOLA:
         return curve.K0 * max(1.0 - 0.5 * curve.K0 * a / curve.Fy, 0.0)
-    if curve.kind == ELASTIC_PLASTIC:
+    if curve.kind == packing.ELASTIC_PLASTIC:
         return curve.K0 if curve.K0 * a < curve.Fy else 0.0
     return grid[2, segment(grid, a)]
 
@@ -139,9 +116,9 @@ def began(state: Array, stack: Array) -> float:
 def hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> tuple[float, float]:
     """Hysteresis force after a monotone move from the committed state to z, and the force its branch began with."""
     z0 = state[Z]
-    if curve.kind == SPRING:
+    if curve.kind == packing.SPRING:
         return curve.K0 * z, 0.0
-    if curve.kind == ELEMENTS:
+    if curve.kind == packing.ELEMENTS:
         total = 0.0
         for i in range(grid.shape[1]):
             w = grid[1, i]
@@ -163,10 +140,10 @@ def hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: float) 
 def commit(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> float:
     """Move the memory to z; returns the stiffness dFh/dz there."""
     z0 = state[Z]
-    if curve.kind == SPRING:
+    if curve.kind == packing.SPRING:
         state[Z], state[F] = z, curve.K0 * z
         return curve.K0
-    if curve.kind == ELEMENTS:
+    if curve.kind == packing.ELEMENTS:
         total, stiffness = 0.0, 0.0
         for i in range(grid.shape[1]):
             w = grid[1, i]
@@ -218,14 +195,14 @@ def sliding_force(law: Law, v: float) -> float:
 def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
     """dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
     g = sliding_force(law, v)
-    if law.form == LEUVEN:
+    if law.form == packing.LEUVEN:
         r = abs(fh) / g
         if law.n != 1.0:
             r = r**law.n
         dz = v - abs(v) * r if fh >= 0.0 else v + abs(v) * r
     else:
         d = 1.0 if v >= 0.0 else -1.0
-        if law.form == ORIGINAL:
+        if law.form == packing.ORIGINAL:
             # where the branch began beyond s(v) no way is left to go: it slides
             way, room = d * (fh - fb), g - d * fb
             r = 1.0 if room <= 0.0 or way >= room else way / room
@@ -240,7 +217,7 @@ def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
 def pull_back(law: Law, v: float, fh: float, stiffness: float) -> float:
     """How fast dz/dt pulls z back while sliding [1/s]: the eigenvalue that limits the step."""
     rate = law.n * stiffness * abs(v) / law.Fc
-    if law.form != DAHL and law.n > 1.0:
+    if law.form != packing.DAHL and law.n > 1.0:
         rate *= (min(abs(fh) / law.Fc, 1.0)) ** (law.n - 1.0)
     return rate
 
@@ -248,7 +225,7 @@ def pull_back(law: Law, v: float, fh: float, stiffness: float) -> float:
 @compiled
 def way_ahead(law: Law, state: Array, stack: Array, v: float, turned: bool) -> Way:
     """The branch that is followed until z turns or a loop closes, and its turning point."""
-    if not (LINEAR <= law.curve.kind <= PARABOLA):
+    if not (packing.LINEAR <= law.curve.kind <= packing.PARABOLA):
         return LOOKED_UP, 0.0, began(state, stack)
     if not turned and state[DIRECTION] != 0.0:
         dz, _ = rates(law, v, state[F], began(state, stack))

@@ -16,7 +16,8 @@ import numpy as np
 from nlfrf import packing
 from nlfrf.checks import integer, nonnegative, positive, real, real_array
 from nlfrf.friction import packed_law
-from nlfrf.rig import Rig, integrate, warn_lost
+from nlfrf.hysteresis import warn_lost
+from nlfrf.rig import Rig, integrate
 from nlfrf.values import value
 
 #: How often the step is halved before a loop that runs away is called diverged.

@@ -16,10 +16,13 @@ import numpy as np
 from nlfrf import packing
 from nlfrf.checks import DataWarning, integer, nonnegative, one_of, positive, real_array
 from nlfrf.friction import Friction, Leuven, packed_law
+from nlfrf.hysteresis import warn_lost
 from nlfrf.values import value
 
 #: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
 REAL_LIMIT = 2.785
+#: Relative error at the resonance of the stuck rig above which a step is called coarse.
+COARSE = 0.01
 
 
 @value(kw_only=False)
@@ -153,6 +156,7 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
         return advance(rig, memory, between_samples(samples, steps, hold), 1 / (fs * steps), steps), memory
 
     refuse_long_step(rig, fs, oversampling)
+    warn_coarse(rig, fs, oversampling)
     out, memory = attempt(oversampling)
     if out is None:
         raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
@@ -306,12 +310,20 @@ def step_refusal(fs: float, oversampling: int, stable: Callable[[int], bool]) ->
     )
 
 
-def warn_lost(lost: float) -> None:
-    """Warn where the memory of turning points was too short."""
-    if lost:
+def warn_coarse(rig: Rig, fs: float, oversampling: int) -> None:
+    """Warn where the step moves the pole of the stuck rig by more than 1 % of its damping: the resonance is wrong."""
+    law, _ = packed_law(rig.friction)
+    poles = np.roots([rig.mass, rig.damping + law.sigma1 + law.sigma2, rig.stiffness + law.curve.K0])
+    pole = poles[np.argmax(np.abs(poles.imag))]
+    if pole.imag == 0 or pole.real == 0:
+        return
+    # a Runge-Kutta step of fourth order is off by (h p)^5 / 120
+    shift = np.abs(pole / pole.real) * (np.abs(pole) / (fs * oversampling)) ** 4 / 120
+    if shift > COARSE:
+        enough = int(np.ceil(oversampling * (shift / COARSE) ** 0.25))
         warnings.warn(
-            f"the hysteresis memory of {packing.STACK_DEPTH} turning points overflowed {lost:g} times; "
-            "the innermost loops were forgotten",
+            f"the integration step is coarse: the resonance of the stuck rig comes out wrong by {100 * shift:.2g} %. "
+            f"Take an oversampling of {enough}, or state the accuracy",
             DataWarning,
             stacklevel=3,
         )

@@ -12,9 +12,10 @@ import numpy as np
 from nlfrf import packing
 from nlfrf.checks import DataWarning, integer, one_of, positive
 from nlfrf.ensemble import Arrays, Progress, run_all
+from nlfrf.hysteresis import warn_lost
 from nlfrf.multisine import Multisine
 from nlfrf.record import Record
-from nlfrf.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_lost
+from nlfrf.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
 from nlfrf.values import value
 
 #: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
@@ -90,7 +91,8 @@ def simulate(
     Warns
     -----
     DataWarning
-        Where the last two periods still differ by more than 1e-4 of the rms.
+        Where the last two periods still differ by more than 1e-4 of the rms, where the step is coarse for the
+        resonance of the stuck rig, or where the memory of turning points was too short.
 
     Examples
     --------
@@ -114,7 +116,9 @@ def simulate(
     )
     refuse_long_step(rig, ms.fs, oversampling)
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
-    if accuracy is not None:
+    if accuracy is None:
+        warn_coarse(rig, ms.fs, oversampling)
+    else:
         steps = steps_for(realizations[0], positive("accuracy", accuracy))
         realizations = [replace(realization, oversampling=steps) for realization in realizations]
     outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)

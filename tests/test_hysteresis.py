@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from nlfrf.checks import DataWarning
 from nlfrf.hysteresis import (
     ElasticPlastic,
     Exponential,
@@ -63,6 +64,17 @@ def test_closed_inner_loops_are_wiped_out(curve):
     with_loops = hysteresis_force(curve, [0.8, 0.1, 0.5, 0.2, 0.4, 0.2, 0.6, -0.3, 0.9, -0.7, 1.1])
     without = hysteresis_force(curve, [0.8, -0.3, 0.9, -0.7, 1.1])
     assert np.allclose(with_loops[[0, -4, -3, -2, -1]], without, atol=1e-14)
+
+
+def test_memory_that_is_too_short_is_announced_and_costs_only_the_innermost_loops():
+    curve = Tanh(1.0, 1.0)
+    inward = np.linspace(2, 0, 400) * np.where(np.arange(400) % 2, -1, 1)  # 400 nested turning points
+    path = np.concatenate([inward, -inward[250::-1]])
+    with pytest.warns(DataWarning, match=r"the hysteresis memory of 256 turning points overflowed \d+ times"):
+        force = hysteresis_force(curve, path)
+    elements = fit_maxwell_slip(curve, n_elements=2000, decades=3)  # no memory to overflow
+    assert np.abs(force - hysteresis_force(elements, path)).max() < 1e-3
+    assert np.isfinite(force).all()
 
 
 @pytest.mark.parametrize("curve", CURVES[1:], ids=lambda c: type(c).__name__)

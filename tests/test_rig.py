@@ -1,9 +1,12 @@
 """The rig against linear theory, an independent integrator, and its own symmetry."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from nlfrf.checks import DataWarning
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Tanh
 from nlfrf.rig import Rig, paper_rig, run
@@ -140,7 +143,26 @@ def test_too_long_a_step_is_refused_with_one_that_would_do():
     ) as refused:
         run(paper_rig(), np.ones(100), fs=100.0)
     enough = int(str(refused.value).split("at least ")[1].split()[0])
-    assert np.isfinite(run(paper_rig(), np.ones(100), fs=100.0, oversampling=enough).x).all()
+    with pytest.warns(DataWarning, match="the integration step is coarse"):  # stable, but no more
+        assert np.isfinite(run(paper_rig(), np.ones(100), fs=100.0, oversampling=enough).x).all()
+
+
+def test_coarse_step_is_announced_with_its_error():
+    # the stuck rig at its resonance: what the warning says is what is measured
+    fs, frequency = 512.0, np.sqrt(144e3) / 2 / np.pi
+    t = np.arange(8 * 512) / fs
+    force = 1e-8 * np.sin(2 * np.pi * frequency * t)
+    with pytest.warns(DataWarning, match=r"comes out wrong by (\d+) %. Take an oversampling of (\d+)") as warned:
+        coarse = run(paper_rig(), force, fs=fs)
+    said, enough = (float(word) for word in re.search(r"by (\d+) %.*of (\d+),", str(warned[0].message)).groups())
+    fine, held = (run(paper_rig(), force, fs=fs, oversampling=n) for n in (32, int(enough)))
+    late = slice(6 * 512, None)
+
+    def error(motion):
+        return np.sqrt(np.mean((motion.x - fine.x)[late] ** 2)) / fine.x[late].std()
+
+    assert error(coarse) == pytest.approx(said / 100, rel=0.5)
+    assert error(held) < 0.012
 
 
 def test_step_too_long_for_sliding_is_refused_with_one_that_was_tried():
