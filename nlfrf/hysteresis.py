@@ -202,8 +202,8 @@ class Table:
                 f"F must be concave for z > 0 (slopes that do not grow), "
                 f"got {slope[i]:g} after {slope[i - 1]:g} N/m at z = {z[i - 1]:g} m"
             )
-        object.__setattr__(self, "z", frozen(z.copy()))
-        object.__setattr__(self, "F", frozen(force.copy()))
+        object.__setattr__(self, "z", frozen(z, True))
+        object.__setattr__(self, "F", frozen(force, True))
 
     @property
     def K0(self) -> float:
@@ -253,7 +253,7 @@ class MaxwellSlip:
         for name, array in (("stiffness", stiffness), ("strength", strength)):
             if not np.all(array > 0):
                 raise ValueError(f"{name} must be positive for every element, got {array.min():g}")
-            object.__setattr__(self, name, frozen(array.copy()))
+            object.__setattr__(self, name, frozen(array, True))
 
     @property
     def K0(self) -> float:
