@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from nlfrf.hdf5 import read_hdf5
 from nlfrf.values import value
 
 UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
@@ -142,24 +143,6 @@ def flatten_dspace(recording: Any, arrays: dict[str, np.ndarray]) -> None:
         arrays["time"] = np.asarray(time, dtype=float)
     for channel in np.ravel(recording.Y):
         arrays[str(channel.Name)] = np.asarray(channel.Data, dtype=float)
-
-
-def read_hdf5(path: Path) -> dict[str, np.ndarray]:
-    """Every numeric dataset of an HDF5 file, groups joined by dots; texts from attributes of the file."""
-    import h5py
-
-    arrays: dict[str, np.ndarray] = {}
-
-    def add(name: str, node: Any) -> None:
-        if isinstance(node, h5py.Dataset) and node.dtype.kind in "fiubc" and not name.startswith("#"):
-            arrays[name.replace("/", ".")] = np.asarray(node[()])
-
-    with h5py.File(path, "r") as file:
-        file.visititems(add)
-        for name, content in file.attrs.items():
-            if isinstance(content, str):
-                arrays[name] = np.array(content)
-    return arrays
 
 
 def read_npz(path: Path) -> dict[str, np.ndarray]:

@@ -31,6 +31,7 @@ FLOORS = {
     "nlfrf.frf": 6,
     "nlfrf.simulate": 6,
     "nlfrf.crest": 3,
+    "nlfrf.hdf5": 0,
     "nlfrf.level": 7,
     "nlfrf.opinion": 8,
     "nlfrf.noise": 8,
@@ -48,7 +49,7 @@ FLOORS = {
 HEAVY = {
     "matplotlib": {"nlfrf.plot", "nlfrf.reproduce", "nlfrf.cli", "robust.plot", "robust.cli"},
     "numba": {"nlfrf.kernels"},
-    "h5py": {"nlfrf.channels", "nlfrf.io"},
+    "h5py": {"nlfrf.hdf5", "nlfrf.io"},
 }
 
 

@@ -234,7 +234,16 @@ def damaged(content, rng):
 @pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_damaged_files_raise_documented_errors_only(record, suffix, tmp_path):
-    fuzz_loader(record, suffix, tmp_path, n=60, seed=0)
+    fuzz_loader(record, suffix, tmp_path, n=15 if suffix == ".h5" else 80, seed=0)
+
+
+def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
+    import nlfrf.hdf5
+
+    nlfrf.save_record(record, tmp_path / "r.h5")
+    monkeypatch.setattr(nlfrf.hdf5, "SECONDS", 0.01)
+    with pytest.raises(ValueError, match=r"the HDF5 library did not come to an end within 0 s"):
+        nlfrf.load_record(tmp_path / "r.h5")
 
 
 def fuzz_loader(record, suffix, folder, *, n, seed):

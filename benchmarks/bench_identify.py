@@ -1,0 +1,86 @@
+"""Speed of `identify` against a bare rfft of the same record, and against peers that are installed, in one run."""
+
+from __future__ import annotations
+
+import resource
+import time
+
+import numpy as np
+
+import nlfrf
+
+TARGETS = {"fast": "3 ms", "fast, roughness": "1 ms", "robust, M = 7": "1.5 ms", "fast, local transient": "20 ms"}
+
+
+def best(function, n):
+    """Shortest of n runs [s]: what the code takes when nothing else runs."""
+    times = []
+    for _ in range(n):
+        begin = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def record_of(n_samples, n_periods, n_realizations, n_lines):
+    """A static cubic with noise on its output, on a special-odd grid of about n_lines lines."""
+    rng = np.random.default_rng(0)
+    ms = nlfrf.multisine(
+        fs=n_samples, n_samples=n_samples, f_min=1, f_max=4 * n_lines, n_realizations=n_realizations, rng=rng
+    )
+    u = np.repeat(ms.u[:, None], n_periods, axis=1)
+    y = u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape)
+    return nlfrf.Record(u=u, y=y, fs=n_samples, lines=ms.lines)
+
+
+def peer(record):
+    """The package best-linear-approximation on the same record, where it is installed (Python 3.12 or later)."""
+    try:
+        import best_linear_approximation as bla
+    except ImportError:
+        return None
+    shape = lambda x: np.moveaxis(x, 2, 0)[:, None]  # noqa: E731  (N, nu, M, P)
+    u, y = shape(record.u), shape(record.y)
+    bins = record.lines.excited
+    return lambda: bla.robust.known_input(u, y, fs=record.fs, excited_bins=bins, show_warnings=False)
+
+
+def main():
+    """Print the table."""
+    small, several = record_of(4096, 2, 1, 100), record_of(4096, 2, 7, 100)
+    cases = [
+        ("fast", small, {}),
+        ("fast, roughness", small, {"level_from": "roughness"}),
+        ("fast, local transient", small, {"transient": "local"}),
+        ("robust, M = 7", several, {}),
+    ]
+    print("N = 4096, P = 2, F = 100")
+    for name, record, options in cases:
+        ours = best(lambda record=record, options=options: nlfrf.identify(record, **options), 200)
+        bare = best(lambda record=record: (np.fft.rfft(record.u), np.fft.rfft(record.y)), 200)
+        print(f"  {name:<22} {1e3 * ours:7.2f} ms (target {TARGETS[name]}), {ours / bare:6.1f} times a bare rfft")
+    theirs = peer(several)
+    if theirs is None:
+        print("  best-linear-approximation is not installed here (it needs Python 3.12)")
+    else:
+        print(f"  best-linear-approximation, M = 7: {1e3 * best(theirs, 50):.2f} ms")
+    large = record_of(65536, 4, 10, 5000)
+    ours = best(lambda: nlfrf.identify(large), 7)
+    bare = best(lambda: (np.fft.rfft(large.u), np.fft.rfft(large.y)), 7)
+    print("N = 65536, P = 4, M = 10, F = 5000")
+    print(f"  {1e3 * ours:.0f} ms, {ours / bare:.2f} times the bare rfft of {1e3 * bare:.0f} ms (target 2.5)")
+    print("2^22 samples in one record")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    long = record_of(1 << 21, 2, 1, 1000)
+    size = (long.u.nbytes + long.y.nbytes) / 1024
+    made = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    elapsed = best(lambda: nlfrf.identify(long), 1)
+    after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(
+        f"  {elapsed:.2f} s; peak memory {(after - before) / size:.1f} times the record's {size / 1024:.0f} MB, "
+        f"{(made - before) / size:.1f} of them to make it (target 6)"
+    )
+
+
+if __name__ == "__main__":
+    main()

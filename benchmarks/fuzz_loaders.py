@@ -1,0 +1,47 @@
+"""Load thousands of damaged files of each format: only documented errors, no hang, no blow-up of memory.
+
+python -m benchmarks.fuzz_loaders [--files 2000]
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import nlfrf
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from test_io import FORMATS, fuzz_loader  # noqa: E402  (the same fuzz as in the tests, longer)
+
+
+def main():
+    """Print what happened."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--files", type=int, default=2000)
+    n = parser.parse_args().files
+    rng = np.random.default_rng(0)
+    ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, rng=rng)
+    u = np.repeat(ms.u[:, None, :], 3, axis=1)
+    record = nlfrf.Record(u=u, y=u**3 + 0.01 * rng.standard_normal(u.shape), fs=512, lines=ms.lines)
+    warnings.simplefilter("ignore")
+    for suffix in FORMATS:
+        begin = time.perf_counter()
+        with tempfile.TemporaryDirectory() as folder:
+            refused = fuzz_loader(record, suffix, Path(folder), n=n, seed=1)
+        elapsed = time.perf_counter() - begin
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(
+            f"{suffix:<5} {n} damaged files: {refused} refused, {n - refused} read, none else; "
+            f"{elapsed:.1f} s, peak memory so far {peak:.0f} MB"
+        )
+
+
+if __name__ == "__main__":
+    main()
