@@ -88,7 +88,9 @@ class Assembly:
         omega = np.atleast_1d(omega)
         if self.w_P is None:
             return np.full(omega.size, np.nan)
-        return np.abs(response(self.w_P, omega)) * worst_sensitivity(*self.terms(omega))
+        worst = worst_sensitivity(*self.terms(omega))
+        size = np.abs(response(self.w_P, omega))
+        return np.where(np.isinf(worst), np.inf, size * np.where(np.isinf(worst), 1.0, worst))
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
@@ -112,21 +114,31 @@ class Assembly:
         omega = np.unique(np.concatenate([keep, np.geomspace(low, high, 500), near.ravel()]))
         return omega[(omega >= low) & (omega <= min(high, self.top * (1 - 1e-9)))]
 
-    def peak(self, curve: Any, omega: np.ndarray) -> tuple[float, float]:
-        """Largest value of a curve and where, refined between the points of the grid."""
-        values = curve(omega)
+    def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float], *known: float) -> tuple[float, float]:
+        """Largest value of a curve and where: on the grid, far outside it, at points known otherwise, and refined.
+
+        Where the curve is flat, the place is the one nearest to the band.
+        """
+        far = [omega[0] * 1e-5, min(omega[-1] * 1e5, self.top * (1 - 1e-12))]
+        points = np.unique(np.concatenate([omega, far, [k for k in known if 0 < k < self.top]]))
+        values = curve(points)
         values = np.where(np.isnan(values), np.inf, values)
-        best, where = float(values.max()), float(omega[values.argmax()])
+        best, where = float(values.max()), float(points[values.argmax()])
         inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
         for k in inner[np.argsort(-values[inner])][:4]:
             found = minimize_scalar(
                 lambda log: -float(curve(np.array([np.exp(log)]))[0]),
-                bounds=(np.log(omega[k - 1]), np.log(omega[k + 1])),
+                bounds=(np.log(points[k - 1]), np.log(points[k + 1])),
                 method="bounded",
-                options={"xatol": 1e-10},
+                options={"xatol": 1e-12},
             )
             if -found.fun > best:
                 best, where = float(-found.fun), float(np.exp(found.x))
+        flat = points[values >= best * (1 - 1e-4)]
+        if flat.size:
+            away = np.abs(np.log(np.clip(flat, *band) / flat))
+            if away.min() < abs(np.log(np.clip(where, *band) / where)):
+                where = float(flat[away.argmin()])
         return best, where
 
     def weight_bound(self, system: control.StateSpace) -> Any:
@@ -137,9 +149,9 @@ class Assembly:
             return lambda low, high: bound.upper(2 / self.dt * np.arctan(low), 2 / self.dt * np.arctan(high))
         return bound.upper
 
-    def omega_of(self, x: float) -> float:
+    def omega_of(self, x: Any) -> Any:
         """Frequency [rad/s] of a point of the axis the loop is proved on."""
-        return float(2 / self.dt * np.arctan(x)) if self.dt else float(x)
+        return 2 / self.dt * np.arctan(x) if self.dt else x
 
     def x_of(self, omega: np.ndarray) -> np.ndarray:
         """The way back from `omega_of`."""

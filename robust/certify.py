@@ -16,8 +16,8 @@ from scipy.linalg import matrix_balance, solve_continuous_are
 
 from nlfrf.checks import positive, shown
 from nlfrf.values import value
-from robust.lti import timebase, to_continuous
-from robust.norms import EPS, Matrices, hinf_norm
+from robust.lti import timebase, to_continuous, to_discrete
+from robust.norms import EPS, Matrices, hinf_norm, well_conditioned
 
 SOLVERS = ("CLARABEL", "SCS")
 LARGEST_KYP = 32
@@ -127,19 +127,17 @@ def certify_norm(
     p = np.linalg.eigvals(A)
     if np.any(np.abs(p) >= 1) if dt else np.any(p.real >= 0):
         return refused(subject, level, "the system is not stable")
-    image = to_continuous(A, B, C, D) if dt else (A, B, C, D)
+    image = well_conditioned(to_continuous(A, B, C, D) if dt else (A, B, C, D))
     T = preconditioner(image)
+    there = transformed(image, T)
     reasons = []
     for method, proposal in (("KYP", proposed), ("KYP, P from a Riccati equation", None)):
-        if proposal is None:
-            P = T.T @ T
-        else:
-            X, said = proposal(transformed(image, T), solver, time_cap)
-            if X is None:
-                reasons.append(said)
-                continue
-            P = T.T @ X @ T
-        failure = judged(A, B, C, D, (P + P.T) / 2, discrete=bool(dt))
+        X, said = (np.eye(n), "") if proposal is None else proposal(there, solver, time_cap)
+        if X is None:
+            reasons.append(said)
+            continue
+        # judged in the coordinates of the proposal: there rounding is smallest
+        failure = judged(*(to_discrete(*there) if dt else there), (X + X.T) / 2, discrete=bool(dt))
         if not failure:
             return Certificate(
                 subject=subject, holds=True, level=level, method=method, intervals=np.array([[0.0, top]]), reason=""

@@ -21,13 +21,13 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf.checks import one_of, shown
-from robust.assembly import Assembly, assemble, loop_poles
+from robust.assembly import Assembly, assemble, loop_poles, weighted
 from robust.certify import SOLVERS, Certificate
 from robust.frf_check import check_lines
 from robust.lti import response
 from robust.margins import performance_margin
 from robust.norms import hinf_norm
-from robust.proofs import prove_performance, prove_stability
+from robust.proofs import on_loop_time, prove_performance, prove_stability
 from robust.report import RobustnessReport, hertz
 from robust.uncertainty import UncertaintyModel
 from robust.words import advice, context, sentences
@@ -95,18 +95,16 @@ def check(
     loop = assemble(model, K, w_P, delay)
     omega = loop.grid(model.omega)
     nominally_stable, pole_reason = stability(loop)
-    S = loop.terms(omega)[0]
-    responses = {
-        "G": response(loop.G, omega),
-        "K": response(loop.K, omega),
-        "radius": np.abs(response(loop.weight, omega)),
-    }
     if not nominally_stable:
-        return unstable(model, loop, omega, S, responses, pole_reason)
-    peak_rs, omega_rs = loop.peak(loop.rs, omega)
-    rs, np_, rp = loop.rs(omega), loop.nominal(omega), loop.rp(omega)
-    margin_rp, omega_rp = performance_margin(loop, omega)
+        return unstable(model, loop, omega, pole_reason)
+    known = () if not on_loop_time(loop) else (hinf_norm(weighted(loop, loop.weight))[1],)
+    band = (float(model.omega[0]), float(model.omega[-1]))
+    peak_rs, omega_rs = loop.peak(loop.rs, omega, band, *known)
+    margin_rp, omega_rp = performance_margin(loop, omega, band)
     norm, omega_disk = hinf_norm(shifted(loop))
+    peaks = np.array([omega_rs, omega_rp, omega_disk])
+    omega = np.unique(np.concatenate([omega, peaks[(peaks > omega[0]) & (peaks < omega[-1])]]))
+    S = loop.terms(omega)[0]
     certificates: list[Certificate] = []
     violation = peak_rs >= 1
     if certify and not violation:
@@ -123,9 +121,9 @@ def check(
         omega=omega,
         S=S,
         T=1 - S,
-        rs=rs,
-        np_=np_,
-        rp=rp,
+        rs=loop.rs(omega),
+        np_=loop.nominal(omega),
+        rp=loop.rp(omega),
         nominally_stable=True,
         robustly_stable=robustly_stable,
         robust_performance=performance,
@@ -144,8 +142,17 @@ def check(
         not_proved=not_proved,
         context=context(model, loop),
         w_P=None if w_P is None else np.abs(response(loop.w_P, omega)),
-        **responses,
+        **responses(loop, omega),
     )
+
+
+def responses(loop: Assembly, omega: np.ndarray) -> dict[str, np.ndarray]:
+    """What the loop is made of, on the grid of the report."""
+    return {
+        "G": response(loop.G, omega),
+        "K": response(loop.K, omega),
+        "radius": np.abs(response(loop.weight, omega)),
+    }
 
 
 def stability(loop: Assembly) -> tuple[bool, str]:
@@ -195,11 +202,10 @@ def judge(
     return "not certified", f"rs stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
 
 
-def unstable(
-    model: UncertaintyModel, loop: Assembly, omega: np.ndarray, S: np.ndarray, responses: dict[str, Any], reason: str
-) -> RobustnessReport:
+def unstable(model: UncertaintyModel, loop: Assembly, omega: np.ndarray, reason: str) -> RobustnessReport:
     """The report on a loop that is not stable to begin with: no margins."""
     nothing = np.full(omega.size, np.nan)
+    S = loop.terms(omega)[0]
     undecided = reason.startswith("undecided")
     return RobustnessReport(
         omega=omega,
@@ -226,5 +232,5 @@ def unstable(
         not_proved="Everything: margins mean nothing for a loop that is not stable.",
         context=context(model, loop),
         w_P=None,
-        **responses,
+        **responses(loop, omega),
     )

@@ -38,7 +38,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     G = G * np.exp(-1j * omega * delay)
     k = response(K, omega)
     S, a, b = worst_terms(form, w, G, k)
-    encirclements, clear = winding(1 + G * k, K, dt)
+    encirclements, clear = winding(1 + G * k, omega, K, dt)
     wanted = n_unstable + unstable_poles(K, dt)
     nominally_stable = clear and encirclements == wanted
     nothing = np.full(omega.size, np.nan)
@@ -118,21 +118,39 @@ def unstable_poles(K: control.StateSpace, dt: float) -> int:
     return int(np.sum(np.abs(p) > 1 + 1e-9)) if dt else int(np.sum(p.real > 1e-9 * (1 + np.abs(p))))
 
 
-def winding(F: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
-    """Anticlockwise encirclements of zero by F = 1 + L over all frequencies, and whether the lines resolve them.
+def winding(F: np.ndarray, omega: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
+    """Unstable open-loop poles less unstable closed-loop poles, from F = 1 + L, and whether the lines resolve it.
 
-    From the lines alone: the phase is followed from line to line, from the first line down to the phase that the
-    integrators of K give at zero frequency, and from the last line to F = 1 (or the real axis, at Nyquist).
+    Between zero and infinite frequency the phase of F turns by pi for each, and by pi/2 more for each integrator,
+    taken as stable. It is followed from line to line; from the first line it is continued to the axis on which the
+    integrators let F begin, from the last one to the real axis.
     """
     p = poles(K)
-    n_integrators = (
-        int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
-    )
+    n = int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
+    if np.abs(F[0]) > 3 and F.size > 2:  # the plant may integrate too
+        n = max(n, round(-np.log(np.abs(F[1] / F[0])) / np.log(omega[1] / omega[0])))
     steps = np.angle(F[1:] / F[:-1])
-    start = -n_integrators * np.pi / 2 if n_integrators else (0.0 if F[0].real > 0 else np.pi)
-    opening = np.angle(F[0] * np.exp(-1j * start))
-    closing = -np.angle(F[-1]) if F[-1].real > 0 else np.angle(-1 / F[-1])
-    total = float(steps.sum() + opening + closing)
-    turns = total / np.pi - n_integrators / 2 + (0.0 if n_integrators or F[0].real > 0 else 1.0)
-    clear = bool(np.abs(steps).max(initial=0.0) < 2.0 and abs(opening) < 1.6 and abs(turns - round(turns)) < 0.05)
-    return round(turns), clear
+    start = F[0] * np.exp(1j * n * np.pi / 2)
+    opening = np.angle(start if start.real > 0 else -start)
+    closing = -np.angle(F[-1] if F[-1].real > 0 else -F[-1])
+    turns = float(steps.sum() + opening + closing) / np.pi - n / 2
+    clear = (
+        resolved(F, np.log(omega)) and np.abs(steps).max(initial=0.0) < 2.5 and max(abs(opening), abs(closing)) < 1.0
+    )
+    return round(turns), bool(clear and abs(turns - round(turns)) < 0.01)
+
+
+def resolved(F: np.ndarray, x: np.ndarray) -> bool:
+    """Whether the polygon through the lines stays further from zero than the curve may bulge between them.
+
+    The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency, and doubled.
+    """
+    if F.size < 4:
+        return False
+    h, chord = np.diff(x), np.diff(F)
+    slope = chord / h
+    bend = 2 * np.abs(np.diff(slope)) / (h[1:] + h[:-1])
+    bend = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
+    along = np.clip(-(F[:-1] * chord.conj()).real / np.maximum(np.abs(chord) ** 2, 1e-300), 0, 1)
+    distance = np.abs(F[:-1] + along * chord)
+    return bool(np.all(distance > 2 * h**2 / 8 * bend))

@@ -39,16 +39,19 @@ class Magnitude:
         """A bound from above on [low, high]; high may be infinite. Tight as the interval shrinks."""
         if np.isinf(high):
             return self.upper_tail(low)
+        return float(self.upper_each(np.array([low]), np.array([high]))[0])
+
+    def upper_each(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """(I,) the same on many finite intervals."""
         z, p = self.zeros / 1j, self.poles / 1j
-        if low == high:
-            return self.gain * float(np.prod(np.abs(low - z)) / np.prod(np.abs(low - p)))
-        crude = log_farthest(z, low, high) - log_nearest(p, low, high)
         middle, half = (low + high) / 2, (high - low) / 2
-        at = np.sum(np.log(np.abs(middle - z))) - np.sum(np.log(np.abs(middle - p)))
-        z_low, z_high = slope_range(z, low, high)
-        p_low, p_high = slope_range(p, low, high)
-        fine = at + half * max(abs(z_high - p_low), abs(z_low - p_high))
-        return self.gain * float(np.exp(min(crude, fine))) * (1 + 1e-9)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crude = log_farthest(z, low, high) - log_nearest(p, low, high)
+            at = np.log(np.abs(middle[:, None] - z)).sum(axis=1) - np.log(np.abs(middle[:, None] - p)).sum(axis=1)
+            z_low, z_high = slope_range(z, low, high)
+            p_low, p_high = slope_range(p, low, high)
+            fine = at + half * np.maximum(np.abs(z_high - p_low), np.abs(z_low - p_high))
+            return self.gain * np.exp(np.fmin(crude, fine)) * (1 + 1e-9)
 
     def upper_tail(self, low: float) -> float:
         """A bound on [low, inf), in the variable 1/omega, where it is an ordinary interval."""
@@ -61,36 +64,35 @@ class Magnitude:
         if np.isinf(end):
             middle = 1.0
             return max(self.upper(0.0, middle), self.upper_tail(middle))
-        log = log_farthest(1j / z, 0.0, end) + np.sum(np.log(np.abs(z)))
-        log -= log_nearest(1j / p, 0.0, end) + np.sum(np.log(np.abs(p)))
+        span = np.zeros(1), np.array([end])
+        log = log_farthest(1j / z, *span)[0] + np.sum(np.log(np.abs(z)))
+        log -= log_nearest(1j / p, *span)[0] + np.sum(np.log(np.abs(p)))
         return self.gain * float(np.exp(log)) * end**excess * (1 + 1e-9)
 
 
-def log_farthest(roots: np.ndarray, low: float, high: float) -> float:
-    """Log of the product of the largest distances of the roots from the real interval."""
-    return float(np.sum(np.log(np.maximum(np.abs(low - roots), np.abs(high - roots)))))
+def log_farthest(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(I,) log of the product of the largest distances of the roots from each real interval."""
+    ends = np.maximum(np.abs(low[:, None] - roots), np.abs(high[:, None] - roots))
+    return np.asarray(np.log(ends).sum(axis=1))
 
 
-def log_nearest(roots: np.ndarray, low: float, high: float) -> float:
-    """Log of the product of the smallest distances."""
+def log_nearest(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(I,) log of the product of the smallest distances."""
     with np.errstate(divide="ignore"):
-        return float(np.sum(np.log(np.abs(np.clip(roots.real, low, high) - roots))))
+        nearest = np.clip(roots.real, low[:, None], high[:, None]) - roots
+        return np.asarray(np.log(np.abs(nearest)).sum(axis=1))
 
 
-def slope_range(roots: np.ndarray, low: float, high: float) -> tuple[float, float]:
-    """Range over the interval of the derivative of the log distances, summed root by root."""
-    a, least, most = np.abs(roots.imag), 0.0, 0.0
-    for b, size in zip(roots.real, a, strict=True):
-        ends = np.array([low - b, high - b])
-        # t/(t^2 + a^2) has its extremes +-1/(2a) at t = +-a
-        inner = [t for t in (-size, size) if ends[0] < t < ends[1]]
-        points = np.concatenate([ends, inner])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            values = points / (points**2 + size**2)
-        if not np.isfinite(values).all() or (size == 0 and ends[0] < 0 < ends[1]):
-            return -np.inf, np.inf
-        least, most = least + values.min(), most + values.max()
-    return least, most
+def slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(I,), (I,) range over each interval of the derivative of the log distances, summed root by root."""
+    a = np.abs(roots.imag)
+    first, last = low[:, None] - roots.real, high[:, None] - roots.real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # t/(t^2 + a^2) has its extremes +-1/(2a) at t = +-a; nan only where a root lies on the interval
+        at_first, at_last, peak = first / (first**2 + a**2), last / (last**2 + a**2), 1 / (2 * a)
+        most = np.where((first <= a) & (a <= last), peak, np.maximum(at_first, at_last))
+        least = np.where((first <= -a) & (-a <= last), -peak, np.minimum(at_first, at_last))
+    return np.nan_to_num(least, nan=-np.inf).sum(axis=1), np.nan_to_num(most, nan=np.inf, posinf=np.inf).sum(axis=1)
 
 
 def magnitude(system: control.StateSpace) -> Magnitude:
@@ -177,10 +179,36 @@ def prove(
     return Outcome(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
 
 
+def no_crossing(matrices: Matrices, low: float, high: float) -> bool:
+    """Whether no singular value of the frozen loop can reach one on the interval."""
+    found = crossings(matrices, 1.0)
+    if found is None:
+        return False
+    omega, moved = found
+    return not np.any((omega + moved >= low) & (omega - moved <= high))
+
+
+def nearby(matrices: Matrices, middle: float, reach: float) -> bool:
+    """Whether the loop stays below one within `reach` of the middle by the size of its resolvent alone.
+
+    With R = (j middle - A)^-1 and reach |R| < 1, the response moves by at most reach |C R| |R B|/(1 - reach |R|): a
+    proof for short intervals that asks nothing of eigenvalues, where slow modes crowd around zero.
+    """
+    A, B, C, _ = matrices
+    if not np.isfinite(reach) or A.shape[0] == 0:
+        return False
+    R = np.linalg.inv(1j * middle * np.eye(A.shape[0]) - A)
+    size = reach * np.linalg.norm(R, 2)
+    if not size < 1:
+        return False
+    moves = reach * np.linalg.norm(C @ R, 2) * np.linalg.norm(R @ B, 2) / (1 - size)
+    return bool(largest_gain(matrices, np.array([middle]))[0] + moves < 1)
+
+
 def inside(low: float, high: float) -> float:
     """A point well inside: the geometric middle, a decade from an end at zero or infinity."""
     if low == 0 and np.isinf(high):
         return 1.0
     if low == 0:
-        return high / 8
+        return high / 2
     return low * 8 if np.isinf(high) else float(np.sqrt(low * high))

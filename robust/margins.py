@@ -8,11 +8,11 @@ from robust.assembly import Assembly
 from robust.lti import response
 
 
-def performance_margin(loop: Assembly, omega: np.ndarray) -> tuple[float, float]:
+def performance_margin(loop: Assembly, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
     """Largest factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited."""
     if loop.w_P is None:
         return np.nan, np.nan
-    peak, where = loop.peak(loop.nominal, omega)
+    peak, where = loop.peak(loop.nominal, omega, band)
     if peak >= 1:
         return 0.0, where
 
@@ -20,7 +20,7 @@ def performance_margin(loop: Assembly, omega: np.ndarray) -> tuple[float, float]
         S, a, b = loop.terms(points)
         return 1 / factor_allowed(np.abs(response(loop.w_P, points)) * np.abs(S), a, b)
 
-    largest, where = loop.peak(inverse, omega)
+    largest, where = loop.peak(inverse, omega, band)
     return 1 / largest if largest > 0 else np.inf, where
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
+
 import control
 import numpy as np
-from scipy.linalg import eig, matrix_balance
+from scipy.linalg import eig, matrix_balance, solve_continuous_lyapunov
 
 from robust.lti import evaluate, timebase, to_continuous
 
@@ -16,6 +18,41 @@ def continuous_image(system: control.StateSpace) -> Matrices:
     """The matrices in continuous time; discrete systems through the bilinear map, which keeps the norm."""
     matrices = (system.A, system.B, system.C, system.D)
     return to_continuous(*matrices) if timebase(system) else matrices
+
+
+def well_conditioned(matrices: Matrices) -> Matrices:
+    """A stable system in coordinates where numbers say what the dynamics are: balanced, hidden modes kept.
+
+    The two Gramians are balanced (Moore 1981) after a small multiple of the identity was added to what drives them,
+    so that a mode that hardly shows at input or output stays where it is. The system is returned as it was where
+    that fails or does not reproduce the response.
+    """
+    A, B, C, D = matrices
+    n = A.shape[0]
+    if n < 2:
+        return matrices
+    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
+    B, C = B / weights[:, None], C * weights
+    speed = float(np.exp(np.mean(np.log(np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)))))
+    drive, sense = B @ B.T, C.T @ C
+    floor = 1e-7 * np.eye(n)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # scipy warns of a Gramian that is not to be trusted
+            Wc = solve_continuous_lyapunov(A / speed, -drive / max(np.trace(drive), 1e-300) - floor)
+            Wo = solve_continuous_lyapunov(A.T / speed, -sense / max(np.trace(sense), 1e-300) - floor)
+        Lc, Lo = np.linalg.cholesky((Wc + Wc.T) / 2), np.linalg.cholesky((Wo + Wo.T) / 2)
+    except (np.linalg.LinAlgError, RuntimeWarning):
+        return A, B, C, D
+    U, sizes, V = np.linalg.svd(Lo.T @ Lc)
+    forth, back = (U / np.sqrt(sizes)).T @ Lo.T, Lc @ V.T / np.sqrt(sizes)
+    moved = forth @ A @ back, forth @ B, C @ back, D
+    if not all(np.isfinite(m).all() for m in moved):
+        return A, B, C, D
+    omega = np.unique(np.abs(np.linalg.eigvals(A)))
+    before, after = evaluate(*matrices, 1j * omega), evaluate(*moved, 1j * omega)
+    scale = np.abs(before).max(axis=(1, 2), keepdims=True) + 1e-300
+    return moved if np.all(np.abs(before - after) < 1e-8 * scale) else (A, B, C, D)
 
 
 def largest_gain(matrices: Matrices, omega: np.ndarray) -> np.ndarray:
@@ -36,8 +73,9 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     """Frequencies [rad/s] where a singular value may equal `level`, with the uncertainty of each by rounding.
 
     They are the eigenvalues of the Hamiltonian that may lie on the imaginary axis: an eigenvalue counts as
-    soon as its distance from the axis is within what rounding can move it (100 eps |H| over its condition),
-    so that no true crossing is lost. None where the test cannot be made (level is a singular value of D).
+    soon as its distance from the axis is within what rounding can move it (100 eps |H| over its condition, and at
+    most what it moves a sixfold eigenvalue), so that no true crossing is lost. None where the test cannot be made:
+    level is a singular value of D.
 
     References
     ----------
@@ -58,7 +96,8 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     H = matrix_balance(H, permute=False)[0]
     found, left, right = eig(H, left=True, right=True)
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    moved = 100 * EPS * np.linalg.norm(H) / np.maximum(cosine, EPS)
+    # to first order; where eigenvalues coincide (the states of a delay do) they move by a root of that instead
+    moved = np.minimum(100 * EPS / np.maximum(cosine, EPS), 10 * EPS ** (1 / 6)) * np.linalg.norm(H)
     near = (np.abs(found.real) <= moved) & (found.imag >= -moved)
     return np.maximum(found.imag[near], 0.0), moved[near]
 
@@ -76,7 +115,7 @@ def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[f
     p = np.linalg.eigvals(system.A) if system.nstates else np.zeros(0)
     if np.any(np.abs(p) >= 1) if dt else np.any(p.real >= 0):
         return np.inf, np.nan
-    matrices = continuous_image(system)
+    matrices = well_conditioned(continuous_image(system))
     p = np.linalg.eigvals(matrices[0]) if system.nstates else p
     starts = np.concatenate([[0.0, np.inf], np.abs(p.imag), np.abs(p)])
     gains = largest_gain(matrices, starts)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import Any
 
 import control
@@ -14,7 +13,7 @@ from robust.certify import Certificate, certify_norm, refused
 from robust.intervals import inside, magnitude, prove
 from robust.loop import closed_loop
 from robust.lti import constant, evaluate, poles, response, timebase, zeros
-from robust.norms import continuous_image
+from robust.norms import continuous_image, well_conditioned
 from robust.report import hertz
 from robust.weights import fit_weight
 
@@ -36,7 +35,7 @@ def prove_stability(loop: Assembly, omega: np.ndarray, solver: str) -> Certifica
         if first.holds:
             return first
     out, into = loop.ports()
-    A, B, C, D = continuous_image(loop.closed((out,), (into,)))
+    A, B, C, D = well_conditioned(continuous_image(loop.closed((out,), (into,))))
     bound = loop.weight_bound(loop.weight)
 
     def frozen(low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -70,18 +69,19 @@ def sampled_weight(loop: Assembly) -> control.StateSpace | None:
     except ValueError:
         return None
     above, below = magnitude(loop.weight), magnitude(W).reciprocal()
-    edges = np.concatenate([[0.0], loop.x_of(omega), [np.inf]])
-    todo = list(itertools.pairwise(edges.tolist()))
-    for _ in range(5000):
-        if not todo:
-            return W
-        x_low, x_high = todo.pop()
-        ratio = above.upper(loop.omega_of(x_low), loop.omega_of(x_high)) * below.upper(x_low, x_high)
-        if ratio > 1:
-            middle = inside(x_low, x_high)
-            if x_high - x_low <= 1e-6 * x_high:
-                return None
-            todo += [(x_low, middle), (middle, x_high)]
+    low_x, high_x = np.concatenate([[0.0], loop.x_of(omega)]), np.concatenate([loop.x_of(omega), [np.inf]])
+    tail = above.upper(loop.omega_of(low_x[-1]), loop.top) * below.upper(low_x[-1], np.inf)
+    low_x, high_x = low_x[:-1], high_x[:-1]
+    for _ in range(20):
+        ratio = above.upper_each(loop.omega_of(low_x), loop.omega_of(high_x)) * below.upper_each(low_x, high_x)
+        open_ = ~(ratio <= 1)
+        if not open_.any():
+            return W if tail <= 1 else None
+        if open_.sum() > 3000:
+            return None
+        low_x, high_x = low_x[open_], high_x[open_]
+        middle = (low_x + high_x) / 2
+        low_x, high_x = np.concatenate([low_x, middle]), np.concatenate([middle, high_x])
     return None
 
 
@@ -95,7 +95,7 @@ def prove_performance(loop: Assembly, omega: np.ndarray, *, one_scaling: bool) -
     if loop.pade_delay:
         return refused(subject, 1.0, "not attempted with a delay in a continuous loop")
     out, into = loop.ports()
-    A, B, C, D = continuous_image(loop.closed((out, "e"), (into, "r")))
+    A, B, C, D = well_conditioned(continuous_image(loop.closed((out, "e"), (into, "r"))))
     bound, bound_P = loop.weight_bound(loop.weight), loop.weight_bound(loop.w_P)
 
     fixed = best_constant(loop, omega)
@@ -171,7 +171,7 @@ def delay_allowance(loop: Assembly, omega: np.ndarray) -> float:
 
     exp(-s delay) = Padé (1 + e) with |e| = |error| on the axis; in every form 1 + b Delta + T e must not vanish.
     """
-    A, B, C, D = continuous_image(loop.closed(("y",), ("r",)))
+    A, B, C, D = well_conditioned(continuous_image(loop.closed(("y",), ("r",))))
     T = np.abs(1 - loop.terms(omega)[0])
     guess = 1.5 * float(np.max(loop.delay_error(omega) * T)) + 1e-9
 

@@ -3,11 +3,11 @@
 import control
 import numpy as np
 import pytest
-from robust_helpers import make_bla
 
 from nlfrf import Bla
 from robust import fit_nominal, frd
 from robust.lti import response, sampled
+from tests.robust_helpers import make_bla
 
 F_LINES = np.sort(np.concatenate([8 * np.arange(72) + 1, 8 * np.arange(72) + 3])) * 0.25
 

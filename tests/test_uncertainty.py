@@ -3,10 +3,10 @@
 import control
 import numpy as np
 import pytest
-from robust_helpers import make_bla
 
 from robust import UncertaintyModel, fit_nominal, frd, uncertainty, validate
 from robust.lti import response
+from tests.robust_helpers import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25
 OMEGA = 2 * np.pi * F

@@ -1,0 +1,164 @@
+"""The check under attack: random loops whose worst case is known by brute force.
+
+A tenth of what was run (benchmarks/bench_robust.py runs 2000 loops): poles near the axis, resonances of the
+weight between grid points, unstable and discrete loops, sampled controllers with fractional delays.
+"""
+
+import control
+import cvxpy
+import numpy as np
+import pytest
+
+from robust import UncertaintyModel, check, performance_weight
+from robust.lti import response, sampled
+from tests.random_loops import closed_loop_poles, curves, dense_grid, random_case, roots, tf_response, zpk
+
+
+def model_of(case, perturbation="LTI"):
+    lines = np.array([0.5, 1.0])
+    radius = 0.5 * np.abs(tf_response(case["w"], lines))
+    return UncertaintyModel(case["G"], case["w"], case["form"], lines, radius, perturbation=perturbation)
+
+
+@pytest.mark.parametrize("block", range(10))
+def test_never_robust_where_brute_force_finds_a_violation_and_robust_at_099(block):
+    rng = np.random.default_rng(1000 + block)
+    asked = said = 0
+    for _ in range(21):
+        case = random_case(rng)
+        report = check(model_of(case), case["K"], delay=case["delay"])
+        if case["unstable"]:
+            assert not report.nominally_stable
+            assert report.verdict == "not robust"
+            assert np.isnan([report.margin_rs, report.margin_rp, report.disk_margin]).all()
+            continue
+        if case["target"] > 1:
+            assert report.verdict != "robust"
+        if case["stable"] and case["target"] == 0.99:
+            asked += 1
+            said += report.verdict == "robust"
+            # never above the truth of the dense grid, below it only by what that grid misses
+            assert report.margin_rs <= 1 / 0.99 * (1 + 1e-6)
+            assert report.margin_rs == pytest.approx(1 / 0.99, rel=2e-3)
+    assert said == asked
+
+
+def test_performance_is_never_promised_where_brute_force_finds_a_violation():
+    rng = np.random.default_rng(5)
+    angles = np.exp(1j * np.linspace(0, 2 * np.pi, 181))
+    promised = asked = 0
+    for _ in range(90):
+        case = random_case(rng)
+        if not case["stable"] or case["target"] > 0.99:
+            continue
+        S, a, b, omega = (case[k] for k in ("S", "a", "b", "omega"))
+        w_P = zpk(roots(rng, 1), roots(rng, 1), 1.0)
+        worst = np.abs(S) * np.max(np.abs((1 + a * angles[:, None]) / (1 + b * angles[:, None])), axis=0)
+        peak = np.max(worst * np.abs(tf_response(w_P, omega)))
+        target = float(rng.choice([0.97, 1.01]))
+        w_P = control.StateSpace(w_P.A, w_P.B, w_P.C * target / peak, w_P.D * target / peak, 0)
+        report = check(model_of(case), case["K"], delay=case["delay"], w_P=w_P)
+        assert np.max(report.rp) >= target * 0.998  # but for what lies outside the curve's grid
+        if target > 1:
+            assert not report.robust_performance
+        elif np.max(report.rp) < 0.99:
+            asked += 1
+            promised += report.robust_performance
+    assert asked >= 10
+    assert promised == asked
+
+
+def test_the_two_ways_to_sample_a_plant_agree():
+    rng = np.random.default_rng(2)
+    from tests.random_loops import hold_and_delay
+
+    for _ in range(20):
+        G = zpk(roots(rng, 1), roots(rng, 3), 2.0)
+        T = 0.02
+        delay = float(rng.choice([0.0, 0.3 * T, T, 1.7 * T, 3 * T]))
+        omega = np.linspace(1, 150, 30)
+        ours = response(sampled(G, T, delay), omega)
+        assert ours == pytest.approx(tf_response(hold_and_delay(G, T, delay), omega), rel=1e-7, abs=1e-12)
+
+
+def test_a_peak_narrower_than_any_grid():
+    """|w T| peaks over a relative width of 1e-7 between the lines; only a proof can know."""
+    w = control.tf([1, 2e-6, 1.0], [1, 2e-7, 1.0])  # magnitude ten at omega = 1, one elsewhere
+    lag = control.tf([1], [1, 1])
+    # T = 0.25/(s + 1.25): |T(j)| = 0.156, so w T reaches 1.56 at 1 rad/s and 0.2 elsewhere
+    model = UncertaintyModel(lag, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.5, 0.5]), perturbation="LTI")
+    report = check(model, 0.25)
+    assert report.verdict == "not robust"
+    assert check(model, 0.1).verdict == "robust"  # T(j)/0.156 = 0.43
+
+
+def test_hidden_unstable_modes_are_found():
+    """The unstable pole of the plant is cancelled by the controller: the response looks fine, the loop is not."""
+    G, K = control.tf([1], [1, -1]), control.tf([5, -5], [1, 3])
+    report = check(UncertaintyModel(G, 0.1, "multiplicative", np.array([1.0]), np.array([0.05]), perturbation="LTI"), K)
+    assert not report.nominally_stable
+    assert report.verdict == "not robust"
+    inside = control.tf([1, -1], [1, 0, -1])  # (s - 1)/((s - 1)(s + 1)), cancelled inside one transfer function
+    report = check(UncertaintyModel(inside, 0.1, "multiplicative", np.array([1.0]), np.array([0.05])), 0.1)
+    assert not report.nominally_stable
+
+
+def test_a_hidden_integrator_is_not_called_stable():
+    G, K = control.tf([1, 0], [1, 2, 1]), control.tf([1], [1, 0])
+    report = check(UncertaintyModel(G, 0.1, "multiplicative", np.array([1.0]), np.array([0.05]), perturbation="LTI"), K)
+    assert not report.nominally_stable
+    assert report.verdict in ("not robust", "not certified")
+
+
+def test_a_solver_that_lies_cannot_make_a_loop_robust(monkeypatch):
+    def lie(self, *args, **kwargs):
+        for variable in self.variables():
+            variable.value = 1e3 * np.eye(variable.shape[0]) if variable.shape else np.array(1.0)
+        self._status = "optimal"
+        return 1.0
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", lie)
+    rng = np.random.default_rng(9)
+    for _ in range(25):
+        case = random_case(rng)
+        report = check(model_of(case), case["K"], delay=case["delay"])
+        if case["unstable"] or case["target"] > 1:
+            assert report.verdict != "robust"
+
+
+def test_a_continuous_loop_with_delay_is_checked_with_the_delay_itself():
+    """K/(s + 1) with delay: unstable from a delay on that is known in closed form; Padé is only a tool."""
+    G, K = control.tf([1], [1, 1]), 5.0
+    omega_c = np.sqrt(24.0)
+    limit = (np.pi - np.arctan(omega_c)) / omega_c
+    model = UncertaintyModel(G, 0.05, "multiplicative", np.array([1.0]), np.array([0.05]), perturbation="LTI")
+    assert check(model, K, delay=1.02 * limit).verdict == "not robust"
+    fine = check(model, K, delay=0.5 * limit)
+    assert fine.verdict == "robust"
+    omega = np.geomspace(1e-3, 1e3, 200_000)
+    L = K / (1j * omega + 1) * np.exp(-0.5j * omega * limit)
+    assert fine.margin_rs == pytest.approx(1 / np.max(0.05 * np.abs(L / (1 + L))), rel=1e-3)
+    assert fine.disk_margin == pytest.approx(1 / np.max(np.abs(1 / (1 + L) - 0.5)), rel=1e-3)
+
+
+@pytest.mark.parametrize("form", ["multiplicative", "inverse-multiplicative"])
+def test_a_resonance_on_the_axis_of_the_plant(form):
+    """Undamped plant modes: the loop has to damp them, the check has to live with infinite open-loop gain."""
+    G = control.tf([1.0], [1, 0, 4.0])
+    K = control.tf([3.0, 1.0], [0.05, 1])
+    omega = dense_grid(0.0, closed_loop_poles(control.ss(G), control.ss(K)))
+    _, _, b = curves(form, tf_response(control.ss(G), omega), tf_response(control.ss(K), omega), np.ones(omega.size))
+    for target in (0.99, 1.01):
+        w = target / np.abs(b).max()
+        model = UncertaintyModel(G, w, form, np.array([1.0]), np.array([0.5 * w]), perturbation="LTI")
+        assert check(model, K).verdict == ("robust" if target < 1 else "not robust")
+
+
+def test_performance_weight_on_a_sampled_loop():
+    G = control.tf([10], [1, 10])
+    model = UncertaintyModel(G, 0.2, "multiplicative", np.array([1.0]), np.array([0.2]), perturbation="LTI")
+    K = control.tf([0.5, -0.45], [1, -1], 0.01)
+    report = check(model, K, w_P=performance_weight(0.5, M_S=2.0, A=1e-2), delay=0.01)
+    assert report.verdict == "robust"
+    assert report.robust_performance
+    assert report.omega.max() < np.pi / 0.01
