@@ -207,9 +207,9 @@ def turning(body: Body, law: Law, grid: Array, stack: Array, d: float, step: Ste
 
 @compiled
 def settle(
-    law: Law, grid: Array, stack: Array, d: float, step: Step, x1: float, v1: float, h: float, keep: float, gain: float
+    law: Law, grid: Array, stack: Array, d: float, step: Step, x1: float, v1: float, keep: float, gain: float
 ) -> None:
-    """Commit the elements at the end of a step of length h: those that passed their limit have begun to slip.
+    """Commit the elements at the end of a step: those that passed their limit have begun to slip.
 
     Where in the step one passed it counts: from there on it lags behind the Stribeck curve instead of following it.
     """
@@ -222,9 +222,8 @@ def settle(
                 s = 0.0
                 if begin < share * g0:
                     s = (share * g0 - begin) / (share * g0 - begin + end - share * g1)
-                g = sliding_force(law, step.v + s * (v1 - step.v))
-                force = min(begin + s * (end - begin), share * g)
-                end = force + (1.0 - s) * h * law.n * (share - force / (0.5 * (g + g1)))
+                # what it relaxes in the rest of this step is of second order
+                end = min(begin + s * (end - begin), share * sliding_force(law, step.v + s * (v1 - step.v)))
                 stack[1, i] = d
             stack[0, i] = d * end
         else:
@@ -248,18 +247,18 @@ def advance_gms(
             out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, v, 0.0, state[F]
             if not (abs(x) < 1e150 and abs(v) < 1e150):
                 break
-        step, b = Step(x, v, u, h), 0.0
+        step = Step(x, v, u, h)
         x1, v1, keep, gain = trial(body, law, grid, stack, d, step, 0.0, 1.0)
         if v * v1 < 0.0:
             b = turning(body, law, grid, stack, d, step, 0.0, v1)
             x1, v1, keep, gain = trial(body, law, grid, stack, d, step, 0.0, b)
-            settle(law, grid, stack, d, step, x1, v1, b * h, keep, gain)
+            settle(law, grid, stack, d, step, x1, v1, keep, gain)
             stack[1, :] = 0.0
             d, step = -d, Step(x1, v1, u, h)
             x1, v1, keep, gain = trial(body, law, grid, stack, d, step, b, 1.0)
         elif d == 0.0:
             d = 1.0 if v1 > 0.0 else -1.0
-        settle(law, grid, stack, d, step, x1, v1, (1.0 - b) * h, keep, gain)
+        settle(law, grid, stack, d, step, x1, v1, keep, gain)
         x, v = x1, v1
     state[X], state[V] = x, v
     return abs(x) < 1e150 and abs(v) < 1e150

@@ -122,8 +122,8 @@ def test_refinement_converges(curve, worst, order):
             GeneralizedMaxwellSlip(
                 stiffness=[20e3, 20e3, 24e3], alpha=[0.2, 0.3, 0.5], C=20.0, Fs=1.0, Fc=0.7, vs=0.01, sigma2=0.4
             ),
-            5e-4,
-            1.5,
+            1.5e-4,
+            1.7,
         ),
     ],
     ids=["Coulomb", "GMS"],
