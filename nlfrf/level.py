@@ -7,13 +7,12 @@ import numpy as np
 from nlfrf.calibration import LARGEST, grid_factor, variance_ratio
 from nlfrf.distortion import detected_power, interpolate_frf
 from nlfrf.excitation import local_mean
-from nlfrf.frf import Frf
+from nlfrf.frf import Frf, ratio_variance
 from nlfrf.lines import LineGrid
-from nlfrf.localfit import LEAST, fit_locally, nearest_lines
+from nlfrf.localfit import LEAST, NOISE_LINES, fit_locally, nearest_lines
 from nlfrf.spectra import Spectra
 from nlfrf.values import value
 
-NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
 
 
@@ -102,7 +101,9 @@ def read(
 
 def level_from_roughness(excited: Spectra, frf: Frf) -> Level:
     """From the roughness of each realisation's FRF over the excited lines."""
-    fit = fit_locally(frf.each, np.abs(excited.U), excited.lines)
+    noise = ratio_variance(frf.each, excited)
+    known = np.isfinite(noise).all()
+    fit = fit_locally(frf.each, np.abs(excited.U), excited.lines, noise if known else None)
     return Level(variance=fit.variance.mean(axis=0), dof=fit.dof.sum(axis=0), grid_factor=np.ones(excited.lines.size))
 
 

@@ -17,6 +17,8 @@ from nlfrf.values import value
 
 KINDS = ("full", "odd", "odd-odd", "special-odd", "random-odd", "custom")
 
+HIGHEST = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
+
 #: Excited residues and their modulus, for the grids that repeat.
 RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
     "full": ((0,), 1),
@@ -56,7 +58,7 @@ class LineGrid:
         excited = line_numbers("excited", self.excited)
         if excited.size == 0:
             raise ValueError("excited must hold at least one line, got none")
-        rest = np.setdiff1d(np.arange(excited[0], excited[-1]), excited, assume_unique=True)
+        rest = left_out(excited) if self.odd is None or self.even is None else excited
         odd = rest[rest % 2 == 1] if self.odd is None else line_numbers("odd", self.odd)
         even = rest[rest % 2 == 0] if self.even is None else line_numbers("even", self.even)
         for name, detection, remainder in (("odd", odd, 1), ("even", even, 0)):
@@ -74,6 +76,13 @@ class LineGrid:
     def kind(self) -> str:
         """The grid these excited lines form: one of `KINDS`."""
         return recognise(self.excited)
+
+
+def left_out(excited: np.ndarray) -> np.ndarray:
+    """Every line between the first and the last excited one that is not excited."""
+    if excited[-1] > HIGHEST:
+        raise ValueError(f"excited must be lines of at most {HIGHEST}, got {excited[-1]}")
+    return np.setdiff1d(np.arange(excited[0], excited[-1]), excited, assume_unique=True)
 
 
 def line_numbers(name: str, lines: Any) -> np.ndarray:

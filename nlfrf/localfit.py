@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from nlfrf.excitation import local_mean
 from nlfrf.values import value
 
 ORDER = 2
 WIDTH = 9
-EARNED = 0.25  # the denominator has to earn its place: noise alone would be fitted by it now and then
+EARNED = 0.5  # the denominator has to earn its place: noise alone would be fitted by it now and then
+POOLED = 9  # neighbouring lines over which it is judged
+NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
 LEAST = ORDER + 3  # lines that leave two degrees of freedom
 
 
@@ -38,7 +41,7 @@ class LocalFit:
     dof: np.ndarray
 
 
-def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray) -> LocalFit:
+def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: np.ndarray | None = None) -> LocalFit:
     """Fit each FRF at each line over the nine lines around it.
 
     Parameters
@@ -49,6 +52,8 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray) -> Local
         |U|: the variance of G is taken as a smooth variance at the output over |U|^2.
     excited : (F,) int ndarray
         Excited lines.
+    noise : (M, F) ndarray, optional
+        Variance of each G by noise, where it is known: noise need not follow |G| as distortion does.
 
     Raises
     ------
@@ -69,18 +74,37 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray) -> Local
     n = window.shape[1]
     variance = power(rest[..., 0]) / (n - ORDER - 1)
     dof = np.full(variance.shape, n - ORDER - 1)
+    denominator = np.ones(data.shape)
     n_rational = 2 * ORDER + 1
     if n >= n_rational + 3:
         # (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: its residual is weighted by the denominator, that is by 1/|G|
         # across a resonance, where the distortion follows |G|
-        spanned, columns = split(Q, -(r[..., None] ** np.arange(1, ORDER + 1)) * data[..., None])
+        powers = r[..., None] ** np.arange(1, ORDER + 1)
+        spanned, columns = split(Q, -powers * data[..., None])
         a, remainder = two_unknowns(columns, rest[..., 0])
         variance_r = power(remainder) / (n - n_rational)
-        better = variance_r < EARNED * variance
+        better = pooled(variance_r) < EARNED * pooled(variance)
         fitted = np.where(better, (projected[..., -1, 0] - np.sum(spanned[..., -1, :] * a, axis=-1)) / pivot, fitted)
         variance = np.where(better, variance_r, variance)
         dof = np.where(better, n - n_rational, dof)
+        denominator = np.where(better[..., None], np.abs(1 + np.einsum("...np,...p->...n", powers, a)), 1.0)
+    if noise is not None:
+        variance = variance * noise_share(variance, denominator, noise * weight**2, window)
     return LocalFit(G=fitted, variance=variance / weight**2, dof=dof)
+
+
+def pooled(variance: np.ndarray) -> np.ndarray:
+    """Mean of (M, F) variances over neighbouring lines."""
+    return np.array([local_mean(row, POOLED) for row in variance])
+
+
+def noise_share(variance: np.ndarray, denominator: np.ndarray, noise: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """Correction (M, F) for noise at a line that is not what its window has on average, weighted as the residual is."""
+    smooth = np.array([local_mean(row, NOISE_LINES) for row in noise])
+    there = np.mean(denominator**2 * smooth[:, window], axis=-1)
+    distortion = np.maximum(variance - there, 0.0)
+    total = np.maximum(distortion + there, np.finfo(float).tiny)
+    return np.asarray((distortion + smooth) / total)
 
 
 def split(Q: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

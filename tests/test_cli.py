@@ -44,6 +44,35 @@ def test_design_simulate_identify_plot(nlfrf_command, tmp_path):
         assert (tmp_path / name).read_bytes().startswith(magic)
 
 
+def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
+    steps = [
+        "design --kind full --fs 512 --period 512 --f-min 1 --f-max 100 --crest 1.6 --seed 1 -o play.wav",
+        "design --kind odd --fs 512 --period 2048 --f-min 0.5 --f-max 200 --log-lines 30 --seed 1 -o log.csv",
+        "design --fs 2048 --period 2048 --f-min 2 --f-max 140 --rms 0.25 --realizations 2 --seed 1 -o ms.npz",
+        "simulate ms.npz --mass 1.2 --stiffness 70000 -o record.mat",
+        "identify record.mat --opinion --csv -o bla.h5",
+    ]
+    for step in steps:
+        code, out, _ = nlfrf_command(*step.split())
+        assert code == 0, step
+    assert "second opinion: roughness over detection lines" in out
+    assert (tmp_path / "bla.csv").read_text().startswith("f [Hz],Re G,Im G,bound")
+    assert (tmp_path / "play.npz").exists()
+    assert load_bla(tmp_path / "bla.h5").n_realizations == 2
+
+
+@pytest.mark.data
+def test_the_linear_guide_is_diagnosed(nlfrf_command, measured):
+    file = measured / "linear_guide" / "exp1.mat"
+    names = ["--input", "input", "--output", "enc1 (mm)"]
+    code, _, err = nlfrf_command("identify", file, *names, "--period", "5000", "-o", "bla.npz")
+    assert code == 2
+    assert "the input repeats every 4999 samples; give n_samples=4999" in err
+    code, out, _ = nlfrf_command("identify", file, *names, "-o", "bla.npz")
+    assert code == 0
+    assert "100 lines" in out
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
