@@ -18,7 +18,7 @@ import numpy as np
 import nlfrf
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from test_io import FORMATS, fuzz_loader  # noqa: E402  (the same fuzz as in the tests, longer)
+from test_io import FORMATS, fuzz_loader  # the same fuzz as in the tests, longer
 
 
 def main():
