@@ -15,13 +15,23 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from robust.certify import Certificate, certify_norm
     from robust.check import check
-    from robust.export import load_controller, load_model, save_controller, save_model
-    from robust.lti import sampled
+    from robust.export import (
+        controller_sections,
+        export_matlab,
+        load_controller,
+        load_model,
+        save_controller,
+        save_model,
+    )
+    from robust.formulas import control_weight, delay_weight, performance_weight
+    from robust.lti import discretize, sampled
     from robust.nominal import NominalFit, fit_nominal, frd
+    from robust.orders import OrderScan, scan_orders
     from robust.report import RobustnessReport
     from robust.shaping import Design, crossover_weight, ncfsyn
     from robust.uncertainty import UncertaintyModel, Validation, uncertainty, validate
-    from robust.weights import WeightFit, fit_weight, performance_weight
+    from robust.weights import WeightFit, fit_weight
+    from robust.worst import LoopFamily, WorstCase, loop_bounds, sample_loops, worst_case
 
 
 class DesignWarning(UserWarning):
@@ -31,52 +41,76 @@ class DesignWarning(UserWarning):
 HOMES = {
     "Certificate": "certify",
     "Design": "shaping",
+    "LoopFamily": "worst",
     "NominalFit": "nominal",
+    "OrderScan": "orders",
     "RobustnessReport": "report",
     "UncertaintyModel": "uncertainty",
     "Validation": "uncertainty",
     "WeightFit": "weights",
+    "WorstCase": "worst",
     "certify_norm": "certify",
     "check": "check",
+    "control_weight": "formulas",
+    "controller_sections": "export",
     "crossover_weight": "shaping",
+    "delay_weight": "formulas",
+    "discretize": "lti",
+    "export_matlab": "export",
     "fit_nominal": "nominal",
     "fit_weight": "weights",
     "frd": "nominal",
     "load_controller": "export",
     "load_model": "export",
+    "loop_bounds": "worst",
     "ncfsyn": "shaping",
-    "performance_weight": "weights",
+    "performance_weight": "formulas",
+    "sample_loops": "worst",
     "sampled": "lti",
     "save_controller": "export",
     "save_model": "export",
+    "scan_orders": "orders",
     "uncertainty": "uncertainty",
     "validate": "uncertainty",
+    "worst_case": "worst",
 }
 
 __all__ = [
     "Certificate",
     "Design",
     "DesignWarning",
+    "LoopFamily",
     "NominalFit",
+    "OrderScan",
     "RobustnessReport",
     "UncertaintyModel",
     "Validation",
     "WeightFit",
+    "WorstCase",
     "certify_norm",
     "check",
+    "control_weight",
+    "controller_sections",
     "crossover_weight",
+    "delay_weight",
+    "discretize",
+    "export_matlab",
     "fit_nominal",
     "fit_weight",
     "frd",
     "load_controller",
     "load_model",
+    "loop_bounds",
     "ncfsyn",
     "performance_weight",
+    "sample_loops",
     "sampled",
     "save_controller",
     "save_model",
+    "scan_orders",
     "uncertainty",
     "validate",
+    "worst_case",
 ]
 
 

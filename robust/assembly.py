@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import factorial
 from typing import Any
 
@@ -65,6 +66,14 @@ class Assembly:
         """Highest frequency that means anything [rad/s]."""
         return np.pi / self.dt if self.dt else np.inf
 
+    def with_plant(self, G: control.StateSpace) -> Assembly:
+        """The same loop around another plant, as the controller sees it."""
+        return replace(self, G=G)
+
+    def behind_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
+        """A plant on the time base of the loop behind its delay [s]."""
+        return delayed(plant, delay, order=DELAY_ORDER)
+
     def closed(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
         """A closed-loop transfer function of the nominal loop."""
         return control.StateSpace(*closed_loop(self.G, self.K, outputs, inputs), self.dt)
@@ -109,7 +118,7 @@ class Assembly:
         size = size[(size > 1e-9 * centre) & (size < 1e9 * centre)]
         low, high = size.min() / 100, min(size.max() * 100, self.top)
         sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
-        near = sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.linspace(-4, 4, 17)
+        near = sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.tan(np.linspace(-1.4, 1.4, 41))
         keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
         omega = np.unique(np.concatenate([keep, np.geomspace(low, high, 500), near.ravel()]))
         return omega[(omega >= low) & (omega <= min(high, self.top * (1 - 1e-9)))]

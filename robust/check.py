@@ -142,6 +142,7 @@ def check(
         not_proved=not_proved,
         context=context(model, loop),
         w_P=None if w_P is None else np.abs(response(loop.w_P, omega)),
+        form=model.form,
         **responses(loop, omega),
     )
 
@@ -232,5 +233,6 @@ def unstable(model: UncertaintyModel, loop: Assembly, omega: np.ndarray, reason:
         not_proved="Everything: margins mean nothing for a loop that is not stable.",
         context=context(model, loop),
         w_P=None,
+        form=model.form,
         **responses(loop, omega),
     )

@@ -152,6 +152,54 @@ def check(
         draw(picture, [(plot_loop, report), (plot_check, report)])
 
 
+@app.command()
+def orders(
+    bla: Annotated[list[Path], typer.Argument(help="BLA written by 'nlfrf identify'; several make a plant family.")],
+    most: Annotated[int, typer.Option(help="Largest number of poles to try.")] = 8,
+    relative_degree: Annotated[int, typer.Option(help="Poles more than zeros.")] = 1,
+    delay: Annotated[str, typer.Option(help="Delay [s], or 'estimate'.")] = "0",
+    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of discrete models; 0 for continuous.")] = 0.0,
+    picture: Picture = None,
+) -> None:
+    """Fit nominal models of growing order and say which one the data ask for."""
+    blas = [nlfrf.load_bla(path) for path in bla]
+    with working("fitting nominal models"):
+        scan = robust.scan_orders(
+            blas if len(blas) > 1 else blas[0],
+            n_poles=range(max(relative_degree, 1), most + 1),
+            relative_degree=relative_degree,
+            delay=delay if delay == "estimate" else number("delay", delay),
+            dt=sample_time,
+        )
+    print(scan)
+    if picture is not None:
+        from robust.plot import plot_fit, plot_orders
+
+        draw(picture, [(plot_orders, scan), (plot_fit, scan.fit)])
+
+
+@app.command()
+def export(
+    file: Annotated[Path, typer.Argument(help="Model or controller written by this command (.json).")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
+) -> None:
+    """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
+    try:
+        content: Any = robust.load_controller(file)
+    except ValueError:
+        content = robust.load_model(file)
+    if out.suffix == ".mat":
+        robust.export_matlab(content, out)
+    elif out.suffix == ".csv":
+        if isinstance(content, robust.UncertaintyModel):
+            raise ValueError(f"file must be a controller to be written as sections, got the model {file}")
+        rows = [",".join(map(repr, row)) for row in robust.controller_sections(content).tolist()]
+        write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
+    else:
+        raise ValueError(f"out must end in .mat or .csv, got {out}")
+    print(f"wrote {out}")
+
+
 def write_text(path: Path, text: str) -> None:
     """A text file, whole or not at all."""
 

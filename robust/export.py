@@ -1,4 +1,4 @@
-"""Models and controllers to and from files: JSON with a versioned schema, exact to the bit.
+"""Models and controllers to and from files: JSON with a versioned schema, exact to the bit; MATLAB; sections.
 
 A number is written with the digits that give it back exactly; a complex one as [re, im]; nan as null, infinities as
 strings. A file is written whole or not at all.
@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 import control
 import numpy as np
+from scipy.io import savemat
+from scipy.signal import sosfreqz
 
 from nlfrf.checks import shown
 from nlfrf.io import write_whole
-from robust.lti import state_space
+from robust.lti import paired, poles, response, state_space, timebase, zeros
 from robust.radius import PARTS
+from robust.rational import in_order
 from robust.uncertainty import UncertaintyModel
 
 MODEL_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-controller"
@@ -51,6 +55,7 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
         "radius": encoded(model.radius),
         "delay": encoded(model.delay),
         "extrapolation": model.extrapolation,
+        "source": model.source,
     }
     content |= {f"radius_{name}": encoded(getattr(model, f"radius_{name}")) for name in PARTS}
     written(content, path)
@@ -79,6 +84,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
             simultaneous=bool(content["simultaneous"]),
             delay=float(decoded(content["delay"])),
             extrapolation=str(content["extrapolation"]),
+            source=str(content["source"]),
             **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
         )
     except (KeyError, TypeError, IndexError) as error:
@@ -95,13 +101,16 @@ def save_controller(K: Any, path: PathLike) -> None:
     path : path
         File to write.
     """
+    K = state_space("K", K)
     content = {
         "schema": CONTROLLER_SCHEMA,
         "version": VERSION,
         "units": {"dt": "s"},
         "feedback": "negative: u = K (r - y)",
-        "K": encoded_system(state_space("K", K)),
+        "K": encoded_system(K),
     }
+    if K.dt:
+        content["sections"] = encoded(controller_sections(K))
     written(content, path)
 
 
@@ -122,6 +131,195 @@ def load_controller(path: PathLike) -> control.StateSpace:
         raise ValueError(f"path must hold a whole {CONTROLLER_SCHEMA} file, got {path} without {error}") from None
 
 
+def controller_sections(K: Any) -> np.ndarray:
+    """A discrete controller as second-order sections, the form in which it runs on a target.
+
+    Parameters
+    ----------
+    K : control.StateSpace or TransferFunction
+        Discrete controller.
+
+    Returns
+    -------
+    (n, 6) ndarray
+        Rows b0 b1 b2 1 a1 a2, run one after the other: y = b0 u + b1 u[k-1] + ... - a1 y[k-1] - a2 y[k-2].
+
+    Raises
+    ------
+    ValueError
+        A continuous controller, or one whose sections do not reproduce its response.
+
+    Examples
+    --------
+    >>> controller_sections(control.tf([1, -0.5], [1, -0.9], 0.01)).tolist()
+    [[1.0, -0.5, 0.0, 1.0, -0.9, 0.0]]
+    """
+    K = state_space("K", K)
+    dt = timebase(K)
+    if not dt:
+        raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
+    z, p, gain = roots_and_gain(K)
+    sections = chained(z, p, gain)
+    angles = np.geomspace(1e-2, 0.99 * np.pi, 60)
+    wanted = response(K, angles / dt)
+    error = np.abs(sosfreqz(sections, worN=angles)[1] - wanted) / np.maximum(np.abs(wanted), 1e-300)
+    if not error.max() < 1e-6:
+        raise ValueError(f"K must be a system whose roots make sections of it, got an error of {error.max():.2g}")
+    return sections
+
+
+def chained(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
+    """(n, 6) sections in z^-1: poles nearest the circle last, each with the zeros nearest to them."""
+    pole_pairs, pole_rest = paired(p)
+    zero_pairs, zero_rest = paired(z)
+    groups: list[tuple[complex, ...]] = [*pole_pairs, *((r,) for r in pole_rest)]
+    free: list[tuple[complex, ...]] = [*zero_pairs, *((r,) for r in zero_rest)]
+    rows = []
+    for group in sorted(groups, key=lambda g: abs(abs(g[0]) - 1)):
+        mine: tuple[complex, ...] = ()
+        fitting = [zs for zs in free if len(zs) <= len(group)]
+        # pairs of zeros must all find a pair of poles
+        if len(group) == 2 and any(len(zs) == 2 for zs in free):
+            fitting = [zs for zs in fitting if len(zs) == 2]
+        if fitting:
+            mine = min(fitting, key=lambda zs: abs(zs[0] - group[0]))
+            free.remove(mine)
+        top = np.concatenate([np.zeros(len(group) - len(mine)), np.poly(mine).real if mine else [1.0]])
+        rows.append([*top, *np.zeros(3 - top.size), *np.poly(group).real, *np.zeros(2 - len(group))])
+    rows = rows[::-1] or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]]
+    sections = np.array(rows)
+    sections[0, :3] *= gain
+    return sections
+
+
+def export_matlab(content: Any, path: PathLike) -> None:
+    """Write a model or a controller for MATLAB: a ``.mat`` file of plain structs and a ``.m`` file that loads it.
+
+    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
+
+    Parameters
+    ----------
+    content : UncertaintyModel, or a controller
+        What to write.
+    path : path
+        The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
+    """
+    path = Path(path)
+    if path.suffix != ".mat":
+        raise ValueError(f"path must end in .mat, got {str(path)!r}")
+    name = re.sub(r"\W", "_", path.stem)
+    if isinstance(content, UncertaintyModel):
+        struct, loader = model_struct(content), MODEL_LOADER
+    else:
+        K = state_space("content", content)
+        struct, loader = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K)}, CONTROLLER_LOADER
+        if K.dt:
+            struct["sections"] = controller_sections(K)
+
+    def write_mat(beside: Path) -> None:
+        savemat(beside, {"content": struct}, oned_as="column")
+
+    def write_loader(beside: Path) -> None:
+        text = loader.replace("NAME", f"load_{name}").replace("FILE", path.name)
+        beside.write_text(text, encoding="utf-8")
+
+    write_whole(path, write_mat)
+    write_whole(path.with_name(f"load_{name}.m"), write_loader)
+
+
+def model_struct(model: UncertaintyModel) -> dict[str, Any]:
+    """A model as a struct of numbers and text."""
+    struct = {
+        "kind": MODEL_SCHEMA,
+        "freq": model.omega,
+        "freq_unit": "rad/s",
+        "response": model.at(model.omega),
+        "radius": model.radius,
+        "weight": matlab_system(model.weight),
+        "Ts": timebase(model.weight),
+        "form": model.form,
+        "class": model.perturbation,
+        "confidence": model.confidence,
+        "simultaneous": model.simultaneous,
+        "delay": model.delay,
+        "extrapolation": model.extrapolation,
+        "source": model.source,
+    }
+    struct |= {f"radius_{part}": getattr(model, f"radius_{part}") for part in PARTS}
+    if not model.measured_only:
+        struct["nominal"] = matlab_system(model.nominal)
+    return struct
+
+
+def matlab_system(system: control.StateSpace) -> dict[str, Any]:
+    """A system as a struct: A, B, C, D, num, den, Ts."""
+    z, p, gain = roots_and_gain(system)
+    return {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"} | {
+        "num": gain * np.poly(z).real,
+        "den": np.poly(p).real,
+        "Ts": timebase(system),
+    }
+
+
+def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
+    """Zeros, poles and gain, the gain fitted where the response is neither very large nor very small."""
+    z, p, dt = in_order(zeros(system)), in_order(poles(system)), timebase(system)
+    size = np.concatenate([np.abs(np.log(r[r != 0].astype(complex)) / dt if dt else r) for r in (z, p)])
+    centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
+    omega = centre * np.geomspace(0.1, 10, 21)
+    omega = np.minimum(omega, 0.99 * np.pi / dt) if dt else omega
+    s = np.exp(1j * omega * dt) if dt else 1j * omega
+    ratio = response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
+    return z, p, float(np.median(ratio.real))
+
+
+MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)
+%NAME  Uncertain plant from FILE (frequencies in rad/s, times in s).
+%   Gu     the uncertain plant: nominal, weight and ultidyn('Delta', [1 1])
+%   G, W   nominal (ss where there is one, else frd) and weight
+%   model  everything that was written, as a struct
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+model = data.content;
+w = model.weight;
+W = ss(w.A, w.B, w.C, w.D, w.Ts);
+if isfield(model, 'nominal')
+    n = model.nominal;
+    G = ss(n.A, n.B, n.C, n.D, n.Ts);
+else
+    G = frd(reshape(model.response, 1, 1, []), model.freq, model.Ts);
+end
+Delta = ultidyn('Delta', [1 1]);
+switch model.form
+    case 'multiplicative'
+        Gu = G * (1 + W * Delta);
+    case 'additive'
+        Gu = G + W * Delta;
+    case 'inverse-multiplicative'
+        Gu = G * feedback(1, W * Delta);
+    case 'inverse-additive'
+        Gu = feedback(G, W * Delta);
+end
+end
+"""
+
+CONTROLLER_LOADER = """function [K, content] = NAME(file)
+%NAME  Controller from FILE, negative feedback u = K (r - y).
+%   K        ss
+%   content  everything that was written; content.sections for sosfilt where it is discrete
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+content = data.content;
+k = content.K;
+K = ss(k.A, k.B, k.C, k.D, k.Ts);
+end
+"""
+
+
 def encoded(numbers: Any) -> Any:
     """Numbers as JSON holds them."""
     array = np.asarray(numbers)
@@ -135,9 +333,12 @@ def encoded(numbers: Any) -> Any:
 
 def decoded(content: Any) -> Any:
     """The way back, for real numbers: float, or float arrays."""
-    if isinstance(content, list):
-        return np.array([decoded(item) for item in content], dtype=float)
-    return np.nan if content is None else float(content)
+    try:
+        if isinstance(content, list):
+            return np.array([decoded(item) for item in content], dtype=float)
+        return np.nan if content is None else float(content)
+    except ValueError:
+        raise ValueError(f"path must hold numbers where its schema has them, got {shown(content)}") from None
 
 
 def encoded_system(system: Any) -> dict[str, Any]:

@@ -94,6 +94,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
         G=G,
         K=k,
         radius=np.abs(w),
+        form=form,
         w_P=w_P_size,
     )
 

@@ -97,3 +97,17 @@ def worst_perturbation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     # a point of the unit circle, wanted in line with the centre
     target = np.exp(1j * (np.angle(centre) - np.angle(direction)))
     return (target - b.conj()) / (1 - b * target)
+
+
+def loop_discs(form: str, w: np.ndarray, G: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and radius of the disc that L fills over the set; nan where it is the outside of a disc instead."""
+    L = G * K
+    if form == "multiplicative":
+        return L, np.abs(w * L)
+    if form == "additive":
+        return L, np.abs(w * K)
+    size = np.abs(w * G) if form == "inverse-additive" else np.abs(w)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = size < 1
+        centre, radius = L / (1 - size**2), np.abs(L) * size / (1 - size**2)
+    return np.where(inside, centre, np.nan), np.where(inside, radius, np.nan)

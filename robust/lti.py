@@ -324,3 +324,40 @@ def frequency_response(name: str, plant: Any, omega: np.ndarray) -> tuple[np.nda
             raise ValueError(f"{name} must have one input and one output, got {plant.ninputs} and {plant.noutputs}")
         return np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata[0, 0], dtype=complex)
     return omega, response(state_space(name, plant), omega)
+
+
+def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
+    """A continuous controller for a sampling time, by the bilinear map (Tustin), exact at one frequency if asked.
+
+    Parameters
+    ----------
+    K : control.StateSpace, TransferFunction or float
+        Continuous controller.
+    dt : float
+        Sampling time [s].
+    prewarp : float
+        Frequency [rad/s] at which the response is kept exactly; 0 keeps it at zero frequency.
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete; check it with `check`, which adds hold and delay. Designing on `sampled` is better.
+
+    Raises
+    ------
+    ValueError
+        A controller that is discrete already, a prewarp frequency beyond Nyquist.
+
+    Examples
+    --------
+    >>> K = discretize(control.tf([1, 2], [1, 0]), 0.1)
+    >>> round(float(K.poles()[0].real), 9), round(float(K.zeros()[0].real), 9)
+    (1.0, 0.818181818)
+    """
+    K, dt, prewarp = state_space("K", K), positive("dt", dt), nonnegative("prewarp", prewarp)
+    if timebase(K):
+        raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")
+    if prewarp * dt >= np.pi:
+        raise ValueError(f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g} rad/s")
+    scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
+    return control.StateSpace(*to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D), dt)

@@ -47,7 +47,9 @@ class Problem:
     def clipped(self, theta: np.ndarray, order: int) -> np.ndarray:
         """Sections kept near the band, zeros too broad to hide between two points."""
         theta = theta.copy()
-        low, high = self.log_x[0] - 7.0, self.log_x[-1] + 7.0
+        # far outside the band a corner is free to go anywhere, and would
+        reach = 2.0 if np.isfinite(self.low) else 7.0
+        low, high = self.log_x[0] - reach, self.log_x[-1] + reach
         m = order - order % 2
         for start, zeros in ((0, True), (order, False)):
             w, zeta = slice(start, start + m, 2), slice(start + 1, start + m, 2)

@@ -6,9 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robust.lti import response
+from robust.lti import response, state_space
+from robust.nominal import NominalFit
+from robust.orders import OrderScan
 from robust.report import RobustnessReport
 from robust.uncertainty import UncertaintyModel
+from robust.worst import LoopFamily
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,20 +46,16 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """
     ax = axes(ax)
     f = hz(model.omega)
-    below = np.zeros(f.size)
     for name, part in model.budget().items():
-        if np.any(part > 0):
-            top = below + np.nan_to_num(part)
-            ax.fill_between(f, db(np.maximum(below, 1e-12)), db(top), color=COLOR[name], alpha=0.35, lw=0, label=name)
-            below = top
+        if np.any(part > 1e-3 * model.radius):
+            ax.plot(f, db(part), "-", lw=0.9, color=COLOR[name], alpha=0.9, label=f"part: {name}")
     ax.plot(f, db(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
     wide = outside_too(model)
     ax.plot(hz(wide), db(np.abs(response(model.weight, wide))), "-", lw=1.8, color=COLOR["weight"], label="|weight|")
     shade(ax, model)
-    low = db(model.radius.min())
     ax.set(
         xscale="log",
-        ylim=(low - 25, None),
+        ylim=(db(model.radius.min()) - 25, None),
         xlabel="frequency [Hz]",
         ylabel=f"radius, {model.form} [dB]",
         title=f"Uncertainty weight of order {model.weight.nstates}; {model.extrapolation}",
@@ -147,6 +146,186 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
         ax.set_ylim(max(1e-4, min(c.min() for c in drawn)) * 0.8, max(2.0, 1.5 * max(c.max() for c in drawn)))
     else:
         ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
+    return finished(ax)
+
+
+def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
+    """What the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
+    ax = axes(ax)
+    f = hz(model.omega)
+    below = np.zeros(f.size)
+    for name, part in model.budget().items():
+        share = 100 * np.nan_to_num(part) / model.radius
+        if np.any(share > 0.1):
+            ax.fill_between(f, below, below + share, color=COLOR[name], lw=0, alpha=0.75, label=name)
+            below = below + share
+    ax.set(
+        xscale="log",
+        ylim=(0, 100),
+        xlabel="frequency [Hz]",
+        ylabel="share of the radius [%]",
+        title="What to measure next",
+    )
+    return finished(ax)
+
+
+def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
+    """The measured lines, the nominal model through them, and what is left; arguments as in `plot_weight`."""
+    ax = axes(ax)
+    f, measured = hz(fit.omega), fit.response + fit.residual
+    order = np.argsort(f, kind="stable")
+    ax.plot(f, db(np.abs(measured)), ".", ms=3, color=COLOR["noise"], label="measured")
+    label = f"model, {fit.G.nstates} poles" + (f", delay {1e3 * fit.delay:.3g} ms" if fit.delay else "")
+    ax.plot(f[order], db(np.abs(fit.response[order])), "-", lw=1.6, color=COLOR["radius"], label=label)
+    ax.plot(f, db(np.abs(fit.residual)), ".", ms=2, color=COLOR["limit"], alpha=0.7, label="residual")
+    ratio = fit.cost / fit.expected_cost
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title=f"Cost {ratio:.3g} times scatter")
+    return finished(ax)
+
+
+def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
+    """Cost and criterion over the number of poles; arguments as in `plot_weight`."""
+    from matplotlib.ticker import MaxNLocator
+
+    ax = axes(ax)
+    ax.plot(scan.n_poles, scan.cost, "o-", color=COLOR["loop"], label="cost")
+    ax.plot(scan.n_poles, scan.expected_cost, ":", color=COLOR["noise"], label="what scatter alone leaves")
+    ax.plot(scan.n_poles, scan.criterion, "s-", color=COLOR["radius"], label="criterion")
+    ax.axvline(scan.best, color=COLOR["weight"], lw=1.5, alpha=0.6, label=f"take {scan.best} poles")
+    ax.set(yscale="log", xlabel="poles", ylabel="weighted squared error", title="Order scan")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    return finished(ax)
+
+
+def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None = None) -> Axes:
+    """The nominal L in the complex plane, with the disc of the set at some frequencies around the crossover.
+
+    Parameters
+    ----------
+    report : RobustnessReport
+    n_discs : int
+        How many discs to draw.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    from matplotlib.patches import Circle
+
+    ax = axes(ax)
+    L = report.G * report.K
+    reach = 2.5
+    ax.plot(L.real, L.imag, "-", lw=1.6, color=COLOR["radius"], label="nominal L")
+    ax.plot(L.real, -L.imag, "-", lw=0.7, color=COLOR["noise"])
+    centre, radius = report.discs
+    near = np.flatnonzero((np.abs(L + 1) < reach) & np.isfinite(radius) & (radius > 0))
+    if near.size:
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(L[near])))])
+        for k in near[np.unique(np.searchsorted(path, np.linspace(0, path[-1], n_discs)).clip(0, near.size - 1))]:
+            touched = abs(centre[k] + 1) <= radius[k]
+            color = COLOR["limit"] if touched else COLOR["weight"]
+            ax.add_patch(Circle((centre[k].real, centre[k].imag), radius[k], fill=False, lw=0.8, color=color))
+    ax.plot([-1], [0], "+", ms=12, mew=2, color=COLOR["limit"], label="-1")
+    ax.set(
+        xlim=(-1 - reach, reach - 1),
+        ylim=(-reach, reach),
+        aspect="equal",
+        xlabel="Re L",
+        ylabel="Im L",
+        title="L with the discs of the set",
+    )
+    return finished(ax)
+
+
+def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
+    """Sensitivities of loops with sampled plants, under the worst case of the set.
+
+    Parameters
+    ----------
+    family : LoopFamily
+        From `sample_loops`.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f = hz(family.omega)
+    for k, (S, stable) in enumerate(zip(family.S, family.stable, strict=True)):
+        color = COLOR["noise"] if stable else COLOR["limit"]
+        ax.plot(f, db(np.abs(S)), "-", lw=0.5, color=color, alpha=0.6, label="plants of the set" if k == 0 else None)
+    ax.plot(f, db(np.abs(family.nominal)), "-", lw=1.8, color=COLOR["radius"], label="nominal |S|")
+    ax.plot(
+        f,
+        db(np.where(np.isfinite(family.worst), family.worst, np.nan)),
+        "--",
+        lw=1.4,
+        color=COLOR["limit"],
+        label="worst case",
+    )
+    unstable = int(np.sum(~family.stable))
+    title = (
+        f"{family.stable.size} plants of the set, {unstable} of them unstable"
+        if unstable
+        else f"{family.stable.size} plants of the set"
+    )
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
+    return finished(ax)
+
+
+def plot_bounds(
+    model: UncertaintyModel, K: Any, bounds: tuple[np.ndarray, np.ndarray], *, ax: Axes | None = None
+) -> Axes:
+    """|L| between the bounds of `loop_bounds`, on the lines of the model.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+    K : control.StateSpace or TransferFunction
+        Controller.
+    bounds : (low, high)
+        From `loop_bounds`.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f, (low, high) = hz(model.omega), bounds
+    L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
+    ax.plot(f, db(L), "-", lw=1.8, color=COLOR["radius"], label="|L|")
+    floor, ceiling = db(L.min()) - 20, db(L.max()) + 20
+    ax.fill_between(
+        f,
+        floor,
+        np.where(low > 0, db(low), floor),
+        color=COLOR["loop"],
+        alpha=0.3,
+        lw=0,
+        label="too low for performance",
+    )
+    ax.fill_between(
+        f,
+        np.where(np.isfinite(high), db(high), ceiling),
+        ceiling,
+        color=COLOR["limit"],
+        alpha=0.3,
+        lw=0,
+        label="too high for the uncertainty",
+    )
+    ax.set(
+        xscale="log",
+        ylim=(floor, ceiling),
+        xlabel="frequency [Hz]",
+        ylabel="|L| [dB]",
+        title="Loop gain and its bounds",
+    )
     return finished(ax)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from nlfrf.values import value
 from robust.certify import Certificate
+from robust.loop import loop_discs
 
 #: Every verdict, and what it means.
 VERDICTS = {
@@ -81,7 +82,13 @@ class RobustnessReport:
     G: np.ndarray
     K: np.ndarray
     radius: np.ndarray
+    form: str
     w_P: Any = None
+
+    @property
+    def discs(self) -> tuple[np.ndarray, np.ndarray]:
+        """(W,) centre and (W,) radius of the disc that L fills over the set."""
+        return loop_discs(self.form, self.radius, self.G, self.K)
 
     @property
     def gain_margin(self) -> float:

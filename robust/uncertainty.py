@@ -66,6 +66,8 @@ class UncertaintyModel:
         The part of the nominal that is a delay [s], for information; it is inside `nominal` already.
     extrapolation : str
         In words, what was assumed outside the measured band.
+    source : str
+        In words, what was measured.
     """
 
     nominal: Any
@@ -84,6 +86,7 @@ class UncertaintyModel:
     radius_systematic: Any = None
     delay: float = 0.0
     extrapolation: str = "not stated"
+    source: str = "not stated"
 
     def __post_init__(self) -> None:
         one_of("form", self.form, FORMS)
@@ -201,6 +204,8 @@ class UncertaintyModel:
             # rounding in the realisation must not carry a plant out of the set it is said to be from
             if np.all(self.distance(plant) <= 1 + 1e-7):
                 plants.append(plant)
+        if len(plants) < n:
+            raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
         return plants
 
 
@@ -323,6 +328,15 @@ def uncertainty(
         **{f"radius_{name}": part * factor for name, part in discs.items()},
         delay=delay,
         extrapolation=f"below the band {worded(below)}, above it {worded(above)}",
+        source="; ".join(measured_as(b) for b in many),
+    )
+
+
+def measured_as(bla: Bla) -> str:
+    """A record in words."""
+    return (
+        f"{bla.grid} multisine, {bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz, {bla.n_realizations} realisations "
+        f"x {bla.n_periods} periods, level from {bla.level_source}"
     )
 
 

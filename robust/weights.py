@@ -1,4 +1,4 @@
-"""Weights: a stable, minimum-phase, biproper function over a radius, and the usual ones by formula.
+"""Weights over a radius: stable, minimum phase, biproper, and as little above it as the order allows.
 
 The fit works on log |W| over log frequency: W = k prod of second-order sections in (log omega, log zeta), stable
 and minimum phase whatever the parameters. What it returns is verified on the lines, on a ten times finer grid, at
@@ -13,7 +13,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.checks import integer, nonnegative, positive, real_array
+from nlfrf.checks import integer, nonnegative, real_array
 from nlfrf.values import value
 from robust.lti import from_roots, response
 from robust.overbound import exact_fit, least_excess, log_sections, problem_on, slope_at_zero, zeros_and_poles
@@ -201,48 +201,3 @@ def shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarr
     near = ends[0][:, None] + np.linspace(0, 1, 41) * (ends[1] - ends[0])[:, None]
     bottom = magnitude_at(theta, order, axis(near, dt).ravel()).reshape(near.shape) / target[worst, None]
     return 1 / min(float(ratio.min()), float(bottom.min()))
-
-
-def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, order: int = 1) -> control.StateSpace:
-    """What the sensitivity must stay under: |S| <= 1/|w_P|, bandwidth omega_B, peak M_S, error A at low frequency.
-
-    w_P = ((s/M_S^(1/n) + omega_B)/(s + omega_B A^(1/n)))^n.
-
-    Parameters
-    ----------
-    omega_B : float
-        Bandwidth asked for [rad/s]: where the asymptote of 1/|w_P| crosses one.
-    M_S : float
-        Largest |S| allowed anywhere, above one (2 is usual).
-    A : float
-        |S| allowed at zero frequency, below M_S.
-    order : int
-        Slope of the demand: n decades per decade.
-
-    Returns
-    -------
-    control.StateSpace
-
-    Raises
-    ------
-    ValueError
-        Numbers out of range.
-
-    References
-    ----------
-    SP eq. 2.105 and 2.106 (2.8.2).
-
-    Examples
-    --------
-    >>> w_P = performance_weight(10, M_S=1.5, A=1e-4)
-    >>> round(float(abs(w_P(1e6j))), 4), round(float(abs(w_P(0))))
-    (0.6667, 10000)
-    """
-    omega_B, M_S, A = positive("omega_B", omega_B), positive("M_S", M_S), positive("A", A)
-    order = integer("order", order, least=1)
-    if M_S <= 1:
-        raise ValueError(f"M_S must be above 1: |S| of a real loop exceeds one somewhere, got {M_S:g}")
-    if A >= M_S:
-        raise ValueError(f"A must be below M_S = {M_S:g}, got {A:g}")
-    high, low = M_S ** (1 / order), A ** (1 / order)
-    return from_roots(np.full(order, -omega_B * high), np.full(order, -omega_B * low), 1 / M_S, 0.0)

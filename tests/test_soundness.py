@@ -58,7 +58,7 @@ def test_performance_is_never_promised_where_brute_force_finds_a_violation():
         target = float(rng.choice([0.97, 1.01]))
         w_P = control.StateSpace(w_P.A, w_P.B, w_P.C * target / peak, w_P.D * target / peak, 0)
         report = check(model_of(case), case["K"], delay=case["delay"], w_P=w_P)
-        assert np.max(report.rp) >= target * 0.998  # but for what lies outside the curve's grid
+        assert np.max(report.rp) >= target * 0.99  # but for what lies outside the curve's grid
         if target > 1:
             assert not report.robust_performance
         elif np.max(report.rp) < 0.99:

@@ -1,0 +1,223 @@
+"""The worst plant of a set, as a system to replay; loops with sampled plants; bounds on |L| for shaping by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.checks import integer
+from nlfrf.values import value
+from robust.assembly import Assembly, assemble, loop_poles
+from robust.loop import worst_perturbation, worst_sensitivity
+from robust.lti import response, sampled, state_space, timebase
+from robust.perturb import perturbed, with_phase
+from robust.uncertainty import UncertaintyModel
+
+
+@value
+class WorstCase:
+    """The largest sensitivity over a set, and a plant of the set that has it.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    gain : (W,) ndarray
+        Largest |S_p| over the set (|w_P S_p| with w_P); inf where a plant of the set puts a pole on the boundary.
+    omega_worst : float
+        Where it is largest, or where a perturbation destabilises the loop [rad/s].
+    plant : control.StateSpace
+        A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K.
+    delta : complex
+        The perturbation there; of modulus below one where less suffices to destabilise.
+    achieved : float
+        |S_p| (|w_P S_p|) of the loop with that plant at omega_worst, recomputed.
+    stable : bool
+        Whether the loop with that plant is stable.
+    """
+
+    omega: np.ndarray
+    gain: np.ndarray
+    omega_worst: float
+    plant: control.StateSpace
+    delta: complex
+    achieved: float
+    stable: bool
+
+
+def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float = 0.0) -> WorstCase:
+    """The plant of the set that hurts a controller most, to replay it in a simulation.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        With a parametric nominal.
+    K : control.StateSpace, TransferFunction or float
+        Controller, continuous or discrete, negative feedback.
+    w_P : control.StateSpace or TransferFunction, optional
+        Performance weight on S; 1 when not given.
+    delay : float
+        Computation delay [s].
+
+    Returns
+    -------
+    WorstCase
+
+    Raises
+    ------
+    ValueError
+        A nominal loop that is not stable, or parts that do not fit each other.
+
+    References
+    ----------
+    SP 7.6.3 (worst-case plants), 8.10.3.
+    """
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError("model must be an UncertaintyModel with a parametric nominal to make plants of")
+    loop = assemble(model, K, w_P, delay)
+    poles = loop_poles(loop)[0]
+    if np.any(np.abs(poles) >= 1) if loop.dt else np.any(poles.real >= 0):
+        raise ValueError("K must stabilise the nominal plant for its worst case to mean anything, got an unstable loop")
+    omega = loop.grid(model.omega)
+
+    def curve(points: np.ndarray) -> np.ndarray:
+        worst = worst_sensitivity(*loop.terms(points))
+        return worst if loop.w_P is None else np.where(np.isinf(worst), worst, 0) + loop.rp(points)
+
+    band = (float(model.omega[0]), float(model.omega[-1]))
+    peak_b, where = loop.peak(loop.rs, omega, band)
+    if peak_b < 1:
+        where = loop.peak(curve, omega, band)[1]
+    _, a, b = (term[0] for term in loop.terms(np.array([where])))
+    delta = complex(-1 / b) if peak_b >= 1 else complex(worst_perturbation(np.array([a]), np.array([b]))[0])
+    # the weight brings its own phase, which the perturbation is relative to
+    Delta = with_phase(where, delta, timebase(model.weight))
+    plant = perturbed(model.form, model.nominal, model.weight, Delta)
+    seen = in_loop(plant, loop, delay)
+    achieved = np.abs(1 / (1 + response(seen, np.array([where])) * response(loop.K, np.array([where]))))[0]
+    if loop.w_P is not None:
+        achieved *= np.abs(response(loop.w_P, np.array([where])))[0]
+    return WorstCase(
+        omega=omega,
+        gain=curve(omega),
+        omega_worst=where,
+        plant=plant,
+        delta=delta,
+        achieved=float(achieved),
+        stable=stable_with(seen, loop),
+    )
+
+
+def in_loop(plant: control.StateSpace, loop: Assembly, delay: float) -> control.StateSpace:
+    """A plant as the controller of the loop sees it."""
+    if loop.dt and not timebase(plant):
+        return sampled(plant, loop.dt, delay)
+    return loop.behind_delay(plant, delay)
+
+
+def stable_with(plant: control.StateSpace, loop: Assembly) -> bool:
+    """Whether the loop is stable with another plant."""
+    poles = loop_poles(loop.with_plant(plant))[0]
+    return bool(np.all(np.abs(poles) < 1) if loop.dt else np.all(poles.real < 0))
+
+
+@value
+class LoopFamily:
+    """Loops with sampled plants of a set.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    S : (n, W) complex ndarray
+        Sensitivity with each plant.
+    stable : (n,) ndarray of bool
+        Whether each loop is stable.
+    nominal : (W,) complex ndarray
+        Sensitivity with the nominal plant.
+    worst : (W,) ndarray
+        Largest |S_p| over the whole set.
+    """
+
+    omega: np.ndarray
+    S: np.ndarray
+    stable: np.ndarray
+    nominal: np.ndarray
+    worst: np.ndarray
+
+
+def sample_loops(
+    model: UncertaintyModel, K: Any, n: int = 50, *, delay: float = 0.0, rng: np.random.Generator | int | None = None
+) -> LoopFamily:
+    """Close the loop around n random plants of the set: what the verdict means, to look at.
+
+    Parameters
+    ----------
+    model, K, delay
+        As in `worst_case`.
+    n : int
+        Number of plants.
+    rng : numpy Generator, int or None
+        Source of the perturbations.
+
+    Returns
+    -------
+    LoopFamily
+    """
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError("model must be an UncertaintyModel with a parametric nominal to make plants of")
+    loop = assemble(model, K, None, delay)
+    plants = model.sample(integer("n", n, least=1), rng)
+    omega = loop.grid(model.omega)
+    omega = omega[omega >= model.omega[0] / 10]
+    k = response(loop.K, omega)
+    seen = [in_loop(plant, loop, delay) for plant in plants]
+    terms = loop.terms(omega)
+    return LoopFamily(
+        omega=omega,
+        S=np.array([1 / (1 + response(plant, omega) * k) for plant in seen]),
+        stable=np.array([stable_with(plant, loop) for plant in seen]),
+        nominal=terms[0],
+        worst=worst_sensitivity(*terms),
+    )
+
+
+def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Where |L| must not be, for shaping a loop by hand: at least `low`, at most `high`, on the lines of the model.
+
+    Sufficient for robust performance at a frequency. Zero and infinity where there is no demand; where |w_P| and the
+    uncertainty are both above one nothing helps, and low is infinite, high zero.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        The set.
+    w_P : control.StateSpace or TransferFunction
+        Performance weight.
+
+    Returns
+    -------
+    low, high : (W,) ndarray
+        On `model.omega`.
+
+    References
+    ----------
+    SP eq. 7.63 to 7.66 for the multiplicative form; the others by the same triangle inequalities.
+    """
+    omega = model.omega
+    p = np.abs(response(state_space("w_P", w_P), omega))
+    w, size = np.abs(response(model.weight, omega)), np.abs(model.at(omega))
+    w = w / size if model.form == "additive" else w * size if model.form == "inverse-additive" else w
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if model.form.startswith("inverse"):
+            least, most = (1 + w) * (1 + p), 1 - w - p * (1 + w)
+            hopeless = np.zeros(omega.size, dtype=bool)
+            demand_low, demand_high = most <= 0, np.zeros(omega.size, dtype=bool)
+        else:
+            least, most = (1 + p) / (1 - w), (1 - p) / (1 + w)
+            hopeless = (p >= 1) & (w >= 1)
+            demand_low, demand_high = (p >= 1) & (w < 1), (w >= 1) & (p < 1)
+    low, high = np.where(demand_low, least, 0.0), np.where(demand_high, most, np.inf)
+    return np.where(hopeless, np.inf, low), np.where(hopeless, 0.0, high)
