@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 
 from nlfrf import packing
-from nlfrf.packing import DEEPEST, DEPTH, DIRECTION, LOST, RATE, Body, Curve, F, Law, Step, V, X, Z
+from nlfrf.packing import DEEPEST, DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
 #: Branches: where the memory is asked at every stage, and the two that are followed without asking.
 LOOKED_UP, VIRGIN, LATER = range(3)
@@ -214,12 +214,15 @@ def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
 
 
 @compiled
-def pull_back(law: Law, v: float, fh: float, stiffness: float) -> float:
-    """How fast dz/dt pulls z back while sliding [1/s]: the eigenvalue that limits the step."""
-    rate = law.n * stiffness * abs(v) / law.Fc
+def growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> float:
+    """What a step makes of an error of z while sliding: dz/dt pulls z back with a rate that the step must resolve."""
+    q = h * law.n * law.curve.K0 * abs(v) / law.Fc
+    if q > 30.0:  # z would be thrown to where the curve is flat, and nothing pull it back
+        return np.inf
+    q *= stiffness / law.curve.K0
     if law.form != packing.DAHL and law.n > 1.0:
-        rate *= (min(abs(fh) / law.Fc, 1.0)) ** (law.n - 1.0)
-    return rate
+        q *= (min(abs(fh) / law.Fc, 1.0)) ** (law.n - 1.0)
+    return abs(1.0 - q * (1.0 - q * (0.5 - q * (1.0 / 6.0 - q / 24.0))))
 
 
 @compiled
@@ -353,7 +356,7 @@ def divide(
 def advance_hysteretic(
     body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
 ) -> bool:
-    """Leuven family over the steps of `drive` (begin, middle, end of each); False where the numbers ran away.
+    """Leuven family over the steps of `drive` (begin, middle, end of each); False where it is not stable.
 
     `drive` is the force on the mass, or the velocity of a driven body. `out` takes position, velocity, z and
     friction force at the begin of every step that is a multiple of `substeps`. Steps are divided at turning
@@ -386,6 +389,8 @@ def advance_hysteretic(
                 x1, v1, z1, _, _ = trial(body, law, grid, state, stack, way, step, a, 1.0)
         x, v = x1, v1
         stiffness = commit(law.curve, grid, state, stack, z1)
-        state[RATE] = max(state[RATE], pull_back(law, v, state[F], stiffness))
+        state[ERROR] = max(state[ERROR], 1.0) * growth(law, v, state[F], stiffness, h)
+        if state[ERROR] > packing.MOST_GROWTH:
+            return False
     state[X], state[V] = x, v
     return abs(x) < 1e150 and abs(v) < 1e150

@@ -18,8 +18,12 @@ SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS = 
 LEUVEN, ORIGINAL, DAHL, COULOMB, GMS = range(5)
 
 # Places in Memory.state
-X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, RATE = range(9)
+X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, ERROR = range(9)
 N_STATES = 9
+
+#: Growth of an error of z, to first order, up to which sliding is called stable. The hysteresis bounds what the
+#: first order does not: below this the position was never off by 1e-3, well above it by 1e-2 and more.
+MOST_GROWTH = 1e30
 
 #: Turning points remembered before the innermost loop is forgotten.
 STACK_DEPTH = 256

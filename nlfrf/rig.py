@@ -255,9 +255,7 @@ def integrate(
     else:
         from nlfrf.kernels import advance_hysteretic as kernel
     out = np.empty((drive.shape[0] // substeps, 4))
-    finite = kernel(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
-    stable = finite and memory.state[packing.RATE] * h <= REAL_LIMIT
-    memory.state[packing.RATE] = 0.0
+    stable = kernel(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
     return out if stable else None
 
 
@@ -298,15 +296,14 @@ def refuse_long_step(rig: Rig, fs: float, oversampling: int) -> None:
 
 def step_refusal(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
     """The refusal of a step that turned out too long in sliding, with one that was tried and would do."""
-    for finer in (oversampling * 2**i for i in range(1, 7)):
+    enough, finer = "more than", oversampling
+    for finer in (oversampling * 2**i for i in range(1, 10)):
         if stable(finer):
-            return ValueError(
-                f"oversampling must be about {finer} for a stable integration step in sliding "
-                f"({1 / (fs * finer):.3g} s at fs = {fs:g} Hz), got {oversampling}"
-            )
+            enough = "about"
+            break
     return ValueError(
-        f"force must leave the rig within what can be integrated, got one that still runs away with an "
-        f"oversampling of {oversampling * 64}"
+        f"oversampling must be {enough} {finer} for a stable integration step in sliding "
+        f"({1 / (fs * finer):.3g} s at fs = {fs:g} Hz), got {oversampling}"
     )
 
 

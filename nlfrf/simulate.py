@@ -150,7 +150,7 @@ def run_experiment(experiment: Experiment) -> Arrays:
         out = advance(rig, memory, drive, 1 / (ms.fs * steps), steps)
         if out is None:
             raise step_refusal(ms.fs, steps, lambda finer: is_stable(replace(experiment, oversampling=finer)))
-        periods = [*periods[-max(experiment.n_periods - 1, 1) :], out[:, 0]]
+        periods = [*periods[-max(experiment.n_periods - 1, 1) :], out[:, 0].copy()]
     change = np.nan
     if len(periods) > 1:
         change = np.sqrt(np.mean((periods[-1] - periods[-2]) ** 2) / np.mean(periods[-1] ** 2))

@@ -213,6 +213,18 @@ def test_step_too_long_in_sliding_is_refused():
         simulate(rig, odd(2, rms=60.0, n_samples=2048))
 
 
+@pytest.mark.filterwarnings("ignore:the integration step is coarse")
+@pytest.mark.parametrize(("n", "enough"), [(1.0, 2), (2.0, 4)])
+def test_step_that_is_accepted_in_sliding_is_right_and_one_that_is_refused_is_not(n, enough):
+    rig = Rig(1.0, 80e3, Leuven(n=n))
+    ms = multisine("odd", fs=512, n_samples=2048, f_min=1.25, f_max=143.25, rms=2.5, rng=3)
+    exact = simulate(rig, ms, oversampling=32).y
+    accepted = simulate(rig, ms, oversampling=enough).y
+    assert np.sqrt(np.mean((accepted - exact) ** 2)) < 2e-3 * exact.std()
+    with pytest.raises(ValueError, match=f"oversampling must be about {enough} for a stable .* in sliding"):
+        simulate(rig, ms, oversampling=enough // 2)
+
+
 def test_numba_is_loaded_by_the_first_simulation_only():
     code = "import sys, nlfrf.simulate, nlfrf.friction; print([m for m in ('numba', 'matplotlib') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
