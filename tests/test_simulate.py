@@ -215,7 +215,7 @@ def test_step_too_long_in_sliding_is_refused():
 
 @pytest.mark.filterwarnings("ignore:the integration step is coarse")
 @pytest.mark.parametrize(("n", "enough"), [(1.0, 2), (2.0, 4)])
-def test_step_that_is_accepted_in_sliding_is_right_and_one_that_is_refused_is_not(n, enough):
+def test_step_accepted_in_sliding_is_right_and_a_longer_one_refused_with_its_name(n, enough):
     rig = Rig(1.0, 80e3, Leuven(n=n))
     ms = multisine("odd", fs=512, n_samples=2048, f_min=1.25, f_max=143.25, rms=2.5, rng=3)
     exact = simulate(rig, ms, oversampling=32).y
