@@ -11,12 +11,14 @@ from nlfrf.crest import reduce_crest
 from nlfrf.distortion import DistortionLevels
 from nlfrf.identify import identify
 from nlfrf.io import export_csv, load_bla, load_multisine, load_record, save_bla, save_multisine, save_record
+from nlfrf.level_study import LevelStudy, level_study
 from nlfrf.lines import LineGrid
+from nlfrf.loop import LoopResponse, simulate_loop
 from nlfrf.multisine import Multisine, multisine
 from nlfrf.noise import identify_noise
 from nlfrf.opinion import SecondOpinion, second_opinion
 from nlfrf.record import Record, record_from_samples
-from nlfrf.rig import Rig, paper_rig
+from nlfrf.rig import Motion, Rig, drive, paper_rig, run
 from nlfrf.simulate import simulate
 
 __version__ = "0.1.0"
@@ -25,14 +27,19 @@ __all__ = [
     "Bla",
     "DataWarning",
     "DistortionLevels",
+    "LevelStudy",
     "LineGrid",
+    "LoopResponse",
+    "Motion",
     "Multisine",
     "Record",
     "Rig",
     "SecondOpinion",
+    "drive",
     "export_csv",
     "identify",
     "identify_noise",
+    "level_study",
     "load_bla",
     "load_multisine",
     "load_record",
@@ -40,9 +47,11 @@ __all__ = [
     "paper_rig",
     "record_from_samples",
     "reduce_crest",
+    "run",
     "save_bla",
     "save_multisine",
     "save_record",
     "second_opinion",
     "simulate",
+    "simulate_loop",
 ]

@@ -74,6 +74,10 @@ def simulate(
     stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m] instead of the paper's 80000.")] = None,
     noise: Annotated[float, typer.Option(help="Standard deviation of white noise added to the position [m].")] = 0.0,
     seed: Annotated[int | None, typer.Option(help="Seed of that noise.")] = None,
+    accuracy: Annotated[
+        float | None, typer.Option(help="Error of the position asked for, relative to its rms.")
+    ] = None,
+    resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
 ) -> None:
     """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out."""
     ms = io.load_multisine(file)
@@ -84,7 +88,9 @@ def simulate(
         rig = replace(rig, stiffness=stiffness)
     noise = nlfrf.checks.nonnegative("noise", noise)
     with progress_bar("simulating") as advance:
-        record = nlfrf.simulate(rig, ms, n_periods=periods, n_discard=discard, progress=advance)
+        record = nlfrf.simulate(
+            rig, ms, n_periods=periods, n_discard=discard, accuracy=accuracy, resume=resume, progress=advance
+        )
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
     io.save_record(record, out)
@@ -162,6 +168,22 @@ def plot(
         pictures.plot_levels(content, ax=bottom)
     io.write_whole(out, lambda target: figure.savefig(target, dpi=120))
     print(f"wrote {out}")
+
+
+@app.command()
+def reproduce(
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the figures, findings.json and findings.md.")],
+    realizations: Annotated[int, typer.Option(help="Realisations for each level and grid; the paper has 100.")] = 100,
+    seed: Annotated[int, typer.Option(help="Seed of the random phases.")] = 1,
+    resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
+) -> None:
+    """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
+    from nlfrf.reproduce import reproduce as repeat
+
+    with progress_bar("simulating") as advance:
+        findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=resume)
+    print((out / "findings.md").read_text().strip())
+    print(f"wrote {len(findings)} findings and the figures in {out}")
 
 
 def slug(name: str) -> str:
