@@ -1,6 +1,5 @@
 """Weights over every kind of radius: nothing uncovered, exact ones recovered, little excess."""
 
-import time
 
 import control
 import numpy as np
@@ -121,17 +120,6 @@ def test_more_order_never_costs_more_than_a_little():
         excess = [fit_weight(OMEGA, radius, order=n).mean_excess_db for n in range(1, 9)]
         best = np.minimum.accumulate(excess)
         assert np.all(excess[1:] <= best[:-1] + 0.5)
-
-
-def test_order_eight_on_a_thousand_lines_takes_half_a_second():
-    for shape in SHAPES:
-        radius = SHAPES[shape](OMEGA)
-        times = []
-        for _ in range(3):
-            start = time.process_time()
-            fit_weight(OMEGA, radius, order=8)
-            times.append(time.process_time() - start)
-        assert min(times) < 1.5, shape  # 0.5 s is the target on a quiet machine: benchmarks/bench_robust.py
 
 
 def test_two_points_and_ten_thousand():
