@@ -158,24 +158,14 @@ def prove(
         at_inner = float(largest_gain(matrices, np.array([inner]))[0])
         if truth > at_inner * (1 + 1e-6) + 1e-9:
             return stop("the state space of the loop does not reproduce its frequency response")
-        split = None
-        if not at_inner < 1:
-            split = inner
-        else:
-            found = crossings(matrices, 1.0)
-            if found is None:
-                split = inner
-            else:
-                omega, moved = found
-                hit = (omega + moved >= low) & (omega - moved <= high)
-                if hit.any():
-                    split = inner
-        if split is None:
+        if at_inner < 1 and (
+            no_crossing(matrices, low, high) or nearby(matrices, inner, max(inner - low, high - inner))
+        ):
             done.append((low, high))
         elif high - low <= NARROWEST * high or high <= nothing_below:
             return stop(f"undecided at {inner:.6g}")
         else:
-            todo += [(split, high), (low, split)]
+            todo += [(inner, high), (low, inner)]
     return Outcome(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
 
 

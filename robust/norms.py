@@ -21,11 +21,11 @@ def continuous_image(system: control.StateSpace) -> Matrices:
 
 
 def well_conditioned(matrices: Matrices) -> Matrices:
-    """A stable system in coordinates where numbers say what the dynamics are: balanced, hidden modes kept.
+    """A stable system in coordinates where numbers say what the dynamics are, hidden modes kept.
 
     The two Gramians are balanced (Moore 1981) after a small multiple of the identity was added to what drives them,
-    so that a mode that hardly shows at input or output stays where it is. The system is returned as it was where
-    that fails or does not reproduce the response.
+    so that a mode that hardly shows at input or output stays where it is; modal coordinates where that fails, those
+    of the model where neither reproduces the response.
     """
     A, B, C, D = matrices
     n = A.shape[0]
@@ -33,9 +33,25 @@ def well_conditioned(matrices: Matrices) -> Matrices:
         return matrices
     A, (weights, _) = matrix_balance(A, permute=False, separate=True)
     B, C = B / weights[:, None], C * weights
+    candidates = [balanced(A, B, C), modal(A)]
+    omega = np.unique(np.abs(np.linalg.eigvals(A)))
+    before = evaluate(*matrices, 1j * omega)
+    size = np.abs(before).max(axis=(1, 2), keepdims=True)
+    scale = size + 1e-6 * size.max() + 1e-300  # where nearly nothing comes through, nothing need be kept
+    for forth, back in filter(None, candidates):
+        moved = forth @ A @ back, forth @ B, C @ back, D
+        if all(np.isfinite(m).all() for m in moved):
+            after = evaluate(*moved, 1j * omega)
+            if np.all(np.abs(before - after) < 1e-6 * scale):
+                return moved
+    return A, B, C, D
+
+
+def balanced(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Coordinates that balance the Gramians, and back; None where they are not to be trusted."""
     speed = float(np.exp(np.mean(np.log(np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)))))
     drive, sense = B @ B.T, C.T @ C
-    floor = 1e-7 * np.eye(n)
+    floor = 1e-7 * np.eye(A.shape[0])
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # scipy warns of a Gramian that is not to be trusted
@@ -43,16 +59,22 @@ def well_conditioned(matrices: Matrices) -> Matrices:
             Wo = solve_continuous_lyapunov(A.T / speed, -sense / max(np.trace(sense), 1e-300) - floor)
         Lc, Lo = np.linalg.cholesky((Wc + Wc.T) / 2), np.linalg.cholesky((Wo + Wo.T) / 2)
     except (np.linalg.LinAlgError, RuntimeWarning):
-        return A, B, C, D
+        return None
     U, sizes, V = np.linalg.svd(Lo.T @ Lc)
-    forth, back = (U / np.sqrt(sizes)).T @ Lo.T, Lc @ V.T / np.sqrt(sizes)
-    moved = forth @ A @ back, forth @ B, C @ back, D
-    if not all(np.isfinite(m).all() for m in moved):
-        return A, B, C, D
-    omega = np.unique(np.abs(np.linalg.eigvals(A)))
-    before, after = evaluate(*matrices, 1j * omega), evaluate(*moved, 1j * omega)
-    scale = np.abs(before).max(axis=(1, 2), keepdims=True) + 1e-300
-    return moved if np.all(np.abs(before - after) < 1e-8 * scale) else (A, B, C, D)
+    return (U / np.sqrt(sizes)).T @ Lo.T, Lc @ V.T / np.sqrt(sizes)
+
+
+def modal(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Coordinates in which every mode has its own one or two states, and back; None where modes nearly coincide."""
+    found, vectors = np.linalg.eig(A)
+    columns = []
+    for value, vector in zip(found, vectors.T, strict=True):
+        if value.imag == 0:
+            columns.append(vector.real)
+        elif value.imag > 0:
+            columns += [vector.real, vector.imag]
+    back = np.column_stack(columns)
+    return None if np.linalg.cond(back) > 1e10 else (np.linalg.inv(back), back)
 
 
 def largest_gain(matrices: Matrices, omega: np.ndarray) -> np.ndarray:
