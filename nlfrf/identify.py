@@ -113,7 +113,8 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
     grid, n = record.lines, record.n_realizations
     excited = spectra.on(grid.excited)
     refuse_unexcited(excited)
-    refuse_strangers(excited)
+    if n > 1:
+        refuse_strangers(excited)
     frf = average_frf(excited)
     answer = nonlinear_answer(spectra, frf, excited)
     source = level_source(level_from, excited, grid, n_detection)

@@ -67,19 +67,19 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
     r /= np.abs(r).max(axis=1, keepdims=True)
     w = weight[:, window]
     data = w * G[:, window]
-    Q, R = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(ORDER, -1, -1))
+    Q, R = np.linalg.qr(w[..., None] * np.stack([r * r, r, np.ones(r.shape)], axis=-1))
     pivot = R[..., -1, -1]
     projected, rest = split(Q, data[..., None])
     fitted = projected[..., -1, 0] / pivot
     n = window.shape[1]
     variance = power(rest[..., 0]) / (n - ORDER - 1)
     dof = np.full(variance.shape, n - ORDER - 1)
-    denominator = np.ones(data.shape)
-    n_rational = 2 * ORDER + 1
+    denominator: np.ndarray | float = 1.0
+    n_rational = 2 * ORDER + 1  # the two polynomials of this order below are written out
     if n >= n_rational + 3:
         # (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: its residual is weighted by the denominator, that is by 1/|G|
         # across a resonance, where the distortion follows |G|
-        powers = r[..., None] ** np.arange(1, ORDER + 1)
+        powers = np.stack([r, r * r], axis=-1)
         spanned, columns = split(Q, -powers * data[..., None])
         a, remainder = two_unknowns(columns, rest[..., 0])
         variance_r = power(remainder) / (n - n_rational)
@@ -87,7 +87,8 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
         fitted = np.where(better, (projected[..., -1, 0] - np.sum(spanned[..., -1, :] * a, axis=-1)) / pivot, fitted)
         variance = np.where(better, variance_r, variance)
         dof = np.where(better, n - n_rational, dof)
-        denominator = np.where(better[..., None], np.abs(1 + np.einsum("...np,...p->...n", powers, a)), 1.0)
+        if noise is not None:
+            denominator = np.where(better[..., None], np.abs(1 + (powers @ a[..., None])[..., 0]), 1.0)
     if noise is not None:
         variance = variance * noise_share(variance, denominator, noise * weight**2, window)
     return LocalFit(G=fitted, variance=variance / weight**2, dof=dof)
@@ -98,7 +99,9 @@ def pooled(variance: np.ndarray) -> np.ndarray:
     return np.array([local_mean(row, POOLED) for row in variance])
 
 
-def noise_share(variance: np.ndarray, denominator: np.ndarray, noise: np.ndarray, window: np.ndarray) -> np.ndarray:
+def noise_share(
+    variance: np.ndarray, denominator: np.ndarray | float, noise: np.ndarray, window: np.ndarray
+) -> np.ndarray:
     """Correction (M, F) for noise at a line that is not what its window has on average, weighted as the residual is."""
     smooth = np.array([local_mean(row, NOISE_LINES) for row in noise])
     there = np.mean(denominator**2 * smooth[:, window], axis=-1)
@@ -109,10 +112,10 @@ def noise_share(variance: np.ndarray, denominator: np.ndarray, noise: np.ndarray
 
 def split(Q: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What the real orthonormal Q (..., n, p) spans of complex columns (..., n, c), as coefficients, and the rest."""
-    # real and imaginary parts as columns of their own: one pass, instead of many small BLAS calls on a complex Q
+    # real and imaginary parts as columns of their own, so that Q stays real
     parts = np.ascontiguousarray(columns).view(float)
-    spanned = np.einsum("...np,...nc->...pc", Q, parts)
-    rest = parts - np.einsum("...np,...pc->...nc", Q, spanned)
+    spanned = np.ascontiguousarray(np.swapaxes(Q, -1, -2)) @ parts
+    rest = parts - Q @ spanned
     return spanned.view(complex), rest.view(complex)
 
 
