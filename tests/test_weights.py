@@ -1,6 +1,5 @@
 """Weights over every kind of radius: nothing uncovered, exact ones recovered, little excess."""
 
-
 import control
 import numpy as np
 import pytest
