@@ -11,6 +11,8 @@ from nlfrf.values import value
 from robust.lti import paired
 from robust.rational import in_order, numerator, roots_from, starting_poles, vector_fit
 
+EXACT = 1e-4  # log error under which a weight is taken to be the target itself
+
 # Parameters theta of a weight of order n: zeros first, then poles, each as (log omega, log zeta) of its n // 2
 # second-order sections and log omega of a first-order one where n is odd; log_k is the gain at infinity.
 
@@ -44,6 +46,10 @@ class Problem:
             e = np.concatenate([e, [log_k + top0 - bottom0 - self.low, log_k - self.high]])
         return e, J
 
+    def mean_excess(self, theta: np.ndarray, log_k: float, order: int) -> float:
+        """Mean of log |W| - target over the points."""
+        return float(self.share @ self.excess(theta, log_k, order)[0][: self.x.size])
+
     def clipped(self, theta: np.ndarray, order: int) -> np.ndarray:
         """Sections kept near the band, zeros too broad to hide between two points."""
         theta = theta.copy()
@@ -64,10 +70,14 @@ class Problem:
         """The same demand on fewer points: both ends of each group, with the highest target of the group."""
         if self.x.size <= 1.2 * most:
             return self
-        # evenly over the index and over log frequency: lines of a multisine crowd at the top of the band
-        steps = np.linspace(self.log_x[0], self.log_x[-1], most // 3 + 1)[1:-1]
-        even = np.linspace(0, self.x.size, most // 4 + 1).astype(int)
-        edges = np.unique(np.concatenate([even, np.searchsorted(self.log_x, steps)]))
+        # groups evenly over the index, over log frequency (lines of a multisine crowd at the top of the band), and over
+        # the ups and downs of the target, its line-to-line scatter smoothed away
+        width = max(1, self.x.size // 150)
+        smooth = np.convolve(np.pad(self.target, width, mode="edge"), np.ones(width) / width, mode="same")[width:-width]
+        steps = [np.ones(self.x.size - 1), np.diff(self.log_x), np.sqrt(np.abs(np.diff(smooth)) + 1e-12)]
+        travelled = np.concatenate([[0.0], np.cumsum(sum(step / step.sum() for step in steps))])
+        edges = np.searchsorted(travelled, np.linspace(0, travelled[-1], most // 2 + 1)[1:-1])
+        edges = np.unique(np.concatenate([[0], edges, [self.x.size]]))
         pick = np.unique(np.concatenate([edges[:-1], edges[1:] - 1]))
         group = np.searchsorted(edges, pick, side="right") - 1
         share = np.add.reduceat(self.share, edges[:-1])[group] / np.bincount(group)[group]
@@ -114,62 +124,73 @@ def floor_of(log_x: np.ndarray) -> np.ndarray:
     return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
 
 
-def least_excess(problem: Problem, order: int, deadline: float) -> list[tuple[np.ndarray, float]]:
-    """The best few parameter sets found: several starts on fewer points, the best two polished on all of them."""
-    coarse = problem.coarse(240)
-    found = [rough(coarse, start, order, deadline) for start in starts(coarse, order)]
-    found.append(grown(coarse, order, deadline))
-    found.sort(key=lambda item: item[0])
-    return [polished(problem, theta, log_k, order, (0.005, 0.001), 30, deadline) for _, theta, log_k in found[:1]]
+Fit = tuple[float, np.ndarray, float]  # how bad, theta, log_k
 
 
-def exact_fit(problem: Problem, order: int) -> np.ndarray | None:
-    """Parameters that reproduce the target itself on every point to 0.001 dB; None if there are none."""
-    few = problem.thinned(150)
+def least_squares(problem: Problem, order: int) -> list[Fit]:
+    """Fits of the target itself from every start, the best first, with their largest error."""
+    few, fits = problem.thinned(150), []
     for start in starts(few, order):
-        theta, log_k = asymmetric(few, start, order, (1.0,), 60)
-        if np.abs(few.excess(theta, log_k, order)[0]).max() < 1e-2:
+        theta, log_k = asymmetric(few, start, order, (1.0,), 40)
+        error = float(np.abs(few.excess(theta, log_k, order)[0]).max())
+        if error < 1e-2:  # perhaps exact: all the points tell
             theta, log_k = asymmetric(problem, theta, order, (1.0,), 15)
-            if np.abs(problem.excess(theta, log_k, order)[0]).max() < 1e-4:
-                return theta
-    return None
+            error = float(np.abs(problem.excess(theta, log_k, order)[0]).max())
+        fits.append((error, theta, log_k))
+        if error < EXACT:
+            break
+    return sorted(fits, key=lambda fit: fit[0])
 
 
-def rough(problem: Problem, theta: np.ndarray, order: int, deadline: float) -> tuple[float, np.ndarray, float]:
+def least_excess(problem: Problem, order: int, fits: list[Fit], deadline: float) -> list[np.ndarray]:
+    """The best parameters found: from every fit on fewer points, and grown; the best two polished on all points."""
+    coarse = problem.coarse(240)
+    # starts that came to the same fit are one start
+    begun = [f[1] for k, f in enumerate(fits) if k == 0 or f[0] > fits[k - 1][0] * 1.001]
+    found = [rough(coarse, theta, order, deadline) for theta in begun] + [grown(coarse, order, deadline)]
+    found.sort(key=lambda fit: fit[0])
+    return [
+        polished(problem, theta, log_k, order, (0.1, 0.02, 0.005, 0.001), 15, deadline)[0]
+        for _, theta, log_k in found[:2]
+    ]
+
+
+def rough(problem: Problem, theta: np.ndarray, order: int, deadline: float) -> Fit:
     """Mean excess and parameters after a quick fit."""
-    theta, log_k = asymmetric(problem, theta, order, (1.0, 4.0), 10)
+    theta, log_k = asymmetric(problem, problem.clipped(theta, order), order, (4.0,), 10)
     theta, log_k = polished(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
-    e = problem.excess(theta, log_k, order)[0]
-    return float(problem.share @ e[: problem.x.size]), theta, log_k
+    return problem.mean_excess(theta, log_k, order), theta, log_k
 
 
-def grown(problem: Problem, order: int, deadline: float) -> tuple[float, np.ndarray, float]:
+def grown(problem: Problem, order: int, deadline: float) -> Fit:
     """Section by section: each new one where the excess is largest, or in the middle of a half of the band."""
-    done = order % 2
     middle = (problem.log_x[0] + problem.log_x[-1]) / 2
-    best = rough(problem, np.full(2 * done, middle), done, deadline)
-    while done < order:
+    best = (problem.mean_excess(np.zeros(0), float(problem.target.max()), 0), np.zeros(0), float(problem.target.max()))
+    for done in range(0, order, 2):
         _, theta, log_k = best
         e = problem.excess(theta, log_k, done)[0][: problem.x.size]
         width = max(1, problem.x.size // 30)
         smooth = np.convolve(e, np.ones(width) / width, mode="same")
-        places = [problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2]
-        m = done - done % 2
+        now = min(done + 2, order)
         tries = []
-        for place in places:
-            zeros, poles = (
-                np.insert(part, m, [place, log_zeta]) for part, log_zeta in ((theta[:done], -0.9), (theta[done:], -0.5))
-            )
-            trial = np.concatenate([zeros, poles])
-            new, gain = asymmetric(problem, trial, done + 2, (4.0,), 8)
-            e_new = problem.excess(new, gain, done + 2)[0]
-            tries.append((float(problem.share @ e_new[: problem.x.size] - e_new.min()), new, gain))
-        _, theta, log_k = min(tries, key=lambda item: item[0])
-        done += 2
-        theta, log_k = polished(problem, theta, log_k, done, (0.1, 0.02), 10, deadline)
-        e = problem.excess(theta, log_k, done)[0]
-        best = (float(problem.share @ e[: problem.x.size]), theta, log_k)
+        for place in (problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2):
+            new, gain = asymmetric(problem, with_section(theta, done, now, place, -0.2), now, (4.0,), 8)
+            lift = -float(problem.excess(new, gain, now)[0].min())
+            tries.append((problem.mean_excess(new, gain + lift, now), new, gain))
+        _, new, gain = min(tries, key=lambda fit: fit[0])
+        new, gain = polished(problem, new, gain, now, (0.1, 0.02, 0.005), 10, deadline)
+        # a section whose zeros cancel its poles changes nothing: growing never makes it worse
+        same = (best[0], with_section(theta, done, now, middle, 0.0), log_k)
+        best = min((problem.mean_excess(new, gain, now), new, gain), same, key=lambda fit: fit[0])
     return best
+
+
+def with_section(theta: np.ndarray, order: int, now: int, place: float, spread: float) -> np.ndarray:
+    """Parameters with one more section, of second order or of first; zeros and poles apart by the spread."""
+    zeros, poles = theta[:order], theta[order:]
+    if now - order == 1:
+        return np.concatenate([zeros, [place + spread], poles, [place - spread]])
+    return np.concatenate([zeros, [place, -0.7 + spread], poles, [place, -0.7 - spread]])
 
 
 def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, float]:

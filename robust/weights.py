@@ -16,7 +16,15 @@ import numpy as np
 from nlfrf.checks import integer, nonnegative, real_array
 from nlfrf.values import value
 from robust.lti import from_roots, response
-from robust.overbound import exact_fit, least_excess, log_sections, problem_on, slope_at_zero, zeros_and_poles
+from robust.overbound import (
+    EXACT,
+    least_excess,
+    least_squares,
+    log_sections,
+    problem_on,
+    slope_at_zero,
+    zeros_and_poles,
+)
 from robust.rational import to_plane
 
 MAX_ORDER = 16
@@ -134,16 +142,15 @@ def best_weight(omega: np.ndarray, radius: np.ndarray, order: int, dt: float) ->
     x = axis(omega, dt)
     log_r = np.log(radius)
     fits = [verified(omega, radius, np.zeros(2 * order), order, dt, exact=False)]
-    if order and x.size >= 4 * (2 * order + 1):
-        # with this many lines a weight through all of them is no accident
-        theta = exact_fit(problem_on(x, log_r, ends=False, free=True), order)
-        if theta is not None:
-            fit = verified(omega, radius, theta, order, dt, exact=True)
-            if fit.max_excess_db < EXACT_DB:
-                return fit
+    begun = least_squares(problem_on(x, log_r, ends=False, free=True), order) if order else []
+    if begun and begun[0][0] < EXACT and x.size >= 4 * (2 * order + 1):
+        # through that many lines a weight goes by no accident
+        fit = verified(omega, radius, begun[0][1], order, dt, exact=True)
+        if fit.max_excess_db < EXACT_DB:
+            return fit
     if order:
         problem = problem_on(x, envelope(log_r), ends=True).coarse(MOST_POINTS)
-        for theta, _ in least_excess(problem, order, deadline):
+        for theta in least_excess(problem, order, begun, deadline):
             fits.append(verified(omega, radius, theta, order, dt, exact=False))
     return min(fits, key=lambda fit: fit.mean_excess_db)
 
