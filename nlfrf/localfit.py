@@ -18,6 +18,7 @@ ORDER = 2
 WIDTH = 9
 EARNED = 0.5  # the denominator has to earn its place: noise alone would be fitted by it now and then
 POOLED = 9  # neighbouring lines over which it is judged
+LEAST_NOISE = 0.5  # share of the known noise that a roughness shows at least
 NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
 LEAST = ORDER + 3  # lines that leave two degrees of freedom
 
@@ -90,7 +91,9 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
         if noise is not None:
             denominator = np.where(better[..., None], np.abs(1 + (powers @ a[..., None])[..., 0]), 1.0)
     if noise is not None:
-        variance = variance * noise_share(variance, denominator, noise * weight**2, window)
+        smooth = np.array([local_mean(row, NOISE_LINES) for row in noise * weight**2])
+        # and not far under the noise that is known to be there
+        variance = np.maximum(variance * noise_share(variance, denominator, smooth, window), LEAST_NOISE * smooth)
     return LocalFit(G=fitted, variance=variance / weight**2, dof=dof)
 
 
@@ -100,10 +103,9 @@ def pooled(variance: np.ndarray) -> np.ndarray:
 
 
 def noise_share(
-    variance: np.ndarray, denominator: np.ndarray | float, noise: np.ndarray, window: np.ndarray
+    variance: np.ndarray, denominator: np.ndarray | float, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
-    """Correction (M, F) for noise at a line that is not what its window has on average, weighted as the residual is."""
-    smooth = np.array([local_mean(row, NOISE_LINES) for row in noise])
+    """Correction (M, F) for smoothed noise that differs over the window, weighted as the residual is."""
     there = np.mean(denominator**2 * smooth[:, window], axis=-1)
     distortion = np.maximum(variance - there, 0.0)
     total = np.maximum(distortion + there, np.finfo(float).tiny)

@@ -235,6 +235,28 @@ def test_any_grid_yields_a_labelled_bound(kind):
         assert identify(record, level_from="roughness").level_source == "roughness"
 
 
+@pytest.mark.parametrize("kind", ["odd-odd", "full"])
+def test_roughness_knows_noise_that_does_not_follow_a_resonance(kind):
+    # a linear plant: all the roughness is white output noise, whose share of G differs widely across the peak
+    inside, widths = [], []
+    for seed in range(40):
+        record, G = resonant(0.02, 50.3, 1, kind)
+        rng = np.random.default_rng(seed)
+        spectrum = np.zeros(N // 2 + 1, dtype=complex)
+        spectrum[record.lines.excited] = np.fft.rfft(record.u[0, 0])[record.lines.excited] * G
+        y = np.fft.irfft(spectrum, N)
+        sigma = 0.1 * np.std(y)
+        noisy = y + sigma * rng.standard_normal((1, 2, N))
+        u = np.repeat(record.u, 2, axis=1)
+        bla = identify(Record(u=u, y=noisy, fs=FS, lines=record.lines), level_from="roughness", transient="none")
+        near = np.abs(bla.f - 50.3) < 6
+        inside.append(np.mean((np.abs(bla.G - G) < bla.bound())[near]))
+        true = 1.731 * sigma * np.sqrt(4 / N / 2) / (np.abs(bla.levels.excited[0]) / np.abs(bla.G))
+        widths.append(np.median((bla.bound() / true)[near]))
+    assert 0.92 < np.mean(inside) <= 1
+    assert 0.9 < np.median(widths) < 1.6
+
+
 def test_roughness_follows_a_resonance_a_few_lines_wide():
     # one mode and no distortion: all the roughness there is comes from the bend of the FRF
     record, G = resonant(0.01, 50.3, 1, "full")
