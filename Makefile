@@ -31,7 +31,11 @@ test: lint
 	MPLBACKEND=Agg $(BIN)/python -m pytest -n 2 --dist worksteal
 
 bench: $(READY)
-	MPLBACKEND=Agg $(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.bench_identify
+	$(BIN)/python -m benchmarks.bench_friction
+	$(BIN)/python -m benchmarks.bench_robust
+	$(BIN)/python -m benchmarks.fuzz_loaders
+	$(BIN)/python -m benchmarks.coverage
 
 clean:
 	rm -rf $(VENV) demo build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
