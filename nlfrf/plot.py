@@ -7,13 +7,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf.bla import Bla
+from nlfrf.checks import one_of
 from nlfrf.multisine import Multisine
+from nlfrf.opinion import DISAGREE, SecondOpinion
+from nlfrf.record import Record
+from nlfrf.spectra import dft, used_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # one colour a kind of line in every picture, told apart by colour-blind readers too
 COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
+
+ROUNDING = 120.0  # dB under the input; what lies lower is of no interest
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
@@ -97,6 +103,80 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
             where = np.full(lines.size, low)
             ax.plot(lines * ms.f0, where, marker, ms=4, color=COLOR[kind], label=f"{kind} detection")
     ax.set(xlabel="frequency [Hz]", ylabel="amplitude [dB, unit of u]", title="Harmonic grid")
+    return finished(ax)
+
+
+def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:
+    """Every period of the first realisation over one another: what was played and measured, in time.
+
+    Parameters
+    ----------
+    record : Record
+    signal : str
+        "u", "y" or "r".
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    one_of("signal", signal, ("u", "y", "r"))
+    samples = getattr(record, signal)
+    if samples is None:
+        raise ValueError(f"signal must be one that the record has, got {signal!r}")
+    ax, periods = axes(ax), samples[0]
+    t = np.arange(record.n_samples) / record.fs
+    for p, period in enumerate(periods):
+        last = p == len(periods) - 1
+        ax.plot(t, period, "-", lw=0.6, color=COLOR["excited" if last else "noise"])
+    rms = float(np.sqrt(np.mean(periods[-1] ** 2)))
+    crest = float(np.abs(periods[-1]).max()) / rms if rms else np.nan
+    ax.set(
+        xlabel="time [s]",
+        ylabel=f"{signal} [unit of {signal}]",
+        title=f"{signal}: {len(periods)} periods over one another, rms {rms:.3g}, crest factor {crest:.2f}",
+    )
+    return finished(ax)
+
+
+def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
+    """Input spectrum by kind of line: what stands where nothing was to be excited; arguments as in `plot_bla`."""
+    ax, grid = axes(ax), record.lines
+    lines = used_lines(grid)
+    U = np.sqrt(np.mean(np.abs(dft(record.u, lines)) ** 2, axis=(0, 1)))
+    top = np.nanmax(db(U))
+    for kind, marker in (("excited", "."), ("odd", "x"), ("even", "+")):
+        mine = getattr(grid, kind)
+        if mine.size:
+            level = db(U[np.searchsorted(lines, mine)])
+            label = "excited lines" if kind == "excited" else f"{kind} detection lines"
+            if np.all(np.nan_to_num(level, nan=-np.inf) < top - ROUNDING):
+                label += f": none above {-ROUNDING:g} dB"
+            ax.plot(mine * record.f0, level, marker, ms=4, color=COLOR[kind], label=label)
+    ax.set(
+        xlabel="frequency [Hz]",
+        ylabel="input amplitude [dB, unit of u]",
+        ylim=(max(np.nanmin(db(U)), top - ROUNDING) - 5, top + 10),
+        title="Input by kind of line",
+    )
+    return finished(ax)
+
+
+def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
+    """The two readings of the distortion level, as standard deviations; arguments as in `plot_bla`."""
+    ax = axes(ax)
+    ax.plot(
+        opinion.f, db(np.sqrt(opinion.roughness)), "-", lw=1.4, color=COLOR["excited"], label="roughness of the FRF"
+    )
+    if np.isfinite(opinion.detection).any():
+        read = db(np.sqrt(opinion.detection))
+        ax.plot(opinion.f, read, "-", lw=1.4, color=COLOR["odd"], label="odd detection lines, calibrated")
+        apart = opinion.disagree
+        if apart.any():
+            label = f"more than {DISAGREE:g} dB apart"
+            ax.plot(opinion.f[apart], read[apart], "o", ms=5, mfc="none", color=COLOR["even"], label=label)
+    ax.set(xlabel="frequency [Hz]", ylabel="std of one FRF [dB, unit of y / u]", title="Two readings of one level")
     return finished(ax)
 
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         save_model,
     )
     from robust.formulas import control_weight, delay_weight, performance_weight
+    from robust.handover import write_report
     from robust.lti import discretize, sampled
     from robust.nominal import NominalFit, fit_nominal, frd
     from robust.orders import OrderScan, scan_orders
@@ -73,6 +74,7 @@ HOMES = {
     "uncertainty": "uncertainty",
     "validate": "uncertainty",
     "worst_case": "worst",
+    "write_report": "handover",
 }
 
 __all__ = [
@@ -111,6 +113,7 @@ __all__ = [
     "uncertainty",
     "validate",
     "worst_case",
+    "write_report",
 ]
 
 

@@ -200,6 +200,49 @@ def export(
     print(f"wrote {out}")
 
 
+@app.command()
+def report(
+    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    controller: Annotated[Path, typer.Argument(help="Controller written by 'robust design'.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Report to write (.html).")],
+    bla: Annotated[
+        list[Path] | None, typer.Option("--bla", help="BLA behind the model; may be repeated. Found from the record.")
+    ] = None,
+    record: Annotated[list[Path] | None, typer.Option("--record", help="Measured record; may be repeated.")] = None,
+    input: Annotated[str, typer.Option("--input", help="Name of the input in the record.")] = "u",
+    output: Annotated[str, typer.Option("--output", help="Name of the output in the record.")] = "y",
+    fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
+    period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
+    discard: Annotated[int, typer.Option(help="Its periods to leave out at the start.")] = 0,
+    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
+    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
+    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
+    title: Annotated[str, typer.Option(help="Heading of the report.")] = "Controller report",
+    notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
+) -> None:
+    """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
+    plant, K = robust.load_model(model), robust.load_controller(controller)
+    load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
+    w_P = None
+    if bandwidth is not None:
+        w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    with working("checking and drawing"):
+        result = robust.write_report(
+            out,
+            plant,
+            K,
+            bla=[nlfrf.load_bla(path) for path in bla or []],
+            record=[nlfrf.load_record(path, **load) for path in record or []],
+            w_P=w_P,
+            delay=delay,
+            title=title,
+            notes=notes,
+        )
+    print(f"verdict: {result.verdict}")
+    print(f"wrote {out}")
+
+
 def write_text(path: Path, text: str) -> None:
     """A text file, whole or not at all."""
 
