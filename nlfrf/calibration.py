@@ -19,7 +19,7 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
 
     Parameters
     ----------
-    amplitude : (F,) ndarray
+    amplitude : (..., F) ndarray
         Amplitude of the cosine on each excited line.
     excited : (F,) int ndarray
         Excited lines.
@@ -28,7 +28,7 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
 
     Returns
     -------
-    (K,) ndarray
+    (..., K) ndarray
         E|Y - G U|^2, with G the BLA of the cubic (`cubic_bla`): at detection lines E|Y|^2.
 
     Notes
@@ -44,27 +44,27 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     array([12.9375, 15.75  ])
     """
     last = int(excited[-1])
-    p = np.zeros(last + 1)
-    p[excited] = amplitude**2 / 4
+    lead = amplitude.shape[:-1]
+    p = np.zeros((*lead, last + 1))
+    p[..., excited] = amplitude**2 / 4
     n = fft.next_fast_len(4 * last + 1, real=True)  # terms beyond the band alias onto lines outside -last..last
     spectrum = fft.rfft(two_sided(p, n))
-    doubled = np.zeros(2 * last + 1)
-    doubled[::2] = p**2
+    doubled = np.zeros((*lead, 2 * last + 1))
+    doubled[..., ::2] = p**2
     spectrum_doubled = fft.rfft(two_sided(doubled, n))
-    S3 = fft.irfft(spectrum**3, n)[lines]
-    S21 = fft.irfft(spectrum_doubled * spectrum, n)[lines]
-    S111 = np.where(lines % 3 == 0, p[lines // 3] ** 3, 0.0)
-    p_k = p[lines]
-    S3 = S3 - 6 * p_k * (np.sum(p**2) - p_k**2) - 3 * p_k**3
-    S21 = S21 - p_k**3
-    return np.maximum(4 * (6 * S3 - 9 * S21 + 4 * S111), 0.0)
+    counts = fft.irfft(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), n)[..., lines]  # 6 S3 - 9 S21
+    p_k = p[..., lines]
+    counts -= 36 * p_k * (np.sum(p**2, axis=-1, keepdims=True) - p_k**2) + 9 * p_k**3
+    third = lines % 3 == 0
+    counts[..., third] += 4 * p[..., lines[third] // 3] ** 3
+    return np.maximum(4 * counts, 0.0)
 
 
 def two_sided(half: np.ndarray, n: int) -> np.ndarray:
-    """A cyclic array of length n that holds `half` at lines 0.. and at their negatives."""
-    full = np.zeros(n)
-    full[: half.size] = half
-    full[n - half.size + 1 :] += half[:0:-1]
+    """A cyclic array of length n that holds `half` at lines 0.. and at their negatives, along the last axis."""
+    full = np.zeros((*half.shape[:-1], n))
+    full[..., : half.shape[-1]] = half
+    full[..., n - half.shape[-1] + 1 :] += half[..., :0:-1]
     return full
 
 
@@ -82,7 +82,7 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
 
     Parameters
     ----------
-    amplitude : (F,) ndarray
+    amplitude : (..., F) ndarray
         Amplitude spectrum of whatever drives the nonlinearity.
     excited, detection : (F,), (O,) int ndarray
         Lines.
@@ -91,15 +91,15 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
 
     Returns
     -------
-    (F,) ndarray
+    (..., F) ndarray
         The ratio; inf where the detection lines of a window hold no combination at all.
     """
     # the convolutions are exact to rounding of the largest count; below that a count is noise
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
-    at_excited, at_detection = counts[: excited.size], counts[excited.size :]
-    trusted = 1e-9 * max(at_excited.max(), at_detection.max())
-    mean = at_detection[window].mean(axis=1)
-    ratio = np.full(excited.size, np.inf)
+    at_excited, at_detection = counts[..., : excited.size], counts[..., excited.size :]
+    trusted = 1e-9 * counts.max(axis=-1, keepdims=True)
+    mean = at_detection[..., window].mean(axis=-1)
+    ratio = np.full(at_excited.shape, np.inf)
     np.divide(at_excited, mean, out=ratio, where=mean > trusted)
     return ratio
 
@@ -112,8 +112,5 @@ def grid_factor(
     The nonlinearity may be driven by the input itself, or by the output (friction sees the displacement): the
     larger of the two counts is taken. Arguments as in `variance_ratio`.
     """
-    ratio = np.maximum(
-        variance_ratio(amplitude_u, excited, detection, window),
-        variance_ratio(amplitude_y, excited, detection, window),
-    )
-    return np.clip(ratio, 1.0, LARGEST)
+    ratio = variance_ratio(np.stack([amplitude_u, amplitude_y]), excited, detection, window)
+    return np.clip(ratio.max(axis=0), 1.0, LARGEST)

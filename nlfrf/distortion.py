@@ -59,35 +59,42 @@ def detected_power(
 
     Parameters
     ----------
-    power, noise, gain : (O,) ndarray
-        Measured power, variance by noise and |G|^2 on the detection lines.
+    power, noise, gain : (K,) ndarray
+        Measured power, variance by noise and |G|^2 on all lines.
     gain_excited : (F,) ndarray
         |G|^2 on the excited lines.
-    window : (F, n) int ndarray
-        Detection lines of each excited line, nearest first.
+    window : (..., F, n) int ndarray
+        Detection lines of each excited line, nearest first, by their place among all lines; -1: none.
 
     Returns
     -------
-    distortion : (F,) ndarray
+    distortion : (..., F) ndarray
         Power of the distortion on the scale of the excited line, d |G|^2.
-    ratio : (F,) ndarray
+    ratio : (..., F) ndarray
         Mean of the measured over the expected power: near one.
-    n_used : (F,) ndarray
+    n_used : (..., F) ndarray
         Lines used: fewer than n where |G| changes much within the window.
     """
-    P, N, A = power[window], noise[window], gain[window]
-    used = narrowed(A, gain_excited)
-    n_used = used.sum(axis=1)
-    d = np.maximum(np.sum(used * (P - N) / A, axis=1) / n_used, 0.0)
-    for _ in range(4):
-        weight = used / np.maximum(A * d[:, None] + N, np.finfo(float).tiny ** 0.25) ** 2
-        d = np.maximum(np.sum(weight * A * (P - N), axis=1) / np.sum(weight * A**2, axis=1), 0.0)
-    expected = np.maximum(A * d[:, None] + N, np.finfo(float).tiny)
-    return d * gain_excited, np.sum(used * P / expected, axis=1) / n_used, n_used
+    P, N, A = power[window], noise[window], gain[window] / gain_excited[:, None]
+    used = narrowed(A) & (window >= 0)
+    n_used = used.sum(axis=-1)
+    smallest = np.finfo(float).tiny
+    excess = A * (P - N)
+    weight = used / A**2
+    for _ in range(5):  # the first weighs by |G|^-4, as without noise
+        d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, A**2), 0.0)
+        expected = A * d[..., None] + N
+        weight = used / np.maximum(expected, smallest**0.25) ** 2
+    ratio = np.sum(used * P / np.maximum(expected, smallest), axis=-1) / n_used
+    return d, ratio, n_used
 
 
-def narrowed(gain: np.ndarray, gain_excited: np.ndarray) -> np.ndarray:
-    """(F, n) which lines of a window to use: those up to where |G|^2 has changed by SHARP, and never under FEWEST."""
-    level = 10 * np.log10(np.column_stack([gain_excited, gain]))
-    spread = np.maximum.accumulate(level, axis=1) - np.minimum.accumulate(level, axis=1)
-    return np.asarray((spread[:, 1:] < SHARP) | (np.arange(gain.shape[1]) < FEWEST))
+def narrowed(gain: np.ndarray) -> np.ndarray:
+    """(..., F, n) which lines of a window to use: up to where |G|^2 has changed by SHARP, never under FEWEST.
+
+    Gains are relative to the excited line.
+    """
+    level = 10 * np.log10(gain)
+    highest = np.maximum(np.maximum.accumulate(level, axis=-1), 0.0)
+    lowest = np.minimum(np.minimum.accumulate(level, axis=-1), 0.0)
+    return np.asarray((highest - lowest < SHARP) | (np.arange(gain.shape[-1]) < FEWEST))

@@ -103,12 +103,14 @@ def connected(candidate: np.ndarray, level: np.ndarray) -> np.ndarray:
 
 
 def local_mean(x: np.ndarray, n: int) -> np.ndarray:
-    """Mean over the n neighbours of each entry, one-sided at the ends."""
-    total = np.concatenate(([0.0], np.cumsum(x)))
-    centre = np.arange(x.size)
+    """Mean over the n neighbours of each entry along the last axis, one-sided at the ends."""
+    size = x.shape[-1]
+    total = np.zeros((*x.shape[:-1], size + 1))
+    np.cumsum(x, axis=-1, out=total[..., 1:])
+    centre = np.arange(size)
     first = np.maximum(centre - n // 2, 0)
-    last = np.minimum(centre + n // 2 + 1, x.size)
-    return np.asarray((total[last] - total[first]) / (last - first))
+    last = np.minimum(centre + n // 2 + 1, size)
+    return np.asarray((total[..., last] - total[..., first]) / (last - first))
 
 
 def detect_period(u: np.ndarray) -> float:

@@ -119,11 +119,10 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
     answer = nonlinear_answer(spectra, frf, excited)
     source = level_source(level_from, excited, grid, n_detection)
     if source == "detection":
-        level = level_from_detection(excited, answer, grid.odd, n_detection)
-    elif source == "roughness":
-        level = level_from_roughness(excited, frf)
+        level, var_even = level_from_detection(excited, answer, grid, n_detection)
     else:
-        level = no_level(grid.excited.size)
+        level = level_from_roughness(excited, frf) if source == "roughness" else no_level(grid.excited.size)
+        var_even = even_variance(excited, answer, grid.even, n_detection)
     if n == 1:
         var_total = var_bound = level.variance
         dof = level.dof
@@ -149,7 +148,7 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
         var_total=var_total,
         # without periods to tell them apart, noise counts as distortion
         var_distortion=n * np.maximum(var_total - np.nan_to_num(var_noise), 0.0),
-        var_even=even_variance(excited, answer, grid.even, n_detection),
+        var_even=var_even,
         dof=dof.astype(float),
         grid_factor=level.grid_factor if n == 1 else np.ones(grid.excited.size),
         levels=DistortionLevels(

@@ -71,32 +71,44 @@ def nonlinear_answer(spectra: Spectra, frf: Frf, excited: Spectra) -> Answer:
     return Answer(lines=spectra.lines, G=G, Yc=spectra.Y - G * spectra.U, noise=np.maximum(noise, 0.0).mean(axis=0))
 
 
-def level_from_detection(excited: Spectra, answer: Answer, detection: np.ndarray, n_detection: int) -> Level:
-    """From lines that were not excited: the odd ones, scaled by what the grid makes of a cubic."""
-    window, distortion, ratio, noise, n_used = read(excited, answer, detection, n_detection)
-    factor = grid_factor(rms(excited.U), rms(excited.Y), excited.lines, detection, window)
-    variance = ratio * (factor * distortion + noise) / rms(excited.U) ** 2
-    return Level(variance=variance, dof=n_used * excited.U.shape[0], grid_factor=factor)
+def level_from_detection(
+    excited: Spectra, answer: Answer, grid: LineGrid, n_detection: int
+) -> tuple[Level, np.ndarray]:
+    """From the odd lines that were not excited, scaled by what the grid makes of a cubic; and what the even ones say.
+
+    The second, (F,), has its noise left in: it is an upper limit where there is nothing but noise.
+    """
+    odd = nearest_lines(excited.lines, grid.odd, n_detection)
+    factor = grid_factor(rms(excited.U), rms(excited.Y), excited.lines, grid.odd, odd)
+    windows, factors = [answer.at(grid.odd)[odd]], [factor]
+    if grid.even.size:
+        windows.append(answer.at(grid.even)[nearest_lines(excited.lines, grid.even, n_detection)])
+        factors.append(np.ones(factor.size))
+    variance, n_used = detected(excited, answer, windows, np.array(factors))
+    even = variance[1] if grid.even.size else np.full(factor.size, np.nan)
+    return Level(variance=variance[0], dof=n_used[0] * excited.U.shape[0], grid_factor=factor), even
 
 
 def even_variance(excited: Spectra, answer: Answer, even: np.ndarray, n_detection: int) -> np.ndarray:
-    """(F,) what the even lines say, noise left in: an upper limit where there is nothing but noise."""
+    """(F,) what the even lines say where the odd ones are not read."""
     if not even.size:
         return np.full(excited.lines.size, np.nan)
-    _, distortion, ratio, noise, _ = read(excited, answer, even, n_detection)
-    return np.asarray(ratio * (distortion + noise) / rms(excited.U) ** 2)
+    window = answer.at(even)[nearest_lines(excited.lines, even, n_detection)]
+    return detected(excited, answer, [window], np.ones((1, excited.lines.size)))[0][0]
 
 
-def read(
-    excited: Spectra, answer: Answer, detection: np.ndarray, n_detection: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Window of detection lines of each excited line, distortion, ratio, noise there, and lines used."""
-    window = nearest_lines(excited.lines, detection, n_detection)
+def detected(
+    excited: Spectra, answer: Answer, windows: list[np.ndarray], factors: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Variances (k, F) of one realisation's FRF that k sets of windows (F, n) among all lines tell, and lines used."""
     noise = local_mean(np.nan_to_num(answer.noise), NOISE_LINES)
-    there, here = answer.at(detection), answer.at(excited.lines)
-    power, gain = np.mean(np.abs(answer.Yc[:, there]) ** 2, axis=0), np.abs(answer.G) ** 2
-    distortion, ratio, n_used = detected_power(power, noise[there], gain[there], gain[here], window)
-    return window, distortion, ratio, noise[here], n_used
+    here = answer.at(excited.lines)
+    power, gain = np.mean(np.abs(answer.Yc) ** 2, axis=0), np.abs(answer.G) ** 2
+    window = np.full((len(windows), here.size, max(w.shape[1] for w in windows)), -1)
+    for one, w in zip(window, windows, strict=True):
+        one[:, : w.shape[1]] = w
+    distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], window)
+    return ratio * (factors * distortion + noise[here]) / rms(excited.U) ** 2, n_used
 
 
 def level_from_roughness(excited: Spectra, frf: Frf) -> Level:

@@ -64,42 +64,35 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
     if excited.size < LEAST:
         raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {excited.size}")
     window = nearest_lines(excited, excited, WIDTH)
+    n = window.shape[1]
     r = (excited[window] - excited[:, None]).astype(float)
     r /= np.abs(r).max(axis=1, keepdims=True)
+    # b0 + b1 r + b2 r^2 = G, and (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: the residual of the second is weighted
+    # by the denominator, that is by 1/|G| across a resonance, where the distortion follows |G|
+    powers = np.stack([np.ones(r.shape), -r, -r * r], axis=1)
     w = weight[:, window]
-    data = w * G[:, window]
-    Q, R = np.linalg.qr(w[..., None] * np.stack([r * r, r, np.ones(r.shape)], axis=-1))
-    pivot = R[..., -1, -1]
-    projected, rest = split(Q, data[..., None])
-    fitted = projected[..., -1, 0] / pivot
-    n = window.shape[1]
-    variance = power(rest[..., 0]) / (n - ORDER - 1)
+    basis, at_zero = polynomials(r, w)
+    spanned, rest = split(basis, (w * G[:, window])[:, :, None, :] * powers)
+    value_at_zero = np.matvec(spanned, at_zero)
+    fitted = value_at_zero[..., 0]
+    variance = power(rest[..., 0, :]) / (n - ORDER - 1)
     dof = np.full(variance.shape, n - ORDER - 1)
     denominator: np.ndarray | float = 1.0
-    n_rational = 2 * ORDER + 1  # the two polynomials of this order below are written out
+    n_rational = 2 * ORDER + 1  # the two polynomials of this order are written out here
     if n >= n_rational + 3:
-        # (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: its residual is weighted by the denominator, that is by 1/|G|
-        # across a resonance, where the distortion follows |G|
-        powers = np.stack([r, r * r], axis=-1)
-        spanned, columns = split(Q, -powers * data[..., None])
-        a, remainder = two_unknowns(columns, rest[..., 0])
+        a, remainder = two_unknowns(rest[..., 1, :], rest[..., 2, :], rest[..., 0, :])
         variance_r = power(remainder) / (n - n_rational)
-        better = pooled(variance_r) < EARNED * pooled(variance)
-        fitted = np.where(better, (projected[..., -1, 0] - np.sum(spanned[..., -1, :] * a, axis=-1)) / pivot, fitted)
+        better = local_mean(variance_r, POOLED) < EARNED * local_mean(variance, POOLED)
+        fitted = np.where(better, fitted - np.vecdot(a.conj(), value_at_zero[..., 1:]), fitted)
         variance = np.where(better, variance_r, variance)
         dof = np.where(better, n - n_rational, dof)
         if noise is not None:
-            denominator = np.where(better[..., None], np.abs(1 + (powers @ a[..., None])[..., 0]), 1.0)
+            denominator = np.where(better[..., None], np.abs(1 - np.vecmat(a.conj(), powers[:, 1:])), 1.0)
     if noise is not None:
-        smooth = np.array([local_mean(row, NOISE_LINES) for row in noise * weight**2])
+        smooth = local_mean(noise * weight**2, NOISE_LINES)
         # and not far under the noise that is known to be there
         variance = np.maximum(variance * noise_share(variance, denominator, smooth, window), LEAST_NOISE * smooth)
     return LocalFit(G=fitted, variance=variance / weight**2, dof=dof)
-
-
-def pooled(variance: np.ndarray) -> np.ndarray:
-    """Mean of (M, F) variances over neighbouring lines."""
-    return np.array([local_mean(row, POOLED) for row in variance])
 
 
 def noise_share(
@@ -112,25 +105,49 @@ def noise_share(
     return np.asarray((distortion + smooth) / total)
 
 
-def split(Q: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the real orthonormal Q (..., n, p) spans of complex columns (..., n, c), as coefficients, and the rest."""
-    # real and imaginary parts as columns of their own, so that Q stays real
-    parts = np.ascontiguousarray(columns).view(float)
-    spanned = np.ascontiguousarray(np.swapaxes(Q, -1, -2)) @ parts
-    rest = parts - Q @ spanned
-    return spanned.view(complex), rest.view(complex)
+def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The polynomials p of order 0, 1 and 2 that are orthonormal on the points r (F, n) under the weights w^2.
+
+    Returns w p (M, F, 3, n) and p(0) (M, F, 3), by their three-term recurrence (Forsythe, 1957).
+    """
+    basis = np.empty((*w.shape[:2], ORDER + 1, r.shape[1]))
+    at_zero = np.empty((*w.shape[:2], ORDER + 1))
+    for k in range(ORDER + 1):
+        p, p_0 = (r * basis[..., k - 1, :], np.zeros(w.shape[:2])) if k else (w, np.ones(w.shape[:2]))
+        for j in range(max(k - 2, 0), k):
+            along = np.vecdot(basis[..., j, :], p)
+            p = p - along[..., None] * basis[..., j, :]
+            p_0 = p_0 - along * at_zero[..., j]
+        scale = 1 / np.sqrt(np.vecdot(p, p))
+        basis[..., k, :] = p * scale[..., None]
+        at_zero[..., k] = p_0 * scale
+    return basis, at_zero
 
 
-def two_unknowns(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares A x = b for A (..., n, 2) by Gram-Schmidt, and the residual; dependent columns get zero."""
-    first, second = A[..., 0], A[..., 1]
-    n_first = power(first)
-    along = np.sum(first.conj() * second, axis=-1) / np.maximum(n_first, np.finfo(float).tiny)
+def split(basis: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the real orthonormal rows of `basis` (..., p, n) span of complex rows (..., c, n), and the rest.
+
+    The first is (..., c, p) coefficients, the second (..., c, n).
+    """
+    c = rows.shape[-2]
+    parts = np.concatenate([rows.real, rows.imag], axis=-2)  # so that the products stay real
+    spanned = parts @ np.swapaxes(basis, -1, -2)
+    rest = parts - spanned @ basis
+    return spanned[..., :c, :] + 1j * spanned[..., c:, :], rest[..., :c, :] + 1j * rest[..., c:, :]
+
+
+def two_unknowns(first: np.ndarray, second: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares x1 first + x2 second = b for vectors (..., n) by Gram-Schmidt, and the residual.
+
+    Dependent vectors get zero.
+    """
+    tiny = np.finfo(float).tiny
+    n_first = np.maximum(power(first), tiny)
+    along = np.vecdot(first, second) / n_first
     second = second - along[..., None] * first
     n_second = power(second)
     n_second = np.where(n_second > 1e-20 * n_first, n_second, np.inf)
-    x_first = np.sum(first.conj() * b, axis=-1) / np.maximum(n_first, np.finfo(float).tiny)
-    x_second = np.sum(second.conj() * b, axis=-1) / n_second
+    x_first, x_second = np.vecdot(first, b) / n_first, np.vecdot(second, b) / n_second
     rest = b - x_first[..., None] * first - x_second[..., None] * second
     return np.stack([x_first - along * x_second, x_second], axis=-1), rest
 
@@ -165,16 +182,13 @@ def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 
 def power(x: np.ndarray) -> np.ndarray:
     """Sum of squared moduli over the last axis."""
-    return np.asarray(np.sum(x.real**2 + x.imag**2, axis=-1))
+    return np.asarray(np.vecdot(x, x).real)
 
 
 def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
     """(F, n) indices into `lines` of the n lines nearest to each of `at`, nearest first; one-sided at the ends."""
-    n = min(n, lines.size)
-    place = np.searchsorted(lines, at)
-    starts = np.clip(place[:, None] + np.arange(-n, 1), 0, lines.size - n)
-    farthest = np.maximum(np.abs(lines[starts] - at[:, None]), np.abs(lines[starts + n - 1] - at[:, None]))
-    first = starts[np.arange(at.size), np.argmin(farthest, axis=1)]
-    window = first[:, None] + np.arange(n)
-    order = np.argsort(np.abs(lines[window] - at[:, None]), axis=1, kind="stable")
-    return np.asarray(np.take_along_axis(window, order, axis=1))
+    n, reach = min(n, lines.size), min(2 * n, lines.size)
+    first = np.clip(np.searchsorted(lines, at) - n, 0, lines.size - reach)
+    near = first[:, None] + np.arange(reach)
+    order = np.argsort(np.abs(lines[near] - at[:, None]), axis=1, kind="stable")[:, :n]
+    return np.asarray(first[:, None] + order)

@@ -98,7 +98,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     detected = np.full(rough.size, np.nan)
     if grid.odd.size >= n_detection:
         answer = nonlinear_answer(spectra, frf, excited)
-        detected = level_from_detection(excited, answer, grid.odd, n_detection).variance
+        detected = level_from_detection(excited, answer, grid, n_detection)[0].variance
     window = nearest_lines(grid.excited, grid.excited, 9)
     floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2  # rounding is no disagreement
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))

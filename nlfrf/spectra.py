@@ -16,6 +16,7 @@ from nlfrf.values import value
 
 WORKERS = os.cpu_count() or 1
 LONG = 1 << 17  # samples past which one transform is worth several threads
+CACHED = 1 << 17  # numbers that are worked on together
 
 
 @value(copy=False)
@@ -72,8 +73,8 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
     transient : str
         "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
         periods agree but for noise, discard where that leaves periods that agree, else local.
-    U : (M, P, K) complex ndarray, optional
-        Spectra of the input on `used_lines`, where they are known already.
+    U : (M, P or 1, K) complex ndarray, optional
+        Spectra of the input on `used_lines` (`dft`), where they are known already.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
     if transient == "auto":
         transient = treatment(Y)
     if transient == "discard":
-        U, Y, R = U[:, 1:], Y[:, 1:], None if R is None else R[:, 1:]
+        U, Y, R = after_first(U), Y[:, 1:], None if R is None else after_first(R)
     spectra = averaged(lines, U, Y, None if R is None else R.mean(axis=1))
     return (without_transient(record, spectra) if transient == "local" else spectra), transient
 
@@ -105,39 +106,55 @@ def treatment(Y: np.ndarray) -> str:
     return "local"
 
 
+def after_first(x: np.ndarray) -> np.ndarray:
+    """Periods but the first; one that stands for all of them stays."""
+    return x[:, 1:] if x.shape[1] > 1 else x
+
+
 def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """(M, P, K) amplitudes of the lines in each period of x (M, P, N)."""
+    """(M, P, K) amplitudes of the lines in each period of x (M, P, N); (M, 1, K) where all periods are the same.
+
+    A generator's signal repeats so: its periods need one transform.
+    """
     n_realizations, n_periods, n_samples = x.shape
-    spectra = np.empty((n_realizations, n_periods, lines.size), dtype=complex)
-    for m in range(n_realizations):  # one at a time, so that long records need little memory beyond their own
-        one = x[m]
-        if np.array_equal(one[0], one[-1]) and (one == one[0]).all():
-            one = one[:1]  # a generator's signal repeats to the bit: its periods need one transform
-        spectra[m] = fft.rfft(one, axis=1, workers=WORKERS if one.size > LONG else 1)[:, lines]
+    some = blocks(n_realizations, n_periods * n_samples)
+    if all(np.array_equal(x[m, 0], x[m, -1]) and (x[m] == x[m, :1]).all() for m in range(n_realizations)):
+        x = x[:, :1]
+    spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
+    for m in some:
+        spectra[m] = fft.rfft(x[m], axis=2, workers=WORKERS if x[m].size > LONG else 1)[:, :, lines]
     spectra *= 2 / n_samples
     return spectra
 
 
+def blocks(n: int, size: int) -> list[slice]:
+    """Realisations of `size` numbers each, as many at a time as stay in the cache, so that long records take little."""
+    step = max(1, CACHED // size)
+    return [slice(first, first + step) for first in range(0, n, step)]
+
+
 def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None) -> Spectra:
-    """Means over the periods of U, Y (M, P, K), and the sample (co)variances of those means."""
-    n_realizations, n_periods, n_lines = U.shape
+    """Means over the periods of U (M, P or 1, K) and Y (M, P, K), and the sample (co)variances of those means."""
+    n_realizations, n_periods, n_lines = Y.shape
     U_mean, Y_mean = U.mean(axis=1), Y.mean(axis=1)
     shape = (n_realizations, n_lines)
-    var_U, var_Y = np.full(shape, np.nan), np.full(shape, np.nan)
-    cov_YU = np.full(shape, complex(np.nan, np.nan))
+    unknown = 0.0 if n_periods > 1 else np.nan
+    var_U, var_Y, cov_YU = np.full(shape, unknown), np.full(shape, unknown), np.full(shape, complex(unknown))
     if n_periods > 1:
         scale = 1 / (n_periods * (n_periods - 1))
-        for m in range(n_realizations):  # one at a time stays in the cache
-            dU, dY = U[m] - U_mean[m], Y[m] - Y_mean[m]
-            var_U[m], var_Y[m] = scale * sum_of_squares(dU), scale * sum_of_squares(dY)
-            cov_YU[m] = scale * np.einsum("pk,pk->k", dY, dU.conj())
+        for m in blocks(n_realizations, n_periods * n_lines):
+            dY = Y[m] - Y_mean[m, None]
+            var_Y[m] = scale * sum_of_squares(dY)
+            if U.shape[1] > 1:
+                dU = U[m] - U_mean[m, None]
+                var_U[m], cov_YU[m] = scale * sum_of_squares(dU), scale * np.sum(dY * dU.conj(), axis=1)
     return Spectra(lines=lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU)
 
 
 def sum_of_squares(x: np.ndarray) -> np.ndarray:
-    """Sum of squared moduli of x (P, K) over the first axis, without temporaries."""
-    parts = x.view(float).reshape(*x.shape, 2)
-    return np.asarray(np.einsum("pkc,pkc->k", parts, parts))
+    """Sum of squared moduli of x (M, P, K) over the periods."""
+    parts = np.square(x.view(float)).sum(axis=1)
+    return np.asarray(parts[:, ::2] + parts[:, 1::2])
 
 
 def without_transient(record: Record, spectra: Spectra) -> Spectra:

@@ -8,6 +8,8 @@ polynomial (LPM) where noise leaves the denominator undetermined (Pintelon & Sch
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from scipy import fft
 
@@ -27,21 +29,25 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     first, last : (M, K) complex ndarray
         Spectra of two periods on neighbouring lines.
     """
-    difference = first - last
-    if np.vdot(difference, difference).real <= 1e-20 * np.vdot(last, last).real:
+    n_windows = first.shape[1] // WINDOW
+    step = max(1, first.shape[0] * n_windows // ENOUGH)
+    windows, reference = (
+        (x[:, : n_windows * WINDOW].reshape(x.shape[0], -1, WINDOW)[:, ::step]) for x in (first, last)
+    )
+    windows = windows - reference
+    if np.vdot(windows, windows).real <= 1e-20 * np.vdot(reference, reference).real:
         return False
-    n_windows = difference.shape[1] // WINDOW
-    if n_windows == 0:
-        return False
-    windows = difference[:, : n_windows * WINDOW].reshape(-1, WINDOW)
-    windows = windows[:: -(-windows.shape[0] // ENOUGH)]
-    basis = np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0]
-    explained = np.sum(np.abs(windows @ basis) ** 2, axis=1) / N_POLYNOMIAL
-    total = np.sum(np.abs(windows) ** 2, axis=1)
+    explained, total = power(windows @ smooth_part()) / N_POLYNOMIAL, power(windows)
     rest = np.maximum(total - N_POLYNOMIAL * explained, 1e-12 * total) / (WINDOW - N_POLYNOMIAL)
     # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
     ratio = explained / np.maximum(rest, np.finfo(float).tiny)
     return bool(np.mean(ratio) > 1.5 + 5 * 0.75 / np.sqrt(ratio.size))
+
+
+@cache
+def smooth_part() -> np.ndarray:
+    """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
+    return np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0]
 
 
 def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -47,16 +47,20 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
     """The dataclass behind `value`, with arrays frozen before the class's own validation."""
     validate = cls.__dict__.get("__post_init__")
 
+    names: tuple[str, ...] = ()
+
     def __post_init__(self: Any) -> None:
-        for field in fields(self):
-            content = getattr(self, field.name)
+        for name in names:
+            content = getattr(self, name)
             if isinstance(content, np.ndarray):
-                object.__setattr__(self, field.name, frozen(content, copy))
+                object.__setattr__(self, name, frozen(content, copy))
         if validate is not None:
             validate(self)
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
-    return dataclass(frozen=True, kw_only=kw_only, eq=False)(cls)
+    made = dataclass(frozen=True, kw_only=kw_only, eq=False)(cls)
+    names = field_names(made)
+    return made
 
 
 def frozen(array: np.ndarray, copy: bool) -> np.ndarray:
