@@ -36,13 +36,12 @@ def record_of(n_samples, n_periods, n_realizations, n_lines):
 def peer(record):
     """The package best-linear-approximation on the same record, where it is installed (Python 3.12 or later)."""
     try:
-        import best_linear_approximation as bla
+        from best_linear_approximation import robust
     except ImportError:
         return None
-    shape = lambda x: np.moveaxis(x, 2, 0)[:, None]  # noqa: E731  (N, nu, M, P)
-    u, y = shape(record.u), shape(record.y)
+    u, y = (np.moveaxis(x, 2, 0)[:, None] for x in (record.u, record.y))  # samples, channels, M, P
     bins = record.lines.excited
-    return lambda: bla.robust.known_input(u, y, fs=record.fs, excited_bins=bins, show_warnings=False)
+    return lambda: robust.noisy_input(u, y, fs=record.fs, excited_bins=bins, show_warnings=False)
 
 
 def main():
@@ -63,7 +62,12 @@ def main():
     if theirs is None:
         print("  best-linear-approximation is not installed here (it needs Python 3.12)")
     else:
-        print(f"  best-linear-approximation, M = 7: {1e3 * best(theirs, 50):.2f} ms")
+        ours, G = nlfrf.identify(several, transient="none"), theirs().G
+        pairs = ((ours.G, G.value), (ours.var_noise, G.noise.var), (ours.var_total, G.total.var))
+        apart = max(np.max(np.abs(np.squeeze(b) / a - 1)) for a, b in pairs)
+        print(
+            f"  best-linear-approximation, M = 7: {1e3 * best(theirs, 50):.2f} ms; G and variances agree to {apart:.0e}"
+        )
     large = record_of(65536, 4, 10, 5000)
     ours = best(lambda: nlfrf.identify(large), 7)
     bare = best(lambda: (np.fft.rfft(large.u), np.fft.rfft(large.y)), 7)

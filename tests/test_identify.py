@@ -143,6 +143,21 @@ def test_robust_method_equals_formulas_written_independently():
     np.testing.assert_allclose(bla.var_distortion, M * np.maximum(total - noise / M**2, 0), rtol=1e-10)
 
 
+def test_robust_method_equals_the_package_best_linear_approximation():
+    package = pytest.importorskip("best_linear_approximation", reason="needs best-linear-approximation (Python 3.12)")
+    rng = np.random.default_rng(5)
+    M, P = 7, 2
+    ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, n_realizations=M, rng=rng)
+    u = np.repeat(ms.u[:, None, :], P, axis=1) + 0.01 * rng.standard_normal((M, P, N))
+    y = u**3 + 0.01 * rng.standard_normal((M, P, N))
+    bla = identify(Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+    columns = [np.moveaxis(x, 2, 0)[:, None] for x in (u, y)]  # samples, channels, M, P
+    theirs = package.robust.noisy_input(*columns, fs=FS, excited_bins=ms.lines.excited, show_warnings=False).G
+    np.testing.assert_allclose(bla.G, theirs.value.squeeze(), rtol=1e-12)
+    np.testing.assert_allclose(bla.var_noise, theirs.noise.var.squeeze(), rtol=1e-12)
+    np.testing.assert_allclose(bla.var_total, theirs.total.var.squeeze(), rtol=1e-12)
+
+
 def test_a_reference_removes_the_bias_of_a_noisy_input():
     rng = np.random.default_rng(6)
     M, P = 6, 4
