@@ -20,6 +20,7 @@ from nlfrf.level import (
     ENOUGH,
     calibrates,
     even_variance,
+    fit_each,
     level_from_detection,
     level_from_roughness,
     no_level,
@@ -116,12 +117,13 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
     if n > 1:
         refuse_strangers(excited)
     frf = average_frf(excited)
-    answer = nonlinear_answer(spectra, frf, excited)
     source = level_source(level_from, excited, grid, n_detection)
+    fit = fit_each(excited, frf) if source == "roughness" else None
+    answer = nonlinear_answer(spectra, frf, excited, fit)
     if source == "detection":
         level, var_even = level_from_detection(excited, answer, grid, n_detection)
     else:
-        level = level_from_roughness(excited, frf) if source == "roughness" else no_level(grid.excited.size)
+        level = no_level(grid.excited.size) if fit is None else level_from_roughness(fit)
         var_even = even_variance(excited, answer, grid.even, n_detection)
     if n == 1:
         var_total = var_bound = level.variance
@@ -178,8 +180,10 @@ def refuse_unexcited(excited: Spectra) -> None:
 def refuse_strangers(excited: Spectra) -> None:
     """Refuse realisations of another amplitude spectrum: their BLA is another one."""
     known = excited.U if excited.R is None else excited.R
-    power = np.stack([part.mean(axis=1) for part in np.array_split(np.abs(known) ** 2, N_PARTS, axis=1) if part.size])
-    apart = np.abs(10 * np.log10(power / np.median(power, axis=1, keepdims=True))).max(axis=0)
+    n_lines = known.shape[1]
+    power = np.add.reduceat(np.abs(known) ** 2, np.arange(0, n_lines, max(1, n_lines // N_PARTS)), axis=1)
+    middle = np.sort(power, axis=0)[power.shape[0] // 2]
+    apart = np.abs(10 * np.log10(power / middle)).max(axis=1)
     worst = int(np.argmax(apart))
     if apart[worst] > STRANGE:
         raise ValueError(

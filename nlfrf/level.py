@@ -9,7 +9,7 @@ from nlfrf.distortion import detected_power, interpolate_frf
 from nlfrf.excitation import local_mean
 from nlfrf.frf import Frf, ratio_variance
 from nlfrf.lines import LineGrid
-from nlfrf.localfit import LEAST, NOISE_LINES, fit_locally, nearest_lines
+from nlfrf.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally, nearest_lines
 from nlfrf.spectra import Spectra
 from nlfrf.values import value
 
@@ -61,10 +61,12 @@ class Answer:
         return np.searchsorted(self.lines, lines)
 
 
-def nonlinear_answer(spectra: Spectra, frf: Frf, excited: Spectra) -> Answer:
-    """What is left of the output when the answer of the BLA is taken off."""
+def nonlinear_answer(spectra: Spectra, frf: Frf, excited: Spectra, fit: LocalFit | None = None) -> Answer:
+    """What is left of the output when the answer of the BLA, fitted locally (`fit_each` or here), is taken off."""
     smooth = frf.G
-    if excited.lines.size >= LEAST:  # with less scatter in it, G whitens the lines more evenly
+    if fit is not None:
+        smooth = fit.G.mean(axis=0)
+    elif excited.lines.size >= LEAST:  # with less scatter in it, G whitens the lines more evenly
         smooth = fit_locally(frf.G[None], rms(excited.U)[None], excited.lines).G[0]
     G = interpolate_frf(smooth, excited.lines, spectra.lines)
     noise = spectra.var_Y + np.abs(G) ** 2 * spectra.var_U - 2 * np.real(G.conj() * spectra.cov_YU)
@@ -111,12 +113,16 @@ def detected(
     return ratio * (factors * distortion + noise[here]) / rms(excited.U) ** 2, n_used
 
 
-def level_from_roughness(excited: Spectra, frf: Frf) -> Level:
-    """From the roughness of each realisation's FRF over the excited lines."""
+def fit_each(excited: Spectra, frf: Frf) -> LocalFit:
+    """Each realisation's FRF, fitted over the excited lines: what remains is its roughness."""
     noise = ratio_variance(frf.each, excited)
     known = np.isfinite(noise).all()
-    fit = fit_locally(frf.each, np.abs(excited.U), excited.lines, noise if known else None)
-    return Level(variance=fit.variance.mean(axis=0), dof=fit.dof.sum(axis=0), grid_factor=np.ones(excited.lines.size))
+    return fit_locally(frf.each, np.abs(excited.U), excited.lines, noise if known else None)
+
+
+def level_from_roughness(fit: LocalFit) -> Level:
+    """From the roughness of each realisation's FRF over the excited lines."""
+    return Level(variance=fit.variance.mean(axis=0), dof=fit.dof.sum(axis=0), grid_factor=np.ones(fit.G.shape[1]))
 
 
 def no_level(n_lines: int) -> Level:

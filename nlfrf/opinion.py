@@ -6,7 +6,7 @@ import numpy as np
 
 from nlfrf.checks import integer
 from nlfrf.frf import average_frf
-from nlfrf.level import level_from_detection, level_from_roughness, nonlinear_answer, rms
+from nlfrf.level import fit_each, level_from_detection, level_from_roughness, nonlinear_answer, rms
 from nlfrf.localfit import nearest_lines
 from nlfrf.record import Record
 from nlfrf.spectra import period_spectra
@@ -94,10 +94,11 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     grid = record.lines
     excited = spectra.on(grid.excited)
     frf = average_frf(excited)
-    rough = level_from_roughness(excited, frf).variance
+    fit = fit_each(excited, frf)
+    rough = level_from_roughness(fit).variance
     detected = np.full(rough.size, np.nan)
     if grid.odd.size >= n_detection:
-        answer = nonlinear_answer(spectra, frf, excited)
+        answer = nonlinear_answer(spectra, frf, excited, fit)
         detected = level_from_detection(excited, answer, grid, n_detection)[0].variance
     window = nearest_lines(grid.excited, grid.excited, 9)
     floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2  # rounding is no disagreement
