@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     )
     from robust.formulas import control_weight, delay_weight, performance_weight
     from robust.handover import write_report
+    from robust.hinfsyn import Synthesis, hinfsyn
     from robust.lti import discretize, sampled
     from robust.nominal import NominalFit, fit_nominal, frd
     from robust.orders import OrderScan, scan_orders
@@ -46,6 +47,7 @@ HOMES = {
     "NominalFit": "nominal",
     "OrderScan": "orders",
     "RobustnessReport": "report",
+    "Synthesis": "hinfsyn",
     "UncertaintyModel": "uncertainty",
     "Validation": "uncertainty",
     "WeightFit": "weights",
@@ -61,6 +63,7 @@ HOMES = {
     "fit_nominal": "nominal",
     "fit_weight": "weights",
     "frd": "nominal",
+    "hinfsyn": "hinfsyn",
     "load_controller": "export",
     "load_model": "export",
     "loop_bounds": "worst",
@@ -85,6 +88,7 @@ __all__ = [
     "NominalFit",
     "OrderScan",
     "RobustnessReport",
+    "Synthesis",
     "UncertaintyModel",
     "Validation",
     "WeightFit",
@@ -100,6 +104,7 @@ __all__ = [
     "fit_nominal",
     "fit_weight",
     "frd",
+    "hinfsyn",
     "load_controller",
     "load_model",
     "loop_bounds",
