@@ -8,12 +8,12 @@ from typing import Any
 
 import control
 import numpy as np
-from scipy.linalg import eig, matrix_balance
 from scipy.optimize import minimize_scalar
 
 from nlfrf.checks import nonnegative
 from nlfrf.values import value
 from robust.intervals import Magnitude, magnitude
+from robust.lft import certain_poles
 from robust.loop import PORTS, closed_loop, worst_sensitivity, worst_terms
 from robust.lti import (
     constant,
@@ -27,7 +27,6 @@ from robust.lti import (
     timebase,
     zeros,
 )
-from robust.norms import EPS
 from robust.uncertainty import UncertaintyModel
 
 DELAY_ORDER = 8
@@ -224,13 +223,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembl
 
 def loop_poles(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
     """Poles of the nominal loop, hidden modes included, and how far rounding may have moved each."""
-    A = closed_loop(assembly.G, assembly.K, ("e",), ("r",))[0]
-    if not A.size:
-        return np.zeros(0, complex), np.zeros(0)
-    A = matrix_balance(A, permute=False)[0]
-    found, left, right = eig(A, left=True, right=True)
-    cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    return found, 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS))
+    return certain_poles(assembly.closed(("e",), ("r",)))
 
 
 def weighted(assembly: Assembly, weight: control.StateSpace | None) -> control.StateSpace | None:

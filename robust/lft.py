@@ -18,6 +18,7 @@ from typing import Any
 import control
 import numpy as np
 from scipy.linalg import eig, matrix_balance
+from scipy.sparse.csgraph import connected_components
 
 from nlfrf.checks import shown
 from robust.lti import state_space, timebase
@@ -90,13 +91,20 @@ def upper(N: control.StateSpace, Delta: control.StateSpace) -> control.StateSpac
 
 
 def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
-    """Poles, hidden modes included, and how far rounding may have moved each."""
-    if not system.nstates:
-        return np.zeros(0, complex), np.zeros(0)
-    A = matrix_balance(system.A, permute=False)[0]
-    found, left, right = eig(A, left=True, right=True)
-    cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    return found, 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS))
+    """Poles, hidden modes included, and how far rounding may have moved each.
+
+    States that no path leads back to (a weight outside the loop) are looked at apart: their poles are exact.
+    """
+    n_parts, part = connected_components(system.A != 0, connection="strong") if system.nstates else (0, np.zeros(0))
+    poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
+    for k in range(n_parts):
+        A = matrix_balance(system.A[np.ix_(part == k, part == k)], permute=False)[0]
+        found, left, right = eig(A, left=True, right=True)
+        cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+        poles.append(found)
+        alone = A.shape[0] == 1
+        moved.append(0.0 * cosine if alone else 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS)))
+    return np.concatenate(poles), np.concatenate(moved)
 
 
 def instability(system: control.StateSpace) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_continuous_are
 
 from nlfrf.values import value
-from robust.norms import Matrices
+from robust.norms import EPS, Matrices
 from robust.regular import Plant
 
 
@@ -65,10 +65,12 @@ def stabilising(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: n
         poles = np.linalg.eigvals(A - B @ np.linalg.solve(R, B.T @ X + S.T))
     except (np.linalg.LinAlgError, ValueError):
         return None
-    if not np.isfinite(X).all() or np.any(poles.real >= 0):
+    if not np.isfinite(X).all() or np.any(poles.real > 1e-9 * np.linalg.norm(A)):  # what comes of it is judged later
         return None
     X = (X + X.T) / 2
-    rounding = 1e-7 * np.linalg.norm(X) + 1e-9 * np.linalg.norm(Q)  # X = 0 is a solution too
+    # X = 0 is a solution too, and a slow pole magnifies its rounding
+    slowest = max(float(np.abs(poles).min()), 1e-12)
+    rounding = 1e-7 * np.linalg.norm(X) + (1e-9 + 1000 * EPS / slowest) * np.linalg.norm(Q)
     return X if np.linalg.eigvalsh(X)[0] >= -rounding else None
 
 
