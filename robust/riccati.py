@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from scipy.linalg import cholesky, solve_continuous_are
+from scipy.linalg import cholesky, schur, solve_continuous_are
 
 from nlfrf.values import value
 from robust.norms import EPS, Matrices
@@ -58,20 +58,40 @@ def stabilising(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: n
     n = A.shape[0]
     if n == 0:
         return np.zeros((0, 0))
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the solution is judged below
-            X = solve_continuous_are(A, B, Q, R, s=S)
-        poles = np.linalg.eigvals(A - B @ np.linalg.solve(R, B.T @ X + S.T))
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    if not np.isfinite(X).all() or np.any(poles.real > 1e-9 * np.linalg.norm(A)):  # what comes of it is judged later
-        return None
-    X = (X + X.T) / 2
-    # X = 0 is a solution too, and a slow pole magnifies its rounding
-    slowest = max(float(np.abs(poles).min()), 1e-12)
-    rounding = 1e-7 * np.linalg.norm(X) + (1e-9 + 1000 * EPS / slowest) * np.linalg.norm(Q)
-    return X if np.linalg.eigvalsh(X)[0] >= -rounding else None
+    for solve in (by_pencil, by_hamiltonian):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the solution is judged below
+                X = solve(A, B, Q, R, S)
+            poles = np.linalg.eigvals(A - B @ np.linalg.solve(R, B.T @ X + S.T))
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        if np.any(poles.real > 1e-9 * np.linalg.norm(A)):  # what comes of it is judged later
+            continue
+        X = (X + X.T) / 2
+        # X = 0 is a solution too, and a slow pole magnifies its rounding
+        slowest = max(float(np.abs(poles).min()), 1e-12)
+        rounding = 1e-7 * np.linalg.norm(X) + (1e-9 + 1000 * EPS / slowest) * np.linalg.norm(Q)
+        if np.linalg.eigvalsh(X)[0] >= -rounding:
+            return X
+    return None
+
+
+def by_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """SciPy's solver, on the extended pencil: R need not be well conditioned."""
+    return np.asarray(solve_continuous_are(A, B, Q, R, s=S))
+
+
+def by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
+    """From the stable subspace of the Hamiltonian, whose slow eigenvalues are the more exact ones."""
+    n = A.shape[0]
+    F = A - B @ np.linalg.solve(R, S.T)
+    G, H = B @ np.linalg.solve(R, B.T), Q - S @ np.linalg.solve(R, S.T)
+    size = np.sqrt(np.linalg.norm(H) / np.linalg.norm(G)) if H.any() and G.any() else 1.0
+    _, Z, n_stable = schur(np.block([[F, -G * size], [-H / size, -F.T]]), sort="lhp")
+    if n_stable != n:
+        raise ValueError("eigenvalues on the imaginary axis")
+    return np.asarray(np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T * size)
 
 
 def central(plant: Plant, at: Solution) -> Matrices:

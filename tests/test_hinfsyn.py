@@ -47,7 +47,7 @@ def test_sp_example_2_17():
     assert found.reason == ""
 
 
-@pytest.mark.parametrize("slow", [1e-5, 1e-6, 1e-7])
+@pytest.mark.parametrize("slow", [1e-5, 1e-6, 1e-9])
 def test_slow_pole_with_a_biproper_weight(slow):
     """Where synthesis hangs elsewhere: the optimum hardly moves with a pole at -1e-6 rad/s."""
     found = hinfsyn(mixed_sensitivity(BOOK, control.ss(control.tf([1 / 1.5, 10], [1, slow]))), 1, 1)
