@@ -8,7 +8,6 @@ from typing import Any
 
 import control
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from nlfrf.checks import nonnegative
 from nlfrf.values import value
@@ -19,6 +18,7 @@ from robust.lti import (
     constant,
     delay_samples,
     delayed,
+    in_s,
     in_series,
     poles,
     response,
@@ -30,6 +30,7 @@ from robust.lti import (
 from robust.uncertainty import UncertaintyModel
 
 DELAY_ORDER = 8
+N_ALIASES = 30
 
 
 @value
@@ -50,6 +51,11 @@ class Assembly:
         Performance weight, on its own time base.
     pade_delay : float
         Delay [s] that G holds as a Padé approximation made here (continuous loops only).
+    unsampled : control.StateSpace or None
+        The continuous nominal that G was sampled from.
+    short, shift : control.StateSpace, float
+        G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
+        curves and margins are those of the delay itself.
     """
 
     G: control.StateSpace
@@ -59,6 +65,9 @@ class Assembly:
     weight: control.StateSpace
     w_P: Any
     pade_delay: float
+    unsampled: Any
+    short: control.StateSpace
+    shift: float
 
     @property
     def top(self) -> float:
@@ -67,7 +76,7 @@ class Assembly:
 
     def with_plant(self, G: control.StateSpace) -> Assembly:
         """The same loop around another plant, as the controller sees it."""
-        return replace(self, G=G)
+        return replace(self, G=G, short=G, shift=0.0)
 
     def behind_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
         """A plant on the time base of the loop behind its delay [s]."""
@@ -77,9 +86,13 @@ class Assembly:
         """A closed-loop transfer function of the nominal loop."""
         return control.StateSpace(*closed_loop(self.G, self.K, outputs, inputs), self.dt)
 
+    def plant(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) response of G."""
+        return response(self.short, omega) * np.exp(-1j * omega * self.shift)
+
     def terms(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """S, a and b at omega (`robust.loop.worst_terms`), from the responses of the parts."""
-        return worst_terms(self.form, response(self.weight, omega), response(self.G, omega), response(self.K, omega))
+        return worst_terms(self.form, response(self.weight, omega), self.plant(omega), response(self.K, omega))
 
     def rs(self, omega: np.ndarray) -> np.ndarray:
         """(W,) |b|: one perturbation of the set destabilises the loop where it reaches one."""
@@ -99,6 +112,30 @@ class Assembly:
         worst = worst_sensitivity(*self.terms(omega))
         size = np.abs(response(self.w_P, omega))
         return np.where(np.isinf(worst), np.inf, size * np.where(np.isinf(worst), 1.0, worst))
+
+    def folded(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) rs with what perturbations above the Nyquist frequency add by folding down; inf where unbounded.
+
+        A perturbation of the continuous plant acts on every alias of a frequency, hold and all. Each alias fills a
+        disc; the sampled plant fills the sum of the discs.
+        """
+        G, T, total = self.unsampled, self.dt, np.zeros(omega.size)
+        if self.form == "additive" and self.weight.D[0, 0] != 0:
+            return np.full(omega.size, np.inf)  # a weight that does not roll off, over all aliases
+        for k in range(1, N_ALIASES + 1):
+            for alias in (2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega):
+                hold = np.abs(2 * np.sin(omega * T / 2) / (alias * T))
+                size, w = np.abs(response(G, alias)), np.abs(response(self.weight, alias))
+                if self.form.startswith("inverse"):
+                    w = w * size if self.form == "inverse-additive" else w
+                    total += np.where(w < 1, size * hold * w / np.maximum(1 - w, 1e-12), np.inf)
+                else:
+                    total += hold * w * (1.0 if self.form == "additive" else size)
+        return self.rs(omega) + np.abs(response(self.K, omega) * self.terms(omega)[0]) * total
+
+    def half_disk(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |S - 1/2|, whose largest value is the inverse of the symmetric disk margin."""
+        return np.abs(self.terms(np.atleast_1d(omega))[0] - 0.5)
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
@@ -122,26 +159,28 @@ class Assembly:
         omega = np.unique(np.concatenate([keep, np.geomspace(low, high, 500), near.ravel()]))
         return omega[(omega >= low) & (omega <= min(high, self.top * (1 - 1e-9)))]
 
-    def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float], *known: float) -> tuple[float, float]:
-        """Largest value of a curve and where: on the grid, far outside it, at points known otherwise, and refined.
+    def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
+        """Largest value of a curve and where: on the grid, far outside it, and refined.
 
         Where the curve is flat, the place is the one nearest to the band.
         """
         far = [omega[0] * 1e-5, min(omega[-1] * 1e5, self.top * (1 - 1e-12))]
-        points = np.unique(np.concatenate([omega, far, [k for k in known if 0 < k < self.top]]))
+        points = np.unique(np.concatenate([omega, far]))
         values = curve(points)
         values = np.where(np.isnan(values), np.inf, values)
         best, where = float(values.max()), float(points[values.argmax()])
         inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
-        for k in inner[np.argsort(-values[inner])][:4]:
-            found = minimize_scalar(
-                lambda log: -float(curve(np.array([np.exp(log)]))[0]),
-                bounds=(np.log(points[k - 1]), np.log(points[k + 1])),
-                method="bounded",
-                options={"xatol": 1e-12},
-            )
-            if -found.fun > best:
-                best, where = float(-found.fun), float(np.exp(found.x))
+        inner = inner[np.argsort(-values[inner])][:5]
+        low, high = np.log(points[inner - 1]), np.log(points[inner + 1])
+        for _ in range(6 if inner.size else 0):  # all maxima at once, ten times closer each time
+            near = low[:, None] + np.linspace(0, 1, 21) * (high - low)[:, None]
+            zoom = curve(np.exp(near.ravel())).reshape(near.shape)
+            zoom = np.where(np.isnan(zoom), np.inf, zoom)
+            top = zoom.argmax(axis=1)
+            each = np.arange(inner.size)
+            if zoom.max() > best:
+                best, where = float(zoom.max()), float(np.exp(near.flat[zoom.argmax()]))
+            low, high = near[each, np.maximum(top - 1, 0)], near[each, np.minimum(top + 1, 20)]
         flat = points[values >= best * (1 - 1e-4)]
         if flat.size:
             away = np.abs(np.log(np.clip(flat, *band) / flat))
@@ -180,14 +219,6 @@ class Assembly:
             return np.minimum(2.0, c * (omega * self.pade_delay) ** (2 * n + 1))
 
 
-def in_s(roots: np.ndarray, dt: float) -> np.ndarray:
-    """Roots in the s plane: by the logarithm where they are discrete."""
-    if not dt:
-        return roots
-    with np.errstate(divide="ignore"):
-        return np.log(np.where(roots == 0, 1e-300, roots).astype(complex)) / dt
-
-
 def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembly:
     """Put plant and controller on one time base, or refuse what does not fit together."""
     K = state_space("K", K)
@@ -195,30 +226,44 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembl
     delay = nonnegative("delay", delay)
     G = model.nominal
     dt_G, dt_K = timebase(G), timebase(K)
-    pade_delay = 0.0
+    pade_delay, unsampled = 0.0, None
     if dt_G:
-        if not constant(K) and dt_K != dt_G:
+        if not constant(K) and abs(dt_K - dt_G) > 1e-9 * dt_G:
             raise ValueError(
                 f"K must have the sampling time of the nominal model, {dt_G:g} s, "
                 + (f"got {dt_K:g} s" if dt_K else "got a continuous controller")
             )
         dt = dt_G
-        G = delayed(G, delay_samples("delay", delay, dt) * dt, order=0)
+        short, shift = G, delay_samples("delay", delay, dt) * dt
+        G = delayed(G, shift, order=0)
     elif dt_K:
-        dt = dt_K
-        G = sampled(G, dt, delay)
+        dt, unsampled = dt_K, G
+        shift = np.floor(delay / dt + 1e-9) * dt
+        short, G = sampled(G, dt, max(delay - shift, 0.0)), sampled(G, dt, delay)
     else:
         dt, pade_delay = 0.0, delay
+        short, shift = G, delay
         G = delayed(G, delay, order=DELAY_ORDER)
     K = control.StateSpace(K.A, K.B, K.C, K.D, dt)
     if w_P is not None:
         step = timebase(w_P)
-        if step and step != dt:
+        if step and abs(step - dt) > 1e-9 * step:
             raise ValueError(f"w_P must be continuous or have the sampling time of the loop, {dt:g} s, got {step:g} s")
         if np.any(np.abs(poles(w_P)) >= 1) if step else np.any(poles(w_P).real >= 0):
             raise ValueError(f"w_P must be stable, got poles {poles(w_P)}. Use a slow pole in place of an integrator.")
     closed_loop(G, K, ("e",), ("r",))  # refuses a loop without a solution
-    return Assembly(G=G, K=K, dt=dt, form=model.form, weight=model.weight, w_P=w_P, pade_delay=pade_delay)
+    return Assembly(
+        G=G,
+        K=K,
+        dt=dt,
+        form=model.form,
+        weight=model.weight,
+        w_P=w_P,
+        pade_delay=pade_delay,
+        unsampled=unsampled,
+        short=short,
+        shift=float(shift),
+    )
 
 
 def loop_poles(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
@@ -226,9 +271,7 @@ def loop_poles(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
     return certain_poles(assembly.closed(("e",), ("r",)))
 
 
-def weighted(assembly: Assembly, weight: control.StateSpace | None) -> control.StateSpace | None:
-    """The function whose norm decides robust stability, as one system on the time base of the loop."""
-    if weight is None:
-        return None
+def weighted(assembly: Assembly) -> control.StateSpace:
+    """The function whose norm decides robust stability, as one system; the weight runs on the time base of the loop."""
     out, into = assembly.ports()
-    return in_series(assembly.closed((out,), (into,)), weight, dt=assembly.dt)
+    return in_series(assembly.closed((out,), (into,)), assembly.weight, dt=assembly.dt)

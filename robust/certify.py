@@ -2,7 +2,7 @@
 
 A solver's status is never the verdict. Whatever cvxpy returns is a candidate matrix P; the bounded-real inequality
 is put together again in numpy with a bound on its rounding, and its eigenvalues decide. Where no candidate passes,
-the frequency axis is cut into intervals on which the Hamiltonian test decides (`robust.intervals`).
+the frequency axis is cut into intervals (`robust.enclosure`, `robust.intervals`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from robust.norms import EPS, Matrices, hinf_norm, well_conditioned
 SOLVERS = ("CLARABEL", "SCS")
 LARGEST_KYP = 32
 TIME_CAP = 5.0
+SLACK = 3e-6  # above what the change of coordinates may be off
 
 
 @value
@@ -37,7 +38,8 @@ class Certificate:
     level : float
         The norm is below this level at every frequency.
     method : str
-        "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "Hamiltonian, interval by interval", or "".
+        "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "interval by interval" (from the responses), "Hamiltonian
+        with one scaling, interval by interval" (operator perturbations), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
@@ -101,7 +103,8 @@ def certify_norm(
         raise ValueError(f"system must be a control.StateSpace or TransferFunction, got {shown(system)}")
     dt = timebase(system)
     top = np.pi / dt if dt else np.inf
-    A, B, C, D = system.A, system.B / np.sqrt(level), system.C / np.sqrt(level), system.D / level
+    inner = level * (1 - SLACK)
+    A, B, C, D = system.A, system.B / np.sqrt(inner), system.C / np.sqrt(inner), system.D / inner
     n = A.shape[0]
     if not all(np.isfinite(m).all() for m in (A, B, C, D)):
         return refused(subject, level, "the system has coefficients that are not finite")

@@ -21,13 +21,12 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf.checks import one_of, shown
-from robust.assembly import Assembly, assemble, loop_poles, weighted
+from robust.assembly import Assembly, assemble, loop_poles
 from robust.certify import SOLVERS, Certificate
 from robust.frf_check import check_lines
 from robust.lti import response
 from robust.margins import performance_margin
-from robust.norms import hinf_norm
-from robust.proofs import on_loop_time, prove_performance, prove_stability
+from robust.proofs import prove_performance, prove_stability
 from robust.report import RobustnessReport, hertz
 from robust.uncertainty import UncertaintyModel
 from robust.words import advice, context, sentences
@@ -97,11 +96,10 @@ def check(
     nominally_stable, pole_reason = stability(loop)
     if not nominally_stable:
         return unstable(model, loop, omega, pole_reason)
-    known = () if not on_loop_time(loop) else (hinf_norm(weighted(loop, loop.weight))[1],)
     band = (float(model.omega[0]), float(model.omega[-1]))
-    peak_rs, omega_rs = loop.peak(loop.rs, omega, band, *known)
+    peak_rs, omega_rs = loop.peak(loop.rs, omega, band)
     margin_rp, omega_rp = performance_margin(loop, omega, band)
-    norm, omega_disk = hinf_norm(shifted(loop))
+    half, omega_disk = loop.peak(loop.half_disk, omega, band)
     peaks = np.array([omega_rs, omega_rp, omega_disk])
     omega = np.unique(np.concatenate([omega, peaks[(peaks > omega[0]) & (peaks < omega[-1])]]))
     S = loop.terms(omega)[0]
@@ -116,7 +114,7 @@ def check(
         certificates.append(prove_performance(loop, omega, one_scaling=model.perturbation == "operator"))
         performance = certificates[-1].holds
     verdict, reason = judge(model, loop, peak_rs, omega_rs, violation, certify, certificates, robustly_stable)
-    proved, not_proved = sentences(model, loop, robustly_stable, performance)
+    proved, not_proved = sentences(model, loop, omega, robustly_stable, performance)
     return RobustnessReport(
         omega=omega,
         S=S,
@@ -131,7 +129,7 @@ def check(
         margin_rp=margin_rp,
         omega_rs=omega_rs,
         omega_rp=omega_rp,
-        disk_margin=1 / norm,
+        disk_margin=1 / half if half > 0 else np.inf,
         omega_disk=omega_disk,
         certificates=tuple(certificates),
         perturbation=model.perturbation,
@@ -150,7 +148,7 @@ def check(
 def responses(loop: Assembly, omega: np.ndarray) -> dict[str, np.ndarray]:
     """What the loop is made of, on the grid of the report."""
     return {
-        "G": response(loop.G, omega),
+        "G": loop.plant(omega),
         "K": response(loop.K, omega),
         "radius": np.abs(response(loop.weight, omega)),
     }
@@ -169,12 +167,6 @@ def stability(loop: Assembly) -> tuple[bool, str]:
         False,
         f"undecided: a pole of the nominal loop at {poles[worst]:.4g} cannot be told from the stability boundary",
     )
-
-
-def shifted(loop: Assembly) -> control.StateSpace:
-    """S - 1/2, whose norm is the inverse of the symmetric disk margin."""
-    S = loop.closed(("e",), ("r",))
-    return control.StateSpace(S.A, S.B, S.C, S.D - 0.5, S.dt)
 
 
 def judge(

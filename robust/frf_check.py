@@ -12,6 +12,8 @@ from nlfrf.checks import integer, nonnegative, shown
 from robust.loop import worst_sensitivity, worst_terms
 from robust.lti import constant, poles, response, state_space, timebase
 from robust.margins import factor_allowed
+from robust.nominal import frd
+from robust.radius import record_disc, total_of
 from robust.report import RobustnessReport, hertz
 from robust.uncertainty import UncertaintyModel
 
@@ -102,8 +104,8 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
 def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str]:
     """Frequencies, plant, form, weight (nan: none) and class of whatever FRF was given."""
     if isinstance(model, Bla):
-        radius = model.bound(of="realization") / np.abs(model.G)
-        return model.omega, model.G, "multiplicative", radius + 0j, "statistical"
+        disc = total_of(record_disc(model, frd(model), 0.95, False, True, None))
+        return model.omega, model.G, "multiplicative", disc / np.abs(model.G) + 0j, "statistical"
     if isinstance(model, control.FrequencyResponseData):
         if (model.ninputs, model.noutputs) != (1, 1):
             raise ValueError(f"model must have one input and one output, got {shown(model)}")

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
-import control
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from robust.assembly import Assembly, weighted
 from robust.certify import Certificate, certify_norm, refused
-from robust.intervals import inside, magnitude, prove
+from robust.enclosure import Loop, product, prove_loop
+from robust.intervals import Outcome, prove
 from robust.loop import closed_loop
-from robust.lti import constant, evaluate, poles, response, timebase, zeros
-from robust.norms import continuous_image, well_conditioned
+from robust.lti import constant, evaluate, response, timebase
+from robust.norms import Matrices, continuous_image, well_conditioned
 from robust.report import hertz
-from robust.weights import fit_weight
 
 BUDGET = 3.0  # seconds for each proof by intervals
 
@@ -23,113 +22,63 @@ BUDGET = 3.0  # seconds for each proof by intervals
 def prove_stability(loop: Assembly, omega: np.ndarray, solver: str) -> Certificate:
     """|b| < 1 at every frequency: by a linear matrix inequality, else interval by interval."""
     subject = "robust stability"
-    level, trouble = 1.0, ""
+    before = ""
     if loop.pade_delay:
-        level, trouble = 1 - delay_allowance(loop, omega), "the delay leaves no room"
-        if not level > 0:
-            return refused(subject, 1.0, trouble)
-    whole = weighted(loop, loop.weight if on_loop_time(loop) else sampled_weight(loop))
-    first = refused(subject, level, "no discrete weight was found that covers the continuous one closely")
-    if whole is not None:
-        first = certify_norm(whole, level, solver=solver, subject=subject)
-        if first.holds:
-            return first
-    out, into = loop.ports()
-    A, B, C, D = well_conditioned(continuous_image(loop.closed((out,), (into,))))
-    bound = loop.weight_bound(loop.weight)
+        if not delay_harmless(loop, omega):
+            return refused(subject, 1.0, "with the delay itself the nominal loop was not shown to be stable")
+    elif constant(loop.weight) or timebase(loop.weight) == loop.dt:
+        certificate = certify_norm(weighted(loop), 1.0, solver=solver, subject=subject)
+        if certificate.holds:
+            return certificate
+        before = certificate.reason
+    outcome = prove_loop(parts(loop, performance=False), omega[[0, -1]], loop.top, time_cap=BUDGET)
+    return as_certificate(subject, outcome, "interval by interval", before)
 
-    def frozen(low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        size = bound(low, high) / level
-        return A, B, C * size, D * size
 
-    outcome = prove(
-        frozen,
-        lambda x: float(loop.rs(np.array([loop.omega_of(x)]))[0]) / level,
-        starting_points(loop, A, omega),
-        np.inf,
-        time_cap=BUDGET,
+def parts(loop: Assembly, *, performance: bool) -> Loop:
+    """The loop as `prove_loop` takes it."""
+    G, K, w, tau = loop.short, loop.K, loop.weight, loop.shift
+    q, relative = {
+        "multiplicative": (product(w, G, K, delay=tau), product(w)),
+        "additive": (product(w, K), product(w, over=(G,), delay=-tau)),
+        "inverse-multiplicative": (product(w), product(over=(G, K), delay=-tau)),
+        "inverse-additive": (product(w, G, delay=tau), product(w, over=(K,))),
+    }[loop.form]
+    return Loop(
+        L=product(G, K, delay=tau),
+        q=q,
+        relative=relative,
+        w_P=product(loop.w_P) if performance else None,
+        inverse=loop.form.startswith("inverse"),
     )
-    return as_certificate(subject, loop, outcome, first.reason)
-
-
-def on_loop_time(loop: Assembly) -> bool:
-    """Whether the weight runs on the time base of the loop."""
-    return constant(loop.weight) or timebase(loop.weight) == loop.dt
-
-
-def sampled_weight(loop: Assembly) -> control.StateSpace | None:
-    """A discrete weight proved to cover the continuous one at every frequency up to Nyquist; None if none is close."""
-    size = np.abs(np.concatenate([poles(loop.weight), zeros(loop.weight)]))
-    size = size[size > 0]
-    low = min(size.min(initial=loop.top), loop.top) / 100
-    omega = np.geomspace(low, loop.top, 300)
-    target = np.abs(response(loop.weight, omega))
-    try:
-        W = fit_weight(omega, target * (1 + 1e-4), order=min(loop.weight.nstates + 2, 10), dt=loop.dt).W
-    except ValueError:
-        return None
-    above, below = magnitude(loop.weight), magnitude(W).reciprocal()
-    low_x, high_x = np.concatenate([[0.0], loop.x_of(omega)]), np.concatenate([loop.x_of(omega), [np.inf]])
-    tail = above.upper(loop.omega_of(low_x[-1]), loop.top) * below.upper(low_x[-1], np.inf)
-    low_x, high_x = low_x[:-1], high_x[:-1]
-    for _ in range(20):
-        ratio = above.upper_each(loop.omega_of(low_x), loop.omega_of(high_x)) * below.upper_each(low_x, high_x)
-        open_ = ~(ratio <= 1)
-        if not open_.any():
-            return W if tail <= 1 else None
-        if open_.sum() > 3000:
-            return None
-        low_x, high_x = low_x[open_], high_x[open_]
-        middle = (low_x + high_x) / 2
-        low_x, high_x = np.concatenate([low_x, middle]), np.concatenate([middle, high_x])
-    return None
 
 
 def prove_performance(loop: Assembly, omega: np.ndarray, *, one_scaling: bool) -> Certificate:
-    """|w_P| max |S_p| <= 1 at every frequency: the scaled norm of the two-block loop, interval by interval.
+    """|w_P| max |S_p| < 1 at every frequency, interval by interval.
 
-    The scaling between the two blocks is chosen anew on each interval; for an operator perturbation it has to be
-    the same one everywhere.
+    For an operator perturbation it is the norm of the two-block loop under one scaling that holds at all frequencies.
     """
     subject = "robust performance"
+    if not one_scaling:
+        outcome = prove_loop(parts(loop, performance=True), omega[[0, -1]], loop.top, time_cap=BUDGET)
+        return as_certificate(subject, outcome, "interval by interval")
     if loop.pade_delay:
-        return refused(subject, 1.0, "not attempted with a delay in a continuous loop")
+        return refused(subject, 1.0, "not attempted for operators with a delay in a continuous loop")
     out, into = loop.ports()
     A, B, C, D = well_conditioned(continuous_image(loop.closed((out, "e"), (into, "r"))))
     bound, bound_P = loop.weight_bound(loop.weight), loop.weight_bound(loop.w_P)
+    d = best_constant(loop, omega)
 
-    fixed = best_constant(loop, omega)
-
-    def frozen(low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        w, w_P = bound(low, high), bound_P(low, high)
-        d = fixed
-        if not one_scaling:
-            d = scaling(np.abs(loop_matrix(loop, np.array([loop.omega_of(inside(low, high))]))[0]), fixed)
-        rows, cols = np.array([[w], [w_P / d]]), np.array([[1.0, d]])
+    def frozen(low: float, high: float) -> Matrices:
+        rows, cols = np.array([[bound(low, high)], [bound_P(low, high) / d]]), np.array([[1.0, d]])
         return A, B * cols, C * rows, D * rows * cols
 
     def exact(x: float) -> float:
-        points = np.array([loop.omega_of(x)])
-        if not one_scaling:
-            return float(loop.rp(points)[0])
-        matrix = loop_matrix(loop, points)[0] * np.array([[1.0, fixed], [1 / fixed, 1.0]])
+        matrix = loop_matrix(loop, np.array([loop.omega_of(x)]))[0] * np.array([[1.0, d], [1 / d, 1.0]])
         return float(np.linalg.norm(matrix, 2))
 
     outcome = prove(frozen, exact, starting_points(loop, A, omega), np.inf, time_cap=BUDGET)
-    return as_certificate(subject, loop, outcome, "")
-
-
-def scaling(matrix: np.ndarray, usual: float) -> float:
-    """The scaling between the two blocks at one frequency.
-
-    It balances the off-diagonal entries; where their product is so small that they do not matter, as at DC under
-    integral action, it stays as near to the usual one as they allow, for the sake of the numbers.
-    """
-    (t, upper), (lower, p) = matrix
-    least, most = lower / max(0.1 * (1 - p), 1e-300), 0.1 * (1 - t) / max(upper, 1e-300)
-    if 0 < least <= most:
-        return float(np.clip(usual, least, most))
-    return float(np.sqrt(max(lower, 1e-300) / max(upper, 1e-300)))
+    return as_certificate(subject, in_omega(loop, outcome), "Hamiltonian with one scaling, interval by interval")
 
 
 def loop_matrix(loop: Assembly, omega: np.ndarray) -> np.ndarray:
@@ -166,40 +115,36 @@ def starting_points(loop: Assembly, A: np.ndarray, omega: np.ndarray) -> np.ndar
     return np.array(keep)
 
 
-def delay_allowance(loop: Assembly, omega: np.ndarray) -> float:
-    """How much of the level the Padé approximation of the delay may take: a proved bound on |error T|.
+def delay_harmless(loop: Assembly, omega: np.ndarray) -> bool:
+    """Whether the loop is as stable with its delay as with the Padé approximation of it: |error T| < 1.
 
-    exp(-s delay) = Padé (1 + e) with |e| = |error| on the axis; in every form 1 + b Delta + T e must not vanish.
+    exp(-s delay) = Padé (1 + e) with |e| = |error| on the axis; 1 + theta e T does not vanish on the way.
     """
+    loop = loop.with_plant(loop.G)  # T of the approximation
     A, B, C, D = well_conditioned(continuous_image(loop.closed(("y",), ("r",))))
-    T = np.abs(1 - loop.terms(omega)[0])
-    guess = 1.5 * float(np.max(loop.delay_error(omega) * T)) + 1e-9
 
-    def frozen(low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        size = float(loop.delay_error(np.array([high]))[0]) / guess
+    def frozen(low: float, high: float) -> Matrices:
+        size = float(loop.delay_error(np.array([high]))[0])
         return A, B, C * size, D * size
 
     def exact(x: float) -> float:
-        return float(loop.delay_error(np.array([x]))[0] * np.abs(1 - loop.terms(np.array([x]))[0])[0]) / guess
+        point = np.array([x])
+        return float(loop.delay_error(point)[0] * np.abs(1 - loop.terms(point)[0])[0])
 
-    outcome = prove(frozen, exact, starting_points(loop, A, omega), np.inf, time_cap=BUDGET)
-    return guess if outcome.holds else 1.0
+    return prove(frozen, exact, starting_points(loop, A, omega), np.inf, time_cap=BUDGET).holds
 
 
-def as_certificate(subject: str, loop: Assembly, outcome: Any, before: str) -> Certificate:
-    """An interval proof as a certificate, in rad/s."""
+def in_omega(loop: Assembly, outcome: Outcome) -> Outcome:
+    """An outcome on the axis of `prove`, in rad/s."""
+    return replace(outcome, intervals=loop.omega_of(outcome.intervals), violated_at=loop.omega_of(outcome.violated_at))
+
+
+def as_certificate(subject: str, outcome: Outcome, method: str, before: str = "") -> Certificate:
+    """The outcome of a proof by intervals as a certificate."""
     if outcome.holds:
-        intervals = np.array([[loop.omega_of(low), loop.omega_of(high)] for low, high in outcome.intervals])
         return Certificate(
-            subject=subject,
-            holds=True,
-            level=1.0,
-            method="Hamiltonian, interval by interval",
-            intervals=intervals,
-            reason="",
+            subject=subject, holds=True, level=1.0, method=method, intervals=outcome.intervals, reason=""
         )
     if np.isfinite(outcome.violated_at):
-        return refused(subject, 1.0, f"violated at {hertz(loop.omega_of(outcome.violated_at))}: {outcome.reason}")
-    return refused(
-        subject, 1.0, "; ".join(part for part in (before, f"interval by interval: {outcome.reason}") if part)
-    )
+        return refused(subject, 1.0, f"violated at {hertz(outcome.violated_at)}: {outcome.reason}")
+    return refused(subject, 1.0, "; ".join(part for part in (before, f"{method}: {outcome.reason}") if part))

@@ -119,7 +119,8 @@ class RobustnessReport:
                 worst = float(np.max(self.rp))
                 text = (
                     f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at {hertz(self.omega_rp)}; "
-                    + ("demand met by the whole set" if self.robust_performance else "demand not met by the whole set")
+                    + f"demand {'met' if self.robust_performance else 'not met' if worst > 1 else 'not proved'} "
+                    "for the whole set"
                 )
                 lines += paragraph("performance", text)
         elif self.nominally_stable:

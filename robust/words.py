@@ -67,7 +67,7 @@ def claim(model: Any) -> str:
     return f"each line of another realisation lies in the set with {percent} probability"
 
 
-def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
+def sentences(model: Any, loop: Any, omega: np.ndarray, stable: bool, performance: bool) -> tuple[str, str]:
     """What was proved and what was not, one sentence each."""
     where = "at all frequencies" if not loop.dt else f"at all frequencies up to Nyquist ({0.5 / loop.dt:.4g} Hz)"
     if not stable:
@@ -84,11 +84,24 @@ def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[s
             missing.append(f"more than the confidence of the set ({claim(model)})")
     if loop.w_P is not None and not performance:
         missing.append("the performance demand for the whole set")
-    if loop.dt and not model.nominal.dt:
-        missing.append("perturbations above the Nyquist frequency, which fold down")
+    if loop.unsampled is not None:
+        missing.append(folding(loop, omega))
     missing.append(f"anything about the plant outside the measured band beyond the assumption ({model.extrapolation})")
     text = "; ".join(missing)
     return proved, text[0].upper() + text[1:] + "."
+
+
+def folding(loop: Any, omega: np.ndarray) -> str:
+    """What perturbations above the Nyquist frequency could do, which the sampled set does not hold."""
+    some = omega[:: max(1, omega.size // 100)]
+    peak = float(np.max(loop.folded(some)))
+    text = "perturbations above the Nyquist frequency, which fold down"
+    if np.isinf(peak):
+        return f"{text} without a bound under this weight"
+    if peak >= 1:
+        cure = "sample faster, or filter before sampling"
+        return f"{text} and could destabilise: with them max rs would be {peak:.3g} ({cure})"
+    return f"{text}: with them max rs would be {peak:.3g}"
 
 
 def context(model: Any, loop: Any) -> str:

@@ -61,6 +61,7 @@ FLOORS = {
     "robust.overbound": 20,
     "robust.nominal": 20,
     "robust.intervals": 20,
+    "robust.enclosure": 21,
     "robust.formulas": 20,
     "robust.weights": 21,
     "robust.orders": 21,

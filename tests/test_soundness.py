@@ -133,6 +133,16 @@ def test_a_continuous_loop_with_delay_is_checked_with_the_delay_itself():
     limit = (np.pi - np.arctan(omega_c)) / omega_c
     model = UncertaintyModel(G, 0.05, "multiplicative", np.array([1.0]), np.array([0.05]), perturbation="LTI")
     assert check(model, K, delay=1.02 * limit).verdict == "not robust"
+    rng = np.random.default_rng(3)
+    for form in ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive"):
+        tau, frequencies = rng.uniform(0.2, 0.7) * limit, np.geomspace(1e-3, 1e4, 100_000)
+        s = 1j * frequencies
+        size = np.abs((s + 3) / (s + 30))
+        _, _, b = curves(form, np.exp(-s * tau) / (s + 1), K, size)
+        for target, verdict in ((0.999, "robust"), (1.01, "not robust")):
+            w = control.tf([1, 3], [1, 30]) * (target / np.abs(b).max())
+            set_ = UncertaintyModel(G, w, form, np.array([1.0]), np.array([1e-6]), perturbation="LTI")
+            assert check(set_, K, delay=tau).verdict == verdict
     fine = check(model, K, delay=0.5 * limit)
     assert fine.verdict == "robust"
     omega = np.geomspace(1e-3, 1e3, 200_000)
@@ -162,3 +172,65 @@ def test_performance_weight_on_a_sampled_loop():
     assert report.verdict == "robust"
     assert report.robust_performance
     assert report.omega.max() < np.pi / 0.01
+
+
+@pytest.mark.parametrize("time", [1e-7, 1.0, 1e6])
+@pytest.mark.parametrize("gain", [1e-9, 1.0, 1e9])
+def test_units_do_not_matter(time, gain):
+    """The same loop in other units of time and output has the same verdict and margin."""
+    rng = np.random.default_rng(12)
+    for _ in range(4):
+        G, K, w = (
+            zpk(roots(rng, 1), roots(rng, 3), 2.0),
+            zpk(roots(rng, 1), roots(rng, 1), 0.5),
+            zpk(roots(rng, 1), roots(rng, 1), 0.05),
+        )
+        scaled = [
+            control.StateSpace(s.A / time, s.B / time, s.C * k, s.D * k, 0)
+            for s, k in ((G, gain), (K, 1 / gain), (w, 1.0))
+        ]
+        reports = []
+        for (g, k, weight), unit in (((G, K, w), 1.0), (scaled, time)):
+            lines = np.array([0.5, 1.0]) / unit
+            radius = 0.5 * np.abs(tf_response(weight, lines))
+            reports.append(check(UncertaintyModel(g, weight, "multiplicative", lines, radius, perturbation="LTI"), k))
+        assert reports[0].verdict == reports[1].verdict
+        if reports[0].nominally_stable:
+            assert reports[1].margin_rs == pytest.approx(reports[0].margin_rs, rel=1e-6)
+            assert reports[1].disk_margin == pytest.approx(reports[0].disk_margin, rel=1e-6)
+
+
+def test_a_loop_of_many_states_is_proved_from_its_responses():
+    """A long delay makes hundreds of states, too many for a matrix inequality."""
+    model = UncertaintyModel(
+        control.tf([1], [1, 1]), 0.1, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI"
+    )
+    report = check(model, control.ss([], [], [], [[0.5]], 1e-3), delay=0.3, w_P=performance_weight(0.01, A=0.99))
+    assert report.nominally_stable
+    assert report.verdict == "robust"
+    assert report.margin_rs == pytest.approx(30.0, rel=1e-6)  # 0.1 |T| is largest at DC, T = 1/3
+    assert report.disk_margin > 0.5
+
+
+def test_performance_with_a_delay_in_a_continuous_loop():
+    G, K, tau = control.tf([1], [1, 1]), 3.0, 0.05
+    model = UncertaintyModel(G, 0.1, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    omega = np.geomspace(1e-4, 1e4, 100_000)
+    L = K / (1j * omega + 1) * np.exp(-1j * omega * tau)
+    w_P = performance_weight(0.5, M_S=2.5, A=0.4)
+    rp = np.abs(response(w_P, omega)) / (np.abs(1 + L) - 0.1 * np.abs(L))
+    for target, met in ((0.99, True), (1.01, False)):
+        report = check(model, K, delay=tau, w_P=w_P * (target / rp.max()))
+        assert report.verdict == "robust"
+        assert report.robust_performance == met
+
+
+def test_what_folds_down_is_reported():
+    """A perturbation above the Nyquist frequency: the sampled set does not hold it, and the report says so."""
+    G = control.tf([1], [1, 1])
+    rising = control.tf([1.0, 0.1], [1e-3, 1])
+    model = UncertaintyModel(G, rising, "multiplicative", np.array([0.01]), np.array([0.1]), perturbation="LTI")
+    quiet = check(model, control.ss([], [], [], [[0.3]], 0.01))
+    assert quiet.verdict == "robust"
+    with_folding = float(quiet.not_proved.split("max rs would be ")[1].split(";")[0])
+    assert np.max(quiet.rs) < with_folding < 1
