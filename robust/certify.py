@@ -38,8 +38,8 @@ class Certificate:
     level : float
         The norm is below this level at every frequency.
     method : str
-        "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "interval by interval" (from the responses), "Hamiltonian
-        with one scaling, interval by interval" (operator perturbations), or "".
+        "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "interval by interval" (from the responses),
+        "Hamiltonian with one scaling, interval by interval" (operator perturbations), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
