@@ -62,6 +62,7 @@ robust.save_controller(design.K, args.out / "controller.json")
 # 5. What can be claimed of the loop, for which perturbations.
 w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 4, M_S=2.5, A=1e-2)
 report = robust.check(model, design.K, w_P=w_P)
+robust.write_report(args.out / "report.html", model, design.K, bla=bla, record=record, nominal=nominal, report=report)
 (args.out / "report.txt").write_text(f"{bla}\n{nominal}\n{report}\n")
 print(report.summary)
 
@@ -75,6 +76,5 @@ for name, panels in pictures.items():
     for ax, (draw, what) in zip(axes, panels, strict=True):
         draw(what, ax=ax)
     figure.savefig(args.out / name, dpi=110)
-print(
-    f"{args.out}/report.txt says it in full; beside it: {', '.join(sorted(p.name for p in args.out.glob('*.[npj]*')))}"
-)
+files = ", ".join(sorted(p.name for p in args.out.glob("*.[npj]*")))
+print(f"{args.out}/report.html and report.txt say it in full; beside them: {files}")

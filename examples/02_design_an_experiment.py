@@ -1,0 +1,74 @@
+"""Design an experiment for a machine.
+
+One measurement slot: how long, how fine, how strong, how peaky? Each question has a number, and the built-in rig (a
+mass on a spring with friction, resonance near 59 Hz) stands in for the machine until the real one is there.
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import nlfrf
+from nlfrf.plot import plot_excitation, plot_spectrum
+
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--out", type=Path, default=Path("demo/02"), help="folder for the pictures")
+out = parser.parse_args().out
+out.mkdir(parents=True, exist_ok=True)
+
+FS, BAND, LIMIT = 2048, (1.0, 150.0), 1.0  # sampling frequency [Hz], band [Hz], what the actuator can do [N]
+rig = nlfrf.paper_rig()
+
+# 1. Resolution. f0 = fs / N, and a period takes 1 / f0. A special-odd grid excites two lines of eight, so the lines
+#    of the FRF lie about 4 f0 apart: several of them should fall on a resonance, or nothing can be said of its shape.
+print("resolution   period   lines in the band   lines on the resonance (59 +- 2 Hz)")
+for n_samples in (1024, 2048, 4096, 8192):
+    ms = nlfrf.multisine(fs=FS, n_samples=n_samples, f_min=BAND[0], f_max=BAND[1], rng=1)
+    near = np.count_nonzero(np.abs(ms.f - 59) <= 2)
+    print(f"{ms.f0:7.2f} Hz {1 / ms.f0:7.2f} s {ms.f.size:12d} {near:20d}")
+
+# 2. Level. The distortion depends on it, so measure at the level at which the machine will work. The peak decides
+#    what the actuator must bear: random phases peak at 3 to 4 times the rms.
+N = 8192
+band = dict(fs=FS, n_samples=N, f_min=BAND[0], f_max=BAND[1])
+ms = nlfrf.multisine("special-odd", **band, rms=0.25, rng=1)
+print(f"\nrms {ms.rms:g} N peaks at {ms.rms * ms.crest_factor[0]:.2f} N: crest factor {ms.crest_factor[0]:.2f}")
+
+# 3. Crest factor. Where the actuator limits, two cures: draw the phases anew and keep the best draw (still random), or
+#    optimise them (no longer random: for plants that are nearly linear).
+draws = [nlfrf.multisine("special-odd", **band, rms=0.25, rng=seed) for seed in range(50)]
+drawn = min(draws, key=lambda one: one.crest_factor[0])
+optimised = nlfrf.reduce_crest(ms, target=1.8, n_iterations=400, rng=1)
+for name, signal in (("best of 50 draws", drawn), ("optimised phases", optimised)):
+    crest = signal.crest_factor[0]
+    print(f"{name}: crest factor {crest:.2f}, so up to {LIMIT / crest:.2f} N rms under {LIMIT:g} N")
+
+# 4. Time. Transients die in the first periods, two more tell noise from distortion. What do they buy? The distortion
+#    of one realisation does not average away: more periods help only where noise is what limits.
+noise = 2e-6  # of the position sensor [m]
+rng = np.random.default_rng(2)
+print("\nperiods kept   time      bound   of it noise     (medians, relative to |G|)")
+for n_periods in (2, 4, 16):
+    record = nlfrf.simulate(rig, drawn, n_periods=n_periods, n_discard=2)
+    record = replace(record, y=record.y + noise * rng.standard_normal(record.y.shape))
+    bla = nlfrf.identify(record)
+    share = np.median(bla.var_noise / bla.var_total)
+    relative = np.median(bla.bound() / np.abs(bla.G))
+    print(f"{n_periods:8d} {(n_periods + 2) * N / FS:12.0f} s {100 * relative:8.1f} % {100 * share:10.0f} %")
+print("The distortion stays, however long the record: beyond a few periods use the time for other realisations.")
+
+# 5. Several realisations average the distortion too.
+many = replace(drawn, phase=np.random.default_rng(3).uniform(0, 2 * np.pi, (7, drawn.f.size)))
+record = nlfrf.simulate(rig, many, n_periods=2, n_discard=2)
+bla = nlfrf.identify(replace(record, y=record.y + noise * rng.standard_normal(record.y.shape)))
+print(f"seven realisations of two periods, {7 * 4 * N / FS:.0f} s: {100 * np.median(bla.bound() / abs(bla.G)):.1f} %")
+
+nlfrf.save_multisine(drawn, out / "excitation.csv")  # for the generator; the design stands beside it as .npz
+figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 8), layout="constrained")
+plot_excitation(drawn, ax=top)
+plot_spectrum(drawn, ax=bottom)
+figure.savefig(out / "excitation.png", dpi=110)
+print(f"wrote {out}/excitation.csv and excitation.png")

@@ -1,0 +1,85 @@
+"""A real motor bench, from file to controller.
+
+A motor and a load joined by a flexible coupling (KU Leuven, published with the FdiTools toolbox; the records are not
+part of this project). An odd-odd multisine of current, 20 periods of one second, motor angle measured: a record as one
+finds it on a disk, with a grid whose detection lines cannot be calibrated, and an input that is not clean.
+
+python examples/13_motor_bench.py --data FOLDER_WITH_motor_bench
+"""
+
+import argparse
+import os
+import sys
+import warnings
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import nlfrf
+import robust
+from nlfrf.plot import plot_bla, plot_input
+from robust.plot import plot_check, plot_fit, plot_nyquist, plot_weight
+
+here = Path(__file__).resolve().parents[1]
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("--data", type=Path, default=Path(os.environ.get("NLFRF_DATA", here.parent / "shared" / "data")))
+parser.add_argument("--out", type=Path, default=Path("demo/13"), help="folder for the pictures")
+args = parser.parse_args()
+file, out = args.data / "motor_bench" / "MultisineTypeB.mat", args.out
+if not file.is_file():
+    print(f"skipped: there is no {file}; give the folder of the records by --data or NLFRF_DATA")
+    sys.exit()
+out.mkdir(parents=True, exist_ok=True)
+
+# 1. The record: current in, angle out. The first period is a transient.
+record = nlfrf.load_record(file, u="iq_adx", y="theta_mx", fs=2500, n_samples=2500, n_discard=1)
+print(
+    f"{record.n_periods} periods of {record.n_samples} samples at {record.fs:g} Hz, {record.lines.excited.size} lines"
+)
+
+# 2. The BLA. identify warns that odd-odd detection lines under-read, and takes the roughness of the FRF instead.
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    bla = nlfrf.identify(record)
+print(bla)
+for warning in said:
+    print(f"warned: {warning.message}")
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    print(nlfrf.second_opinion(record))
+
+# 3. A model: the angle integrates twice, the coupling adds a resonance and an anti-resonance, electronics a delay.
+scan = robust.scan_orders(bla, n_poles=(2, 4, 6), relative_degree=1, delay="estimate")
+print(scan)
+nominal = scan.fit
+print(nominal)
+model = robust.uncertainty(bla, nominal, order=6)
+print(model)
+
+# 4. A position controller at 2.5 kHz with one sample of computation, by loop shaping. Faster until the check refuses.
+dt = 1 / record.fs
+plant = robust.sampled(model.nominal, dt, dt)
+accepted = None
+for crossover in (10.0, 20.0, 30.0, 40.0):
+    design = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover))
+    seen = robust.check(model, design.K, delay=dt, certify=False)  # a look at a grid; the proof comes for the last one
+    print(f"crossover {crossover:3.0f} Hz: gamma {design.gamma:.2f}, max rs {seen.rs.max():.2f}")
+    if not seen.rs.max() < 0.7:
+        break
+    accepted = design.K
+assert accepted is not None, "no controller was accepted"
+K = accepted
+report = robust.check(model, K, delay=dt)
+
+# 5. What to hand over.
+print(report.summary)
+robust.save_controller(K, out / "controller.json")
+robust.save_model(model, out / "model.json")  # robust report model.json controller.json makes a page of them
+figure, axes = plt.subplots(3, 2, figsize=(17, 13), layout="constrained")
+panels = [(plot_input, record), (plot_bla, bla), (plot_fit, nominal), (plot_weight, model)]
+panels += [(plot_check, report), (plot_nyquist, report)]
+for ax, (draw, what) in zip(axes.flat, panels, strict=True):
+    draw(what, ax=ax)
+figure.savefig(out / "motor.png", dpi=85)
+print(f"wrote {out}/motor.png, model.json and controller.json")
