@@ -44,28 +44,18 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     array([12.9375, 15.75  ])
     """
     last = int(excited[-1])
-    lead = amplitude.shape[:-1]
-    p = np.zeros((*lead, last + 1))
+    n = fft.next_fast_len(2 * last + 1, real=True)  # terms beyond the band alias onto lines outside -last..last
+    p, doubled = np.zeros((2, *amplitude.shape[:-1], n + 1))
     p[..., excited] = amplitude**2 / 4
-    n = fft.next_fast_len(4 * last + 1, real=True)  # terms beyond the band alias onto lines outside -last..last
-    spectrum = fft.rfft(two_sided(p, n))
-    doubled = np.zeros((*lead, 2 * last + 1))
-    doubled[..., ::2] = p**2
-    spectrum_doubled = fft.rfft(two_sided(doubled, n))
-    counts = fft.irfft(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), n)[..., lines]  # 6 S3 - 9 S21
+    doubled[..., : 2 * last + 1 : 2] = p[..., : last + 1] ** 2
+    # the DFT of an even sequence of period 2 n is a DCT of its half
+    spectrum, spectrum_doubled = fft.dct(p, 1), fft.dct(doubled, 1)
+    counts = fft.dct(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), 1)[..., lines] / (2 * n)  # 6 S3 - 9 S21
     p_k = p[..., lines]
     counts -= 36 * p_k * (np.sum(p**2, axis=-1, keepdims=True) - p_k**2) + 9 * p_k**3
     third = lines % 3 == 0
     counts[..., third] += 4 * p[..., lines[third] // 3] ** 3
     return np.maximum(4 * counts, 0.0)
-
-
-def two_sided(half: np.ndarray, n: int) -> np.ndarray:
-    """A cyclic array of length n that holds `half` at lines 0.. and at their negatives, along the last axis."""
-    full = np.zeros((*half.shape[:-1], n))
-    full[..., : half.shape[-1]] = half
-    full[..., n - half.shape[-1] + 1 :] += half[..., :0:-1]
-    return full
 
 
 def cubic_bla(amplitude: np.ndarray) -> np.ndarray:

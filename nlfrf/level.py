@@ -66,7 +66,7 @@ def nonlinear_answer(spectra: Spectra, frf: Frf, excited: Spectra, fit: LocalFit
     smooth = frf.G
     if fit is not None:
         smooth = fit.G.mean(axis=0)
-    elif excited.lines.size >= LEAST:  # with less scatter in it, G whitens the lines more evenly
+    elif excited.lines.size >= LEAST and excited.U.shape[0] < ENOUGH:  # with less scatter G whitens more evenly
         smooth = fit_locally(frf.G[None], rms(excited.U)[None], excited.lines).G[0]
     G = interpolate_frf(smooth, excited.lines, spectra.lines)
     noise = spectra.var_Y + np.abs(G) ** 2 * spectra.var_U - 2 * np.real(G.conj() * spectra.cov_YU)
