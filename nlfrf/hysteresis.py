@@ -12,7 +12,6 @@ are the same operator.
 from __future__ import annotations
 
 import warnings
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -24,10 +23,16 @@ from nlfrf.values import frozen, value
 NO_GRID = np.zeros((3, 1))
 
 
-def check_positive(curve: Any) -> None:
-    """Refuse a curve whose numbers are not all positive."""
-    for field in fields(curve):
-        positive(field.name, getattr(curve, field.name))
+@value(kw_only=False)
+class Yielding:
+    """A virgin curve of two numbers: its stiffness at the origin K0 [N/m] and its largest force Fy [N]."""
+
+    K0: float
+    Fy: float
+
+    def __post_init__(self) -> None:
+        positive("K0", self.K0)
+        positive("Fy", self.Fy)
 
 
 @value(kw_only=False)
@@ -42,10 +47,10 @@ class Linear:
 
     K0: float
 
-    def __post_init__(self) -> None:
-        check_positive(self)
-
     Fy = np.inf  # it never yields
+
+    def __post_init__(self) -> None:
+        positive("K0", self.K0)
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
@@ -53,7 +58,7 @@ class Linear:
 
 
 @value(kw_only=False)
-class Tanh:
+class Tanh(Yielding):
     """y = Fy tanh(K0 z / Fy): odd distortion that starts with the third power of the displacement.
 
     Parameters
@@ -71,19 +76,13 @@ class Tanh:
     array([ 0.761594, -0.761594])
     """
 
-    K0: float
-    Fy: float
-
-    def __post_init__(self) -> None:
-        check_positive(self)
-
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
         return self.Fy * np.tanh(self.K0 / self.Fy * np.asarray(z, dtype=float))
 
 
 @value(kw_only=False)
-class Exponential:
+class Exponential(Yielding):
     """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already lose energy.
 
     Parameters
@@ -94,12 +93,6 @@ class Exponential:
         Largest force [N].
     """
 
-    K0: float
-    Fy: float
-
-    def __post_init__(self) -> None:
-        check_positive(self)
-
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
         z = np.asarray(z, dtype=float)
@@ -107,7 +100,7 @@ class Exponential:
 
 
 @value(kw_only=False)
-class Parabola:
+class Parabola(Yielding):
     """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of yielding elements.
 
     Parameters
@@ -118,12 +111,6 @@ class Parabola:
         Largest force [N].
     """
 
-    K0: float
-    Fy: float
-
-    def __post_init__(self) -> None:
-        check_positive(self)
-
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
         z = np.asarray(z, dtype=float)
@@ -132,7 +119,7 @@ class Parabola:
 
 
 @value(kw_only=False)
-class ElasticPlastic:
+class ElasticPlastic(Yielding):
     """y = K0 z up to Fy, flat beyond: a single yielding element (Jenkins).
 
     Parameters
@@ -142,12 +129,6 @@ class ElasticPlastic:
     Fy : float
         Largest force [N].
     """
-
-    K0: float
-    Fy: float
-
-    def __post_init__(self) -> None:
-        check_positive(self)
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""

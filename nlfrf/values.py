@@ -44,8 +44,8 @@ def value(cls: Any = None, /, *, kw_only: bool = True, copy: bool = True) -> Any
 
 
 def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
-    """The dataclass behind `value`, with arrays frozen before the class's own validation."""
-    validate = cls.__dict__.get("__post_init__")
+    """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
+    validate = getattr(cls, "__post_init__", None)
 
     names: tuple[str, ...] = ()
 
