@@ -4,11 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint bench clean help
+.PHONY: demo test lint docs bench clean help
 
 help:
 	@echo "make demo   the main job on the built-in rig: files and pictures in demo/"
 	@echo "make test   format, lint, types and every test"
+	@echo "make docs   examples, guide and reference as pages in build/docs/index.html"
 	@echo "make bench  speeds and measured coverage, against peers where they install"
 	@echo "make clean  remove what these made"
 
@@ -16,7 +17,7 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
 	  || { echo "Python 3.11 or later is needed; choose one by: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,docs]"
 	@touch $@
 
 demo: $(READY)
@@ -29,6 +30,11 @@ lint: $(READY)
 
 test: lint
 	MPLBACKEND=Agg $(BIN)/python -m pytest -n 2 --dist worksteal
+
+# The examples run once: what they print and draw lies in build/examples, and the tests look at the same.
+docs: $(READY)
+	MPLBACKEND=Agg $(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees docs build/docs
+	@echo "wrote build/docs/index.html"
 
 bench: $(READY)
 	$(BIN)/python -m benchmarks.bench_identify

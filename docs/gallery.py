@@ -21,6 +21,8 @@ import warnings
 from importlib.metadata import version
 from pathlib import Path
 
+from docs.api import write_if_changed
+
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 BUILD = ROOT / "build" / "examples"
@@ -105,6 +107,54 @@ def run(name: str, *arguments: str) -> str:
         sys.argv = argv
         plt.close("all")
     return printed.getvalue()
+
+
+def write_pages(folder: Path) -> None:
+    """A page for every example, with what it printed and drew, and an index with a picture of each."""
+    index = [
+        "# Examples",
+        "",
+        "Each is a script of at most a hundred lines in the folder `examples` that reads as a manual. What it drew and",
+        "printed stands above its code, as it ran when this page was built.",
+        "",
+        '<div class="gallery">',
+    ]
+    for name in names():
+        title, text = title_and_text(name)
+        made = outputs(name)
+        shown = sorted(made.glob("*.png"))
+        for picture in shown:
+            target = folder / f"{name}_{picture.name}"
+            folder.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(picture, target)
+        first = f'<img src="../../_images/{name}_{shown[0].name}" alt="">' if shown else ""
+        index.append(f'<a href="{name}.html">{first}<span>{name[:2]}. {title}</span></a>')
+        paragraphs = [
+            f"```sh\n{part}\n```" if part.startswith("python ") else part for part in re.split(r"\n\s*\n", text)
+        ]
+        page = [
+            f"# {name[:2]}. {title}",
+            "",
+            "\n\n".join(paragraphs),
+            "",
+            f"```sh\npython examples/{name}.py\n```",
+            "",
+            *(f":::{{figure}} {name}_{picture.name}\n:alt: {picture.stem} of this example\n:::\n" for picture in shown),
+            "## What it prints",
+            "",
+            "```text",
+            (made / "printed.txt").read_text(encoding="utf-8").rstrip(),
+            "```",
+            "",
+            "## The script",
+            "",
+            f"```{{literalinclude}} ../../../examples/{name}.py\n:language: python\n```",
+            "",
+        ]
+        write_if_changed(folder / f"{name}.md", "\n".join(page))
+    listed = "\n".join(names())
+    index += ["</div>", "", f"```{{toctree}}\n:hidden:\n\n{listed}\n```", ""]
+    write_if_changed(folder / "index.md", "\n".join(index))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,91 @@
+"""The public names, in the order of the reference, and the pages made of their docstrings."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import nlfrf
+import robust
+
+#: Module -> its public names.
+PUBLIC: dict[str, tuple[str, ...]] = {
+    "nlfrf": tuple(nlfrf.__all__),
+    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip"),
+    "nlfrf.hysteresis": (
+        *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
+        *("hysteresis_force", "fit_maxwell_slip"),
+    ),
+    "robust": tuple(robust.__all__),
+}
+#: Modules of pictures: every plot_ function is public.
+PICTURES = ("nlfrf.plot", "robust.plot")
+
+
+def things() -> list[tuple[str, str, Any]]:
+    """(module, name, thing) of every public name but the pictures."""
+    return [(module, name, getattr(import_module(module), name)) for module, names in PUBLIC.items() for name in names]
+
+
+def pictures() -> list[tuple[str, str, Any]]:
+    """The same of the functions that draw."""
+    found = [(module, import_module(module)) for module in PICTURES]
+    return [(m, name, getattr(home, name)) for m, home in found for name in vars(home) if name.startswith("plot_")]
+
+
+def first_line(thing: Any) -> str:
+    """The summary of a docstring."""
+    return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
+
+
+def write_pages(folder: Path) -> None:
+    """One page a name, and an index of them with their summaries."""
+    index = ["Reference", "=========", "", "Every public name. Arrays and units are those of the nomenclature.", ""]
+    for heading in (*PUBLIC, *PICTURES):
+        entries = [(name, thing) for module, name, thing in [*things(), *pictures()] if module == heading]
+        index += [heading, "-" * len(heading), "", ".. list-table::", "   :widths: 30 70", ""]
+        for name, thing in entries:
+            summary = escaped(first_line(thing))
+            index += [f"   * - :doc:`{name} <{heading}.{name}>`", f"     - {summary}"]
+        index += ["", ".. toctree::", "   :hidden:", ""]
+        index += [f"   {name} <{heading}.{name}>" for name, _ in entries] + [""]
+        for name, thing in entries:
+            title = f"{heading}.{name}"
+            kind = "autoclass" if inspect.isclass(thing) else "autofunction"
+            members = ["   :members:"] if inspect.isclass(thing) and not issubclass(thing, Warning) else []
+            page = [title, "=" * len(title), "", f".. {kind}:: {title}", *members, ""]
+            write_if_changed(folder / f"{title}.rst", "\n".join(page))
+    write_if_changed(folder / "index.rst", "\n".join(index))
+
+
+def escape_docstring(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Docstrings are plain text with numpydoc sections: what reStructuredText would read into |G| is taken back."""
+    code, literal = False, False
+    for i, line in enumerate(lines):
+        if not line.strip():
+            code = False
+            continue
+        code = code or line.lstrip().startswith(">>>")
+        if literal and not line.startswith(" "):
+            literal = False
+        if not code and not literal:
+            lines[i] = escaped(line)
+
+
+def escaped(line: str) -> str:
+    """A line in which |x|, stars and trailing underscores stand for themselves; *emphasis* and `code` are kept."""
+    pieces = re.split(r"(``[^`]*``|`[^`]*`|\*[^*\s][^*]*[^*\s]\*(?!\w))", line)
+    for i in range(0, len(pieces), 2):
+        pieces[i] = re.sub(r"([|*\\])", r"\\\1", pieces[i])
+        pieces[i] = re.sub(r"(?<=\w)_(?!\w)", r"\\_", pieces[i])
+    return "".join(pieces)
+
+
+def write_if_changed(path: Path, text: str) -> None:
+    """Write a page only where it differs, so that an unchanged one is not built again."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
