@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         save_model,
     )
     from robust.formulas import control_weight, delay_weight, performance_weight
+    from robust.frf_design import design_frf
     from robust.handover import write_report
     from robust.hinfsyn import Synthesis, hinfsyn
     from robust.lti import discretize, sampled
@@ -58,6 +59,7 @@ HOMES = {
     "controller_sections": "export",
     "crossover_weight": "shaping",
     "delay_weight": "formulas",
+    "design_frf": "frf_design",
     "discretize": "lti",
     "export_matlab": "export",
     "fit_nominal": "nominal",
@@ -99,6 +101,7 @@ __all__ = [
     "controller_sections",
     "crossover_weight",
     "delay_weight",
+    "design_frf",
     "discretize",
     "export_matlab",
     "fit_nominal",

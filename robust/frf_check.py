@@ -17,6 +17,9 @@ from robust.radius import record_disc, total_of
 from robust.report import RobustnessReport, hertz
 from robust.uncertainty import UncertaintyModel
 
+#: Phase that a plant may turn from line to line where |L| is above the second number.
+LARGEST_JUMP, SMALL_LOOP = 2 * np.pi / 3, 0.01
+
 
 def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) -> RobustnessReport:
     """Stability by the winding number of 1 + L, and the curves, all on the lines of the FRF."""
@@ -27,20 +30,14 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     dt = timebase(K) if not constant(K) else 0.0
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(f"K must be sampled fast enough for the lines up to {hertz(omega[-1])}, got dt = {dt:g} s")
-    source = model.nominal if isinstance(model, UncertaintyModel) else model
-    sampled_frf = bool(getattr(source, "dt", 0))
-    if sampled_frf and dt and abs(source.dt / dt - 1) > 1e-9:
-        raise ValueError(f"K must have the sampling time of the FRF, {source.dt:g} s, got {dt:g} s")
-    if dt and not sampled_frf:
-        x = omega * dt / 2
-        G = G * np.sin(x) / x * np.exp(-1j * x)  # zero-order hold; what folds down from above Nyquist is not known
-        hold = " with zero-order hold"
-    else:
-        hold = ""
-    G = G * np.exp(-1j * omega * delay)
+    sampled_frf = sampling_time(model)
+    if sampled_frf and dt and abs(sampled_frf / dt - 1) > 1e-9:
+        raise ValueError(f"K must have the sampling time of the FRF, {sampled_frf:g} s, got {dt:g} s")
+    hold = " with zero-order hold" if dt and not sampled_frf else ""
+    G = as_seen(model, omega, G, dt, delay)
     k = response(K, omega)
     S, a, b = worst_terms(form, w, G, k)
-    encirclements, clear = winding(1 + G * k, omega, K, dt)
+    encirclements, clear = winding(omega, G, K, dt)
     wanted = n_unstable + unstable_poles(K, dt)
     nominally_stable = clear and encirclements == wanted
     nothing = np.full(omega.size, np.nan)
@@ -101,6 +98,23 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     )
 
 
+def sampling_time(model: Any) -> float:
+    """Of an FRF that says it is a sampled one; 0 otherwise."""
+    source = model.nominal if isinstance(model, UncertaintyModel) else model
+    return float(getattr(source, "dt", 0) or 0)
+
+
+def as_seen(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
+    """(W,) an FRF with the delay, and with zero-order hold where the controller is sampled and the FRF is not.
+
+    What folds down from above Nyquist is not known and left out.
+    """
+    if dt and not sampling_time(model):
+        x = omega * dt / 2
+        G = G * np.sin(x) / x * np.exp(-1j * x)
+    return G * np.exp(-1j * omega * delay)
+
+
 def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str]:
     """Frequencies, plant, form, weight (nan: none) and class of whatever FRF was given."""
     if isinstance(model, Bla):
@@ -121,26 +135,64 @@ def unstable_poles(K: control.StateSpace, dt: float) -> int:
     return int(np.sum(np.abs(p) > 1 + 1e-9)) if dt else int(np.sum(p.real > 1e-9 * (1 + np.abs(p))))
 
 
-def winding(F: np.ndarray, omega: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
-    """Unstable open-loop poles less unstable closed-loop poles, from F = 1 + L, and whether the lines resolve it.
+def winding(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
+    """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether the lines resolve it."""
+    n = slope_at_start(omega, G)
+    # a resonance between two lines turns the phase of the plant, and may carry L anywhere on its way
+    matters = np.abs(G * response(K, omega)) > SMALL_LOOP
+    jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
+    seen = not np.any(jump & (matters[1:] | matters[:-1]))
+    omega, G = continued(omega, G, n)
+    F = 1 + G * response(K, omega)
+    turns, clear = half_turns(F, n + integrators(K, dt))
+    return round(float(turns)), bool(clear and seen and resolved(F, np.log(omega)))
 
-    Between zero and infinite frequency the phase of F turns by pi for each, and by pi/2 more for each integrator,
-    taken as stable. It is followed from line to line; from the first line it is continued to the axis on which the
-    integrators let F begin, from the last one to the real axis.
+
+def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
+    """Integrators that an FRF shows over its first lines: its slope there in decades per decade, rounded."""
+    near = np.flatnonzero(omega <= 1.6 * omega[0])
+    near = near if near.size >= 3 else np.arange(min(3, omega.size))
+    if near.size < 2:
+        return 0
+    return max(0, round(-float(np.polyfit(np.log(omega[near]), np.log(np.abs(G[near]) + 1e-300), 1)[0])))
+
+
+def continued(
+    omega: np.ndarray, G: np.ndarray, n: int, decades: float = 5.0, points: int = 160
+) -> tuple[np.ndarray, np.ndarray]:
+    """An FRF carried on below its first line as n integrators with the gain it has there, for the winding number.
+
+    The controller is known there, and may have its corners there; the phase of the plant goes to the nearest that n
+    integrators can have, in proportion to frequency.
     """
-    p = poles(K)
-    n = int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
-    if np.abs(F[0]) > 3 and F.size > 2:  # the plant may integrate too
-        n = max(n, round(-np.log(np.abs(F[1] / F[0])) / np.log(omega[1] / omega[0])))
-    steps = np.angle(F[1:] / F[:-1])
-    start = F[0] * np.exp(1j * n * np.pi / 2)
-    opening = np.angle(start if start.real > 0 else -start)
-    closing = -np.angle(F[-1] if F[-1].real > 0 else -F[-1])
-    turns = float(steps.sum() + opening + closing) / np.pi - n / 2
-    clear = (
-        resolved(F, np.log(omega)) and np.abs(steps).max(initial=0.0) < 2.5 and max(abs(opening), abs(closing)) < 1.0
-    )
-    return round(turns), bool(clear and abs(turns - round(turns)) < 0.01)
+    low = omega[0] * np.geomspace(10**-decades, 1, points + 1)[:-1]
+    away = np.angle(G[0] * 1j**n)
+    away = away if abs(away) <= np.pi / 2 else np.angle(-G[0] * 1j**n)
+    added = G[0] * (omega[0] / low) ** n * np.exp(1j * away * (low / omega[0] - 1))
+    return np.concatenate([low, omega]), np.concatenate([added, G])
+
+
+def half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """(...,) half turns of (..., W) curves F = 1 + L about zero from zero to infinite frequency, and whether whole.
+
+    The phase of F turns by pi for each unstable pole that is stabilised, and by pi/2 more for each of the n
+    integrators of L, taken as stable. It is followed from line to line; from the first line it is continued to the
+    axis on which the integrators let F begin, from the last one to the real axis.
+    """
+    steps = np.angle(F[..., 1:] / F[..., :-1])
+    start = F[..., 0] * np.exp(1j * n * np.pi / 2)
+    opening = np.angle(np.where(start.real > 0, start, -start))
+    closing = -np.angle(np.where(F[..., -1].real > 0, F[..., -1], -F[..., -1]))
+    turns = (steps.sum(axis=-1) + opening + closing) / np.pi - n / 2
+    largest = np.abs(steps).max(axis=-1, initial=0.0)
+    whole = np.abs(turns - np.round(turns)) < 0.01
+    return turns, (largest < 2.5) & (np.maximum(np.abs(opening), np.abs(closing)) < 1.0) & whole
+
+
+def integrators(system: control.StateSpace, dt: float) -> int:
+    """Poles at zero frequency."""
+    p = poles(system)
+    return int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
 
 
 def resolved(F: np.ndarray, x: np.ndarray) -> bool:

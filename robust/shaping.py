@@ -28,11 +28,20 @@ class Design:
         Achieved norm, recomputed from the closed loop; inf where the loop is not stable.
     gamma_min : float
         Smallest norm any controller could reach; nan where it is not known.
+    met : bool
+        Whether every demand that had to be met is met by K, recomputed.
+    reason : str
+        Why the design ended, or which demand is in the way and where.
+    history : tuple of float
+        gamma, or the worst demand while one was not met, after every iteration.
     """
 
     K: control.StateSpace
     gamma: float
     gamma_min: float = float("nan")
+    met: bool = True
+    reason: str = ""
+    history: tuple[float, ...] = ()
 
 
 def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
