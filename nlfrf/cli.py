@@ -222,7 +222,7 @@ def main() -> None:
         try:
             app()
         except (ValueError, OSError) as error:
-            print(f"nlfrf: {error}", file=sys.stderr)
+            print(f"nlfrf: {io.in_one_line(error)}", file=sys.stderr)
             raise SystemExit(2) from None
 
 

@@ -60,6 +60,37 @@ class LoopResponse:
         """(n,) error r - x [m]."""
         return self.r - self.x
 
+    def residual(self, calm: float) -> float:
+        """Rms error in the last quarter of the time after `calm` [s], over the rms error before; inf where it ran away.
+
+        For a loop that was disturbed until then and left alone afterwards.
+        """
+        before, after = self.disturbed_and_left_alone(calm)
+        return np.inf if self.diverged else rms(after[-(after.size // 4) :]) / max(rms(before), np.finfo(float).tiny)
+
+    def outcome(self, calm: float) -> str:
+        """What became of a loop that was disturbed until `calm` [s] and left alone afterwards.
+
+        "settled": the last quarter of what follows has less than a hundredth of the rms error of before. "stable": on
+        its way there, or creeping. "limit cycle": the error of that quarter is within 5 % of, or larger than, that of
+        the quarter before. "ran away": the simulation had to stop.
+        """
+        if self.diverged:
+            return "ran away"
+        if self.residual(calm) < 1e-2:
+            return "settled"
+        _, after = self.disturbed_and_left_alone(calm)
+        n = after.size // 4
+        return "limit cycle" if rms(after[-n:]) > 0.95 * rms(after[-2 * n : -n]) else "stable"
+
+    def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
+        """The error before and after `calm` [s]."""
+        positive("calm", calm)
+        before, after = self.e[self.t < calm], self.e[self.t >= calm]
+        if not self.diverged and after.size < 8:
+            raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
+        return before, after
+
 
 def simulate_loop(
     rig: Rig,
@@ -215,6 +246,11 @@ def fitted(name: str, signal: Any, n: int) -> np.ndarray:
     if signal.size != n:
         raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.size}")
     return signal
+
+
+def rms(x: np.ndarray) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(x**2)))
 
 
 def real_or_infinite(name: str, number: Any) -> float:

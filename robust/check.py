@@ -145,7 +145,7 @@ def check(
     )
 
 
-def responses(loop: Assembly, omega: np.ndarray) -> dict[str, np.ndarray]:
+def responses(loop: Assembly, omega: np.ndarray) -> dict[str, Any]:
     """What the loop is made of, on the grid of the report."""
     return {
         "G": loop.plant(omega),
@@ -208,15 +208,6 @@ def unstable(model: UncertaintyModel, loop: Assembly, omega: np.ndarray, reason:
         np_=nothing,
         rp=nothing,
         nominally_stable=False,
-        robustly_stable=False,
-        robust_performance=False,
-        margin_rs=np.nan,
-        margin_rp=np.nan,
-        omega_rs=np.nan,
-        omega_rp=np.nan,
-        disk_margin=np.nan,
-        omega_disk=np.nan,
-        certificates=(),
         perturbation=model.perturbation,
         verdict="not certified" if undecided else "not robust",
         reason=reason,

@@ -14,7 +14,7 @@ import typer
 
 import nlfrf
 import robust
-from nlfrf.io import write_whole
+from nlfrf.io import in_one_line, write_whole
 
 app = typer.Typer(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
@@ -301,7 +301,7 @@ def main() -> None:
         try:
             app()
         except (ValueError, OSError) as error:
-            print(f"robust: {error}", file=sys.stderr)
+            print(f"robust: {in_one_line(error)}", file=sys.stderr)
             raise SystemExit(2) from None
 
 

@@ -21,7 +21,7 @@ from scipy.linalg import eig, matrix_balance
 from scipy.sparse.csgraph import connected_components
 
 from nlfrf.checks import shown
-from robust.lti import state_space, timebase
+from robust.lti import complete, state_space, timebase
 from robust.norms import EPS
 
 
@@ -43,12 +43,7 @@ def multivariable(name: str, system: Any) -> control.StateSpace:
             else ""
         )
         raise ValueError(f"{name} must be a control.StateSpace, got {shown(system)}.{cure}")
-    if system.dt is True:
-        raise ValueError(f"{name} must state its sampling time, got dt=True")
-    for matrix in (system.A, system.B, system.C, system.D):
-        if not np.isfinite(matrix).all():
-            raise ValueError(f"{name} must have finite coefficients, got nan or infinite ones")
-    return system
+    return complete(name, system)
 
 
 def lower(P: control.StateSpace, K: control.StateSpace) -> control.StateSpace:

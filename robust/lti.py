@@ -33,6 +33,11 @@ def state_space(name: str, system: Any) -> control.StateSpace:
         raise ValueError(f"{name} must be a control.StateSpace, a TransferFunction or a number, got {shown(system)}")
     if (system.ninputs, system.noutputs) != (1, 1):
         raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+    return complete(name, system)
+
+
+def complete(name: str, system: control.StateSpace) -> control.StateSpace:
+    """A state space that states its sampling time and has finite matrices, or a refusal."""
     if system.dt is True:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
     for matrix in (system.A, system.B, system.C, system.D):

@@ -12,7 +12,7 @@ from nlfrf import Bla
 from nlfrf.checks import integer, nonnegative, real_array, shown
 from nlfrf.values import value
 from robust.lti import delay_samples, from_roots
-from robust.rational import Roots, numerator, refine, starting_poles, to_plane, vector_fit
+from robust.rational import Roots, in_order, numerator, refine, starting_poles, to_plane, vector_fit
 
 MAX_POLES = 40
 
@@ -226,8 +226,8 @@ def measured(bla: Any, std: np.ndarray | None) -> Lines:
 def best_fit(
     lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, *, free_delay: bool = False
 ) -> Roots:
-    """The best of the refined fits from the two sets of starting poles."""
-    candidates = [started(lines, orders, dt, stable, delay, spacing) for spacing in ("log", "linear")]
+    """The best of the refined fits from three sets of starting poles."""
+    candidates = [started(lines, orders, dt, stable, delay, spacing) for spacing in ("log", "linear", "peaks")]
     s, excess = s_points(lines.omega, dt), orders[0] - orders[1]
 
     def factor(tau: float) -> np.ndarray:
@@ -266,14 +266,14 @@ def zpk_response(
 
 
 def started(lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, spacing: str) -> Roots:
-    """Vector fitting: zeros and poles to refine from."""
+    """Zeros and poles to refine from: by vector fitting, or poles on the peaks, from which it can be led astray."""
     n_poles, n_zeros = orders
     s = s_points(lines.omega, dt)
     q = known_factor(lines.omega, delay, dt, n_poles - n_zeros)
     data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
     low, high = np.abs(s).min(), np.abs(s).max()
-    poles = starting_poles(n_poles, low, high, spacing=spacing)
-    if n_poles:
+    poles = on_peaks(s, data, n_poles) if spacing == "peaks" else starting_poles(n_poles, low, high, spacing=spacing)
+    if n_poles and spacing != "peaks":
         # a wild variance ratio stalls the relocation; the refinement works with the true one
         tame = np.maximum(weight, 1e-3 * weight.max())
         poles = vector_fit(s, data, tame, poles, stable=stable)
@@ -281,6 +281,17 @@ def started(lines: Lines, orders: tuple[int, int], dt: float, stable: bool, dela
     zeros, gain = numerator(s, data, weight, poles, n_zeros)
     model = zpk_response(lines.omega, zeros, poles, gain, delay, dt, n_poles - n_zeros)
     return zeros, poles, gain, delay, float(np.sum(np.abs(lines.G - model) ** 2 / lines.var))
+
+
+def on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
+    """(n,) lightly damped poles on the highest peaks, a fifth of their frequency apart or more."""
+    x, size = np.abs(s), np.abs(data)
+    poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
+    while len(poles) < n:
+        peak = x[np.argmax(size)]
+        poles += [peak * (-0.05 + 1j), peak * (-0.05 - 1j)]
+        size = np.where(np.abs(x - peak) < 0.2 * peak, size * 1e-6, size)
+    return in_order(np.array(poles))
 
 
 def estimate_delay(lines: Lines, orders: tuple[int, int], dt: float, stable: bool) -> Roots:

@@ -131,10 +131,10 @@ def least_squares(problem: Problem, order: int) -> list[Fit]:
     """Fits of the target itself from every start, the best first, with their largest error."""
     few, fits = problem.thinned(150), []
     for start in starts(few, order):
-        theta, log_k = asymmetric(few, start, order, (1.0,), 40)
+        theta, log_k = asymmetric(few, start, order, 1.0, 40)
         error = float(np.abs(few.excess(theta, log_k, order)[0]).max())
         if error < 1e-2:  # perhaps exact: all the points tell
-            theta, log_k = asymmetric(problem, theta, order, (1.0,), 15)
+            theta, log_k = asymmetric(problem, theta, order, 1.0, 15)
             error = float(np.abs(problem.excess(theta, log_k, order)[0]).max())
         fits.append((error, theta, log_k))
         if error < EXACT:
@@ -157,7 +157,7 @@ def least_excess(problem: Problem, order: int, fits: list[Fit], deadline: float)
 
 def rough(problem: Problem, theta: np.ndarray, order: int, deadline: float) -> Fit:
     """Mean excess and parameters after a quick fit."""
-    theta, log_k = asymmetric(problem, problem.clipped(theta, order), order, (4.0,), 10)
+    theta, log_k = asymmetric(problem, problem.clipped(theta, order), order, 4.0, 10)
     theta, log_k = polished(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
     return problem.mean_excess(theta, log_k, order), theta, log_k
 
@@ -174,7 +174,7 @@ def grown(problem: Problem, order: int, deadline: float) -> Fit:
         now = min(done + 2, order)
         tries = []
         for place in (problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2):
-            new, gain = asymmetric(problem, with_section(theta, done, now, place, -0.2), now, (4.0,), 8)
+            new, gain = asymmetric(problem, with_section(theta, done, now, place, -0.2), now, 4.0, 8)
             lift = -float(problem.excess(new, gain, now)[0].min())
             tries.append((problem.mean_excess(new, gain + lift, now), new, gain))
         _, new, gain = min(tries, key=lambda fit: fit[0])
@@ -350,18 +350,16 @@ def curvature(problem: Problem, theta: np.ndarray, order: int, first: np.ndarray
 
 
 def asymmetric(
-    problem: Problem, theta: np.ndarray, order: int, below: tuple[float, ...], n_iterations: int
+    problem: Problem, theta: np.ndarray, order: int, below: float, n_iterations: int
 ) -> tuple[np.ndarray, float]:
     """Least squares on the log excess, where lying below the target costs below^2 times as much."""
+
+    def objective(e: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        w = np.where(e < 0, 2 * below**2, 2.0) / e.size
+        return float(0.5 * w @ e**2), w * e, w
+
     log_k = -float(problem.share @ problem.excess(theta, 0.0, order)[0][: problem.x.size])
-    for factor in below:
-
-        def objective(e: np.ndarray, factor: float = factor) -> tuple[float, np.ndarray, np.ndarray]:
-            w = np.where(e < 0, 2 * factor**2, 2.0) / e.size
-            return float(0.5 * w @ e**2), w * e, w
-
-        theta, log_k = descended(problem, theta, log_k, order, objective, n_iterations, 1e-14)
-    return theta, log_k
+    return descended(problem, theta, log_k, order, objective, n_iterations, 1e-14)
 
 
 def polished(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nlfrf.plot import axes, db
 from robust.lti import response, state_space
 from robust.nominal import NominalFit
 from robust.orders import OrderScan
@@ -352,25 +353,9 @@ def hz(omega: Any) -> Any:
     return omega / (2 * np.pi)
 
 
-def axes(ax: Any) -> Any:
-    """The axes given, or those of a new figure."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot as plt
-
-    return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
-
-
 def finished(ax: Any) -> Any:
     """Grid and legend, the same in every picture."""
     ax.grid(alpha=0.3, which="both", lw=0.5)
     if ax.get_legend_handles_labels()[0]:
         ax.legend(fontsize="small", loc="best", framealpha=0.85)
     return ax
-
-
-def db(x: Any) -> Any:
-    """Amplitude in decibels; nan where it is zero."""
-    x = np.asarray(x, dtype=float)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return 20 * np.log10(np.where(x > 0, x, np.nan))

@@ -63,15 +63,15 @@ class RobustnessReport:
     np_: np.ndarray
     rp: np.ndarray
     nominally_stable: bool
-    robustly_stable: bool
-    robust_performance: bool
-    margin_rs: float
-    margin_rp: float
-    omega_rs: float
-    omega_rp: float
-    disk_margin: float
-    omega_disk: float
-    certificates: tuple[Certificate, ...]
+    robustly_stable: bool = False
+    robust_performance: bool = False
+    margin_rs: float = np.nan
+    margin_rp: float = np.nan
+    omega_rs: float = np.nan
+    omega_rp: float = np.nan
+    disk_margin: float = np.nan
+    omega_disk: float = np.nan
+    certificates: tuple[Certificate, ...] = ()
     perturbation: str
     verdict: str
     reason: str

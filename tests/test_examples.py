@@ -50,6 +50,13 @@ PRINTED = {
         "Octave",
         "STATISTICALLY ROBUST",
     ],
+    "14_friction_rig_in_closed_loop": [
+        r"one level +statistically robust +gentle +[1-9]",
+        r"one level +not robust +hard +\d+ +\d+ +[1-9]",
+        r"three levels +statistically robust +gentle +[1-9]\d* +0 +0 +0\n",
+        r"three levels +statistically robust +hard +[1-9]\d* +0 +0 +0\n",
+        r"three levels +not robust",
+    ],
     "13_motor_bench": [r"skipped: there is no|(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
 }
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from nlfrf.friction import LuGre
-from nlfrf.loop import simulate_loop
+from nlfrf.loop import LoopResponse, simulate_loop
 from nlfrf.rig import Rig, paper_rig
 
 FS = 2000.0
@@ -139,3 +139,54 @@ def test_refinement_changes_little():
 def test_refusals_name_the_parameter(K, options, message):
     with pytest.raises(ValueError, match=message):
         simulate_loop(paper_rig(), K, np.zeros(10), fs=FS, **options)
+
+
+def left_alone(error, diverged=False):
+    """A response with a given error, a burst before 0.5 s."""
+    n = error.size
+    nothing = np.zeros(n)
+    return LoopResponse(
+        t=np.arange(n) / FS, r=error, u=nothing, x=nothing, v=nothing, y=nothing, friction=nothing, diverged=diverged
+    )
+
+
+T_AFTER = np.arange(4000) / FS
+BURST = np.where(T_AFTER < 0.5, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("after", "outcome"),
+    [
+        (1e-3 * np.sin(300 * T_AFTER), "settled"),
+        (np.exp(-2 * T_AFTER) * np.sin(300 * T_AFTER), "stable"),
+        (0.2 * np.exp(-T_AFTER), "stable"),  # creeping
+        (0.2 * np.sin(300 * T_AFTER), "limit cycle"),
+        (0.02 * np.exp(T_AFTER) * np.sin(300 * T_AFTER), "limit cycle"),
+    ],
+)
+def test_outcome_of_a_loop_left_alone(after, outcome):
+    response = left_alone(np.where(BURST > 0, 1.0, after))
+    assert response.outcome(0.5) == outcome
+    assert response.residual(0.5) == pytest.approx(np.sqrt(np.mean(after[T_AFTER >= 1.625] ** 2)), rel=0.01)
+
+
+def test_a_loop_that_ran_away_has_no_residual():
+    response = left_alone(BURST[:800], diverged=True)
+    assert response.outcome(0.5) == "ran away"
+    assert response.residual(0.5) == np.inf
+
+
+def test_outcome_needs_some_silence():
+    with pytest.raises(ValueError, match="calm must leave at least 8 samples"):
+        left_alone(BURST).outcome(1.999)
+    with pytest.raises(ValueError, match="calm must be positive"):
+        left_alone(BURST).outcome(0.0)
+
+
+def test_the_rig_settles_under_little_gain_and_cycles_under_too_much():
+    force = np.zeros(2000)
+    force[:500] = np.random.default_rng(0).standard_normal(500)
+    for gain, outcome in ((1.0, "settled"), (1e3, "limit cycle")):
+        K = controller([[1.0]], [[gain]], [[200.0]], [[3.0 * gain]])
+        response = simulate_loop(paper_rig(), K, np.zeros(2000), fs=FS, disturbance=force, saturation=5.0)
+        assert response.outcome(0.25) == outcome

@@ -106,3 +106,9 @@ def test_help_everywhere(robust_command):
         code, out, _ = robust_command(f"{command}--help")
         assert code == 0
         assert "Usage" in out
+
+
+def test_a_missing_file_is_named(robust_command):
+    code, _, err = robust_command("check nowhere.json K.json")
+    assert code == 2
+    assert err == "robust: nowhere.json could not be opened: no such file or directory\n"
