@@ -4,12 +4,11 @@ A mass on a spring with friction is identified at one level of force and at thre
 too bold are designed and checked, and every one is then put around the nonlinear machine: a burst of random force,
 gentle or hard, and silence. A set made at one level says nothing of other levels; a set over the levels does.
 
-With a dozen controllers in some seconds; the few hundred it takes to see the pattern need some minutes:
+A dozen controllers take some seconds; the few hundred that show the pattern, some minutes:
 
 python examples/14_friction_rig_in_closed_loop.py --crossovers 10 --gains 12
 
-Of 80 of those controllers that were promised to be stable from one level, 31 ended in a limit cycle after the hard
-burst, 5 after the gentle one; of 25 promised from three levels, none did.
+Of the 80 promised from one level, 31 end in a limit cycle after the hard burst; of the 25 from three levels, none.
 """
 
 import argparse
