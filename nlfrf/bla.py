@@ -61,6 +61,22 @@ class Bla:
         Output amplitudes on excited and detection lines.
     var_bound : (F,) ndarray
         The variance of G behind `bound`: `var_total`, pooled with the detection lines where M >= 2.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4 and 4.3.
+
+    Examples
+    --------
+    A weak cube: by Bussgang the BLA is 2 + 0.3, but for what the line itself takes out of the sum.
+
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> bla = nlfrf.identify(record)
+    >>> bool(np.all(np.abs(bla.G - 2.3) < bla.bound(simultaneous=True)))
+    True
     """
 
     f: np.ndarray

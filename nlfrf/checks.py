@@ -9,7 +9,14 @@ import numpy as np
 
 
 class DataWarning(UserWarning):
-    """A result that is usable but suspicious: the data or the grid limit what it means."""
+    """A result that is usable but suspicious: the data or the grid limit what it means.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", DataWarning)  # to stop at every suspicious result
+    """
 
 
 def positive(name: str, number: Any) -> float:

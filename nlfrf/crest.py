@@ -38,6 +38,11 @@ def reduce_crest(
     Multisine
         Each realisation with the lowest crest factor that was found, never above the one it had.
 
+    Raises
+    ------
+    ValueError
+        A target that is not positive, iterations or oversampling below one.
+
     References
     ----------
     E. Van der Ouderaa, J. Schoukens, J. Renneboog, "Peak factor minimization using a time-frequency domain swapping

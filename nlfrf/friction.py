@@ -35,6 +35,20 @@ class Coulomb:
         Shape of the Stribeck curve.
     sigma2 : float
         Viscous friction [Ns/m].
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive, Fs below Fc, Fs above Fc without vs.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, Kluwer, 1991.
+
+    Examples
+    --------
+    >>> Coulomb(Fc=0.7).Fs
+    0.7
     """
 
     Fc: float
@@ -69,9 +83,19 @@ class Dahl:
     n : float
         Shape of the yielding; 1 in most of the literature.
 
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive.
+
     References
     ----------
     P. Dahl, *A solid friction model*, Aerospace Corporation, 1968.
+
+    Examples
+    --------
+    >>> Dahl(sigma0=64e3, Fc=0.7).Fc
+    0.7
     """
 
     sigma0: float
@@ -102,10 +126,20 @@ class LuGre:
     delta : float
         Shape of the Stribeck curve.
 
+    Raises
+    ------
+    ValueError
+        Numbers out of range.
+
     References
     ----------
     C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, *A new model for control of systems with
     friction*, IEEE Trans. Automatic Control 40, 1995.
+
+    Examples
+    --------
+    >>> LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01).delta
+    2.0
     """
 
     sigma0: float
@@ -160,6 +194,13 @@ class Leuven:
     presliding behavior for accurate friction compensation*, IEEE Trans. Automatic Control 45, 2000;
     V. Lampaert, J. Swevers, F. Al-Bender, *Modification of the Leuven integrated friction model structure*,
     IEEE Trans. Automatic Control 47, 2002.
+
+    Examples
+    --------
+    With n = 1 and a linear curve it is LuGre; as it stands it is the friction of the paper.
+
+    >>> Leuven().Fs, Leuven().Fc, Leuven().vs
+    (1.0, 0.7, 0.01)
     """
 
     Fs: float = 1.0
@@ -209,10 +250,21 @@ class GeneralizedMaxwellSlip:
     sigma2 : float
         Viscous friction [Ns/m].
 
+    Raises
+    ------
+    ValueError
+        Elements whose numbers do not fit each other.
+
     References
     ----------
     F. Al-Bender, V. Lampaert, J. Swevers, *The generalized Maxwell-slip model: a novel model for friction
     simulation and compensation*, IEEE Trans. Automatic Control 50, 2005.
+
+    Examples
+    --------
+    >>> law = GeneralizedMaxwellSlip(stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01)
+    >>> float(law.alpha.sum())
+    1.0
     """
 
     stiffness: Any

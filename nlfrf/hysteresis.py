@@ -43,6 +43,16 @@ class Linear:
     ----------
     K0 : float
         Stiffness [N/m].
+
+    Raises
+    ------
+    ValueError
+        A K0 that is not positive.
+
+    Examples
+    --------
+    >>> Linear(64e3).K0
+    64000.0
     """
 
     K0: float
@@ -68,6 +78,15 @@ class Tanh(Yielding):
     Fy : float
         Largest force [N].
 
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive.
+
+    References
+    ----------
+    G. Masing 1926 (the rule that makes a loop of a virgin curve); the curve is ours, fitted to the paper's resonances.
+
     Examples
     --------
     The branch after a turning point is the virgin curve at twice the size: from y(1) back to -y(1).
@@ -91,6 +110,21 @@ class Exponential(Yielding):
         Stiffness at the origin [N/m].
     Fy : float
         Largest force [N].
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive.
+
+    References
+    ----------
+    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968: the curve of its model of exponent one.
+
+    Examples
+    --------
+    >>> curve = Exponential(64e3, 1.0)
+    >>> curve.K0, curve.Fy
+    (64000.0, 1.0)
     """
 
     def __call__(self, z: Any) -> np.ndarray:
@@ -109,6 +143,21 @@ class Parabola(Yielding):
         Stiffness at the origin [N/m].
     Fy : float
         Largest force [N].
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive.
+
+    References
+    ----------
+    G. Masing 1926 (the rule that makes a loop of a virgin curve).
+
+    Examples
+    --------
+    >>> curve = Parabola(64e3, 1.0)
+    >>> curve.K0, curve.Fy
+    (64000.0, 1.0)
     """
 
     def __call__(self, z: Any) -> np.ndarray:
@@ -128,6 +177,21 @@ class ElasticPlastic(Yielding):
         Stiffness [N/m].
     Fy : float
         Largest force [N].
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive.
+
+    References
+    ----------
+    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966): one Jenkin element.
+
+    Examples
+    --------
+    >>> curve = ElasticPlastic(64e3, 1.0)
+    >>> curve.K0, curve.Fy
+    (64000.0, 1.0)
     """
 
     def __call__(self, z: Any) -> np.ndarray:
@@ -215,6 +279,15 @@ class MaxwellSlip:
     strength : (E,) ndarray
         Force W_i at which each element slips [N]; infinite for a spring that never slips.
 
+    Raises
+    ------
+    ValueError
+        Stiffnesses and strengths that are not positive or not one for one.
+
+    References
+    ----------
+    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966).
+
     Examples
     --------
     >>> hysteresis_force(MaxwellSlip([2.0, 1.0], [1.0, 2.0]), [0.5, 1.0, 3.0, 2.5]).tolist()
@@ -285,6 +358,15 @@ def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
     (n,) ndarray
         Forces [N] at these displacements.
 
+    Raises
+    ------
+    ValueError
+        Displacements that are not one finite path.
+
+    References
+    ----------
+    G. Masing 1926; E. Madelung 1905 (wiping out).
+
     Examples
     --------
     A closed inner loop leaves no trace: 3 is reached with the same force with it and without it.
@@ -331,6 +413,15 @@ def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0
     Returns
     -------
     MaxwellSlip
+
+    Raises
+    ------
+    ValueError
+        Fewer than one element, decades that are not positive.
+
+    References
+    ----------
+    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966).
 
     Examples
     --------

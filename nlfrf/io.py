@@ -72,6 +72,18 @@ def load_record(
         are), signals that do not make a record.
     FileNotFoundError
         No such file.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> nlfrf.save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.mat")
+    >>> record = load_record(f"{folder.name}/run.mat", u="u", y="y")
+    >>> bool(np.array_equal(record.u, ms.u[None]))
+    True
+    >>> folder.cleanup()
     """
     if not isinstance(y, str):
         common: dict[str, Any] = {"u": u, "r": r, "fs": fs, "n_samples": n_samples, "lines": lines}
@@ -117,10 +129,28 @@ def stored_record(
 def save_record(record: Record, path: str | os.PathLike[str]) -> None:
     """Write a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one realisation.
 
+    Parameters
+    ----------
+    record : Record
+        What was measured or simulated.
+    path : path
+        File to write; its suffix says the format. Written whole or not at all.
+
     Raises
     ------
     ValueError
         A suffix that is none of these; several realisations for a CSV file.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.csv")
+    >>> Path(folder.name, "run.csv").read_text().splitlines()[0]
+    't [s],u,y'
+    >>> folder.cleanup()
     """
     path = Path(path)
     content = {
@@ -186,10 +216,31 @@ def save_csv(target: Path, record: Record) -> None:
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     """Write a `Bla` to an ``.npz`` or ``.h5`` file, exactly.
 
+    Parameters
+    ----------
+    bla : Bla
+        What was identified.
+    path : path
+        File to write, ``.npz`` or ``.h5``. Written whole or not at all.
+
     Raises
     ------
     ValueError
         Another suffix.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> bla = nlfrf.identify(record)
+    >>> save_bla(bla, f"{folder.name}/bla.npz")
+    >>> bool(np.array_equal(nlfrf.load_bla(f"{folder.name}/bla.npz").G, bla.G))
+    True
+    >>> folder.cleanup()
     """
     save_value(bla, BLA_SCHEMA, path)
 
@@ -199,6 +250,35 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
 
     Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
     dof, grid_factor; standard deviations in the unit of G.
+
+    Parameters
+    ----------
+    bla : Bla
+        What was identified.
+    path : path
+        File to write. Written whole or not at all.
+    confidence : float
+        Probability of the two bounds.
+
+    Raises
+    ------
+    ValueError
+        A confidence that is no probability.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> export_csv(nlfrf.identify(record), f"{folder.name}/bla.csv")
+    >>> Path(folder.name, "bla.csv").read_text()[:36]
+    'f [Hz],Re G,Im G,bound,bound_realiza'
+    >>> folder.cleanup()
     """
     columns = {
         "f [Hz]": bla.f,
@@ -220,12 +300,28 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
 def load_bla(path: str | os.PathLike[str]) -> Bla:
     """Read what `save_bla` wrote.
 
+    Parameters
+    ----------
+    path : path
+        A file that `save_bla` wrote.
+
+    Returns
+    -------
+    Bla
+
     Raises
     ------
     ValueError
         A file that is not a whole BLA of a version this package reads.
     FileNotFoundError
         No such file.
+
+    Examples
+    --------
+    >>> load_bla("README.md")
+    Traceback (most recent call last):
+        ...
+    ValueError: path must end in .mat, .npz, .csv, .h5, .hdf5, got 'README.md'
     """
     bla: Bla = load_value(Bla, BLA_SCHEMA, path)
     return bla
@@ -238,10 +334,28 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
     hold what a signal generator plays, one column, row or channel a realisation, with the design in an ``.npz`` of the
     same name beside them; a WAV file is scaled to a peak of 1, and that peak stored with the design.
 
+    Parameters
+    ----------
+    ms : Multisine
+        The design.
+    path : path
+        File to write; its suffix says the format. Written whole or not at all.
+
     Raises
     ------
     ValueError
         Another suffix.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> from nlfrf.multisine import multisine
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> save_multisine(ms, f"{folder.name}/ms.csv")              # and the design beside it
+    >>> bool(np.array_equal(load_multisine(f"{folder.name}/ms.npz").phase, ms.phase))
+    True
+    >>> folder.cleanup()
     """
     path = Path(path)
     suffix, u = path.suffix.lower(), ms.u
@@ -264,7 +378,31 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
 
 
 def load_multisine(path: str | os.PathLike[str]) -> Multisine:
-    """Read the design that `save_multisine` wrote; errors as of `load_bla`."""
+    """Read the design that `save_multisine` wrote.
+
+    Parameters
+    ----------
+    path : path
+        The ``.npz`` or ``.h5`` file of the design.
+
+    Returns
+    -------
+    Multisine
+
+    Raises
+    ------
+    ValueError
+        A file that is not a whole design of a version this package reads.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> load_multisine("README.md")
+    Traceback (most recent call last):
+        ...
+    ValueError: path must end in .mat, .npz, .csv, .h5, .hdf5, got 'README.md'
+    """
     ms: Multisine = load_value(Multisine, MULTISINE_SCHEMA, path)
     return ms
 

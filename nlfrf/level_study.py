@@ -28,6 +28,18 @@ class LevelStudy:
         Levels of the excitation [N].
     blas : tuple of L Bla
         What was identified at each; as a list, a plant family for `robust.uncertainty`.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=2048, n_samples=2048, f_min=2, f_max=140, rng=1)
+    >>> study = nlfrf.level_study(nlfrf.paper_rig(), ms, [0.01, 0.1], n_discard=4)
+    >>> study.distortion.shape == (2, ms.f.size), study.growth.shape == (1, ms.f.size)
+    (True, True)
     """
 
     rms: np.ndarray
@@ -85,6 +97,10 @@ def level_study(
     ------
     ValueError
         Levels that are not positive and increasing; what `simulate` and `identify` refuse.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4.
 
     Examples
     --------

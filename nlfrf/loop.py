@@ -44,6 +44,15 @@ class LoopResponse:
         Friction force [N].
     diverged : bool
         Whether the loop ran away; the arrays end there.
+
+    Examples
+    --------
+    >>> import control
+    >>> from nlfrf import paper_rig, simulate_loop
+    >>> K = control.ss(control.tf([2e3, 0], [1, -1], 1e-3))                 # an integrator
+    >>> response = simulate_loop(paper_rig(), K, np.full(500, 1e-6), fs=1000)
+    >>> response.diverged, bool(abs(response.e[-1]) < 1e-7)
+    (False, True)
     """
 
     t: np.ndarray
@@ -140,6 +149,10 @@ def simulate_loop(
     ValueError
         A controller that is continuous, of another sampling time, or not single-input single-output; arrays that do
         not fit.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay).
 
     Examples
     --------

@@ -32,6 +32,16 @@ class Multisine:
         Amplitude of the cosine on each excited line, in the unit of the signal.
     phase : (M, F) ndarray
         Phases [rad], one row per realisation.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.1 (eq. 2-47) and 5.2.
+
+    Examples
+    --------
+    >>> ms = multisine(fs=1000, n_samples=1000, f_min=1, f_max=20, rms=2.0, n_realizations=3, rng=1)
+    >>> ms.u.shape, ms.f0, round(ms.rms, 12)
+    ((3, 1000), 1.0, 2.0)
     """
 
     fs: float

@@ -29,6 +29,20 @@ class SecondOpinion:
         Variance read from the roughness of the FRF over the excited lines.
     difference : (F,) ndarray
         Roughness over detection [dB], averaged over the nine lines around each.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 4.3 (detection lines); 7.2.2 (local polynomials).
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> opinion = nlfrf.second_opinion(record)
+    >>> bool(np.all(opinion.roughness > 0)), opinion.disagree.shape == opinion.f.shape
+    (True, True)
     """
 
     f: np.ndarray
@@ -76,10 +90,18 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     transient, n_detection
         As of `identify`.
 
+    Returns
+    -------
+    SecondOpinion
+
     Raises
     ------
     ValueError
         As of `identify`; fewer than five excited lines.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 4.3 (detection lines); 7.2.2 (local polynomials).
 
     Examples
     --------

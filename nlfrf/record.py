@@ -38,6 +38,14 @@ class Record:
     ValueError
         Shapes that differ or are not (M, P, N), numbers that are not finite, an input that is constant, lines
         at or above Nyquist.
+
+    Examples
+    --------
+    >>> from nlfrf.multisine import multisine
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> record = Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines)
+    >>> record.n_realizations, record.n_periods, record.n_samples, record.f0
+    (1, 1, 100, 1.0)
     """
 
     u: Any

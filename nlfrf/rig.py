@@ -45,6 +45,10 @@ class Rig:
     ValueError
         A mass that is not positive, a negative stiffness or damping, a friction that is no law.
 
+    References
+    ----------
+    "The impact of nonlinear friction on frequency response function measurements", section 2: the experiment.
+
     Examples
     --------
     >>> from nlfrf.friction import LuGre
@@ -83,6 +87,16 @@ class Rig:
 def paper_rig() -> Rig:
     """The rig of the paper: 1 kg on 80 kN/m with Leuven friction, resonances near 59 Hz and 45 Hz.
 
+    Returns
+    -------
+    Rig
+
+    References
+    ----------
+    "The impact of nonlinear friction on frequency response function measurements": its table of parameters.
+
+    Examples
+    --------
     >>> round(float(np.sqrt(paper_rig().stiffness / paper_rig().mass) / (2 * np.pi)), 2)
     45.02
     """
@@ -103,6 +117,13 @@ class Motion:
         Position [m], velocity [m/s], and deflection of the friction [m].
     friction : (n,) ndarray
         Friction force [N].
+
+    Examples
+    --------
+    >>> from nlfrf import paper_rig, run
+    >>> motion = run(paper_rig(), np.zeros(4), fs=1000)
+    >>> motion.t.tolist(), motion.x.tolist()
+    ([0.0, 0.001, 0.002, 0.003], [0.0, 0.0, 0.0, 0.0])
     """
 
     t: np.ndarray

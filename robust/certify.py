@@ -44,6 +44,16 @@ class Certificate:
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
         Why it does not hold; empty when it does.
+
+    References
+    ----------
+    Boyd, El Ghaoui, Feron & Balakrishnan 1994, 2.7.3.
+
+    Examples
+    --------
+    >>> proof = certify_norm(control.tf([1], [1, 1]), 1.1)
+    >>> proof.holds, certify_norm(control.tf([1], [1, 1]), 0.9).holds
+    (True, False)
     """
 
     subject: str
@@ -85,6 +95,11 @@ def certify_norm(
     -------
     Certificate
         One that does not hold says why. Nothing a solver does raises.
+
+    Raises
+    ------
+    ValueError
+        A level that is not positive, a solver that is none of the two.
 
     References
     ----------

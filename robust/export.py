@@ -38,6 +38,24 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
         The model.
     path : path
         File to write.
+
+    Raises
+    ------
+    ValueError
+        Anything that is not an UncertaintyModel.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> save_model(model, f"{folder.name}/model.json")
+    >>> bool(np.array_equal(load_model(f"{folder.name}/model.json").radius, model.radius))
+    True
+    >>> folder.cleanup()
     """
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, got {shown(model)}")
@@ -64,12 +82,28 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
 def load_model(path: PathLike) -> UncertaintyModel:
     """Read an uncertainty model back from a ``.json`` file.
 
+    Parameters
+    ----------
+    path : path
+        A file that `save_model` wrote.
+
+    Returns
+    -------
+    UncertaintyModel
+
     Raises
     ------
     ValueError
         A file that is not such a model, is truncated, or has a newer version.
     FileNotFoundError
         No such file.
+
+    Examples
+    --------
+    >>> load_model("nothing.json")
+    Traceback (most recent call last):
+        ...
+    FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
     content = read(path, MODEL_SCHEMA)
     try:
@@ -100,6 +134,22 @@ def save_controller(K: Any, path: PathLike) -> None:
         Controller, negative feedback.
     path : path
         File to write.
+
+    Raises
+    ------
+    ValueError
+        Several inputs or outputs, or anything that is no controller.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> save_controller(control.tf([1, -0.5], [1, -0.9], 0.01), f"{folder.name}/K.json")
+    >>> load_controller(f"{folder.name}/K.json").dt
+    0.01
+    >>> folder.cleanup()
     """
     K = state_space("K", K)
     content = {
@@ -117,12 +167,28 @@ def save_controller(K: Any, path: PathLike) -> None:
 def load_controller(path: PathLike) -> control.StateSpace:
     """Read a controller back from a ``.json`` file.
 
+    Parameters
+    ----------
+    path : path
+        A file that `save_controller` wrote.
+
+    Returns
+    -------
+    control.StateSpace
+
     Raises
     ------
     ValueError
         A file that is not a controller, or is truncated.
     FileNotFoundError
         No such file.
+
+    Examples
+    --------
+    >>> load_controller("nothing.json")
+    Traceback (most recent call last):
+        ...
+    FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
     content = read(path, CONTROLLER_SCHEMA)
     try:
@@ -203,6 +269,22 @@ def export_matlab(content: Any, path: PathLike) -> None:
         What to write.
     path : path
         The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
+
+    Raises
+    ------
+    ValueError
+        A path that does not end in .mat.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> export_matlab(control.tf([1, -0.5], [1, -0.9], 0.01), f"{folder.name}/K.mat")
+    >>> sorted(os.listdir(folder.name))
+    ['K.mat', 'load_K.m']
+    >>> folder.cleanup()
     """
     path = Path(path)
     if path.suffix != ".mat":

@@ -43,6 +43,17 @@ class Synthesis:
         Values of gamma tried.
     reason : str
         Why nothing, or less than asked for, was found; empty otherwise.
+
+    References
+    ----------
+    Doyle, Glover, Khargonekar & Francis 1989.
+
+    Examples
+    --------
+    >>> P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [0.0], [1.0]], [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
+    >>> found = hinfsyn(P, 1, 1)
+    >>> bool(found.gamma_low <= found.gamma_min <= found.gamma < np.inf), found.reason
+    (True, '')
     """
 
     K: control.StateSpace

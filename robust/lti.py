@@ -246,6 +246,35 @@ def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> contro
     The delay [s] need not be a whole number of samples. With delay = d dt + rest, the plant input changes
     inside the sampling interval from u[k-d-1] to u[k-d] (Åström & Wittenmark, *Computer-Controlled Systems*,
     3rd ed., 2.3).
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous plant.
+    dt : float
+        Sampling time [s] of the controller.
+    delay : float
+        Computation delay [s].
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete, with the sampling time dt.
+
+    Raises
+    ------
+    ValueError
+        A sampling time that is not positive, a negative delay.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3.
+
+    Examples
+    --------
+    >>> plant = sampled(control.ss(control.tf([1], [1, 0])), 0.1)            # an integrator: 0.1/(z - 1)
+    >>> round(float(plant.poles()[0].real), 9), plant.dt
+    (1.0, 0.1)
     """
     positive("dt", dt)
     delay = nonnegative("delay", delay)
@@ -377,6 +406,10 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
     ------
     ValueError
         A controller that is discrete already, a prewarp frequency beyond Nyquist.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 8.2.
 
     Examples
     --------

@@ -40,6 +40,17 @@ class NominalFit:
         given. A cost well above it means undermodelling: `uncertainty` puts what is missing into the radius.
     n_parameters : int
         Free real parameters.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 9 and 11 (cost and its expectation).
+
+    Examples
+    --------
+    >>> omega = np.linspace(1, 20, 30)
+    >>> fit = fit_nominal(control.FrequencyResponseData(1 / (1j * omega + 3), omega), n_poles=1)
+    >>> fit.G.poles().real.round(9).tolist(), bool(np.abs(fit.residual).max() < 1e-9)
+    ([-3.0], True)
     """
 
     G: control.StateSpace
@@ -82,6 +93,21 @@ def frd(bla: Bla) -> control.FrequencyResponseData:
     -------
     control.FrequencyResponseData
         One input, one output, at the excited lines [rad/s].
+
+    Raises
+    ------
+    ValueError
+        Anything that is not a Bla.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> measured = frd(nlfrf.identify(record))
+    >>> bool(np.allclose(measured.omega, 2 * np.pi * ms.f))
+    True
     """
     if not isinstance(bla, Bla):
         raise ValueError(f"bla must be an nlfrf.Bla, got {shown(bla)}")

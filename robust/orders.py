@@ -29,6 +29,19 @@ class OrderScan:
         Its number of poles.
     fits : tuple of NominalFit
         All of them.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 11.3.
+
+    Examples
+    --------
+    >>> import control
+    >>> omega = np.linspace(1, 20, 40)
+    >>> G = 1 / (1j * omega + 3) + 1e-3 * np.random.default_rng(0).standard_normal(40)
+    >>> scan = scan_orders(control.FrequencyResponseData(G, omega), n_poles=(1, 2), std=np.full(40, 1e-3))
+    >>> scan.best, scan.fit.G.nstates
+    (1, 1)
     """
 
     n_poles: np.ndarray
@@ -85,6 +98,14 @@ def scan_orders(
     References
     ----------
     Pintelon & Schoukens, 2nd ed., 11.3 (model selection criteria).
+
+    Examples
+    --------
+    >>> import control
+    >>> omega = np.linspace(1, 20, 40)
+    >>> G = 1 / (1j * omega + 3) + 1e-3 * np.random.default_rng(0).standard_normal(40)
+    >>> scan_orders(control.FrequencyResponseData(G, omega), n_poles=(1, 2), std=np.full(40, 1e-3)).best
+    1
     """
     orders = sorted({integer("n_poles", n, least=0) for n in n_poles})
     excess = integer("relative_degree", relative_degree, least=0)

@@ -54,6 +54,29 @@ class RobustnessReport:
         In one sentence each.
     context : str
         The loop in one line.
+    G, K : (W,) complex ndarray
+        Responses of plant and controller, hold and delay included.
+    radius : (W,) ndarray
+        |weight|, in the unit of the form.
+    form : str
+        Form of the uncertainty.
+    w_P : (W,) ndarray or None
+        |w_P| on the grid, where performance was asked for.
+
+    References
+    ----------
+    SP 7.5, 7.6; Seiler, Packard & Gahinet 2020 (disk margin).
+
+    Examples
+    --------
+    >>> import control
+    >>> from robust import UncertaintyModel
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> from robust import check
+    >>> report = check(model, 2.0)
+    >>> report.verdict, bool(report.margin_rs * max(report.rs) > 0.999)
+    ('statistically robust', True)
     """
 
     omega: np.ndarray

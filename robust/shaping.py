@@ -34,6 +34,16 @@ class Design:
         Why the design ended, or which demand is in the way and where.
     history : tuple of float
         gamma, or the worst demand while one was not met, after every iteration.
+
+    References
+    ----------
+    SP 9.4.1.
+
+    Examples
+    --------
+    >>> design = ncfsyn(control.tf([1], [1, 1]), 10)
+    >>> bool(design.gamma_min < design.gamma < 4)
+    True
     """
 
     K: control.StateSpace
@@ -141,6 +151,10 @@ def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
     ------
     ValueError
         A crossover beyond Nyquist, or where the plant has no gain.
+
+    References
+    ----------
+    SP 9.4.2 (choice of the shaping functions); the integrator of this weight is the usual first choice.
 
     Examples
     --------

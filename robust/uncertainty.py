@@ -68,6 +68,23 @@ class UncertaintyModel:
         In words, what was assumed outside the measured band.
     source : str
         In words, what was measured.
+
+    Raises
+    ------
+    ValueError
+        A weight that is unstable or does not cover the radius, arrays that do not fit each other, sampling times that
+        differ, a form or class that does not exist.
+
+    References
+    ----------
+    SP 7.4 and 8.2.3.
+
+    Examples
+    --------
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> model.contains(1.1 * G), model.contains(1.3 * G)
+    (True, False)
     """
 
     nominal: Any
@@ -225,6 +242,22 @@ class Validation:
         Where they are [rad/s].
     n_lines : int
         Lines compared; those outside the band of the model are left out.
+
+    References
+    ----------
+    The binomial distribution of lines outside, taken as independent.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> bla = nlfrf.identify(record)
+    >>> from robust import uncertainty, validate
+    >>> seen = validate(uncertainty(bla, control.tf([2.3], [1]), order=0), bla)
+    >>> seen.n_outside, seen.n_lines == ms.f.size
+    (0, True)
     """
 
     n_outside: int
@@ -291,6 +324,16 @@ def uncertainty(
     References
     ----------
     SP 7.4 and 8.2.3; Pintelon & Schoukens, 2nd ed., 4.3.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0)
+    >>> model.form, model.perturbation, bool(np.all(model.radius < 0.2))
+    ('multiplicative', 'statistical', True)
     """
     many = list(bla) if isinstance(bla, Sequence) else [bla]
     if not many or not all(isinstance(b, Bla) for b in many):
@@ -368,6 +411,20 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
     ------
     ValueError
         No line inside the band of the model, or a model that claims no probability.
+
+    References
+    ----------
+    The binomial distribution of lines outside, taken as independent.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> bla = nlfrf.identify(record)
+    >>> validate(uncertainty(bla, control.tf([2.3], [1]), order=0), bla).n_outside
+    0
     """
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():

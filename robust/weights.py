@@ -53,6 +53,16 @@ class WeightFit:
     exact : bool
         The radius was itself a weight of this order and was recovered; what it does between the lines is then
         taken for the radius there. Otherwise the larger of the two neighbours holds between lines.
+
+    References
+    ----------
+    SP 7.4.3.
+
+    Examples
+    --------
+    >>> fit = fit_weight(np.array([1.0, 2.0, 4.0]), np.array([0.1, 0.2, 0.3]), order=1)
+    >>> fit.min_ratio >= 1, fit.W.nstates
+    (True, 1)
     """
 
     W: control.StateSpace
