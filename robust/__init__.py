@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from robust.handover import write_report
     from robust.hinfsyn import Synthesis, hinfsyn
     from robust.lti import discretize, sampled
+    from robust.mu import MuBound, mu_upper
+    from robust.mu_certify import certify_mu
+    from robust.mu_lower import mu_lower
     from robust.nominal import NominalFit, fit_nominal, frd
     from robust.orders import OrderScan, scan_orders
     from robust.report import RobustnessReport
@@ -52,6 +55,7 @@ HOMES = {
     "Certificate": "certify",
     "Design": "shaping",
     "LoopFamily": "worst",
+    "MuBound": "mu",
     "NominalFit": "nominal",
     "OrderScan": "orders",
     "RobustnessReport": "report",
@@ -60,6 +64,7 @@ HOMES = {
     "Validation": "uncertainty",
     "WeightFit": "weights",
     "WorstCase": "worst",
+    "certify_mu": "mu_certify",
     "certify_norm": "certify",
     "check": "check",
     "control_weight": "formulas",
@@ -76,6 +81,8 @@ HOMES = {
     "load_controller": "export",
     "load_model": "export",
     "loop_bounds": "worst",
+    "mu_lower": "mu_lower",
+    "mu_upper": "mu",
     "ncfsyn": "shaping",
     "performance_weight": "formulas",
     "sample_loops": "worst",
@@ -94,6 +101,7 @@ __all__ = [
     "Design",
     "DesignWarning",
     "LoopFamily",
+    "MuBound",
     "NominalFit",
     "OrderScan",
     "RobustnessReport",
@@ -102,6 +110,7 @@ __all__ = [
     "Validation",
     "WeightFit",
     "WorstCase",
+    "certify_mu",
     "certify_norm",
     "check",
     "control_weight",
@@ -118,6 +127,8 @@ __all__ = [
     "load_controller",
     "load_model",
     "loop_bounds",
+    "mu_lower",
+    "mu_upper",
     "ncfsyn",
     "performance_weight",
     "sample_loops",

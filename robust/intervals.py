@@ -128,6 +128,7 @@ def prove(
     top: float,
     *,
     time_cap: float,
+    most: int = MAX_INTERVALS,
 ) -> Outcome:
     """Prove that the loop stays below one on [0, top].
 
@@ -136,6 +137,10 @@ def prove(
     """
     deadline = time.monotonic() + time_cap
     edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
+
+    def narrow(low: float, high: float) -> bool:
+        return bool(low > edges[-2] / NARROWEST if np.isinf(high) else high - low <= NARROWEST * high)
+
     nothing_below = NARROWEST * edges[1] if np.isfinite(edges[1]) else 0.0
     todo = list(itertools.pairwise(edges.tolist()))[::-1]
     done: list[tuple[float, float]] = []
@@ -146,8 +151,8 @@ def prove(
 
     while todo:
         count += 1
-        if count > MAX_INTERVALS or time.monotonic() > deadline:
-            return stop("undecided after " + (f"{count - 1} intervals" if count > MAX_INTERVALS else f"{time_cap:g} s"))
+        if count > most or time.monotonic() > deadline:
+            return stop("undecided after " + (f"{count - 1} intervals" if count > most else f"{time_cap:g} s"))
         low, high = todo.pop()
         inner = inside(low, high)
         if not (truth := exact(inner)) < 1:
@@ -164,11 +169,21 @@ def prove(
             no_crossing(matrices, low, high) or nearby(matrices, inner, max(inner - low, high - inner))
         ):
             done.append((low, high))
-        elif high - low <= NARROWEST * high or high <= nothing_below:
+        elif narrow(low, high) or high <= nothing_below:
             return stop(f"undecided at {inner:.6g}")
         else:
             todo += [(inner, high), (low, inner)]
     return Outcome(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
+
+
+def around(points: np.ndarray) -> np.ndarray:
+    """Where to cut the axis first: a third and three times every point, those that crowd left out."""
+    x = np.unique(np.concatenate([points / 3, points * 3]))
+    keep = [x[0]]
+    for point in x[1:]:
+        if point > 2 * keep[-1]:
+            keep.append(point)
+    return np.array(keep)
 
 
 def no_crossing(matrices: Matrices, low: float, high: float) -> bool:

@@ -108,11 +108,12 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     if n == 0:
         return np.zeros(0), np.zeros(0)
     B, C, D = B / np.sqrt(level), C / np.sqrt(level), D / level
-    inner, outer = np.eye(D.shape[1]) - D.T @ D, np.eye(D.shape[0]) - D @ D.T
+    Bh, Ch, Dh = B.conj().T, C.conj().T, D.conj().T  # a scaling may have made them complex
+    inner, outer = np.eye(D.shape[1]) - Dh @ D, np.eye(D.shape[0]) - D @ Dh
     if np.abs(np.linalg.eigvalsh(inner)).min() < 1e-9 or np.abs(np.linalg.eigvalsh(outer)).min() < 1e-9:
         return None
-    F = A + B @ np.linalg.solve(inner, D.T @ C)
-    H = np.block([[F, B @ np.linalg.solve(inner, B.T)], [-C.T @ np.linalg.solve(outer, C), -F.T]])
+    F = A + B @ np.linalg.solve(inner, Dh @ C)
+    H = np.block([[F, B @ np.linalg.solve(inner, Bh)], [-Ch @ np.linalg.solve(outer, C), -F.conj().T]])
     if not np.isfinite(H).all():
         return None
     H = matrix_balance(H, permute=False)[0]

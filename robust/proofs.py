@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from robust.assembly import Assembly, weighted
 from robust.certify import Certificate, certify_norm, refused
 from robust.enclosure import Loop, product, prove_loop
-from robust.intervals import Outcome, prove
+from robust.intervals import Outcome, around, prove
 from robust.loop import closed_loop
 from robust.lti import constant, evaluate, response, timebase
 from robust.norms import Matrices, continuous_image, well_conditioned
@@ -106,13 +106,7 @@ def starting_points(loop: Assembly, A: np.ndarray, omega: np.ndarray) -> np.ndar
     """Where to cut the axis first: around the resonances of the loop."""
     size = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     size = size[(size > 0) & np.isfinite(size)]
-    x = np.concatenate([size, loop.x_of(omega[[0, omega.size // 2, -1]])])
-    x = np.unique(np.concatenate([x / 3, x * 3]))
-    keep = [x[0]]
-    for point in x[1:]:
-        if point > 2 * keep[-1]:
-            keep.append(point)
-    return np.array(keep)
+    return around(np.concatenate([size, loop.x_of(omega[[0, omega.size // 2, -1]])]))
 
 
 def delay_harmless(loop: Assembly, omega: np.ndarray) -> bool:
