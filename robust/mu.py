@@ -19,8 +19,9 @@ from robust.norms import EPS
 from robust.structure import Structure, fitting
 
 MOST_STEPS = 80
+MOST_STEPS_REAL = 200
 GAP = 1e-9
-SPRING = 1e-6
+SPRING = 0.1
 
 
 @value(copy=False)
@@ -161,7 +162,7 @@ def scalings(N: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray, np.nd
     bound = top_eigenvalue(M, g)
     best = bound.copy()
     alpha = np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_STEPS_REAL if s.skew.size else MOST_STEPS):
         M, L, R, g, near, lost = centred(M, L, R, g, alpha, s)
         bound = top_eigenvalue(M, g)
         better = bound < best[todo]
@@ -215,10 +216,10 @@ def centred(
     gradient = -np.einsum("wkii->wk", P).real
     gradient[:, :K] -= trace
     size = H.shape[1]
-    # a weak spring on G, which the barrier alone may let run away
-    spring = SPRING * np.einsum("lij,wij->wl", s.skew.conj(), G).real
-    gradient[:, K:] += spring
-    H[:, K:, K:] += SPRING * np.einsum("lij,kij->lk", s.skew.conj(), s.skew).real
+    # a spring on G, which the barrier alone may let run away, weaker as the bound is approached
+    spring = SPRING * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
+    gradient[:, K:] += spring[:, None] * np.einsum("lij,wij->wl", s.skew.conj(), G).real
+    H[:, K:, K:] += spring[:, None, None] * np.einsum("lij,kij->lk", s.skew.conj(), s.skew).real
     H = H + 1e-13 * np.einsum("wkk->w", H)[:, None, None] * np.eye(size) / size
     border = np.zeros((W, size, 2))
     border[:, :K, 0], border[:, :, 1] = trace, gradient
