@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: demo test lint docs bench clean help
+.PHONY: demo test lint docs picture bench clean help
 
 help:
 	@echo "make demo   the main job on the built-in rig: files and pictures in demo/"
@@ -36,7 +36,12 @@ docs: $(READY)
 	MPLBACKEND=Agg $(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees docs build/docs
 	@echo "wrote build/docs/index.html"
 
+# The picture of the README, from what the first example measured.
+picture: $(READY)
+	$(BIN)/python -m docs.picture
+
 bench: $(READY)
+	$(BIN)/python -m benchmarks.machine
 	$(BIN)/python -m benchmarks.bench_identify
 	$(BIN)/python -m benchmarks.bench_friction
 	$(BIN)/python -m benchmarks.bench_robust
@@ -44,4 +49,4 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.coverage
 
 clean:
-	rm -rf $(VENV) demo build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) demo build docs/generated dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
