@@ -33,6 +33,8 @@ class NominalFit:
         Response of the model there, delay included.
     residual : (F,) complex ndarray
         Measured minus response.
+    std : (F,) ndarray
+        Standard deviation of each line that the fit was weighted by; nan where no variance was given.
     cost : float
         Sum of |residual|^2 / var.
     expected_cost : float
@@ -58,6 +60,7 @@ class NominalFit:
     omega: np.ndarray
     response: np.ndarray
     residual: np.ndarray
+    std: np.ndarray
     cost: float
     expected_cost: float
     n_parameters: int
@@ -209,6 +212,7 @@ def fit_nominal(
         omega=lines.omega,
         response=model,
         residual=residual,
+        std=np.where(np.isnan(lines.dof), np.nan, np.sqrt(lines.var)),
         cost=float(np.sum(np.abs(residual) ** 2 / lines.var)),
         expected_cost=float(np.sum(expected) * (1 - n_parameters / (2 * lines.omega.size))),
         n_parameters=n_parameters,

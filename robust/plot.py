@@ -11,7 +11,7 @@ from robust.lti import response, state_space
 from robust.nominal import NominalFit
 from robust.orders import OrderScan
 from robust.report import RobustnessReport
-from robust.uncertainty import UncertaintyModel
+from robust.uncertainty import UncertaintyModel, Validation
 from robust.worst import LoopFamily
 
 if TYPE_CHECKING:
@@ -127,10 +127,10 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
         (report.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
         (report.rp, "robust performance", COLOR["radius"], "-"),
     )
-    drawn = [np.clip(c, 1e-4, 1e2) for c, *_ in curves if np.isfinite(c).any()]
+    drawn = np.concatenate([c[np.isfinite(c) & (c > 0)] for c, *_ in curves])
     for curve, label, color, style in curves:
         if np.isfinite(curve).any():
-            ax.plot(f, np.clip(curve, 1e-4, 1e2), style, lw=1.6, color=color, label=label)
+            ax.plot(f, curve, style, lw=1.6, color=color, label=label)
     if np.isfinite(report.margin_rs) and report.margin_rs > 0:
         ax.plot(
             hz(report.omega_rs), 1 / report.margin_rs, "o", color=COLOR["limit"], label="limits the stability margin"
@@ -141,10 +141,10 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
         yscale="log",
         xlabel="frequency [Hz]",
         ylabel="must stay below 1",
-        title=f"Verdict: {report.verdict}",
+        title=f"Verdict on stability: {report.verdict}",
     )
-    if drawn:
-        ax.set_ylim(max(1e-4, min(c.min() for c in drawn)) * 0.8, max(2.0, 1.5 * max(c.max() for c in drawn)))
+    if drawn.size:  # what matters happens around one; curves run out of the picture below
+        ax.set_ylim(max(1e-3, drawn.min() * 0.8), float(np.clip(1.5 * drawn.max(), 2.0, 1e2)))
     else:
         ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
     return finished(ax)
@@ -179,8 +179,42 @@ def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
     label = f"model, {fit.G.nstates} poles" + (f", delay {1e3 * fit.delay:.3g} ms" if fit.delay else "")
     ax.plot(f[order], db(np.abs(fit.response[order])), "-", lw=1.6, color=COLOR["radius"], label=label)
     ax.plot(f, db(np.abs(fit.residual)), ".", ms=2, color=COLOR["limit"], alpha=0.7, label="residual")
-    ratio = fit.cost / fit.expected_cost
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title=f"Cost {ratio:.3g} times scatter")
+    title = f"Nominal model of {fit.G.nstates} poles"
+    if np.isfinite(fit.expected_cost):
+        ax.plot(f, db(fit.std), ".", ms=2, color=COLOR["loop"], alpha=0.7, label="standard deviation of the lines")
+        title += f": cost {fit.cost / fit.expected_cost:.3g} times what scatter alone leaves"
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title=title)
+    return finished(ax)
+
+
+def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
+    """How far the lines of a second record lie from the nominal, in units of their disc.
+
+    Parameters
+    ----------
+    validation : Validation
+        From `validate`.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f, out = hz(validation.omega), validation.distance > 1
+    ax.plot(f[~out], validation.distance[~out], ".", ms=4, color=COLOR["weight"], label="inside")
+    if out.any():
+        ax.plot(f[out], validation.distance[out], "x", ms=5, color=COLOR["limit"], label="outside")
+    ax.axhline(1, color="0.3", lw=1, ls=":")
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="distance from the nominal, over the weight",
+        title=f"{validation.n_outside} of {validation.n_lines} lines outside, {validation.n_expected:.3g} expected at "
+        f"most; p = {validation.p_value:.2g}",
+    )
     return finished(ax)
 
 
@@ -228,6 +262,9 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
             touched = abs(centre[k] + 1) <= radius[k]
             color = COLOR["limit"] if touched else COLOR["weight"]
             ax.add_patch(Circle((centre[k].real, centre[k].imag), radius[k], fill=False, lw=0.8, color=color))
+        ax.plot([], [], "o", ms=9, mfc="none", color=COLOR["weight"], label="discs of the set")
+        if np.any(np.abs(centre[near] + 1) <= radius[near]):
+            ax.plot([], [], "o", ms=9, mfc="none", color=COLOR["limit"], label="discs over -1")
     ax.plot([-1], [0], "+", ms=12, mew=2, color=COLOR["limit"], label="-1")
     ax.set(
         xlim=(-1 - reach, reach - 1),
@@ -266,7 +303,7 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
         "--",
         lw=1.4,
         color=COLOR["limit"],
-        label="worst case",
+        label="worst case of the set",
     )
     unstable = int(np.sum(~family.stable))
     title = (
@@ -302,24 +339,12 @@ def plot_bounds(
     L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
     ax.plot(f, db(L), "-", lw=1.8, color=COLOR["radius"], label="|L|")
     floor, ceiling = db(L.min()) - 20, db(L.max()) + 20
-    ax.fill_between(
-        f,
-        floor,
-        np.where(low > 0, db(low), floor),
-        color=COLOR["loop"],
-        alpha=0.3,
-        lw=0,
-        label="too low for performance",
-    )
-    ax.fill_between(
-        f,
-        np.where(np.isfinite(high), db(high), ceiling),
-        ceiling,
-        color=COLOR["limit"],
-        alpha=0.3,
-        lw=0,
-        label="too high for the uncertainty",
-    )
+    if np.any(low > 0):
+        edge = np.where(low > 0, db(low), floor)
+        ax.fill_between(f, floor, edge, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance")
+    if np.any(np.isfinite(high)):
+        edge = np.where(np.isfinite(high), db(high), ceiling)
+        ax.fill_between(f, edge, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty")
     ax.set(
         xscale="log",
         ylim=(floor, ceiling),

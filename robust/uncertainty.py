@@ -242,6 +242,8 @@ class Validation:
         Where they are [rad/s].
     n_lines : int
         Lines compared; those outside the band of the model are left out.
+    omega, distance : (n_lines,) ndarray
+        The lines compared [rad/s], and how far each lies from the nominal, in units of its disc.
 
     References
     ----------
@@ -265,6 +267,8 @@ class Validation:
     p_value: float
     omega_outside: np.ndarray
     n_lines: int
+    omega: np.ndarray
+    distance: np.ndarray
 
 
 def uncertainty(
@@ -434,7 +438,8 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
     p = model.confidence ** (1 / model.omega.size) if model.simultaneous else model.confidence
     n = int(inside.sum())
     omega = bla.omega[inside]
-    outside = model.distance(control.FrequencyResponseData(bla.G[inside], omega)) > 1
+    distance = model.distance(control.FrequencyResponseData(bla.G[inside], omega))
+    outside = distance > 1
     n_outside = int(outside.sum())
     return Validation(
         n_outside=n_outside,
@@ -442,4 +447,6 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
         p_value=float(binom.sf(n_outside - 1, n, 1 - p)),
         omega_outside=omega[outside],
         n_lines=n,
+        omega=omega,
+        distance=distance,
     )

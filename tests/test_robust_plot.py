@@ -8,7 +8,7 @@ import pytest
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-from robust import check, frd, loop_bounds, ncfsyn, performance_weight, sample_loops, scan_orders, uncertainty
+from robust import check, frd, loop_bounds, ncfsyn, performance_weight, sample_loops, scan_orders, uncertainty, validate
 from robust import plot as pictures
 from robust.lti import response
 from tests.robust_helpers import make_bla
@@ -72,6 +72,25 @@ def test_loop_and_check(ax):
     assert REPORT.verdict in other.get_title()
     assert curve(other, "robust stability")[1].max() == pytest.approx(REPORT.rs.max())
     plt.close(figure)
+
+
+def test_curves_leave_the_picture_below_without_a_plateau(ax):
+    pictures.plot_check(REPORT, ax=ax)
+    for label, curve_ in (("robust stability", REPORT.rs), ("robust performance", REPORT.rp)):
+        assert np.array_equal(curve(ax, label)[1], curve_)
+    low, high = ax.get_ylim()
+    assert low >= 1e-3
+    assert high >= 2
+
+
+def test_validation_shows_every_line(ax):
+    validation = validate(MODEL, make_bla(lambda s: 1.1 * plant(s), F, f0=0.25, sigma_distortion=0.05 * SIZE, rng=3))
+    assert 0 < validation.n_outside < validation.n_lines == F.size
+    pictures.plot_validation(validation, ax=ax)
+    assert curve(ax, "outside")[1].size == validation.n_outside
+    assert np.array_equal(curve(ax, "outside")[0], validation.omega_outside / 2 / np.pi)
+    assert curve(ax, "inside")[1].max() <= 1
+    assert f"{validation.n_outside} of {F.size} lines outside" in ax.get_title()
 
 
 def test_an_unstable_loop_is_drawn_without_curves(ax):
