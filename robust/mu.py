@@ -36,6 +36,18 @@ class MuBound:
         For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W); G of D_L N D_R^-1.
     delta : (n_in, n_out, W) ndarray or None
         For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan where none was found.
+
+    References
+    ----------
+    SP 8.8 and 8.12.
+
+    Examples
+    --------
+    SP Example 8.5: with one full block the structured singular value is the largest singular value.
+
+    >>> M = np.array([[2.0, 2.0], [-1.0, -1.0]])[..., None]
+    >>> round(float(mu_upper(M, [(2, 2)]).value[0]), 3), round(float(mu_upper(M, [(1, 1), (1, 1)]).value[0]), 3)
+    (3.162, 3.0)
     """
 
     value: np.ndarray
