@@ -22,7 +22,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "robust": tuple(robust.__all__),
 }
 #: Modules of pictures: every plot_ function is public.
-PICTURES = ("nlfrf.plot", "robust.plot")
+PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
 
 
 def things() -> list[tuple[str, str, Any]]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from robust.certify import Certificate, certify_norm
     from robust.check import check
+    from robust.elements import lag, lead, notch, pid, roll_off
     from robust.export import (
         controller_sections,
         export_matlab,
@@ -25,9 +26,11 @@ if TYPE_CHECKING:
     )
     from robust.formulas import control_weight, delay_weight, performance_weight
     from robust.frf_design import design_frf
+    from robust.gap import ncf_margin, nu_gap
     from robust.handover import write_report
     from robust.hinfsyn import Synthesis, hinfsyn
     from robust.lti import discretize, sampled
+    from robust.mixed import mixsyn
     from robust.mu import MuBound, mu_upper
     from robust.mu_certify import certify_mu
     from robust.mu_lower import mu_lower
@@ -78,13 +81,21 @@ HOMES = {
     "fit_weight": "weights",
     "frd": "nominal",
     "hinfsyn": "hinfsyn",
+    "lag": "elements",
+    "lead": "elements",
     "load_controller": "export",
     "load_model": "export",
     "loop_bounds": "worst",
     "mu_lower": "mu_lower",
     "mu_upper": "mu",
+    "mixsyn": "mixed",
+    "ncf_margin": "gap",
     "ncfsyn": "shaping",
+    "notch": "elements",
+    "nu_gap": "gap",
     "performance_weight": "formulas",
+    "pid": "elements",
+    "roll_off": "elements",
     "sample_loops": "worst",
     "sampled": "lti",
     "save_controller": "export",
@@ -124,13 +135,21 @@ __all__ = [
     "fit_weight",
     "frd",
     "hinfsyn",
+    "lag",
+    "lead",
     "load_controller",
     "load_model",
     "loop_bounds",
+    "mixsyn",
     "mu_lower",
     "mu_upper",
+    "ncf_margin",
     "ncfsyn",
+    "notch",
+    "nu_gap",
     "performance_weight",
+    "pid",
+    "roll_off",
     "sample_loops",
     "sampled",
     "save_controller",

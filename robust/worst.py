@@ -239,8 +239,9 @@ def sample_loops(
 def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarray]:
     """Where |L| must not be, for shaping a loop by hand: at least `low`, at most `high`, on the lines of the model.
 
-    Sufficient for robust performance at a frequency. Zero and infinity where there is no demand; where |w_P| and the
-    uncertainty are both above one nothing helps, and low is infinite, high zero.
+    Robust performance at a frequency whatever the phase of L, exactly: beyond the bounds some phase fails. A demand is
+    made where one side is out of reach for every phase; zero and infinity elsewhere (around the crossover the phase
+    decides). Where |w_P| and the uncertainty are both above one nothing helps, and low is infinite, high zero.
 
     Parameters
     ----------
@@ -278,9 +279,10 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     w = w / size if model.form == "additive" else w * size if model.form == "inverse-additive" else w
     with np.errstate(divide="ignore", invalid="ignore"):
         if model.form.startswith("inverse"):
-            least, most = (1 + w) * (1 + p), 1 - w - p * (1 + w)
+            # |1 + w Delta| runs from 1 - w to 1 + w: p |1 + w Delta| <= ||L| - |1 + w Delta|| for all of them
+            least, most = (1 + w) * (1 + p), (1 - w) * (1 - p)
             hopeless = np.zeros(omega.size, dtype=bool)
-            demand_low, demand_high = most <= 0, np.zeros(omega.size, dtype=bool)
+            demand_low, demand_high = (p >= 1) | (w >= 1), np.zeros(omega.size, dtype=bool)
         else:
             least, most = (1 + p) / (1 - w), (1 - p) / (1 + w)
             hopeless = (p >= 1) & (w >= 1)

@@ -88,6 +88,10 @@ FLOORS = {
     "robust.starts": 27,
     "robust.iteration": 28,
     "robust.frf_design": 29,
+    "robust.elements": 19,
+    "robust.gap": 23,
+    "robust.mixed": 24,
+    "robust.shaping_plot": 29,
     "robust.handover": 29,
     "robust": 30,
     "robust.cli": 31,
@@ -95,7 +99,15 @@ FLOORS = {
 
 #: Where a heavy package may be imported at all.
 HEAVY = {
-    "matplotlib": {"nlfrf.plot", "nlfrf.reproduce", "nlfrf.cli", "robust.plot", "robust.handover", "robust.cli"},
+    "matplotlib": {
+        "nlfrf.plot",
+        "nlfrf.reproduce",
+        "nlfrf.cli",
+        "robust.plot",
+        "robust.shaping_plot",
+        "robust.handover",
+        "robust.cli",
+    },
     "numba": {"nlfrf.kernels", "nlfrf.slip_kernels"},
     "h5py": {"nlfrf.hdf5", "nlfrf.io"},
 }
