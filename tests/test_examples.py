@@ -42,6 +42,9 @@ PRINTED = {
         r"largest gain .* book +0\.31 +here 0\.31\n",
         r"extreme plant itself .* book +0\.58 +here 0\.58\n",
         r"gamma_min +book +2\.34 +here 2\.339",
+        r"Example 2\.17.* with order two from the FRF 1\.[34]\d",
+        r"book +3\.162 3 1 +here 3\.162 3\.000 1\.000",
+        r"book +0\.5 0\.53 5\.78 +here 0\.50 0\.53 5\.78",
     ],
     "12_matlab_and_back": [
         "response equal to the bit: True",
