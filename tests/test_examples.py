@@ -37,7 +37,7 @@ PRINTED = {
         r"that plant of the set: after two seconds y still swings by 0\.[1-9]",
     ],
     "11_skogestad_postlethwaite": [
-        r"book 0\.33 1 5\.25 +here 0\.33 1\.01 5\.25",
+        r"book +0\.33 1 5\.25 +here 0\.33 1\.01 5\.25",
         r"book +yes, no +here True, False",
         r"largest gain .* book +0\.31 +here 0\.31\n",
         r"extreme plant itself .* book +0\.58 +here 0\.58\n",
