@@ -51,10 +51,9 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     # the DFT of an even sequence of period 2 n is a DCT of its half
     spectrum, spectrum_doubled = fft.dct(p, 1), fft.dct(doubled, 1)
     counts = fft.dct(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), 1)[..., lines] / (2 * n)  # 6 S3 - 9 S21
-    p_k = p[..., lines]
-    counts -= 36 * p_k * (np.sum(p**2, axis=-1, keepdims=True) - p_k**2) + 9 * p_k**3
-    third = lines % 3 == 0
-    counts[..., third] += 4 * p[..., lines[third] // 3] ** 3
+    p_k, p_third = p[..., lines], np.where(lines % 3 == 0, p[..., lines // 3], 0.0)
+    counts -= 9 * p_k * (4 * np.vecdot(p, p)[..., None] - 3 * p_k * p_k)
+    counts += 4 * p_third * p_third * p_third
     return np.maximum(4 * counts, 0.0)
 
 
