@@ -43,6 +43,7 @@ def design_frf(
     filter_time: float | None = None,
     stable: bool = True,
     start: Any = None,
+    n_starts: int = 1,
     n_unstable: int = 0,
     n_iterations: int = 60,
     time_limit: float = 20.0,
@@ -90,6 +91,8 @@ def design_frf(
         Keep the controller itself stable (integrators aside).
     start : control system, optional
         A stabilising controller of the structure to begin from; searched for when not given.
+    n_starts : int
+        How many of the controllers found to begin with are followed; more take longer and may end in a better optimum.
     n_unstable : int
         Unstable poles of a plant that is an FRF.
     n_iterations, time_limit : int, float
@@ -173,12 +176,22 @@ def design_frf(
             raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
         starts = [theta]
     else:
-        starts = find_start(basis, seen, at, rows, task.objective, n_unstable, not stable)
+        starts = find_start(
+            basis,
+            seen,
+            at,
+            rows,
+            task.objective,
+            n_unstable=n_unstable,
+            allow_unstable=not stable,
+            wanted=integer("n_starts", n_starts, least=1),
+        )
         if not starts:
             raise ValueError(
                 f"start must be given: no simple {shape.name} controller was found that stabilises "
                 f"{'every plant' if len(plants) > 1 else 'the plant'}"
             )
+        starts = sorted(starts, key=task.merit)[:n_starts]
     return finished(task, *iterate(task, starts, n_iterations, began + time_limit, progress), objective)
 
 

@@ -112,7 +112,7 @@ def linear_rows(task: Task, theta: np.ndarray) -> np.ndarray:
     return np.vstack(rows)
 
 
-def working_lines(task: Task, starts: list[np.ndarray]) -> np.ndarray:
+def working_lines(task: Task, theta: np.ndarray) -> np.ndarray:
     """(W,) bool: the lines the program begins with, spread over the band, with the peaks of every demand."""
     W = task.at.omega.size
     if W <= 1.5 * WORKING_LINES:
@@ -121,9 +121,7 @@ def working_lines(task: Task, starts: list[np.ndarray]) -> np.ndarray:
     mask = np.zeros(W, dtype=bool)
     for target in np.linspace(log.min(), log.max(), WORKING_LINES):
         mask[int(np.argmin(np.abs(log - target)))] = True
-    for theta in starts:
-        mask |= peaks(task, theta, 8)
-    return mask
+    return mask | peaks(task, theta, 8)
 
 
 def peaks(task: Task, theta: np.ndarray, most: int) -> np.ndarray:
@@ -203,9 +201,20 @@ def iterate(
     deadline: float,
     progress: Callable[[int, float], Any] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
-    """Convex steps from the best start until nothing improves: parameters, history and why it ended."""
-    theta = min(starts, key=task.merit)
-    mask = working_lines(task, starts)
+    """The best of what the iteration makes of each start: parameters, history and why it ended."""
+    found = [improved(task, theta, n_iterations, deadline, progress) for theta in starts]
+    return min(found, key=lambda result: task.merit(result[0]))
+
+
+def improved(
+    task: Task,
+    theta: np.ndarray,
+    n_iterations: int,
+    deadline: float,
+    progress: Callable[[int, float], Any] | None,
+) -> tuple[np.ndarray, tuple[float, ...], str]:
+    """Convex steps from one start until nothing improves: parameters, history and why it ended."""
+    mask = working_lines(task, theta)
     history: list[float] = []
     slow, why = 0, "converged"
     for k in range(n_iterations):

@@ -100,7 +100,15 @@ def stable_by_poles(loop: Assembly, K: control.StateSpace) -> tuple[bool, str]:
 
 
 def find_start(
-    basis: Basis, seen: list[Seen], at: Seen, rows: list[Row], aim: Row | None, n_unstable: int, allow_unstable: bool
+    basis: Basis,
+    seen: list[Seen],
+    at: Seen,
+    rows: list[Row],
+    aim: Row | None,
+    *,
+    n_unstable: int,
+    allow_unstable: bool,
+    wanted: int,
 ) -> list[np.ndarray]:
     """Parameters of stabilising simple controllers, those that come nearest to the demands first; may be empty."""
     theta, centres = simple_controllers(basis, at)
@@ -140,7 +148,7 @@ def find_start(
             if (allow_unstable or unstable_poles(K, basis.dt) == 0) and loops_stable(K, seen, n_unstable)[0]:
                 found.append(theta[k])
                 used.append(centres[k])
-        if found:
+        if len(found) >= wanted:
             break
     return found
 

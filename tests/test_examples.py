@@ -27,6 +27,25 @@ PRINTED = {
     ],
     "05_levels_as_a_family": [r"0\.25 N alone: crossover up to", "all three: no integrating loop at all"],
     "06_from_bla_to_weights": [r"3 poles .* <-", r"inverse-multiplicative", r"of 148 lines outside"],
+    "07_shape_by_hand": [
+        r"a gain .* inf",
+        r"a notch over the resonance +stable +0\.\d+ +0\.\d+",
+        r"STATISTICALLY ROBUST",
+        r"demand met for the whole set",
+    ],
+    "08_hinf_loop_shaping": [
+        r"shaped plants are 0\.\d+ apart",
+        r"mixed sensitivity: gamma 0\.\d+",
+        r"--- mixed sensitivity ---\nverdict: +STATISTICALLY ROBUST",
+        r"demand met for the whole set",
+    ],
+    "09_pid_from_the_frf": [
+        r"PID +\d{7} .* limits met: True",
+        r"not found: \|",
+        r"on the measured lines only",
+        r"STATISTICALLY ROBUST",
+        r"PID +0\.[12]\d\d s .* 0\.000 um",
+    ],
     "10_check_and_certificate": [
         r"--- shaped ---\nverdict: +STATISTICALLY ROBUST",
         r"robust performance at all frequencies: yes",

@@ -7,7 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import nlfrf
-from robust import UncertaintyModel, check, cones, design_frf, iteration, performance_weight, sampled
+from robust import (
+    UncertaintyModel,
+    check,
+    cones,
+    design_frf,
+    fit_nominal,
+    iteration,
+    performance_weight,
+    sampled,
+    uncertainty,
+)
 from robust.lti import response
 from tests.robust_helpers import make_bla
 
@@ -321,3 +331,20 @@ def test_pid_from_one_record():
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.data
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+def test_pid_for_the_measured_motor_bench(measured):
+    """From the record alone, sampled with a delay; then held against a model the design did not know."""
+    file = measured / "motor_bench" / "MultisineTypeB.mat"
+    bla = nlfrf.identify(nlfrf.load_record(file, u="iq_adx", y="theta_mx", fs=2500, n_samples=2500, n_discard=1))
+    design = design_frf(bla, "PID", M_S=1.8, M_T=1.6, dt=4e-4, delay=4e-4)
+    assert design.met, design.reason
+    on_lines = check(bla, design.K, delay=4e-4)
+    assert on_lines.nominally_stable
+    assert on_lines.margin_rs > 1
+    assert np.abs(on_lines.S).max() < 1.8
+    nominal = fit_nominal(bla, n_poles=4, delay="estimate")
+    report = check(uncertainty(bla, nominal, order=6), design.K, delay=4e-4)
+    assert report.verdict == "statistically robust"
