@@ -151,7 +151,8 @@ def least_excess(problem: Problem, order: int, fits: list[Fit], deadline: float)
     found.sort(key=lambda fit: fit[0])
     return [
         polished(problem, theta, log_k, order, (0.1, 0.02, 0.005, 0.001), 15, deadline)[0]
-        for _, theta, log_k in found[:2]
+        for bad, theta, log_k in found[:2]
+        if bad <= 1.1 * found[0][0]
     ]
 
 

@@ -41,7 +41,7 @@ def parts(loop: Assembly, *, performance: bool) -> Loop:
     q, relative = {
         "multiplicative": (product(w, G, K, delay=tau), product(w)),
         "additive": (product(w, K), product(w, over=(G,), delay=-tau)),
-        "inverse-multiplicative": (product(w), product(over=(G, K), delay=-tau)),
+        "inverse-multiplicative": (product(w), product(w, over=(G, K), delay=-tau)),
         "inverse-additive": (product(w, G, delay=tau), product(w, over=(K,))),
     }[loop.form]
     return Loop(
