@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from robust.gap import ncf_margin, nu_gap
     from robust.handover import write_report
     from robust.hinfsyn import Synthesis, hinfsyn
+    from robust.interconnection import Block, UncertainSystem, interconnection
     from robust.lti import discretize, sampled
     from robust.mixed import mixsyn
     from robust.mu import MuBound, mu_upper
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from robust.orders import OrderScan, scan_orders
     from robust.report import RobustnessReport
     from robust.shaping import Design, crossover_weight, ncfsyn
+    from robust.structured import StructuredReport, check_structure
     from robust.uncertainty import UncertaintyModel, Validation, uncertainty, validate
     from robust.weights import WeightFit, fit_weight
     from robust.worst import LoopFamily, WorstCase, loop_bounds, sample_loops, worst_case
@@ -55,6 +57,7 @@ class DesignWarning(UserWarning):
 
 
 HOMES = {
+    "Block": "interconnection",
     "Certificate": "certify",
     "Design": "shaping",
     "LoopFamily": "worst",
@@ -62,7 +65,9 @@ HOMES = {
     "NominalFit": "nominal",
     "OrderScan": "orders",
     "RobustnessReport": "report",
+    "StructuredReport": "structured",
     "Synthesis": "hinfsyn",
+    "UncertainSystem": "interconnection",
     "UncertaintyModel": "uncertainty",
     "Validation": "uncertainty",
     "WeightFit": "weights",
@@ -70,6 +75,7 @@ HOMES = {
     "certify_mu": "mu_certify",
     "certify_norm": "certify",
     "check": "check",
+    "check_structure": "structured",
     "control_weight": "formulas",
     "controller_sections": "export",
     "crossover_weight": "shaping",
@@ -83,6 +89,7 @@ HOMES = {
     "hinfsyn": "hinfsyn",
     "lag": "elements",
     "lead": "elements",
+    "interconnection": "interconnection",
     "load_controller": "export",
     "load_model": "export",
     "loop_bounds": "worst",
@@ -108,6 +115,7 @@ HOMES = {
 }
 
 __all__ = [
+    "Block",
     "Certificate",
     "Design",
     "DesignWarning",
@@ -116,7 +124,9 @@ __all__ = [
     "NominalFit",
     "OrderScan",
     "RobustnessReport",
+    "StructuredReport",
     "Synthesis",
+    "UncertainSystem",
     "UncertaintyModel",
     "Validation",
     "WeightFit",
@@ -124,6 +134,7 @@ __all__ = [
     "certify_mu",
     "certify_norm",
     "check",
+    "check_structure",
     "control_weight",
     "controller_sections",
     "crossover_weight",
@@ -135,6 +146,7 @@ __all__ = [
     "fit_weight",
     "frd",
     "hinfsyn",
+    "interconnection",
     "lag",
     "lead",
     "load_controller",

@@ -129,11 +129,13 @@ def prove(
     *,
     time_cap: float,
     most: int = MAX_INTERVALS,
+    slack: float = SLACK,
 ) -> Outcome:
     """Prove that the loop stays below one on [0, top].
 
     frozen(low, high) : the loop with its weights at their upper bounds on the interval; exact(x) : the true value
-    at one frequency, computed in another way, which the frozen loop must not undercut.
+    at one frequency, computed in another way, which the frozen loop must not undercut. slack : what the frozen loop may
+    be off, relative to the level.
     """
     deadline = time.monotonic() + time_cap
     edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
@@ -158,12 +160,12 @@ def prove(
         if not (truth := exact(inner)) < 1:
             return stop(f"the value there is {truth:.6g}", inner)
         A, B, C, D = frozen(low, high)
-        matrices = A, B, C * (1 + SLACK), D * (1 + SLACK)
+        matrices = A, B, C * (1 + slack), D * (1 + slack)
         if not all(np.isfinite(m).all() for m in matrices):
             todo += [(inner, high), (low, inner)]
             continue
         at_inner = float(largest_gain(matrices, np.array([inner]))[0])
-        if truth > at_inner * (1 + 1e-9 - SLACK / 2) + 1e-9:
+        if truth > at_inner * (1 + 1e-9 - slack / 2) + 1e-9:
             return stop("the state space of the loop does not reproduce its frequency response")
         if at_inner < 1 and (
             no_crossing(matrices, low, high) or nearby(matrices, inner, max(inner - low, high - inner))

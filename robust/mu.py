@@ -91,20 +91,26 @@ def mu_upper(N: np.ndarray, blocks: Any) -> MuBound:
     >>> [round(float(mu_upper(M, b).value[0]), 3) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
     [3.162, 3.0, 1.0]
     """
-    M = response_matrices("N", N)
+    return bounded(response_matrices("N", N), blocks)
+
+
+def bounded(M: np.ndarray, blocks: Any, target: float = 0.0) -> MuBound:
+    """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it."""
     s = fitting("blocks", blocks, M.shape[1:])
     size = np.linalg.norm(M, axis=(1, 2))
     scale = np.where(size > 0, size, 1.0)
     M = M / scale[:, None, None]
-    D_L, D_R, G = scalings(M, s)
+    D_L, D_R, G = scalings(M, s, target / scale)
     one_L, one_R = (np.broadcast_to(np.eye(n, dtype=complex), (M.shape[0], n, n)) for n in s.shape)
     best = recomputed(M, D_L, D_R, G)
+    best = np.where(best * scale < target, 0.0, best)  # good enough: no other is looked at
     for others in ((D_L, D_R, 0 * G), (one_L, one_R, 0 * G)):
         other = recomputed(M, *others)
         D_L, D_R, G = (
             np.where((other < best)[:, None, None], new, old) for new, old in zip(others, (D_L, D_R, G), strict=True)
         )
         best = np.minimum(best, other)
+    best = np.where(best == 0, recomputed(M, D_L, D_R, G), best)
     scaling = (np.moveaxis(m, 0, 2) for m in (D_L, D_R, G * scale[:, None, None]))
     return MuBound(value=best * scale, scaling=tuple(scaling))
 
@@ -160,9 +166,15 @@ def osborne(N: np.ndarray, s: Structure, n_steps: int = 12) -> np.ndarray:
     return np.sqrt(d2)
 
 
-def scalings(N: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres."""
+def scalings(
+    N: np.ndarray, s: Structure, target: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
+
+    With a target, the centre of the scalings that prove it, where it can be reached: the ones with most room.
+    """
     W = N.shape[0]
+    target = np.broadcast_to(np.square(target), W)
     d = osborne(N, s)
     D_L, D_R = (
         np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(complex)
@@ -173,17 +185,19 @@ def scalings(N: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray, np.nd
     M, L, R, g = D_L @ N @ np.linalg.inv(D_R), D_L.copy(), D_R.copy(), G.copy()
     bound = top_eigenvalue(M, g)
     best = bound.copy()
-    alpha = np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9)
+    alpha = np.where(bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9))
     for _ in range(MOST_STEPS_REAL if s.skew.size else MOST_STEPS):
         M, L, R, g, near, lost = centred(M, L, R, g, alpha, s)
         bound = top_eigenvalue(M, g)
-        better = bound < best[todo]
+        goal = target[todo]
+        better = (bound < best[todo]) | (alpha == goal)
         at = todo[better]
         D_L[at], D_R[at], G[at], best[at] = L[better], R[better], g[better], bound[better]
         # far from the centre alpha waits; near it, it goes down towards the bound reached
         gap = alpha - bound
-        alpha = np.where(near, bound + 0.2 * gap, alpha)
-        keep = ~(lost | (gap <= GAP * np.abs(alpha)) | (bound < 1e-14)) & np.isfinite(bound)
+        done = lost | (gap <= GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
+        alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
+        keep = ~done & np.isfinite(bound)
         todo, M, L, R, g, alpha = todo[keep], M[keep], L[keep], R[keep], g[keep], alpha[keep]
         if not todo.size:
             break

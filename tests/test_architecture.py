@@ -60,6 +60,8 @@ FLOORS = {
     "robust.mu": 21,
     "robust.mu_lower": 22,
     "robust.mu_certify": 23,
+    "robust.interconnection": 23,
+    "robust.structured": 24,
     "robust.radius": 19,
     "robust.loop": 20,
     "robust.overbound": 20,

@@ -79,6 +79,12 @@ PRINTED = {
         r"three levels +statistically robust +hard +[1-9]\d* +0 +0 +0\n",
         r"three levels +not robust",
     ],
+    "15_several_uncertainties": [
+        r"one disc over the levels 10\.\d, the rest 0\.8",
+        r" 1\.00 Hz +0\.99 +1\.1",  # the disc refuses every integral controller, the numbers do not
+        r"The loop of 2 Hz:\nverdict: +STATISTICALLY ROBUST",
+        r"certificate: robust stability at all frequencies: yes",
+    ],
     "13_motor_bench": [r"skipped: there is no|(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
 }
 

@@ -1,0 +1,314 @@
+"""The check of a loop with several uncertainties: nominal stability, bounds by mu, and what of that is proved."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.checks import shown
+from nlfrf.values import value
+from robust.certify import Certificate, certify_norm, refused
+from robust.interconnection import UncertainSystem
+from robust.lft import instability
+from robust.lti import evaluate, timebase
+from robust.mu import mu_upper
+from robust.mu_certify import certify_mu
+from robust.mu_lower import mu_lower
+from robust.report import VERDICTS, factor, hertz, paragraph
+
+
+@value
+class StructuredReport:
+    """What was found about a loop with several uncertainties, and what was proved.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies of the curves [rad/s].
+    mu, mu_rp : (W,) ndarray
+        Upper bounds for robust stability and for robust performance (nan without inputs and outputs, or where the
+        nominal loop is not stable): below one at every frequency is what is asked for.
+    nominally_stable, robustly_stable, robust_performance : bool
+        True only when established at all frequencies.
+    margin_rs, margin_rp : float
+        Factor on all perturbations up to which the upper bound stays at one (on the perturbations and the performance
+        together for margin_rp).
+    margin_broken : float
+        Factor at which a perturbation that was found makes the loop singular; inf where none was found.
+    omega_rs, omega_rp : float
+        Where the upper bounds peak [rad/s].
+    worst : dict
+        That perturbation, block by block at margin_broken = 1: a number in [-1, 1] for a real block, the size of a
+        complex one.
+    certificates : tuple of Certificate
+    verdict : str
+        "robust", "statistically robust", "not robust" or "not certified", as for `RobustnessReport`.
+    reason, proved, not_proved : str
+        In words.
+    """
+
+    omega: np.ndarray
+    mu: np.ndarray
+    mu_rp: np.ndarray
+    nominally_stable: bool
+    robustly_stable: bool = False
+    robust_performance: bool = False
+    margin_rs: float = np.nan
+    margin_rp: float = np.nan
+    margin_broken: float = np.nan
+    omega_rs: float = np.nan
+    omega_rp: float = np.nan
+    worst: Any = None
+    certificates: tuple[Certificate, ...] = ()
+    verdict: str
+    reason: str
+    proved: str
+    not_proved: str
+
+    def __str__(self) -> str:
+        lines = paragraph("verdict", f"{self.verdict.upper()} ({VERDICTS[self.verdict]})")
+        lines += paragraph("because", self.reason)
+        if self.nominally_stable:
+            lines += paragraph(
+                "stability", f"max mu {1 / self.margin_rs:.3f} at {hertz(self.omega_rs)}: {factor(self.margin_rs)}"
+            )
+            if self.worst:
+                parts = ", ".join(f"{name} {number:+.3g}" for name, number in self.worst.items())
+                lines += paragraph("worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular")
+            if np.isfinite(self.margin_rp):
+                lines += paragraph("performance", f"max mu {1 / self.margin_rp:.3f} at {hertz(self.omega_rp)}")
+        lines += paragraph("proved", self.proved) + paragraph("not proved", self.not_proved)
+        for certificate in self.certificates:
+            how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
+            lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
+        return "\n".join(lines)
+
+
+def check_structure(system: UncertainSystem, *, certify: bool = True) -> StructuredReport:
+    """Check a loop with several uncertainties by the structured singular value, and say what was proved.
+
+    Parameters
+    ----------
+    system : UncertainSystem
+        From `interconnection`.
+    certify : bool
+        Prove the result at all frequencies; without it nothing better than "not certified" comes out.
+
+    Returns
+    -------
+    StructuredReport
+        A bad loop is a result, not an error. With an "operator" block among others the scalings have to be the same at
+        every frequency (Shamma 1994), and only that is accepted as a proof.
+
+    References
+    ----------
+    SP 8.9 (RS), 8.10 (RP); Packard & Doyle 1993.
+
+    Examples
+    --------
+    >>> from robust.interconnection import Block, interconnection
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    >>> blocks = {"pole": Block("y", "pole", 2.5, kind="real"), "actuator": Block("u", "u", 0.5)}
+    >>> report = check_structure(interconnection([lag, K], blocks))      # s + 5 - 2.5 d1 + 2 d2: 4.5 of 5
+    >>> report.verdict, round(report.margin_rs, 3)
+    ('robust', 1.111)
+    """
+    if not isinstance(system, UncertainSystem):
+        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {shown(system)}")
+    if not system.blocks:
+        raise ValueError("system must have at least one block to check, got none")
+    omega = grid(system.N)
+    wrong = instability(system.N)
+    if wrong:
+        nothing = np.full(omega.size, np.nan)
+        return StructuredReport(
+            omega=omega,
+            mu=nothing,
+            mu_rp=nothing,
+            nominally_stable=False,
+            verdict="not certified" if wrong.startswith("undecided") else "not robust",
+            reason=f"the nominal loop is {wrong}",
+            proved="Nothing.",
+            not_proved="Everything: mu means nothing for a loop that is not stable.",
+        )
+    omega, mu = refined(system.loop, system.structure, omega)
+    rp = np.full(omega.size, np.nan)
+    if system.inputs:
+        omega_rp, _ = refined(system.N, system.with_performance, omega)
+        omega = np.union1d(omega, omega_rp)
+        mu, rp = bound(system.loop, system.structure, omega), bound(system.N, system.with_performance, omega)
+    peak, where = float(mu.max()), float(omega[mu.argmax()])
+    broken, worst = worst_found(system, omega, mu)
+    certificates: list[Certificate] = []
+    if certify and peak < 1 and not broken <= 1:
+        certificates.append(proof(system, system.loop, system.structure, "robust stability", omega))
+    stable = bool(certificates and certificates[0].holds)
+    if stable and system.inputs and rp.max() < 1:
+        certificates.append(proof(system, system.N, system.with_performance, "robust performance", omega))
+    performs = len(certificates) == 2 and certificates[1].holds
+    verdict, reason = judged(system, peak, where, broken, stable, certify, certificates)
+    proved, not_proved = sentences(system, stable, performs)
+    return StructuredReport(
+        omega=omega,
+        mu=mu,
+        mu_rp=rp,
+        nominally_stable=True,
+        robustly_stable=stable,
+        robust_performance=performs,
+        margin_rs=1 / peak if peak > 0 else np.inf,
+        margin_rp=1 / float(rp.max()) if system.inputs and rp.max() > 0 else np.nan,
+        margin_broken=broken,
+        omega_rs=where,
+        omega_rp=float(omega[rp.argmax()]) if system.inputs else np.nan,
+        worst=worst,
+        certificates=tuple(certificates),
+        verdict=verdict,
+        reason=reason,
+        proved=proved,
+        not_proved=not_proved,
+    )
+
+
+def grid(N: control.StateSpace) -> np.ndarray:
+    """Frequencies [rad/s]: zero, around every pole, dense where damping is light; up to Nyquist."""
+    dt = timebase(N)
+    poles = N.poles().astype(complex) if N.nstates else np.ones(1, complex)
+    with np.errstate(all="ignore"):
+        s = np.log(np.where(poles == 0, 1e-300, poles)) / dt if dt else poles
+    s = s[np.isfinite(s) & (np.abs(s) > 0)]
+    size = np.abs(s) if s.size else np.ones(1)
+    size = size[(size > 1e-9 * np.median(size)) & (size < 1e9 * np.median(size))]
+    top = np.pi / dt if dt else np.inf
+    low, high = size.min() / 30, min(size.max() * 30, top)
+    sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
+    near = sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.tan(np.linspace(-1.4, 1.4, 21))
+    omega = np.unique(np.concatenate([np.geomspace(low, high, 120), near.ravel()]))
+    # at zero frequency (and at Nyquist) N is real, and real perturbations reach what they reach nowhere near it
+    return np.concatenate([[0.0], omega[(omega >= low) & (omega <= high)], [top] if dt else []])
+
+
+def bound(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> np.ndarray:
+    """(W,) upper bound at omega."""
+    return np.asarray(mu_upper(along(N, omega), blocks).value)
+
+
+def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """(n_out, n_in, W) response."""
+    dt = timebase(N)
+    return np.moveaxis(evaluate(N.A, N.B, N.C, N.D, np.exp(1j * omega * dt) if dt else 1j * omega), 0, 2)
+
+
+def refined(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies with more of them around the peak, and the bound there."""
+    mu = bound(N, blocks, omega)
+    for _ in range(2):
+        k = int(mu.argmax())
+        low = omega[k - 1] if k > 1 else omega[1] / 10
+        more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]
+        more = np.setdiff1d(more, omega)
+        both = np.concatenate([omega, more])
+        order = np.argsort(both)
+        omega, mu = both[order], np.concatenate([mu, bound(N, blocks, more)])[order]
+    return omega, mu
+
+
+def worst_found(system: UncertainSystem, omega: np.ndarray, mu: np.ndarray) -> tuple[float, Any]:
+    """Factor at which a perturbation makes the loop singular, the smallest found where mu is large, and its parts."""
+    candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
+    found = mu_lower(along(system.loop, omega[candidates]), system.structure, n_starts=2)
+    k = int(found.value.argmax())
+    if not found.value[k] > 0:
+        return np.inf, None
+    delta, parts, r, c = found.delta[:, :, k] * found.value[k], {}, 0, 0
+    for name, block in system.blocks.items():
+        n, m = block.shape[:2]
+        part = delta[c : c + m, r : r + n]
+        parts[name] = float(part[0, 0].real if block.kind == "real" else np.linalg.norm(part, 2))
+        r, c = r + n, c + m
+    return 1 / float(found.value[k]), parts
+
+
+def proof(system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray) -> Certificate:
+    """mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear."""
+    nonlinear = any(block.perturbation == "operator" for block in system.blocks.values())
+    if not nonlinear or len(blocks) == 1:
+        found = certify_mu(N, blocks, 1.0)
+        return Certificate(**{**vars_of(found), "subject": subject})
+    response = along(N, omega)
+    D_L, D_R, _ = mu_upper(response, [b[:2] for b in blocks]).scaling
+    sizes = [
+        np.linalg.norm(
+            np.einsum("ij,jkw,kl->wil", D_L[:, :, k], response, np.linalg.inv(D_R[:, :, k])), 2, (1, 2)
+        ).max()
+        for k in range(omega.size)
+    ]
+    k = int(np.argmin(sizes))
+    if not sizes[k] < 1:
+        return refused(
+            subject, 1.0, f"no scaling that is the same at all frequencies was found: {sizes[k]:.4g} at best"
+        )
+    L, R = D_L[:, :, k].real, np.linalg.inv(D_R[:, :, k].real)
+    return certify_norm(control.StateSpace(N.A, N.B @ R, L @ N.C, L @ N.D @ R, N.dt), 1.0, subject=subject)
+
+
+def vars_of(certificate: Certificate) -> dict[str, Any]:
+    """The fields of a certificate."""
+    return {name: getattr(certificate, name) for name in certificate.__dataclass_fields__}
+
+
+def judged(
+    system: UncertainSystem,
+    peak: float,
+    where: float,
+    broken: float,
+    stable: bool,
+    certify: bool,
+    certificates: list[Certificate],
+) -> tuple[str, str]:
+    """The verdict on stability and why."""
+    if broken <= 1:
+        return (
+            "not robust",
+            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
+        )
+    if stable:
+        if any(block.perturbation == "statistical" for block in system.blocks.values()):
+            return "statistically robust", "the loop is stable with every linear plant of the set"
+        return "robust", "every perturbation of the set leaves the loop stable"
+    if peak >= 1:
+        reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
+        return "not certified", f"{reached}, but no perturbation was found that breaks the loop"
+    if not certify:
+        return "not certified", f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
+    return "not certified", f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
+
+
+def sentences(system: UncertainSystem, stable: bool, performs: bool) -> tuple[str, str]:
+    """What was proved and what was not."""
+    if not stable:
+        return "Only that the nominal loop is stable.", "Anything about the set around it."
+    words = {
+        "real": "every constant value of {}",
+        "LTI": "every stable linear {}",
+        "statistical": "every linear {}",
+        "operator": "every causal {}, nonlinear ones included",
+    }
+    parts = [
+        words["real" if block.kind == "real" else block.perturbation].format(name)
+        for name, block in system.blocks.items()
+    ]
+    what = "Stability and the performance demand" if performs else "Stability"
+    missing = []
+    if any(block.kind == "real" for block in system.blocks.values()):
+        missing.append("parameters that change while the loop runs")
+    if any(block.perturbation == "statistical" for block in system.blocks.values()):
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+    if system.inputs and not performs:
+        missing.append("the performance demand for the whole set")
+    text = "; ".join(missing or ["anything outside the set"])
+    return f"{what} with {' and '.join(parts)}, all at once, at all frequencies.", text[0].upper() + text[1:] + "."

@@ -1,0 +1,145 @@
+"""Several uncertainties joined by name: closed forms, python-control's own joining, perturbations that break."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import Block, check_structure, interconnection
+from robust.lft import upper
+
+
+def lag_loop(pole, actuator, gain=4.0, **block):
+    """s + 1 + gain - pole d1 + gain actuator d2."""
+    lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    K = control.ss([], [], [], [[-gain]], inputs="y", outputs="u")
+    blocks = {"pole": Block("y", "pole", pole, kind="real"), "actuator": Block("u", "u", actuator, **block)}
+    return interconnection([lag, K], blocks)
+
+
+def test_margins_in_closed_form():
+    """The pole is at -5 + pole d1 - 4 actuator d2: the margin is 5/(pole + 4 actuator), at zero frequency."""
+    report = check_structure(lag_loop(2.0, 0.5))
+    assert report.margin_rs == pytest.approx(5 / 4, rel=1e-6)
+    assert report.omega_rs == 0
+    assert report.margin_broken == pytest.approx(5 / 4, rel=1e-6)
+    assert report.worst == pytest.approx({"pole": 1.0, "actuator": 1.0}, rel=1e-3)
+    assert report.verdict == "robust"
+    assert "every constant value of pole and every stable linear actuator, all at once" in report.proved
+    assert "verdict:     ROBUST" in str(report)
+
+
+def test_what_it_takes_to_be_called_robust():
+    broken = check_structure(lag_loop(4.0, 0.5))
+    assert broken.verdict == "not robust"
+    assert broken.margin_broken == pytest.approx(5 / 6, rel=1e-6)
+    assert check_structure(lag_loop(2.0, 0.5, perturbation="statistical")).verdict == "statistically robust"
+    assert check_structure(lag_loop(2.0, 0.5), certify=False).verdict == "not certified"
+    unstable = check_structure(lag_loop(1.0, 0.1, gain=-2.0))
+    assert unstable.verdict == "not robust"
+    assert np.isnan(unstable.margin_rs)
+    assert "nominal loop is unstable: a pole at 1" in unstable.reason
+
+
+def test_an_operator_needs_one_scaling_for_all_frequencies():
+    report = check_structure(lag_loop(1.0, 0.5, perturbation="operator"))
+    assert report.verdict == "robust"
+    assert "KYP" in report.certificates[0].method
+    assert "nonlinear ones included" in report.proved
+    # where the best scaling changes with frequency there is no such proof, though mu is below one
+    low, high = control.tf([1], [1, 1]), control.tf([1, 0], [1, 1])
+    cross = [
+        control.ss(control.tf([0.9], [1, 1]), inputs="a", outputs="y1"),
+        control.ss(control.tf([0.9, 0], [1, 1]), inputs="b", outputs="y2"),
+    ]
+    assert low is not high
+    both = {"one": Block("y2", "a", perturbation="operator"), "two": Block("y1", "b", perturbation="operator")}
+    assert check_structure(interconnection(cross, both)).robustly_stable
+
+
+def test_performance_is_a_block_like_any_other():
+    """G = 1/(s + 1), K = 9, input gain +-20 %: worst error at zero frequency 1/(1 + 7.2), between 1/8 and 1/8.5."""
+    for demand, met in ((8.0, True), (8.5, False)):
+        systems = [
+            control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y"),
+            control.ss([], [], [], [[9.0]], inputs="e", outputs="u"),
+            control.summing_junction(["r", "-y"], "e"),
+            control.ss([[-1.0]], [[1.0]], [[demand]], [[0.0]], inputs="e", outputs="z"),
+        ]
+        gain = {"gain": Block("u", "u", 0.2, kind="real")}
+        report = check_structure(interconnection(systems, gain, inputs="r", outputs="z"))
+        assert report.robustly_stable
+        assert report.robust_performance is met
+        assert (report.margin_rp > 1) is met
+
+
+def test_at_agrees_with_joining_by_python_control():
+    rng = np.random.default_rng(0)
+    A, B, C = -np.eye(3) + 0.3 * rng.standard_normal((3, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
+    G = control.ss(A, B, C, np.zeros((2, 2)), inputs=["u", "f"], outputs=["y", "v"])
+    K = control.ss([[-2.0]], [[1.0]], [[0.3]], [[0.2]], inputs="e", outputs="u")
+    error = control.summing_junction(["r", "-y"], "e")
+    system = interconnection([G, K, error], {"d": Block("v", "f", 0.4, kind="real")}, inputs="r", outputs="y")
+    for d in (-1.0, 0.0, 0.7):
+        spring = control.ss([], [], [], [[0.4 * d]], inputs="v", outputs="f")
+        other = control.interconnect([G, K, error, spring], inputs="r", outputs="y")
+        s = 1j * np.array([0.1, 1.0, 10.0])
+        assert system.at(d=d)(s) == pytest.approx(other(s), rel=1e-9)
+
+
+def test_the_worst_perturbation_does_break_the_loop():
+    """A resonance with uncertain stiffness and a gain: the constant perturbation found puts poles on the axis."""
+    mass = control.ss([[0, 1], [-100, -2]], [[0, 0], [1, 1]], [[1, 0]], [[0, 0]], inputs=["u", "spring"], outputs="x")
+    K = control.ss([[-5.0]], [[1.0]], [[-100.0]], [[0.0]], inputs="x", outputs="u")
+    system = interconnection(
+        [mass, K], {"spring": Block("x", "spring", 40.0, kind="real"), "gain": Block("u", "u", 0.3, kind="real")}
+    )
+    report = check_structure(system)
+    assert report.margin_rs <= report.margin_broken * (1 + 1e-9)
+    assert report.margin_broken < 1.05 * report.margin_rs
+    values = {name: number * report.margin_broken for name, number in report.worst.items()}
+    poles = upper(system.N, control.ss([], [], [], np.diag(list(values.values())))).poles()
+    assert np.min(np.abs(poles.real)) < 1e-3 * np.abs(poles).max()
+
+
+def test_discrete_loops():
+    lag = control.ss([[0.5]], [[0.5, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "p"], outputs="y")
+    K = control.ss([], [], [], [[-1.0]], 0.1, inputs="y", outputs="u")
+    report = check_structure(interconnection([lag, K], {"pole": Block("y", "p", 0.8, kind="real")}))
+    # z = 0 + 0.8 d
+    assert report.margin_rs == pytest.approx(1.25, rel=1e-6)
+    assert report.verdict == "robust"
+
+
+G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: interconnection([G], {"d": Block("x", "u")}), "must read outputs of the systems .y., got 'x'"),
+        (lambda: interconnection([G], {"d": Block("y", "v")}), "must drive inputs of the systems .u., got 'v'"),
+        (lambda: interconnection([G], {}), "every input driven, got nobody who drives 'u'"),
+        (
+            lambda: interconnection([G], {"d": Block("y", "u")}, inputs="u"),
+            "outputs must be given together with inputs",
+        ),
+        (lambda: interconnection([], {}), "systems must hold at least one"),
+        (lambda: Block("y", ["u", "v"], kind="real"), "drives must name as many signals as reads"),
+        (lambda: Block("y", "u", control.tf([1], [1, -1])), "size must be a number or a stable weight"),
+        (lambda: Block("y", "u", control.tf([1, 0], [1])), "size must be proper"),
+        (lambda: Block("y", "u", kind="imaginary"), "kind must be one of"),
+        (lambda: check_structure(G), "system must be an UncertainSystem"),
+        (lambda: interconnection([G], {"d": Block("y", "u")}).at(e=1.0), "values must be of the blocks d, got e"),
+        (
+            lambda: interconnection([G, control.ss(0.5, 1, 1, 0, 0.1, inputs="y", outputs="u")], {}),
+            "systems must have one sampling time, got 0 s, 0.1 s",
+        ),
+        (
+            lambda: interconnection([control.ss([], [], [], 1.0, inputs="y", outputs="y")], {"d": Block("y", "y")}),
+            "well posed",
+        ),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
