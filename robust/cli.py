@@ -14,6 +14,7 @@ import typer
 
 import nlfrf
 import robust
+from nlfrf.checks import one_of
 from nlfrf.io import in_one_line, write_whole
 
 app = typer.Typer(
@@ -96,29 +97,58 @@ def model(
 
 @app.command()
 def design(
-    model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
+    model: Annotated[
+        Path, typer.Argument(help="Model written by 'robust model'; for pid also a BLA of 'nlfrf identify'.")
+    ],
     out: Out,
-    bandwidth: Annotated[float, typer.Option(help="Crossover asked for [Hz].")],
+    bandwidth: Annotated[float | None, typer.Option(help="Crossover asked for [Hz]; not needed for pid.")] = None,
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
     delay: Annotated[float, typer.Option(help="Computation delay [s] to design for.")] = 0.0,
-    factor: Annotated[float, typer.Option(help="gamma over the smallest possible one, above 1.")] = 1.1,
+    factor: Annotated[float, typer.Option(help="gamma over the smallest possible one, above 1 (ncfsyn).")] = 1.1,
+    method: Annotated[
+        str,
+        typer.Option(help="ncfsyn: loop shaping; mixsyn: mixed sensitivity; pid: fixed structure from the FRF."),
+    ] = "ncfsyn",
+    structure: Annotated[str, typer.Option(help="P, I, PI, PD, PID, lead, lead-lag or order-n (pid).")] = "PID",
+    peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
+    error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
 ) -> None:
-    """Design a controller by H-infinity loop shaping (Glover & McFarlane) around an integrating loop."""
-    plant = robust.load_model(model)
-    if plant.measured_only:
-        raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
-    G = plant.nominal
-    if sample_time and not G.dt:
-        G = robust.sampled(G, sample_time, delay)
-    elif sample_time and abs(sample_time / G.dt - 1) > 1e-9:
-        raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {sample_time:g} s")
-    with working("designing"):
-        result = robust.ncfsyn(G, robust.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
+    """Design a controller: by loop shaping (Glover & McFarlane), in mixed sensitivity, or of a fixed structure."""
+    one_of("method", method, ("ncfsyn", "mixsyn", "pid"))
+    if method == "pid":
+        plant: Any = nlfrf.load_bla(model) if model.suffix == ".npz" else robust.load_model(model)
+        omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
+        with working("designing"):
+            result = robust.design_frf(plant, structure, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay)
+        met = "every limit met" if result.met else "LIMITS NOT MET"
+        words = f"{met}; {result.reason}"
+    else:
+        if bandwidth is None:
+            raise ValueError(f"bandwidth must be given [Hz] for {method}")
+        plant = robust.load_model(model)
+        if plant.measured_only:
+            raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
+        with working("designing"):
+            if method == "mixsyn":
+                w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+                result = robust.mixsyn(plant, w_P, dt=sample_time, delay=delay)
+            else:
+                G = plant.nominal
+                if sample_time and not G.dt:
+                    G = robust.sampled(G, sample_time, delay)
+                elif sample_time and abs(sample_time / G.dt - 1) > 1e-9:
+                    raise ValueError(f"sample-time must be that of the model, {G.dt:g} s, got {sample_time:g} s")
+                result = robust.ncfsyn(G, robust.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
+        if not result.met:
+            raise ValueError(f"model must let a controller be found: {result.reason}")
+        words = f"gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}"
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
-    print(f"controller of order {result.K.nstates}, {kind}: gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}")
-    if result.gamma > 4:
+    print(f"controller of order {result.K.nstates}, {kind}: {words}")
+    if method == "ncfsyn" and result.gamma > 4:
         print("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
+    if method == "mixsyn" and result.gamma > 1:
+        print("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
     print(f"wrote {out}")
 
 

@@ -51,6 +51,13 @@ def test_the_whole_way(robust_command, tmp_path):
         ),
         ("model bla.npz --poles 2 --delay estimate --sample-time 0.001 -o d.json", "sampled at 1000 Hz"),
         ("design d.json --bandwidth 6 -o Kd.json", "sampled at 1000 Hz"),
+        ("design m.json --method mixsyn --bandwidth 1 --sample-time 0.001 -o Km.json", "gamma 0."),
+        ("check m.json Km.json --no-certify", "NOT CERTIFIED"),
+        ("design bla.npz --method pid --sample-time 0.001 --peak 1.8 -o Kp.json", "every limit met"),
+        (
+            "design m.json --method pid --structure PI --bandwidth 0.5 --sample-time 0.001 -o Kp2.json",
+            "every limit met",
+        ),
         ("check d.json Kd.json --no-certify", "NOT CERTIFIED"),
     ]
     for command, word in steps:
@@ -84,6 +91,9 @@ def test_the_whole_way(robust_command, tmp_path):
         ("check m.json K.json --delay -1", "delay must be zero or positive"),
         ("check m.json K.json --bandwidth 0", "omega_B must be positive"),
         ("design m.json --bandwidth 900 --sample-time 0.001 -o K2.json", "half the Nyquist frequency"),
+        ("design m.json -o K2.json", "bandwidth must be given"),
+        ("design m.json --method lqg -o K2.json", "method must be one of"),
+        ("design m.json --method pid --structure PIDD -o K2.json", "structure must be one of"),
         ("export m.json -o m.xyz", "out must end in .mat or .csv"),
         ("export m.json -o m.csv", "file must be a controller"),
     ],
