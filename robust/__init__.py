@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from robust.certify import Certificate, certify_norm
     from robust.check import check
+    from robust.dk import DkDesign, dk_iteration
     from robust.elements import lag, lead, notch, pid, roll_off
     from robust.export import (
         controller_sections,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from robust.mixed import mixsyn
     from robust.mu import MuBound, mu_upper
     from robust.mu_certify import certify_mu
+    from robust.mu_gain import mu_upper_lmi, worst_gain
     from robust.mu_lower import mu_lower
     from robust.nominal import NominalFit, fit_nominal, frd
     from robust.orders import OrderScan, scan_orders
@@ -60,6 +62,7 @@ HOMES = {
     "Block": "interconnection",
     "Certificate": "certify",
     "Design": "shaping",
+    "DkDesign": "dk",
     "LoopFamily": "worst",
     "MuBound": "mu",
     "NominalFit": "nominal",
@@ -82,19 +85,21 @@ HOMES = {
     "delay_weight": "formulas",
     "design_frf": "frf_design",
     "discretize": "lti",
+    "dk_iteration": "dk",
     "export_matlab": "export",
     "fit_nominal": "nominal",
     "fit_weight": "weights",
     "frd": "nominal",
     "hinfsyn": "hinfsyn",
+    "interconnection": "interconnection",
     "lag": "elements",
     "lead": "elements",
-    "interconnection": "interconnection",
     "load_controller": "export",
     "load_model": "export",
     "loop_bounds": "worst",
     "mu_lower": "mu_lower",
     "mu_upper": "mu",
+    "mu_upper_lmi": "mu_gain",
     "mixsyn": "mixed",
     "ncf_margin": "gap",
     "ncfsyn": "shaping",
@@ -111,6 +116,7 @@ HOMES = {
     "uncertainty": "uncertainty",
     "validate": "uncertainty",
     "worst_case": "worst",
+    "worst_gain": "mu_gain",
     "write_report": "handover",
 }
 
@@ -119,6 +125,7 @@ __all__ = [
     "Certificate",
     "Design",
     "DesignWarning",
+    "DkDesign",
     "LoopFamily",
     "MuBound",
     "NominalFit",
@@ -141,6 +148,7 @@ __all__ = [
     "delay_weight",
     "design_frf",
     "discretize",
+    "dk_iteration",
     "export_matlab",
     "fit_nominal",
     "fit_weight",
@@ -155,6 +163,7 @@ __all__ = [
     "mixsyn",
     "mu_lower",
     "mu_upper",
+    "mu_upper_lmi",
     "ncf_margin",
     "ncfsyn",
     "notch",
@@ -170,6 +179,7 @@ __all__ = [
     "uncertainty",
     "validate",
     "worst_case",
+    "worst_gain",
     "write_report",
 ]
 

@@ -62,6 +62,8 @@ FLOORS = {
     "robust.mu_certify": 23,
     "robust.interconnection": 23,
     "robust.structured": 24,
+    "robust.mu_gain": 22,
+    "robust.dk": 25,
     "robust.radius": 19,
     "robust.loop": 20,
     "robust.overbound": 20,

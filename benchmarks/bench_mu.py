@@ -1,0 +1,152 @@
+"""The structured singular value in numbers, beside dkpy and SLICOT (AB13MD) where they are installed.
+
+python -m benchmarks.bench_mu                          # peers in this environment
+python -m benchmarks.bench_mu --peer PYTHON            # peers in another one: the interpreter that has dkpy or slycot
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from robust import certify_mu, dk_iteration, hinfsyn, mu_lower, mu_upper
+from robust.lft import lower
+from robust.lti import evaluate
+from tests.distillation import WITH_PERFORMANCE, controller, plant
+from tests.test_hinfsyn import random_plant
+
+#: Runs in the other interpreter: reads N (61, 4, 4) and writes seconds and values of each peer it finds.
+PEER = """
+import json, sys, time
+import numpy as np
+given = np.array(json.load(sys.stdin)["N"])
+N = given[..., 0] + 1j * given[..., 1]
+said = {}
+try:
+    import slycot
+    begin = time.perf_counter()
+    mu = [float(slycot.ab13md(M, np.array([1, 1, 2]), np.array([2, 2, 2]))[0]) for M in N]
+    said["AB13MD (slycot %s)" % slycot.__version__] = [time.perf_counter() - begin, mu]
+except ImportError as error:
+    said["AB13MD (slycot)"] = "not installed (%s)" % error
+try:
+    import dkpy
+    blocks = [[1, 1], [1, 1], [2, 2]]
+    try:
+        blocks = [dkpy.ComplexFullBlock(1, 1), dkpy.ComplexFullBlock(1, 1), dkpy.ComplexFullBlock(2, 2)]
+    except AttributeError:
+        blocks = np.array(blocks)
+    some = N[:: int(sys.argv[1])]
+    begin = time.perf_counter()
+    mu = dkpy.SsvLmiBisection(n_jobs=None).compute_ssv(np.moveaxis(some, 0, 2), blocks)[0]
+    said["dkpy"] = [(time.perf_counter() - begin) * len(N) / len(some), [float(m) for m in mu]]
+except ImportError as error:
+    said["dkpy"] = "not installed (%s)" % error
+print(json.dumps(said))
+"""
+
+
+def best(function, n=5):
+    """Shortest of n runs [s]: what the code takes when nothing else runs."""
+    times = []
+    for _ in range(n):
+        begin = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def distillation(peer, every):
+    """SP 8.11.3 on 61 frequencies, with the peers."""
+    loop = lower(plant(), controller())
+    omega = np.geomspace(1e-3, 1e2, 61)
+    matrices = evaluate(loop.A, loop.B, loop.C, loop.D, 1j * omega)
+    N = np.moveaxis(matrices, 0, 2)
+    mine = mu_upper(N, WITH_PERFORMANCE).value
+    seconds = best(lambda: mu_upper(N, WITH_PERFORMANCE))
+    print(
+        f"mu_upper, SP 8.11.3, 61 frequencies: {1e3 * seconds:.1f} ms, {1e3 * seconds / 61:.3f} ms each; {mine.max():.4f}"
+    )
+    text = json.dumps({"N": np.stack([matrices.real, matrices.imag], axis=-1).tolist()})
+    done = subprocess.run([peer, "-c", PEER, str(every)], input=text, capture_output=True, text=True, check=False)
+    if done.returncode:
+        print(f"  the peers' interpreter failed: {done.stderr.strip().splitlines()[-1]}")
+        return
+    for name, result in json.loads(done.stdout.strip().splitlines()[-1]).items():
+        if isinstance(result, str):
+            print(f"  {name}: {result}")
+            continue
+        theirs = np.array(result[1])
+        off = np.max(np.abs((mine if theirs.size == 61 else mine[::every]) / theirs - 1))
+        print(f"  {name}: {1e3 * result[0]:.1f} ms, {result[0] / seconds:.1f} times as long; off by {off:.1e} relative")
+
+
+def random_blocks():
+    """Time and agreement of both bounds on random complex problems of three blocks."""
+    rng = np.random.default_rng(0)
+    for blocks in (
+        [(1, 1)] * 3,
+        [(2, 1), (1, 2), (2, 2)],
+        [(2, 2, "repeated"), (1, 1)],
+        [(1, 1, "real"), (1, 1), (1, 1)],
+    ):
+        shape = sum(b[0] for b in blocks), sum(b[1] for b in blocks), 300
+        N = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
+        upper = best(lambda N=N, blocks=blocks: mu_upper(N, blocks), 3)
+        few = N[:, :, :100] if blocks[0][-1] != "real" else N[:, :, :10]
+        ratio = mu_lower(few, blocks).value / mu_upper(few, blocks).value
+        each = best(lambda few=few, blocks=blocks: mu_lower(few, blocks), 1) / few.shape[2]
+        print(
+            f"{blocks}: upper {1e3 * upper / 300:.3f} ms each, lower {1e3 * each:.1f} ms each; "
+            f"lower over upper {ratio.min():.5f} at least, {np.median(ratio):.5f} in the middle"
+        )
+
+
+def certificates():
+    """Seconds of the proofs between frequencies."""
+    loop = lower(plant(), controller())
+    for level in (5.79, 5.783, 5.77):
+        found = certify_mu(loop, WITH_PERFORMANCE, level)
+        seconds = best(lambda level=level: certify_mu(loop, WITH_PERFORMANCE, level), 3)
+        print(
+            f"certify_mu, mu < {level}: {found.holds}, {len(found.intervals)} intervals, {seconds:.2f} s {found.reason}"
+        )
+
+
+def synthesis():
+    """Seconds of H-infinity synthesis by number of states, and of D-K iteration on the column."""
+    rng = np.random.default_rng(0)
+    for n in (5, 10, 20):
+        for dt in (0, 0.1):
+            P = random_plant(rng, n, 3, 2, 4, 2, dt)
+            found = hinfsyn(P, 2, 2)
+            seconds = best(lambda P=P: hinfsyn(P, 2, 2), 3)
+            kind = "discrete" if dt else "continuous"
+            print(f"hinfsyn, {n} states, {kind}: {seconds:.2f} s, gamma {found.gamma:.5g} of {found.gamma_min:.5g}")
+    begin = time.perf_counter()
+    design = dk_iteration(plant(), WITH_PERFORMANCE, 2, 2)
+    rounds = ", ".join(f"{mu:.4f}" for _, mu, _ in design.history)
+    print(f"dk_iteration, SP 8.11.3: mu {rounds} in {time.perf_counter() - begin:.1f} s; {design.K.nstates} states")
+
+
+def main():
+    """Everything."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--peer", default=sys.executable, help="interpreter that has dkpy or slycot")
+    parser.add_argument(
+        "--every", type=int, default=6, help="dkpy takes seconds a frequency: every so-manieth is timed"
+    )
+    given = parser.parse_args()
+    distillation(given.peer, given.every)
+    random_blocks()
+    certificates()
+    synthesis()
+
+
+if __name__ == "__main__":
+    main()

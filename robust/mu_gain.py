@@ -1,0 +1,193 @@
+"""What a set of perturbations can make of a gain, and the bound of mu by a solver of its own, to check against."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from nlfrf.checks import one_of
+from robust.certify import SOLVERS
+from robust.mu import MuBound, bounded, osborne, recomputed, response_matrices
+from robust.structure import Structure, fitting, structure
+
+N_HALVINGS = 40
+
+
+def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
+    """An upper bound on the gain from the inputs to the outputs that no block closes, over all perturbations.
+
+    Parameters
+    ----------
+    N : (n_out, n_in, W) ndarray
+        Response; the first outputs and inputs belong to the perturbations, the others are the performance.
+    blocks : list
+        The perturbations, of size at most one, as for `mu_upper`.
+
+    Returns
+    -------
+    (W,) ndarray
+        inf where the perturbations may make the loop singular.
+
+    Raises
+    ------
+    ValueError
+        Blocks that leave nothing for the performance.
+
+    References
+    ----------
+    SP 8.10.3 (skewed mu); Packard & Doyle 1993.
+
+    Examples
+    --------
+    S of L = 1 with 50 % uncertain gain: at worst 1/(1 + 0.5).
+
+    >>> N = np.array([[-0.5 * 0.5, 0.5], [-0.5 * 0.5, 0.5]])[:, :, None]
+    >>> round(float(worst_gain(N, [(1, 1)])[0]), 6)
+    0.666667
+    """
+    M = response_matrices("N", N)
+    rows, cols = structure("blocks", blocks).shape
+    W, n_out, n_in = M.shape
+    if rows >= n_out or cols >= n_in:
+        raise ValueError(
+            f"blocks must leave some of the {n_out} outputs and {n_in} inputs of N to the performance, "
+            f"got {rows} rows and {cols} columns"
+        )
+    whole = [*blocks, (n_out - rows, n_in - cols)]
+    stability = bounded(M[:, :rows, :cols], blocks).value
+    open_ = np.flatnonzero(stability < 1)
+    gain = np.full(W, np.inf)
+    if not open_.size:
+        return gain
+
+    def fits(g: np.ndarray) -> np.ndarray:
+        scaled = M[open_].copy()
+        scaled[:, rows:] /= g[:, None, None]
+        return np.asarray(bounded(scaled, whole).value < 1)
+
+    size = np.linalg.norm(M[open_][:, rows:, cols:], axis=(1, 2)) + 1e-300
+    low, high = size * 1e-3, size * 1.0001
+    for _ in range(60):
+        wide = ~fits(high)
+        if not wide.any():
+            break
+        low, high = np.where(wide, high, low), np.where(wide, high * 4, high)
+    for _ in range(N_HALVINGS):
+        middle = np.sqrt(low * high)
+        good = fits(middle)
+        low, high = np.where(good, low, middle), np.where(good, middle, high)
+        if np.all(high <= low * (1 + 1e-7)):
+            break
+    gain[open_] = np.where(fits(high), high, np.inf)
+    return gain
+
+
+def mu_upper_lmi(N: np.ndarray, blocks: Any, *, solver: str = "CLARABEL", time_cap: float = 5.0) -> MuBound:
+    """The bound of `mu_upper` by semidefinite programming in cvxpy: slow, and found in another way.
+
+    beta is bisected on beta^2 X_R - N^H X_L N - j (G N - N^H G^H) > 0; the bound is recomputed from the variables, so
+    that no solver's status enters it.
+
+    Parameters
+    ----------
+    N, blocks
+        As for `mu_upper`.
+    solver : str
+        "CLARABEL" or "SCS".
+    time_cap : float
+        Seconds for each program.
+
+    Returns
+    -------
+    MuBound
+        value : never below what the scalings found prove; the largest singular value where the solver found nothing.
+
+    References
+    ----------
+    Boyd, El Ghaoui, Feron & Balakrishnan 1994, 3.1; Fan, Tits & Doyle 1991.
+
+    Examples
+    --------
+    >>> M = np.array([[2, 2], [-1, -1]])[:, :, None]
+    >>> round(float(mu_upper_lmi(M, [(1, 1), (1, 1)]).value[0]), 4)
+    3.0
+    """
+    one_of("solver", solver, SOLVERS)
+    M = response_matrices("N", N)
+    s = fitting("blocks", blocks, M.shape[1:])
+    found = [by_program(one, s, solver, time_cap) for one in M]
+    values = np.array([value for value, _ in found])
+    return MuBound(
+        value=values, scaling=tuple(np.stack(parts, axis=2) for parts in zip(*(f[1] for f in found), strict=True))
+    )
+
+
+def by_program(M: np.ndarray, s: Structure, solver: str, time_cap: float) -> tuple[float, tuple[np.ndarray, ...]]:
+    """The bound at one frequency with its scalings."""
+    import cvxpy as cp
+
+    n_out, n_in = M.shape
+    size = float(np.linalg.norm(M)) or 1.0
+    d = osborne(M[None] / size, s)[0]
+    left, right = (np.repeat(d, [p.stop - p.start for p in parts]) for parts in (s.rows, s.cols))
+    A = left[:, None] * M / size / right
+    pieces = [A.conj().T @ L @ A for L in s.left]
+    skews = [1j * G @ A + (1j * G @ A).conj().T for G in s.skew]
+    x, g, t = cp.Variable(len(pieces)), cp.Variable(max(len(skews), 1)), cp.Variable()
+    beta2 = cp.Parameter(nonneg=True)
+    weight = sum(x[k] * as_real(R) for k, R in enumerate(s.right))
+    outer = sum(x[k] * as_real(L) for k, L in enumerate(s.left))
+    load = sum(x[k] * as_real(B) for k, B in enumerate(pieces)) + sum(g[k] * as_real(B) for k, B in enumerate(skews))
+    constraints = [
+        beta2 * weight - load >> t * np.eye(2 * n_in),
+        outer >> 1e-7 * np.eye(2 * n_out),
+        weight >> 1e-7 * np.eye(2 * n_in),
+        cp.trace(outer) == 2 * n_out,
+        t <= 1,
+        cp.norm_inf(g) <= 1e4,
+    ]
+    problem = cp.Problem(cp.Maximize(t), constraints)
+    caps = {"CLARABEL": {"time_limit": time_cap}, "SCS": {"time_limit_secs": time_cap, "eps": 1e-8}}
+    plain = (np.diag(left).astype(complex), np.diag(right).astype(complex), np.zeros((n_in, n_out), complex))
+    best, scaling = float(np.linalg.norm(A, 2)), plain
+    low, high = 0.0, best
+    for _ in range(30):
+        middle = (low + high) / 2
+        beta2.value = middle**2
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # judged below
+                problem.solve(solver=solver, **caps[solver])
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException:  # CLARABEL can panic with an exception that is no Exception
+            break
+        reached, now = judged_scaling(A, s, x.value, g.value)
+        if reached < best:
+            best, scaling = reached, (now[0] * left, now[1] * right, now[2] * size)
+        low, high = (low, min(middle, reached)) if reached <= middle else (middle, high)
+        if high - low < 1e-7 * high:
+            break
+    return best * size, scaling
+
+
+def as_real(H: np.ndarray) -> np.ndarray:
+    """The symmetric matrix of twice the size with the eigenvalues of a Hermitian one."""
+    return np.block([[H.real, -H.imag], [H.imag, H.real]])
+
+
+def judged_scaling(A: np.ndarray, s: Structure, x: Any, g: Any) -> tuple[float, tuple[np.ndarray, ...]]:
+    """The bound that a solver's variables prove (inf: none), put together again."""
+    nothing = np.inf, (np.zeros(0),) * 3
+    if x is None or not np.isfinite(x).all() or (s.skew.size and not np.isfinite(g).all()):
+        return nothing
+    try:
+        D_L = np.linalg.cholesky(np.tensordot(x, s.left, 1)).conj().T
+        D_R = np.linalg.cholesky(np.tensordot(x, s.right, 1)).conj().T
+    except np.linalg.LinAlgError:
+        return nothing
+    G = np.tensordot(g, s.skew, 1) if s.skew.size else np.zeros(A.shape[::-1], complex)
+    G = np.linalg.inv(D_R).conj().T @ G @ np.linalg.inv(D_L)
+    return float(recomputed(A[None], D_L[None], D_R[None], G[None])[0]), (D_L, D_R, G)
