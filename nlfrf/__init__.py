@@ -10,7 +10,7 @@ from nlfrf.checks import DataWarning
 from nlfrf.crest import reduce_crest
 from nlfrf.distortion import DistortionLevels
 from nlfrf.identify import identify
-from nlfrf.io import export_csv, load_bla, load_multisine, load_record, save_bla, save_multisine, save_record
+from nlfrf.io import export_csv, load_bla, load_multisine, save_bla, save_multisine
 from nlfrf.level_study import LevelStudy, level_study
 from nlfrf.lines import LineGrid
 from nlfrf.loop import LoopResponse, simulate_loop
@@ -18,6 +18,7 @@ from nlfrf.multisine import Multisine, multisine
 from nlfrf.noise import identify_noise
 from nlfrf.opinion import SecondOpinion, second_opinion
 from nlfrf.record import Record, record_from_samples
+from nlfrf.record_files import load_record, save_record
 from nlfrf.rig import Motion, Rig, drive, paper_rig, run
 from nlfrf.simulate import simulate
 

@@ -13,7 +13,8 @@ import numpy as np
 import typer
 
 import nlfrf
-from nlfrf import io
+from nlfrf.files import in_one_line, write_whole
+from nlfrf.io import load
 from nlfrf.lines import KINDS
 
 app = typer.Typer(
@@ -56,7 +57,7 @@ def design(
     ms = nlfrf.multisine(kind, **band, rms=rms, n_log=log_lines, n_realizations=realizations, rng=seed)
     if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
-    io.save_multisine(ms, out)
+    nlfrf.save_multisine(ms, out)
     print(
         f"{ms.kind} multisine, {ms.f.size} lines from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
         f"period {ms.n_samples / ms.fs:g} s, rms {ms.rms:g}, crest factor {ms.crest_factor.max():.2f}"
@@ -80,7 +81,7 @@ def simulate(
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
 ) -> None:
     """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out."""
-    ms = io.load_multisine(file)
+    ms = nlfrf.load_multisine(file)
     rig = nlfrf.paper_rig()
     if mass is not None:
         rig = replace(rig, mass=mass)
@@ -93,7 +94,7 @@ def simulate(
         )
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
-    io.save_record(record, out)
+    nlfrf.save_record(record, out)
     print(
         f"wrote {out}: {record.n_realizations} realisations x {record.n_periods} periods x {record.n_samples} samples"
     )
@@ -125,18 +126,18 @@ def identify(
     With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz.
     """
     outputs = output or ["y"]
-    records = io.load_record(
+    records = nlfrf.load_record(
         file, u=input, y=outputs, r=reference, fs=fs, n_samples=period, n_discard=discard, resample=resample
     )
     blas = nlfrf.identify(records, transient=transient, level_from=level_from, n_detection=detection)
     for name, record, bla in zip(outputs, records, blas, strict=True):
         target = out if len(outputs) == 1 else out.with_name(f"{out.stem}-{slug(name)}{out.suffix}")
-        io.save_bla(bla, target)
+        nlfrf.save_bla(bla, target)
         print(f"{name}: {bla}")
         if opinion:
             print(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
         if csv:
-            io.export_csv(bla, target.with_suffix(".csv"))
+            nlfrf.export_csv(bla, target.with_suffix(".csv"))
         print(f"wrote {target}")
 
 
@@ -149,7 +150,7 @@ def plot(
     """Draw a saved result as .png, .pdf or .svg."""
     if out.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"out must end in .png, .pdf or .svg, got {out.name!r}")
-    content = io.load(file)
+    content = load(file)
     import matplotlib
 
     matplotlib.use("Agg")
@@ -166,7 +167,7 @@ def plot(
     else:
         pictures.plot_bla(content, confidence=confidence, ax=top)
         pictures.plot_levels(content, ax=bottom)
-    io.write_whole(out, lambda target: figure.savefig(target, dpi=120))
+    write_whole(out, lambda target: figure.savefig(target, dpi=120))
     print(f"wrote {out}")
 
 
@@ -222,7 +223,7 @@ def main() -> None:
         try:
             app()
         except (ValueError, OSError) as error:
-            print(f"nlfrf: {io.in_one_line(error)}", file=sys.stderr)
+            print(f"nlfrf: {in_one_line(error)}", file=sys.stderr)
             raise SystemExit(2) from None
 
 

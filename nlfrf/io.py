@@ -1,14 +1,8 @@
-"""Records and results to and from files. Nothing else in this package touches files.
-
-A file is written whole or not at all. Pickles are never read.
-"""
+"""Multisines and results to and from files."""
 
 from __future__ import annotations
 
 import os
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,201 +10,16 @@ import numpy as np
 
 from nlfrf.bla import Bla
 from nlfrf.channels import read_channels
-from nlfrf.checks import integer, positive
 from nlfrf.distortion import DistortionLevels
+from nlfrf.files import VERSION, save_mat, write_arrays, write_whole
 from nlfrf.lines import LineGrid
 from nlfrf.multisine import Multisine
-from nlfrf.record import Record, record_from_samples
+from nlfrf.record import Record
+from nlfrf.record_files import RECORD_SCHEMA, load_record
 from nlfrf.values import field_names
 
-RECORD_SCHEMA, BLA_SCHEMA, MULTISINE_SCHEMA = "nlfrf-record", "nlfrf-bla", "nlfrf-multisine"
-VERSION = 1
+BLA_SCHEMA, MULTISINE_SCHEMA = "nlfrf-bla", "nlfrf-multisine"
 PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla
-
-
-def load_record(
-    path: str | os.PathLike[str],
-    *,
-    u: str = "u",
-    y: str | Sequence[str] = "y",
-    r: str | None = None,
-    fs: float | None = None,
-    n_samples: int | None = None,
-    lines: LineGrid | None = None,
-    n_discard: int = 0,
-    resample: bool = False,
-) -> Any:
-    """Read a record from a measurement file.
-
-    Parameters
-    ----------
-    path : path
-        ``.mat`` (MATLAB v5 or v7.3, dSPACE ControlDesk recordings included), ``.csv`` with a header line, ``.npz``,
-        ``.h5``.
-    u, y, r : str
-        Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside
-        structs. A list of names for `y` gives a list of records that share the input.
-    fs : float, optional
-        Sampling frequency [Hz]; from a variable ``fs`` or a time channel of the file when not given.
-    n_samples : int, optional
-        Samples in one period; found from the input when not given.
-    lines : LineGrid, optional
-        Excited and detection lines; found from the input when not given.
-    n_discard : int
-        Periods to leave out at the start.
-    resample : bool
-        Cut the periods where the input shows that they stand; see `record_from_samples`.
-
-    Returns
-    -------
-    Record, or a list of them for a list of y
-
-    Raises
-    ------
-    ValueError
-        A file that cannot be read as what its name says, names that are not in it (the message lists those that
-        are), signals that do not make a record.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> import nlfrf
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
-    >>> nlfrf.save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.mat")
-    >>> record = load_record(f"{folder.name}/run.mat", u="u", y="y")
-    >>> bool(np.array_equal(record.u, ms.u[None]))
-    True
-    >>> folder.cleanup()
-    """
-    if not isinstance(y, str):
-        common: dict[str, Any] = {"u": u, "r": r, "fs": fs, "n_samples": n_samples, "lines": lines}
-        first, *others = [load_record(path, y=one, n_discard=n_discard, resample=resample, **common) for one in y]
-        # the very same input, so that what is known of it need not be found again
-        return [first, *(replace(other, u=first.u, r=first.r, lines=first.lines) for other in others)]
-    channels = read_channels(path)
-    names = {"u": u, "y": y} | ({} if r is None else {"r": r})
-    signals = {parameter: channels.signal(parameter, name) for parameter, name in names.items()}
-    fs = positive("fs", channels.sampling_frequency() if fs is None else fs)
-    if channels.text("schema") == RECORD_SCHEMA:
-        return stored_record(channels.arrays, signals, fs=fs, lines=lines, n_discard=n_discard)
-    return record_from_samples(
-        **signals, fs=fs, n_samples=n_samples, lines=lines, n_discard=n_discard, resample=resample
-    )
-
-
-def stored_record(
-    arrays: Mapping[str, np.ndarray],
-    signals: Mapping[str, np.ndarray],
-    *,
-    fs: float,
-    lines: LineGrid | None,
-    n_discard: int,
-) -> Record:
-    """A record as `save_record` wrote it, already cut into periods, with its grid."""
-    try:
-        shape = tuple(int(n) for n in np.ravel(arrays["shape"]))
-        grid = LineGrid(**{name: np.ravel(arrays[name]) for name in field_names(LineGrid)})
-        periods = {name: signal.reshape(shape) for name, signal in signals.items()}
-    except KeyError as missing:
-        raise ValueError(f"path must hold a whole record, got one without {missing}") from None
-    n_discard = integer("n_discard", n_discard, least=0)
-    if n_discard >= shape[1]:
-        raise ValueError(f"n_discard must be less than the {shape[1]} periods of the record, got {n_discard}")
-    return Record(
-        **{name: signal[:, n_discard:] for name, signal in periods.items()},
-        fs=fs,
-        lines=grid if lines is None else lines,
-    )
-
-
-def save_record(record: Record, path: str | os.PathLike[str]) -> None:
-    """Write a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one realisation.
-
-    Parameters
-    ----------
-    record : Record
-        What was measured or simulated.
-    path : path
-        File to write; its suffix says the format. Written whole or not at all.
-
-    Raises
-    ------
-    ValueError
-        A suffix that is none of these; several realisations for a CSV file.
-
-    Examples
-    --------
-    >>> import nlfrf
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
-    >>> save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.csv")
-    >>> Path(folder.name, "run.csv").read_text().splitlines()[0]
-    't [s],u,y'
-    >>> folder.cleanup()
-    """
-    path = Path(path)
-    content = {
-        "schema": np.array(RECORD_SCHEMA),
-        "version": np.array(VERSION),
-        "shape": np.array(record.u.shape),  # MATLAB drops axes of length one
-        "u": record.u,
-        "y": record.y,
-        "fs": np.array(record.fs),
-        "excited": record.lines.excited,
-        "odd": record.lines.odd,
-        "even": record.lines.even,
-    }
-    if record.r is not None:
-        content["r"] = record.r
-    suffix = path.suffix.lower()
-    if suffix == ".mat":
-        save_mat(path, content)
-    elif suffix == ".csv":
-        write_whole(path, lambda target: save_csv(target, record))
-    elif suffix in (".npz", ".h5", ".hdf5"):
-        write_arrays(path, content)
-    else:
-        raise ValueError(f"path must end in .npz, .mat, .h5 or .csv, got {path.name!r}")
-
-
-def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
-    """Write arrays as a MATLAB v5 file."""
-    from scipy.io import savemat
-
-    write_whole(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
-
-
-def save_arrays(target: Path, content: Mapping[str, Any]) -> None:
-    """Write arrays as NPZ."""
-    with target.open("wb") as stream:
-        np.savez(stream, **content)
-
-
-def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
-    """Write arrays as HDF5, texts as attributes."""
-    import h5py
-
-    with h5py.File(target, "w") as file:
-        for name, array in content.items():
-            if array.dtype.kind == "U":
-                file.attrs[name] = str(array)
-            else:
-                file.create_dataset(name, data=array)
-
-
-def save_csv(target: Path, record: Record) -> None:
-    """Write the samples of a single realisation as columns t [s], u, y and r."""
-    if record.n_realizations != 1:
-        raise ValueError(f"record must hold one realisation for a .csv file, got {record.n_realizations}; use .npz")
-    columns = {"u": record.u, "y": record.y} | ({} if record.r is None else {"r": record.r})
-    samples = {name: signal.reshape(-1) for name, signal in columns.items()}
-    t = np.arange(samples["u"].size) / record.fs
-    table = np.column_stack([t, *samples.values()])
-    np.savetxt(target, table, delimiter=",", header="t [s]," + ",".join(samples), comments="", fmt="%.17g")
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
@@ -430,17 +239,6 @@ def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np
     write_arrays(Path(path), content)
 
 
-def write_arrays(path: Path, content: Mapping[str, np.ndarray]) -> None:
-    """Write named arrays in the format that the suffix says."""
-    suffix = path.suffix.lower()
-    if suffix == ".npz":
-        write_whole(path, lambda target: save_arrays(target, content))
-    elif suffix in (".h5", ".hdf5"):
-        write_whole(path, lambda target: save_hdf5(target, content))
-    else:
-        raise ValueError(f"path must end in .npz or .h5, got {path.name!r}")
-
-
 def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
     """The value of one kind that `save_value` wrote."""
     channels = read_channels(path)
@@ -467,41 +265,3 @@ def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
 def plain(array: np.ndarray) -> Any:
     """A number or a text from an array without axes, any other array as it is."""
     return array.item() if array.ndim == 0 else array
-
-
-def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
-    """Write a file whole or not at all: `write` fills a file beside it, which then takes its place.
-
-    Parameters
-    ----------
-    path : path
-        Where the file is to be.
-    write : callable
-        Is given the path to write to.
-    """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"path must lie in an existing folder, got {str(path)!r}")
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
-    os.close(handle)
-    beside = Path(name)
-    try:
-        write(beside)
-        beside.chmod(0o666 & ~current_umask())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def in_one_line(error: Exception) -> str:
-    """What went wrong, for a command line: the system's own errors name their file first."""
-    if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename} could not be opened: {error.strerror.lower()}"
-    return str(error)
-
-
-def current_umask() -> int:
-    """The process's umask; mkstemp makes files that only their owner may read."""
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf.checks import integer
-from nlfrf.io import write_whole
+from nlfrf.files import write_whole
 from nlfrf.level_study import LevelStudy, level_study
 from nlfrf.paper import (
     GRIDS,

@@ -15,7 +15,7 @@ import typer
 import nlfrf
 import robust
 from nlfrf.checks import one_of
-from nlfrf.io import in_one_line, write_whole
+from nlfrf.files import in_one_line, write_whole
 
 app = typer.Typer(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",

@@ -18,7 +18,7 @@ from scipy.io import savemat
 from scipy.signal import sosfreqz
 
 from nlfrf.checks import shown
-from nlfrf.io import write_whole
+from nlfrf.files import write_whole
 from robust.lti import paired, poles, response, state_space, timebase, zeros
 from robust.radius import PARTS
 from robust.rational import in_order

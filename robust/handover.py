@@ -23,7 +23,7 @@ import numpy as np
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf.checks import shown
-from nlfrf.io import write_whole
+from nlfrf.files import write_whole
 from nlfrf.values import value
 from robust.check import check
 from robust.export import controller_sections

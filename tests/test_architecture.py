@@ -44,6 +44,8 @@ FLOORS = {
     "nlfrf.noise": 8,
     "nlfrf.bla": 7,
     "nlfrf.identify": 8,
+    "nlfrf.files": 1,
+    "nlfrf.record_files": 5,
     "nlfrf.io": 8,
     "nlfrf.plot": 9,
     "nlfrf": 11,
@@ -113,7 +115,7 @@ HEAVY = {
         "robust.cli",
     },
     "numba": {"nlfrf.kernels", "nlfrf.slip_kernels"},
-    "h5py": {"nlfrf.hdf5", "nlfrf.io"},
+    "h5py": {"nlfrf.hdf5", "nlfrf.files"},
 }
 
 

@@ -5,7 +5,8 @@ import pytest
 from scipy.io import savemat
 
 import nlfrf
-from nlfrf import io
+from nlfrf.files import write_whole
+from nlfrf.io import load
 from nlfrf.values import field_names
 
 FORMATS = [".npz", ".mat", ".h5", ".csv"]
@@ -51,7 +52,7 @@ def test_blas_and_multisines_round_trip_exactly(record, tmp_path):
     ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=2, rng=0)
     nlfrf.save_multisine(ms, tmp_path / "ms.npz")
     same(nlfrf.load_multisine(tmp_path / "ms.npz"), ms)
-    assert isinstance(io.load(tmp_path / "bla.npz"), nlfrf.Bla)
+    assert isinstance(load(tmp_path / "bla.npz"), nlfrf.Bla)
     with pytest.raises(ValueError, match="path must be a file of the schema nlfrf-bla, got nlfrf-multisine"):
         nlfrf.load_bla(tmp_path / "ms.npz")
 
@@ -175,7 +176,7 @@ def test_a_file_is_written_whole_or_not_at_all(record, tmp_path):
         raise RuntimeError("disk full")
 
     with pytest.raises(RuntimeError):
-        io.write_whole(path, half)
+        write_whole(path, half)
     assert path.read_text() == "before"
     assert [p.name for p in tmp_path.iterdir()] == ["out.npz"]
     with pytest.raises(ValueError, match=r"path must end in \.npz, \.mat, \.h5 or \.csv"):
