@@ -13,6 +13,7 @@ FLOORS = {
     "nlfrf.values": 0,
     "nlfrf.checks": 0,
     "nlfrf.lines": 1,
+    "nlfrf.curves": 1,
     "nlfrf.hysteresis": 2,
     "nlfrf.multisine": 2,
     "nlfrf.friction": 3,
