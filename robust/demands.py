@@ -51,6 +51,8 @@ class Seen:
         The parametric plant, where there is one: then stability is a matter of poles.
     n_integrators : int
         Integrators of the plant; of an FRF by the slope of its first lines.
+    known : (W,) ndarray of bool
+        False on frequencies above the last line of an FRF, where it is taken to be no larger than there.
     lowest : float
         First measured line [rad/s]: an FRF is carried on below it as its integrators.
     """
@@ -61,8 +63,9 @@ class Seen:
     radius: np.ndarray
     outside: np.ndarray
     loop: Assembly | None
-    n_integrators: int = 0
-    lowest: float = 0.0
+    n_integrators: int
+    known: np.ndarray
+    lowest: float
 
 
 @value
@@ -115,6 +118,11 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         n = omega.size
         omega, G = continued(omega, G, n_integrators, decades=3.0, points=60)
         w = np.concatenate([np.full(omega.size - n, w[0]) * (np.abs(G[:-n] / G[-n]) if form == "additive" else 1.0), w])
+        above = omega[-1] * np.geomspace(1.2, 100, 14)
+        above = above[above * dt < 0.99 * np.pi]
+        known = np.arange(omega.size + above.size) < omega.size
+        omega = np.concatenate([omega, above])
+        G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
     else:
         if not isinstance(plant, UncertaintyModel):
             G_ss = state_space("plant", plant)
@@ -128,6 +136,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         omega = grid(loop, lines, extra, weights)
         G, w = loop.plant(omega), np.abs(response(loop.weight, omega))
         n_integrators, lowest = integrators(loop.G, loop.dt), float(omega[0])
+        known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)
     inverse = form.startswith("inverse")
     w = w * size if form == "inverse-additive" else w / np.maximum(size, 1e-300) if form == "additive" else w
@@ -142,6 +151,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         outside=outside,
         loop=loop,
         n_integrators=n_integrators,
+        known=known,
         lowest=lowest,
     )
 
@@ -167,9 +177,10 @@ def grid(loop: Assembly, lines: np.ndarray, extra: tuple[float, ...], weights: t
 def joined(seen: list[Seen]) -> Seen:
     """All plants of a family, one after the other."""
     parts: dict[str, Any] = {
-        name: np.concatenate([getattr(s, name) for s in seen]) for name in ("omega", "G", "centre", "radius", "outside")
+        name: np.concatenate([getattr(s, name) for s in seen])
+        for name in ("omega", "G", "centre", "radius", "outside", "known")
     }
-    return Seen(**parts, loop=None, lowest=max(s.lowest for s in seen))
+    return Seen(**parts, loop=None, n_integrators=0, lowest=max(s.lowest for s in seen))
 
 
 def limit(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
@@ -223,19 +234,24 @@ def row(
 ) -> Row:
     """A row on all lines (or some), with the centre of the disc on its right side unless told otherwise."""
     W = at.omega.size
-    index = np.arange(W) if index is None else index
+    index = np.flatnonzero(at.known) if index is None else index
     wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}
     right = dict(y=np.broadcast_to(y, W)[index] + 0j, x=(at.centre if x is None else np.broadcast_to(x, W))[index] + 0j)
     return Row(name=name, index=index, **wide, **right)
 
 
 def end_row(seen: list[Seen], at: Seen, most: float) -> list[Row]:
-    """|L| small on the last line of every FRF: above it nothing is known, and the loop has to be closed by then."""
-    ends = np.cumsum([s.omega.size for s in seen]) - 1
-    ends = np.array([k for k, s in zip(ends, seen, strict=True) if s.loop is None], dtype=int)
+    """|L| small from the last line of every FRF on, where the plant is taken to be no larger than there."""
+    starts = np.cumsum([0, *(s.omega.size for s in seen)])
+    lasts = [
+        np.arange(np.flatnonzero(s.known)[-1], s.omega.size) + first
+        for s, first in zip(seen, starts[:-1], strict=True)
+        if s.loop is None
+    ]
+    ends = np.concatenate([np.zeros(0, dtype=int), *lasts])
     if not ends.size:
         return []
-    name = f"|L| <= {most:g} on the last line, above which the plant is not known"
+    name = f"|L| <= {most:g} from the last line on, above which the plant is not known"
     return [row(name, at, 0.0, (np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
 
 
@@ -292,7 +308,7 @@ def nearest(at: Seen, name: str, omega: Any) -> np.ndarray:
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
     found = []
     for first, last in pairwise(starts):
-        lines = at.omega[first:last]
+        lines = at.omega[first:last][at.known[first:last]]
         lowest = max(at.lowest, lines[0])
         if not lowest * 0.999 <= omega <= lines[-1] * 1.001:
             raise ValueError(

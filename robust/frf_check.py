@@ -135,14 +135,30 @@ def unstable_poles(K: control.StateSpace, dt: float) -> int:
 def winding(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
     """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether the lines resolve it."""
     n = slope_at_start(omega, G)
-    # a resonance between two lines turns the phase of the plant, and may carry L anywhere on its way
-    matters = np.abs(G * response(K, omega)) > SMALL_LOOP
+    L = G * response(K, omega)
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
-    seen = not np.any(jump & (matters[1:] | matters[:-1]))
+    large = np.abs(L) > SMALL_LOOP
+    seen = not np.any(jump & (large[1:] | large[:-1])) and clear_of_minus_one(L)
     omega, G = continued(omega, G, n)
     F = 1 + G * response(K, omega)
     turns, clear = half_turns(F, n + integrators(K, dt))
     return round(float(turns)), bool(clear and seen and resolved(F, np.log(omega)))
+
+
+def clear_of_minus_one(L: np.ndarray) -> bool:
+    """Whether L passes -1 on a side that two lines leave no doubt about, wherever it crosses the negative real axis.
+
+    A mode between two lines takes L along an arc: where the phase falls by d it may reach |L|/cos(d/2) on the way,
+    where it rises (an anti-resonance) it may come down to |L| cos(d/2).
+    """
+    turn = np.angle(L[1:] / L[:-1])
+    before = np.angle(-L[:-1])
+    across = before * (before + turn) < 0
+    arc = np.cos(np.abs(turn) / 2)
+    ends = np.abs(np.array([L[:-1], L[1:]]))
+    outer = ends.max(axis=0) / np.where(turn < 0, np.maximum(arc, 1e-9), 1.0)
+    inner = ends.min(axis=0) * np.where(turn < 0, 1.0, arc)
+    return bool(np.all(~across | (outer < 1) | (inner > 1)))
 
 
 def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:

@@ -58,7 +58,8 @@ def design_frf(
     Parameters
     ----------
     plant : nlfrf.Bla, control.FrequencyResponseData, UncertaintyModel, control system, or a list of them
-        An FRF is known on its lines only. A list is a family: one controller for all. Discs of a Bla or model are
+        An FRF is known on its lines only; below the first one it is taken to go on as its slope says (flat, or as
+        integrators). A list is a family: one controller for all. Discs of a Bla or model are
         part of every demand: it holds for each plant in them.
     structure : str or int
         "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n ("order-n").
@@ -82,7 +83,7 @@ def design_frf(
     fixed : control system
         A known factor of K on the same time base: a notch, a roll-off, a filter (`robust.notch`, ...).
     end_gain : float
-        Largest |L| on the last line of an FRF: nothing is known above it.
+        Largest |L| from the last line of an FRF on; above it the plant is taken to be no larger than there.
     integrators : int
         Integrators inside an "order-n".
     filter_time : float, optional
@@ -229,8 +230,9 @@ def basis_for(shape: Any, at: Seen, dt: float, fixed: Any) -> Basis:
     if not constant(F) and timebase(F) != dt:
         raise ValueError(f"fixed must have the sampling time of the controller, {dt:g} s, got {timebase(F):g} s")
     F = control.StateSpace(F.A, F.B, F.C, F.D, dt)
-    s = 2 / dt * np.tan(at.omega * dt / 2) if dt else at.omega
-    low, high = float(s[at.omega >= at.lowest * (1 - 1e-9)].min()), float(s.max())
+    omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9))]
+    s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
+    low, high = float(s.min()), float(s.max())
     top = min(FASTEST * high, FASTEST_SAMPLED * 2 / dt) if dt else FASTEST * high
     middle = float(np.sqrt(low * min(high, top)))
     slowest = middle if shape.name in ("PD", "PID") else 0.0  # a derivative filter, and no second integrator

@@ -57,7 +57,7 @@ class Task:
         if self.objective is not None:
             return float(self.objective.measure(*self.split(theta)).max())
         Y0, X0 = self.basis.zero_frequency()
-        return -abs(float(X0 @ theta / (Y0 @ theta)))
+        return -abs(float(X0 @ theta)) / (abs(float(Y0 @ theta)) + 1e-9 * float(np.abs(Y0 * theta).sum()))
 
     def merit(self, theta: np.ndarray) -> tuple[float, float]:
         """Demands first, then the goal."""
@@ -66,7 +66,7 @@ class Task:
     def apart(self, old: np.ndarray, new: np.ndarray) -> str:
         """Empty where loop and controller keep their number of unstable poles on the way from old to new; else why."""
         P_old, P = self.loop(old), self.loop(new)
-        if not np.all((P * P_old.conj()).real > 0):
+        if not np.all((P * P_old.conj()).real[self.at.known] > 0):
             return "the loop changes"
         if not np.all(linear_rows(self, old) @ new >= 0):
             return "the controller changes"

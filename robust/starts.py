@@ -24,7 +24,7 @@ MOST_LINES = 60
 def simple_controllers(basis: Basis, at: Seen) -> tuple[np.ndarray, np.ndarray]:
     """(N, n) parameters and (N,) crossovers of PI-like, lead and mixed shapes with |L| = 1 all over the band."""
     shape = basis.structure
-    sizes = np.abs(basis.plane(at.omega))
+    sizes = np.abs(basis.plane(at.omega[at.known]))
     n_pi = min(shape.n_zeros, shape.n_integrators)
     most = 0.5 * basis.fastest
     leaks = (0.0, *LEAKS) if shape.free and shape.n_zeros > n_pi else (0.0,)
@@ -74,7 +74,7 @@ def loops_stable(K: control.StateSpace, seen: list[Seen], n_unstable: int) -> tu
                 return False, f"the loop{who} {why}"
             continue
         dt = timebase(K)
-        turns, clear = winding(at.omega, at.G, K, dt)
+        turns, clear = winding(at.omega[at.known], at.G[at.known], K, dt)
         if not clear:
             return (
                 False,
@@ -136,7 +136,7 @@ def find_start(
         best = aim.on(thin).measure(Y, X).max(axis=-1)
     else:
         Y0, X0 = basis.zero_frequency()
-        best = -np.abs((theta @ X0) / (theta @ Y0))
+        best = -np.abs((theta @ X0) / (np.abs(theta @ Y0) + 1e-9 * np.abs(theta * Y0).sum(axis=1)))
     found: list[np.ndarray] = []
     used: list[float] = []
     order = np.lexsort((best, hard))
@@ -158,7 +158,9 @@ def likely(basis: Basis, theta: np.ndarray, seen: list[Seen], n_unstable: int) -
     out = np.ones(theta.shape[0], dtype=bool)
     n_K = basis.structure.n_integrators + integrators(basis.fixed, basis.dt)
     for at in seen:
-        omega, G = (at.omega, at.G) if at.loop is not None else continued(at.omega, at.G, at.n_integrators)
+        omega, G = at.omega[at.known], at.G[at.known]
+        if at.loop is None:
+            omega, G = continued(omega, G, at.n_integrators)
         Y, X = basis.columns(omega)
         with np.errstate(all="ignore"):
             F = 1 + G * (theta @ X.T) / (theta @ Y.T)

@@ -348,3 +348,22 @@ def test_pid_for_the_measured_motor_bench(measured):
     nominal = fit_nominal(bla, n_poles=4, delay="estimate")
     report = check(uncertainty(bla, nominal, order=6), design.K, delay=4e-4)
     assert report.verdict == "statistically robust"
+
+
+@pytest.mark.parametrize("k", [0.1, 0.2, 0.45, 0.6])
+def test_a_mode_between_two_lines_is_not_overlooked(k):
+    """k/s on a mode of 16 % damping is stable up to k = 0.32; fifteen lines pass its peak by."""
+    mode = control.tf([1], [1, 0.32, 1])
+    lines = frf(mode, np.geomspace(0.01, 5, 15))
+    K = control.tf([k], [1, 0])
+    assert stable(mode, control.ss(K)) == (k < 0.32)
+    assert check(lines, K).nominally_stable <= (k < 0.32)
+    assert check(frf(mode, np.geomspace(0.01, 5, 150)), K).nominally_stable == (k < 0.32)
+
+
+def test_the_loop_stays_closed_above_the_last_line():
+    """A lead may rise where nothing was measured: it is held down there too."""
+    G = control.tf([1], [1, 0])
+    design = design_frf(frf(G, np.geomspace(0.05, 30, 100)), "lead", M_S=2.0)
+    beyond = np.geomspace(30, 3000, 50)
+    assert np.abs(response(design.K, beyond)).max() / 30 <= 0.5 * 1.001
