@@ -130,12 +130,14 @@ def prove(
     time_cap: float,
     most: int = MAX_INTERVALS,
     slack: float = SLACK,
+    changes: Callable[[float, float], tuple[np.ndarray, np.ndarray] | None] | None = None,
 ) -> Outcome:
     """Prove that the loop stays below one on [0, top].
 
     frozen(low, high) : the loop with its weights at their upper bounds on the interval; exact(x) : the true value
     at one frequency, computed in another way, which the frozen loop must not undercut. slack : what the frozen loop may
-    be off, relative to the level.
+    be off, relative to the level. changes : where the frozen loop may pass the level, by another test than the
+    Hamiltonian of its norm.
     """
     deadline = time.monotonic() + time_cap
     edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
@@ -168,7 +170,8 @@ def prove(
         if truth > at_inner * (1 + 1e-9 - slack / 2) + 1e-9:
             return stop("the state space of the loop does not reproduce its frequency response")
         if at_inner < 1 and (
-            no_crossing(matrices, low, high) or nearby(matrices, inner, max(inner - low, high - inner))
+            no_crossing(changes(low, high) if changes else crossings(matrices, 1.0), low, high)
+            or nearby(matrices, inner, max(inner - low, high - inner))
         ):
             done.append((low, high))
         elif narrow(low, high) or high <= nothing_below:
@@ -188,9 +191,8 @@ def around(points: np.ndarray) -> np.ndarray:
     return np.array(keep)
 
 
-def no_crossing(matrices: Matrices, low: float, high: float) -> bool:
+def no_crossing(found: tuple[np.ndarray, np.ndarray] | None, low: float, high: float) -> bool:
     """Whether no singular value of the frozen loop can reach one on the interval."""
-    found = crossings(matrices, 1.0)
     if found is None:
         return False
     omega, moved = found

@@ -249,12 +249,21 @@ def centred(
     H = H + 1e-13 * np.einsum("wkk->w", H)[:, None, None] * np.eye(size) / size
     border = np.zeros((W, size, 2))
     border[:, :K, 0], border[:, :, 1] = trace, gradient
-    solved = np.linalg.solve(H, border)
+    try:
+        solved = np.linalg.solve(H, border)
+    except np.linalg.LinAlgError:  # one of them has a flat direction
+        solved = np.linalg.pinv(H, hermitian=True) @ border
     multiplier = (trace @ solved[:, :K, 1:])[:, 0] / (trace @ solved[:, :K, :1])[:, 0]
     step = multiplier[:, None] * solved[:, :, 0] - solved[:, :, 1]
     decrement = np.sqrt(np.maximum(-(gradient * step).sum(axis=1), 0.0))
     near = decrement < 0.5
     step = step * np.where(near, 1.0, 1 / (1 + decrement))[:, None]
+    if s.scalar and not s.skew.size:
+        # every X is diagonal: roots and quotients do
+        left, right = (1 + step @ np.einsum("kii->ki", basis).real for basis in (s.left, s.right))
+        lost = ~(np.minimum(left.min(axis=1), right.min(axis=1)) > 1e-9)
+        left, right = (np.sqrt(np.where(lost[:, None], 1.0, x))[:, :, None] for x in (left, right))
+        return left * M / right.swapaxes(1, 2), left * L, right * R, G, near, lost
     X_L = np.eye(M.shape[1]) + np.tensordot(step[:, :K], s.left, 1)
     X_R = np.eye(n) + np.tensordot(step[:, :K], s.right, 1)
     least = np.minimum(np.linalg.eigvalsh(X_L)[:, 0], np.linalg.eigvalsh(X_R)[:, 0])

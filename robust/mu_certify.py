@@ -16,13 +16,13 @@ from robust.intervals import SLACK, around, inside, prove
 from robust.lft import instability, multivariable
 from robust.lti import evaluate, timebase
 from robust.mu import MuBound, bounded
-from robust.norms import Matrices, continuous_image, well_conditioned
+from robust.norms import Matrices, continuous_image, sign_changes, well_conditioned
 from robust.report import hertz
 from robust.structure import fitting
 
 N_GRID = 300
 MOST_INTERVALS = 5000
-SLACK_REAL = 1e-9
+SLACK_REAL = 1e-9  # a large G brings the norm close to one, and what N may be off down by as much
 Scaling = tuple[np.ndarray, ...]
 
 
@@ -108,9 +108,22 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
         C_x, D_x, into = in_norm_form(scaling_at(inside(low, high)), C, D, level)
         return A, B @ into, C_x, D_x
 
-    # a large G brings the norm close to one, and what N may be off down by as much
-    slack = SLACK_REAL if s.skew.size else SLACK
-    outcome = prove(frozen, exact, around(size), np.inf, time_cap=time_cap, most=MOST_INTERVALS, slack=slack)
+    def changes(low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
+        D_L, D_R, G = scaling_at(inside(low, high))
+        into, below = np.linalg.inv(D_R), level * (1 - SLACK)
+        return sign_changes((A, B @ into, D_L @ C / below, D_L @ D @ into / below), G / level)
+
+    real = bool(s.skew.size)
+    outcome = prove(
+        frozen,
+        exact,
+        around(size),
+        np.inf,
+        time_cap=time_cap,
+        most=MOST_INTERVALS,
+        slack=SLACK_REAL if real else SLACK,
+        changes=changes if real else None,
+    )
     if not outcome.holds:
         if not np.isfinite(outcome.violated_at):
             return refused(subject, level, outcome.reason)

@@ -110,17 +110,46 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     B, C, D = B / np.sqrt(level), C / np.sqrt(level), D / level
     Bh, Ch, Dh = B.conj().T, C.conj().T, D.conj().T  # a scaling may have made them complex
     inner, outer = np.eye(D.shape[1]) - Dh @ D, np.eye(D.shape[0]) - D @ Dh
-    if np.abs(np.linalg.eigvalsh(inner)).min() < 1e-9 or np.abs(np.linalg.eigvalsh(outer)).min() < 1e-9:
+    room = min(np.abs(np.linalg.eigvalsh(M)).min() for M in (inner, outer))
+    if room < 1e-9:
         return None
+    rounding = EPS / min(room, 1.0)  # of what the Hamiltonian is made from, relative to it
     F = A + B @ np.linalg.solve(inner, Dh @ C)
     H = np.block([[F, B @ np.linalg.solve(inner, Bh)], [-Ch @ np.linalg.solve(outer, C), -F.conj().T]])
+    return near_axis(H, rounding)
+
+
+def sign_changes(matrices: Matrices, G: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Where N^H N + j (G N - N^H G^H) - 1 may become singular, as `crossings`; None where it is so at infinity.
+
+    With G large the same question put as a norm (a completed square) is hopelessly close to one.
+    """
+    A, B, C, D = matrices
+    if A.shape[0] == 0:
+        return np.zeros(0), np.zeros(0)
+    skew = 1j * G @ D
+    R = D.conj().T @ D + skew + skew.conj().T - np.eye(D.shape[1])
+    S = C.conj().T @ (D - 1j * G.conj().T)
+    size = 1.0 + np.linalg.norm(D) ** 2 + 2 * np.linalg.norm(skew)
+    room = np.abs(np.linalg.eigvalsh(R)).min() / size
+    if room < 1e-9:
+        return None
+    F = A - B @ np.linalg.solve(R, S.conj().T)
+    H = np.block(
+        [[F, -B @ np.linalg.solve(R, B.conj().T)], [S @ np.linalg.solve(R, S.conj().T) - C.conj().T @ C, -F.conj().T]]
+    )
+    return near_axis(H, EPS / min(room, 1.0))
+
+
+def near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Eigenvalues of a Hamiltonian that may lie on the upper imaginary axis, with what rounding may have moved them."""
     if not np.isfinite(H).all():
         return None
     H = matrix_balance(H, permute=False)[0]
     found, left, right = eig(H, left=True, right=True)
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     # to first order; where eigenvalues coincide (the states of a delay do) they move by a root of that instead
-    moved = np.minimum(100 * EPS / np.maximum(cosine, EPS), 10 * EPS ** (1 / 6)) * np.linalg.norm(H)
+    moved = np.minimum(100 * rounding / np.maximum(cosine, EPS), 10 * rounding ** (1 / 6)) * np.linalg.norm(H)
     near = (np.abs(found.real) <= moved) & (found.imag >= -moved)
     return np.maximum(found.imag[near], 0.0), moved[near]
 

@@ -237,3 +237,18 @@ def test_no_certificate_for_what_is_not_stable(A):
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_no_certificate_under_a_perturbation_that_was_found():
+    """Light damping and real blocks: the scalings have G in the thousands, and a test too coarse would pass them."""
+    rng = np.random.default_rng(11)
+    blocks = [(2, 2, "real"), (1, 1)]
+    for _ in range(5):
+        w, zeta = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-4, -2)
+        A = np.array([[-zeta * w, w, 0], [-w, -zeta * w, 0], [0, 0, -1.0]])
+        N = control.ss(A, rng.standard_normal((3, 3)), rng.standard_normal((3, 3)), rng.standard_normal((3, 3)))
+        omega = w * (1 + zeta * np.linspace(-3, 3, 61))
+        response = along(N, omega)
+        k = np.argsort(-mu_upper(response, blocks).value)[:2]
+        found = mu_lower(response[:, :, k], blocks, n_starts=2).value.max()
+        assert not certify_mu(N, blocks, 0.99 * found).holds
