@@ -242,7 +242,7 @@ def test_refusals(call, message):
 def test_no_certificate_under_a_perturbation_that_was_found():
     """Light damping and real blocks: the scalings have G in the thousands, and a test too coarse would pass them."""
     rng = np.random.default_rng(11)
-    blocks = [(2, 2, "real"), (1, 1)]
+    blocks, seen = [(2, 2, "real"), (1, 1)], 0
     for _ in range(5):
         w, zeta = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-4, -2)
         A = np.array([[-zeta * w, w, 0], [-w, -zeta * w, 0], [0, 0, -1.0]])
@@ -251,4 +251,7 @@ def test_no_certificate_under_a_perturbation_that_was_found():
         response = along(N, omega)
         k = np.argsort(-mu_upper(response, blocks).value)[:2]
         found = mu_lower(response[:, :, k], blocks, n_starts=2).value.max()
-        assert not certify_mu(N, blocks, 0.99 * found).holds
+        if found > 0:
+            seen += 1
+            assert not certify_mu(N, blocks, 0.99 * found).holds
+    assert seen >= 3
