@@ -88,5 +88,5 @@ def shown(thing: Any) -> str:
     """A short form of anything, for the end of a message."""
     if isinstance(thing, np.ndarray):
         return f"an array of shape {thing.shape}"
-    text = repr(thing)
+    text = " ".join(repr(thing).split())
     return text if len(text) <= 60 else text[:57] + "..."

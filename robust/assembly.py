@@ -30,6 +30,7 @@ from robust.lti import (
 from robust.uncertainty import UncertaintyModel
 
 DELAY_ORDER = 8
+MOST_STATES = 600  # of a plant with its delay line
 N_ALIASES = 30
 
 
@@ -226,6 +227,13 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembl
     delay = nonnegative("delay", delay)
     G = model.nominal
     dt_G, dt_K = timebase(G), timebase(K)
+    dt = dt_G or dt_K
+    if G.nstates + K.nstates + (delay / dt if dt else 0) > MOST_STATES:
+        raise ValueError(
+            f"delay must leave at most {MOST_STATES} states in the loop, got {delay:g} s"
+            + (f" of {dt:g} s each sample" if dt else "")
+            + f" around {G.nstates + K.nstates} states. A slower sampling time has a shorter delay line."
+        )
     pade_delay, unsampled = 0.0, None
     if dt_G:
         if not constant(K) and abs(dt_K - dt_G) > 1e-9 * dt_G:

@@ -27,6 +27,9 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     w_P = None if w_P is None else state_space("w_P", w_P)
     delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation = on_lines(model)
+    if not np.isfinite(G).all():
+        where = hertz(omega[np.argmax(~np.isfinite(G))])
+        raise ValueError(f"model must have a finite FRF on every line, got {G[~np.isfinite(G)][0]} at {where}")
     dt = timebase(K) if not constant(K) else 0.0
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(f"K must be sampled fast enough for the lines up to {hertz(omega[-1])}, got dt = {dt:g} s")

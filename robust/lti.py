@@ -227,6 +227,12 @@ def stable(system: control.StateSpace) -> bool:
     return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
 
 
+def least_stable(system: control.StateSpace) -> complex:
+    """The pole farthest out."""
+    p = poles(system)
+    return complex(p[np.argmax(np.abs(p) if timebase(system) else p.real)])
+
+
 def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.StateSpace:
     """First system first: the output of each drives the next; all states are kept."""
     total = systems[0]

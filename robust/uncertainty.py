@@ -23,7 +23,7 @@ from scipy.stats import binom
 from nlfrf import Bla
 from nlfrf.checks import integer, nonnegative, one_of, probability, real, real_array, shown
 from nlfrf.values import value
-from robust.lti import delayed, frequency_response, response, stable, state_space, timebase
+from robust.lti import delayed, frequency_response, least_stable, response, stable, state_space, timebase
 from robust.nominal import NominalFit
 from robust.perturb import perturbed, perturbed_response, random_perturbation
 from robust.radius import DECADES_ABOVE, PARTS, absolute_to_form, extrapolated, family, nominal_response, total_of
@@ -129,7 +129,7 @@ class UncertaintyModel:
             if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
                 raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
         if not stable(weight):
-            raise ValueError(f"weight must be stable, got poles {shown(weight.poles())}")
+            raise ValueError(f"weight must be stable, got a pole at {least_stable(weight):.4g}")
         cover = np.abs(response(weight, omega)) / radius
         if cover.min() < 1 - 1e-6:
             raise ValueError(

@@ -282,6 +282,15 @@ class TestMeasuredLinesOnly:
         (lambda: check(simple(), control.tf([1, 0, 0], [1, 1])), "K must be proper"),
         (lambda: check(simple(), np.eye(2)), "K must have one input and one output"),
         (lambda: check(simple(), 1.0, delay=-1.0), "delay must be zero or positive"),
+        (
+            lambda: check(simple(), control.ss([], [], [], [[0.5]], 1e-4), delay=1.0),
+            "delay must leave at most 600 states in the loop, got 1 s",
+        ),
+        (
+            lambda: check(control.FrequencyResponseData([1.0, np.nan, 1.0], [1.0, 2.0, 3.0]), 1.0),
+            "model must have a finite FRF on every line, got .nan.* at 0.3183 Hz",
+        ),
+        (lambda: simple(control.tf([1], [1, -1])), r"weight must be stable, got a pole at 1"),
         (lambda: check(simple(), 1.0, solver="MOSEK"), "solver must be one of"),
         (lambda: check(simple(), 1.0, w_P=control.tf([1], [1, 0])), "w_P must be stable"),
         (lambda: check(simple(), 1.0, w_P=control.tf([1, 1, 1], [1, 2])), "w_P must be proper"),
