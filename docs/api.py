@@ -50,13 +50,14 @@ def write_pages(folder: Path) -> None:
         for name, thing in entries:
             summary = escaped(first_line(thing))
             index += [f"   * - :doc:`{name} <{heading}.{name}>`", f"     - {summary}"]
-        index += ["", ".. toctree::", "   :hidden:", ""]
-        index += [f"   {name} <{heading}.{name}>" for name, _ in entries] + [""]
+        index += [""]
         for name, thing in entries:
             title = f"{heading}.{name}"
             kind = "autoclass" if inspect.isclass(thing) else "autofunction"
             members = ["   :members:"] if inspect.isclass(thing) and not issubclass(thing, Warning) else []
-            page = [title, "=" * len(title), "", f".. {kind}:: {title}", *members, ""]
+            # an orphan: a sidebar that listed every name would be most of every page, and of the time to build it
+            up = ":doc:`Reference <index>`"
+            page = [":orphan:", "", up, "", title, "=" * len(title), "", f".. {kind}:: {title}", *members, ""]
             write_if_changed(folder / f"{title}.rst", "\n".join(page))
     write_if_changed(folder / "index.rst", "\n".join(index))
 

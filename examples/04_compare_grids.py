@@ -20,7 +20,7 @@ parser.add_argument("--out", type=Path, default=Path("demo/04"), help="folder fo
 out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
-N_RECORDS = 20
+N_RECORDS = 12
 rig = nlfrf.paper_rig()
 
 

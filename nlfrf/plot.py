@@ -152,7 +152,7 @@ def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
             level = db(U[np.searchsorted(lines, mine)])
             label = "excited lines" if kind == "excited" else f"{kind} detection lines"
             if np.all(np.nan_to_num(level, nan=-np.inf) < top - ROUNDING):
-                label += f": none above {-ROUNDING:g} dB"
+                label += f": more than {ROUNDING:g} dB lower"
             ax.plot(mine * record.f0, level, marker, ms=4, color=COLOR[kind], label=label)
     ax.set(
         xlabel="frequency [Hz]",

@@ -194,11 +194,23 @@ def verdict_section(report: RobustnessReport) -> Section:
         lead="What may be said of this controller on this machine, and what may not.",
         facts=(
             ("because", report.reason),
+            ("margins", margins_text(report)),
             ("proved", report.proved),
             ("not proved", report.not_proved),
             ("what to do next", report.advice),
         ),
     )
+
+
+def margins_text(report: RobustnessReport) -> str:
+    """How far the loop is from trouble, in one line; nothing where it is in trouble."""
+    said = []
+    if report.nominally_stable and np.isfinite(report.margin_rs):
+        said.append(factor(report.margin_rs))
+    if report.nominally_stable and np.isfinite(report.disk_margin):
+        gain, phase = 20 * np.log10(report.gain_margin), np.degrees(report.phase_margin)
+        said.append(f"the nominal loop bears {gain:.1f} dB of gain and {phase:.0f} deg of phase at once")
+    return "; ".join(said)
 
 
 def excitation_section(records: list[Record], blas: list[Bla]) -> Section:

@@ -215,7 +215,7 @@ def test_refusals_leave_no_file(undrawn, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_command(tmp_path, monkeypatch, capsys):
+def test_the_command(undrawn, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     save_model(MODEL, "m.json")
     save_controller(K, "K.json")

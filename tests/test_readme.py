@@ -9,6 +9,7 @@ import pytest
 
 import nlfrf.cli
 import robust.cli
+from robust import handover
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[1]
@@ -19,6 +20,12 @@ CLIS = {"nlfrf": nlfrf.cli, "robust": robust.cli}
 def section(heading):
     """The text under a heading."""
     return re.search(rf"^## {heading}\n(.*?)(?=^## )", README, re.DOTALL | re.MULTILINE).group(1)
+
+
+@pytest.fixture(autouse=True)
+def undrawn(monkeypatch):
+    """The pictures of reports are looked at elsewhere."""
+    monkeypatch.setattr(handover, "picture", lambda *_, caption, **__: handover.Picture(source="#", caption=caption))
 
 
 def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):
