@@ -49,6 +49,20 @@ class DkDesign:
         mu proved at all frequencies, one per cent above its peak; or why not.
     reason : str
         Why the iteration ended.
+
+    References
+    ----------
+    SP 8.12.
+
+    Examples
+    --------
+    A lag with half its gain unknown, and an error that is to stay under two everywhere:
+
+    >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
+    >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    >>> found = dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1)
+    >>> bool(found.mu < 1), found.K.nstates > 0
+    (True, True)
     """
 
     K: control.StateSpace
@@ -100,14 +114,21 @@ def dk_iteration(
     ValueError
         Blocks that do not add up to P, a plant that no controller can stabilise.
 
+    References
+    ----------
+    SP 8.12; Doyle 1982, 1985; Balas, Doyle, Glover, Packard & Smith, *mu-Analysis and Synthesis Toolbox*.
+
+    Examples
+    --------
+    >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
+    >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    >>> bool(dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1).mu < 1)
+    True
+
     Notes
     -----
     Without omega the frequencies are those of the poles of the loop of each round. Of the distillation column of
     SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower) it makes 1.19, 1.05, 1.045, ...
-
-    References
-    ----------
-    SP 8.12; Doyle 1982, 1985; Balas, Doyle, Glover, Packard & Smith, *mu-Analysis and Synthesis Toolbox*.
     """
     P = multivariable("P", P)
     n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)

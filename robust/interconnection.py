@@ -38,6 +38,20 @@ class Block:
         number in [-1, 1] times the identity, a parameter.
     perturbation : str
         What Delta is claimed to be, as for `UncertaintyModel`: "LTI", "statistical" or "operator".
+
+    Raises
+    ------
+    ValueError
+        A kind or class that does not exist, a size that is unstable, reads and drives that do not fit the kind.
+
+    References
+    ----------
+    SP 8.2 and 8.3.
+
+    Examples
+    --------
+    >>> Block("u", "u", 0.2).shape, Block("y", "pole", 0.5, kind="real").shape
+    ((1, 1), (1, 1, 'real'))
     """
 
     reads: Any
@@ -87,6 +101,18 @@ class UncertainSystem:
         In the order in which N is cut.
     inputs, outputs : tuple of str
         Signals of the performance; empty where only stability is asked for.
+
+    References
+    ----------
+    SP 8.3 (pulling out the perturbations).
+
+    Examples
+    --------
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    >>> system = interconnection([lag, K], {"pole": Block("y", "pole", 2.5, kind="real")})
+    >>> system.structure, system.loop.poles().real.round(9).tolist()               # s + 1 + 4
+    ([(1, 1, 'real')], [-5.0])
     """
 
     N: control.StateSpace

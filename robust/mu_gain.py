@@ -104,6 +104,11 @@ def mu_upper_lmi(N: np.ndarray, blocks: Any, *, solver: str = "CLARABEL", time_c
     MuBound
         value : never below what the scalings found prove; the largest singular value where the solver found nothing.
 
+    Raises
+    ------
+    ValueError
+        Blocks that do not add up to N, numbers that are not finite, a solver that is none of the two.
+
     References
     ----------
     Boyd, El Ghaoui, Feron & Balakrishnan 1994, 3.1; Fan, Tits & Doyle 1991.

@@ -47,6 +47,19 @@ class StructuredReport:
         "robust", "statistically robust", "not robust" or "not certified", as for `RobustnessReport`.
     reason, proved, not_proved : str
         In words.
+
+    References
+    ----------
+    SP 8.9 (RS), 8.10 (RP).
+
+    Examples
+    --------
+    >>> from robust.interconnection import Block, interconnection
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    >>> report = check_structure(interconnection([lag, K], {"pole": Block("y", "pole", 7.5, kind="real")}))
+    >>> report.verdict, round(report.margin_rs, 3)                                  # 5 of 7.5
+    ('not robust', 0.667)
     """
 
     omega: np.ndarray
@@ -101,6 +114,11 @@ def check_structure(system: UncertainSystem, *, certify: bool = True) -> Structu
     StructuredReport
         A bad loop is a result, not an error. With an "operator" block among others the scalings have to be the same at
         every frequency (Shamma 1994), and only that is accepted as a proof.
+
+    Raises
+    ------
+    ValueError
+        Anything that is not an UncertainSystem.
 
     References
     ----------
