@@ -31,6 +31,8 @@ from robust.uncertainty import UncertaintyModel
 
 #: The set must stay this far inside stability, so that a check can prove it between the lines too.
 BACK_OFF = 0.99
+#: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
+LARGEST_DISC = 0.98
 
 
 @value
@@ -46,7 +48,9 @@ class Seen:
     radius : (W,) ndarray
         Radius of that disc; zero without uncertainty.
     outside : (W,) ndarray
-        |w| where an inverse form has |w| >= 1, so that the set is no disc; zero elsewhere.
+        |w| where an inverse form comes near |w| = 1 or passes it, so that the set is no disc; zero elsewhere.
+    inverse : (W,) ndarray
+        |w| of an inverse form on S, zero for the other forms.
     loop : Assembly or None
         The parametric plant, where there is one: then stability is a matter of poles.
     n_integrators : int
@@ -62,6 +66,7 @@ class Seen:
     centre: np.ndarray
     radius: np.ndarray
     outside: np.ndarray
+    inverse: np.ndarray
     loop: Assembly | None
     n_integrators: int
     known: np.ndarray
@@ -140,8 +145,9 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
     size = np.abs(G)
     inverse = form.startswith("inverse")
     w = w * size if form == "inverse-additive" else w / np.maximum(size, 1e-300) if form == "additive" else w
-    outside = np.where(inverse & (w >= 1), w, 0.0)
-    shrink = np.where(inverse & (w < 1), 1 / np.maximum(1 - w**2, 1e-12), 1.0)
+    disc = w < LARGEST_DISC
+    outside = np.where(inverse & ~disc, w, 0.0)
+    shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
     radius = np.where(outside > 0, 0.0, size * w * shrink)
     return Seen(
         omega=omega,
@@ -149,6 +155,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         centre=G * shrink,
         radius=radius,
         outside=outside,
+        inverse=np.where(inverse, w, 0.0),
         loop=loop,
         n_integrators=n_integrators,
         known=known,
@@ -178,7 +185,7 @@ def joined(seen: list[Seen]) -> Seen:
     """All plants of a family, one after the other."""
     parts: dict[str, Any] = {
         name: np.concatenate([getattr(s, name) for s in seen])
-        for name in ("omega", "G", "centre", "radius", "outside", "known")
+        for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
     }
     return Seen(**parts, loop=None, n_integrators=0, lowest=max(s.lowest for s in seen))
 
@@ -259,7 +266,9 @@ def limit_rows(at: Seen, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: An
     """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them."""
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
-        rows.append(row("robust stability", at, at.outside / BACK_OFF, at.radius / BACK_OFF))
+        direct = at.inverse > 0  # |w S| <= 1, as the disc of an inverse form grows without bound
+        b, x = np.where(direct, 0.0, at.radius / BACK_OFF), np.where(direct, at.G, at.centre)
+        rows.append(row("robust stability", at, at.inverse / BACK_OFF, b, x=x))
     if M_S is not None:
         a, b = worst(at, 1 / limit("M_S", M_S, at.omega))
         rows.append(row(f"|S| <= {named(M_S)}", at, a, b))

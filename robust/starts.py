@@ -164,7 +164,7 @@ def likely(basis: Basis, theta: np.ndarray, seen: list[Seen], n_unstable: int) -
         Y, X = basis.columns(omega)
         with np.errstate(all="ignore"):
             F = 1 + G * (theta @ X.T) / (theta @ Y.T)
-        turns, clear = half_turns(F, n_K + at.n_integrators)
+            turns, clear = half_turns(F, n_K + at.n_integrators)
         if at.loop is None:
             out &= clear & (np.round(turns) == n_unstable)
         else:  # a guess: the poles decide
