@@ -46,6 +46,7 @@ bench: $(READY)
 	$(BIN)/python -m benchmarks.bench_friction
 	$(BIN)/python -m benchmarks.bench_robust
 	$(BIN)/python -m benchmarks.bench_design
+	$(BIN)/python -m benchmarks.bench_mu
 	$(BIN)/python -m benchmarks.fuzz_loaders
 	$(BIN)/python -m benchmarks.coverage
 
