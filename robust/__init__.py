@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from robust.certify import Certificate, certify_norm
     from robust.check import check
+    from robust.disk import DiskMargin, disk_margin
     from robust.dk import DkDesign, dk_iteration
     from robust.elements import lag, lead, notch, pid, roll_off
     from robust.export import (
@@ -62,6 +63,7 @@ HOMES = {
     "Block": "interconnection",
     "Certificate": "certify",
     "Design": "shaping",
+    "DiskMargin": "disk",
     "DkDesign": "dk",
     "LoopFamily": "worst",
     "MuBound": "mu",
@@ -85,6 +87,7 @@ HOMES = {
     "delay_weight": "formulas",
     "design_frf": "frf_design",
     "discretize": "lti",
+    "disk_margin": "disk",
     "dk_iteration": "dk",
     "export_matlab": "export",
     "fit_nominal": "nominal",
@@ -125,6 +128,7 @@ __all__ = [
     "Certificate",
     "Design",
     "DesignWarning",
+    "DiskMargin",
     "DkDesign",
     "LoopFamily",
     "MuBound",
@@ -148,6 +152,7 @@ __all__ = [
     "delay_weight",
     "design_frf",
     "discretize",
+    "disk_margin",
     "dk_iteration",
     "export_matlab",
     "fit_nominal",

@@ -87,6 +87,7 @@ FLOORS = {
     "robust.frf_check": 25,
     "robust.worst": 25,
     "robust.check": 26,
+    "robust.disk": 26,
     "robust.export": 27,
     "robust.plot": 28,
     "robust.structures": 21,
