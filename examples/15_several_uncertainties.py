@@ -1,4 +1,4 @@
-"""Several uncertainties: stiffness and damping as numbers, distortion as a disc, instead of one disc over levels.
+"""Several uncertainties: stiffness and damping as numbers, distortion as a disc.
 
 Friction makes a machine stiff in small motions and soft in large ones. One disc that covers all levels forgets that
 it is always a mass on a spring: near the resonance it holds plants of either sign. Here the spring and the damper are
