@@ -10,6 +10,7 @@ help:
 	@echo "make demo   the main job on the built-in rig: files and pictures in demo/"
 	@echo "make test   format, lint, types and every test"
 	@echo "make docs   examples, guide and reference as pages in build/docs/index.html"
+	@echo "make picture  the picture of the README, from the first example"
 	@echo "make bench  speeds and measured coverage, against peers where they install"
 	@echo "make clean  remove what these made"
 
