@@ -7,12 +7,12 @@ READY := $(VENV)/.ready
 .PHONY: demo test lint docs picture bench clean help
 
 help:
-	@echo "make demo   the main job on the built-in rig: files and pictures in demo/"
-	@echo "make test   format, lint, types and every test"
-	@echo "make docs   examples, guide and reference as pages in build/docs/index.html"
+	@echo "make demo     the main job on the built-in rig: files and pictures in demo/"
+	@echo "make test     format, lint, types and every test"
+	@echo "make docs     examples, guide and reference as pages in build/docs/index.html"
 	@echo "make picture  the picture of the README, from the first example"
-	@echo "make bench  speeds and measured coverage, against peers where they install"
-	@echo "make clean  remove what these made"
+	@echo "make bench    speeds and measured coverage, against peers where they install"
+	@echo "make clean    remove what these made"
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \

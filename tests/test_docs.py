@@ -1,6 +1,5 @@
 """The documentation builds without warnings, says what it should, and a browser shows it without asking the network."""
 
-import dataclasses
 import inspect
 import os
 import re
@@ -39,17 +38,6 @@ def test_every_public_name_and_example_has_a_page(built):
         printed = (gallery.outputs(name) / "printed.txt").read_text(encoding="utf-8")
         assert re.sub(r"[<>&\"']", "", printed.splitlines()[0])[:20].strip()[:8] in page
         assert ("<img" in page) == (not printed.startswith("skipped"))
-
-
-def test_the_nomenclature_has_every_symbol():
-    text = (gallery.ROOT / "docs" / "guide" / "nomenclature.md").read_text(encoding="utf-8")
-    named = set(re.findall(r"`([A-Za-z_0-9.]+)(?:\(.*?\))?`", text))
-    named |= {name.rpartition(".")[2] for name in named}
-    for module, _, thing in api.things():
-        if not dataclasses.is_dataclass(thing) or module == "nlfrf.hysteresis":  # the curves say it on their own pages
-            continue
-        missing = {field.name for field in dataclasses.fields(thing)} - named
-        assert not missing, f"{thing.__name__}: {missing}"
 
 
 def test_a_browser_shows_it(built, tmp_path):

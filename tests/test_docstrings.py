@@ -3,10 +3,13 @@
 import dataclasses
 import inspect
 import re
+from pathlib import Path
 
 import pytest
 
 from docs.api import pictures, things
+
+ROOT = Path(__file__).parents[1]
 
 #: What can only refuse what Python refuses.
 NEVER_REFUSES = {"nlfrf.paper_rig"}
@@ -99,3 +102,14 @@ def test_pictures_say_what_they_show(module, name, thing):
         assert set(inspect.signature(thing).parameters) <= documented
     else:
         assert re.search(r"[Aa]rguments as in `\w+`", inspect.getdoc(thing)), "no Parameters, and not said as in which"
+
+
+def test_the_nomenclature_has_every_symbol():
+    text = (ROOT / "docs" / "guide" / "nomenclature.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([A-Za-z_0-9.]+)(?:\(.*?\))?`", text))
+    named |= {name.rpartition(".")[2] for name in named}
+    for module, _, thing in things():
+        if not dataclasses.is_dataclass(thing) or module == "nlfrf.hysteresis":  # the curves say it on their own pages
+            continue
+        missing = {field.name for field in dataclasses.fields(thing)} - named
+        assert not missing, f"{thing.__name__}: {missing}"
