@@ -32,7 +32,7 @@ class DiskMargin:
     gain_margin : tuple of float
         Every channel may be multiplied by any gain between these two.
     phase_margin : float
-        Every channel may be turned by any phase up to this [deg]; inf where none matters.
+        Every channel may be turned by any phase up to this [rad]; inf where none matters.
     reason : str
         Why there is no margin; empty otherwise.
 
@@ -60,7 +60,7 @@ class DiskMargin:
         low, high = (20 * np.log10(g) if g > 0 else -np.inf for g in self.gain_margin)
         return (
             f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: gain {low:.2f} to {high:+.2f} dB, "
-            f"phase {self.phase_margin:.1f} deg, in all channels at once"
+            f"phase {np.degrees(self.phase_margin):.1f} deg, in all channels at once"
         )
 
 
@@ -118,7 +118,7 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0) -> DiskMargin
         omega=omega,
         skew=skew,
         gain_margin=(low, up if high > 0 else np.inf),
-        phase_margin=float(np.degrees(np.arccos(cosine))) if abs(cosine) <= 1 else np.inf,
+        phase_margin=float(np.arccos(cosine)) if abs(cosine) <= 1 else np.inf,
         reason="",
     )
 
