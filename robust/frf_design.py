@@ -46,7 +46,7 @@ def design_frf(
     n_starts: int = 1,
     n_unstable: int = 0,
     n_iterations: int = 60,
-    time_limit: float = 20.0,
+    time_cap: float = 20.0,
     progress: Callable[[int, float], Any] | None = None,
 ) -> Design:
     """Design a controller of fixed structure straight from a measured FRF, no parametric model needed.
@@ -96,7 +96,7 @@ def design_frf(
         How many of the controllers found to begin with are followed; more take longer and may end in a better optimum.
     n_unstable : int
         Unstable poles of a plant that is an FRF.
-    n_iterations, time_limit : int, float
+    n_iterations, time_cap : int, float
         Caps on convex steps and on time [s].
     progress : callable, optional
         Called with (iteration, worst demand or gamma) after every step.
@@ -133,7 +133,7 @@ def design_frf(
         integer("n_unstable", n_unstable, least=0),
         integer("n_iterations", n_iterations, least=0),
     )
-    time_limit = positive("time_limit", time_limit)
+    time_cap = positive("time_cap", time_cap)
     shape = structure_of(structure, integer("integrators", integrators, least=0), filter_time)
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
     if not plants:
@@ -193,7 +193,7 @@ def design_frf(
                 f"{'every plant' if len(plants) > 1 else 'the plant'}"
             )
         starts = sorted(starts, key=task.merit)[:n_starts]
-    return finished(task, *iterate(task, starts, n_iterations, began + time_limit, progress), objective)
+    return finished(task, *iterate(task, starts, n_iterations, began + time_cap, progress), objective)
 
 
 def pair(name: str, given: Any) -> list[Any]:

@@ -25,7 +25,7 @@ def mixsyn(
     dt: float = 0.0,
     delay: float = 0.0,
     factor: float = 1.01,
-    time_limit: float = 2.0,
+    time_cap: float = 2.0,
 ) -> Design:
     """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
 
@@ -49,7 +49,7 @@ def mixsyn(
         Computation delay [s]; by a Padé approximation in continuous time.
     factor : float
         gamma asked for over the least one, at least 1.
-    time_limit : float
+    time_cap : float
         Seconds; the best found by then is returned.
 
     Returns
@@ -76,7 +76,7 @@ def mixsyn(
     >>> round(design.gamma_min, 3), bool(design.gamma < 1.38)
     (1.366, True)
     """
-    dt, delay, time_limit = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_limit", time_limit)
+    dt, delay, time_cap = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_cap", time_cap)
     G = state_space("model", model.nominal if is_model(model) else model)
     step = timebase(G)
     if step and dt and abs(step / dt - 1) > 1e-9:
@@ -90,7 +90,7 @@ def mixsyn(
             raise ValueError(f"model must be of the form {', '.join(place)}, got {model.form}")
         weights[place[model.form]].append(model.weight)
     stacked = [(name, on_time_base(name, w, dt)) for name, many in weights.items() for w in many if w is not None]
-    found = hinfsyn(weighted_plant(G, stacked, dt), 1, 1, factor=factor, time_cap=0.8 * time_limit)
+    found = hinfsyn(weighted_plant(G, stacked, dt), 1, 1, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     reason = found.reason if found.found else f"not found: {found.reason}"
     return Design(K=K, gamma=found.gamma, gamma_min=found.gamma_min, met=found.found, reason=reason)

@@ -187,7 +187,7 @@ def test_progress_and_time_limit():
     seen = []
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0, progress=lambda k, v: seen.append((k, v)))
     assert [v for _, v in seen] == list(design.history)
-    hurried = design_frf(BOOK, 2, w_P=W_P, w_u=1.0, time_limit=1e-3)
+    hurried = design_frf(BOOK, 2, w_P=W_P, w_u=1.0, time_cap=1e-3)
     assert hurried.reason == "stopped at the time limit"
     assert stable(BOOK, hurried.K)
 
