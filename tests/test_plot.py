@@ -1,0 +1,61 @@
+"""Pictures of records and second opinions: they show the numbers that are there, and name what is missing."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+from nlfrf import Record, multisine, second_opinion
+from nlfrf import plot as pictures
+
+MS = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+U = np.stack([MS.u[0], MS.u[0]])[None]
+
+
+@pytest.fixture
+def ax():
+    figure, ax = plt.subplots()
+    yield ax
+    plt.close(figure)
+
+
+def labels(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_samples_are_drawn_period_by_period(ax):
+    record = Record(u=U, y=2 * U, fs=128, lines=MS.lines)
+    pictures.plot_samples(record, signal="y", ax=ax)
+    first, last = ax.get_lines()
+    assert np.array_equal(last.get_ydata(), record.y[0, 1])
+    assert first.get_xdata()[-1] == pytest.approx(127 / 128)
+    assert "y: 2 periods over one another, rms 2" in ax.get_title()
+    with pytest.raises(ValueError, match="signal must be one that the record has, got 'r'"):
+        pictures.plot_samples(record, signal="r", ax=ax)
+    with pytest.raises(ValueError, match="signal must be one of 'u', 'y', 'r'"):
+        pictures.plot_samples(record, signal="force", ax=ax)
+
+
+def test_the_input_shows_what_stands_where_nothing_was_to_be(ax):
+    clean = Record(u=U, y=U, fs=128, lines=MS.lines)
+    pictures.plot_input(clean, ax=ax)
+    assert "odd detection lines: more than 120 dB lower" in labels(ax)
+    ax.clear()
+    dirty = U + 1e-2 * np.cos(2 * np.pi * 5 * np.arange(128) / 128)
+    pictures.plot_input(Record(u=dirty, y=U, fs=128, lines=MS.lines), ax=ax)
+    assert "odd detection lines" in labels(ax)
+    odd = next(line for line in ax.get_lines() if line.get_label() == "odd detection lines")
+    f, level = odd.get_data()
+    assert level[f == 5][0] == pytest.approx(-40.0)
+    assert ax.get_ylim()[0] < -40
+
+
+def test_an_opinion_shows_both_readings(ax):
+    opinion = second_opinion(Record(u=U[:, :1], y=U[:, :1] ** 3, fs=128, lines=MS.lines))
+    pictures.plot_opinion(opinion, ax=ax)
+    curves = {line.get_label(): line.get_ydata() for line in ax.get_lines()}
+    assert curves["roughness of the FRF"] == pytest.approx(10 * np.log10(opinion.roughness))
+    assert curves["odd detection lines, calibrated"] == pytest.approx(10 * np.log10(opinion.detection))
+    assert ("more than 6 dB apart" in curves) == bool(opinion.disagree.any())
