@@ -183,7 +183,7 @@ def test_a_given_start_is_improved():
     assert unmoved.reason == "not iterated"
 
 
-def test_progress_and_time_limit():
+def test_progress_and_time_cap():
     seen = []
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0, progress=lambda k, v: seen.append((k, v)))
     assert [v for _, v in seen] == list(design.history)
