@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.checks import one_of, probability
+from nlfrf.checks import one_of, probability, real
 from nlfrf.distortion import DistortionLevels
 from nlfrf.excitation import local_mean
 from nlfrf.lines import LineGrid
@@ -141,6 +141,26 @@ class Bla:
             scatter = self.n_realizations * np.maximum(self.var_bound - noise, 0.0)
             variance = variance + (1 + SMOOTH * ("roughness" in self.level_source)) * scatter
         return np.sqrt(f_quantile(p, self.dof) * variance)
+
+    def systematic(self, decibels: float = 8.0) -> np.ndarray:
+        """Order of magnitude of how far the BLA lies from the FRF of the linear part alone: not a bound.
+
+        Parameters
+        ----------
+        decibels : float
+            How far the systematic part stands over the odd detection level [dB]. A pure cubic on a special-odd grid has
+            7.7, friction near its resonance more.
+
+        Returns
+        -------
+        (F,) ndarray
+            |G_BLA - G_0|, roughly, in the unit of G.
+
+        References
+        ----------
+        Pintelon & Schoukens, 2nd ed., 3.4.
+        """
+        return np.asarray(10 ** (real("decibels", decibels) / 20) * np.sqrt(self.var_distortion / self.grid_factor))
 
     def __str__(self) -> str:
         """What was found, in a few lines."""

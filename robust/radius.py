@@ -78,8 +78,7 @@ def record_disc(
     }
     parts["misfit"] = misfit(bla, nominal_response(nominal, bla.omega))
     parts["level"] = np.zeros(F)
-    gain = 0.0 if systematic is None else 10 ** (systematic / 20)
-    parts["systematic"] = gain * np.sqrt(bla.var_distortion)
+    parts["systematic"] = np.zeros(bla.f.size) if systematic is None else bla.systematic(systematic)
     total = total_of(parts)
     floor = np.maximum(1e-9 * np.abs(nominal_response(nominal, bla.omega)), np.finfo(float).tiny)
     parts["misfit"] = parts["misfit"] + np.maximum(floor - total, 0.0)  # a disc has a radius even without any scatter
