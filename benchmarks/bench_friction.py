@@ -13,6 +13,7 @@ import time
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks.timing import best
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import Tanh, fit_maxwell_slip
 from nlfrf.multisine import multisine
@@ -32,16 +33,6 @@ LAWS = {
     "Coulomb": Coulomb(**SLIDING),
 }
 FIRST = "from nlfrf.rig import paper_rig, run; import numpy as np; run(paper_rig(), np.ones(99), fs=4096.0)"
-
-
-def best(function, n):
-    """Shortest of n runs [s]: what the code takes when nothing else runs."""
-    times = []
-    for _ in range(n):
-        begin = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begin)
-    return min(times)
 
 
 def first_use():

@@ -3,25 +3,15 @@
 from __future__ import annotations
 
 import resource
-import time
 
 import numpy as np
 
 import nlfrf
+from benchmarks.timing import best
 
 TARGETS = {"fast": "3 ms", "fast, roughness": "1 ms", "robust, M = 7": "1.5 ms", "fast, local transient": "20 ms"}
 #: The peer's own time on the machine the targets come from: what they are worth on this one.
 PEER_WHERE_TARGETS_WERE_SET = {"M = 1": 1.0, "M = 7": 4.1}
-
-
-def best(function, n):
-    """Shortest of n runs [s]: what the code takes when nothing else runs."""
-    times = []
-    for _ in range(n):
-        begin = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begin)
-    return min(times)
 
 
 def record_of(n_samples, n_periods, n_realizations, n_lines):

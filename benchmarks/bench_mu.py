@@ -14,6 +14,7 @@ import time
 
 import numpy as np
 
+from benchmarks.timing import best
 from robust import certify_mu, dk_iteration, hinfsyn, mu_lower, mu_upper
 from robust.lft import lower
 from robust.lti import evaluate
@@ -49,16 +50,6 @@ except ImportError as error:
     said["dkpy"] = "not installed (%s)" % error
 print(json.dumps(said))
 """
-
-
-def best(function, n=5):
-    """Shortest of n runs [s]: what the code takes when nothing else runs."""
-    times = []
-    for _ in range(n):
-        begin = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begin)
-    return min(times)
 
 
 def distillation(peer, every):

@@ -13,19 +13,10 @@ from collections import Counter
 import control
 import numpy as np
 
+from benchmarks.timing import best
 from robust import UncertaintyModel, check, fit_weight, performance_weight
 from tests.random_loops import closed_loop_poles, dense_grid, random_case, roots, tf_response, zpk
 from tests.test_weights import LINES, OMEGA, SHAPES
-
-
-def best(function, n=3):
-    """Shortest of n runs [s]: what the code takes when nothing else runs."""
-    times = []
-    for _ in range(n):
-        begin = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - begin)
-    return min(times)
 
 
 def weights():

@@ -100,9 +100,10 @@ FLOORS = {
     "robust.gap": 23,
     "robust.mixed": 24,
     "robust.shaping_plot": 29,
-    "robust.handover": 29,
-    "robust": 30,
-    "robust.cli": 31,
+    "robust.handover_sections": 29,
+    "robust.handover": 30,
+    "robust": 31,
+    "robust.cli": 32,
 }
 
 #: Where a heavy package may be imported at all.
@@ -113,7 +114,7 @@ HEAVY = {
         "nlfrf.cli",
         "robust.plot",
         "robust.shaping_plot",
-        "robust.handover",
+        "robust.handover_sections",
         "robust.cli",
     },
     "numba": {"nlfrf.kernels", "nlfrf.slip_kernels"},

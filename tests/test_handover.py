@@ -18,7 +18,7 @@ from robust import (
     crossover_weight,
     fit_nominal,
     frd,
-    handover,
+    handover_sections,
     ncfsyn,
     performance_weight,
     sampled,
@@ -124,7 +124,7 @@ def test_no_address_leaves_the_file(whole):
 
 
 def test_the_same_run_gives_the_same_pictures(whole):
-    again = handover.loop_section(whole[1], K)
+    again = handover_sections.loop_section(whole[1], K)
     images = [image["src"] for image in Reader(whole[0].read_text(encoding="utf-8")).images]
     assert [picture.source for picture in again.pictures] == images[-4:-2]
 
@@ -132,7 +132,9 @@ def test_the_same_run_gives_the_same_pictures(whole):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Reports whose words are looked at and whose pictures are not."""
-    monkeypatch.setattr(handover, "picture", lambda *_, caption, **__: handover.Picture(source="#", caption=caption))
+    monkeypatch.setattr(
+        handover_sections, "picture", lambda *_, caption, **__: handover_sections.Picture(source="#", caption=caption)
+    )
 
 
 def test_a_browser_shows_it(whole, tmp_path):

@@ -9,7 +9,7 @@ import pytest
 
 import nlfrf.cli
 import robust.cli
-from robust import handover
+from robust import handover_sections
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[1]
@@ -25,7 +25,9 @@ def section(heading):
 @pytest.fixture(autouse=True)
 def undrawn(monkeypatch):
     """The pictures of reports are looked at elsewhere."""
-    monkeypatch.setattr(handover, "picture", lambda *_, caption, **__: handover.Picture(source="#", caption=caption))
+    monkeypatch.setattr(
+        handover_sections, "picture", lambda *_, caption, **__: handover_sections.Picture(source="#", caption=caption)
+    )
 
 
 def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):
