@@ -45,11 +45,12 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     """
     last = int(excited[-1])
     n = fft.next_fast_len(2 * last + 1, real=True)  # terms beyond the band alias onto lines outside -last..last
-    p, doubled = np.zeros((2, *amplitude.shape[:-1], n + 1))
+    both = np.zeros((2, *amplitude.shape[:-1], n + 1))
+    p, doubled = both
     p[..., excited] = amplitude**2 / 4
     doubled[..., : 2 * last + 1 : 2] = p[..., : last + 1] ** 2
     # the DFT of an even sequence of period 2 n is a DCT of its half
-    spectrum, spectrum_doubled = fft.dct(p, 1), fft.dct(doubled, 1)
+    spectrum, spectrum_doubled = fft.dct(both, 1)
     counts = fft.dct(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), 1)[..., lines] / (2 * n)  # 6 S3 - 9 S21
     p_k, p_third = p[..., lines], np.where(lines % 3 == 0, p[..., lines // 3], 0.0)
     counts -= 9 * p_k * (4 * np.vecdot(p, p)[..., None] - 3 * p_k * p_k)
@@ -87,7 +88,7 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
     at_excited, at_detection = counts[..., : excited.size], counts[..., excited.size :]
     trusted = 1e-9 * counts.max(axis=-1, keepdims=True)
-    mean = at_detection[..., window].mean(axis=-1)
+    mean = np.add.reduce(at_detection[..., window], axis=-1) / window.shape[1]
     ratio = np.full(at_excited.shape, np.inf)
     np.divide(at_excited, mean, out=ratio, where=mean > trusted)
     return ratio

@@ -95,13 +95,14 @@ def detected_power(
     used = narrowed(A) & (window >= 0)
     n_used = used.sum(axis=-1)
     smallest = np.finfo(float).tiny
-    excess = A * (P - N)
-    weight = used / A**2
+    excess, square = A * (P - N), A * A
+    weight = used / square
     for _ in range(5):  # the first weighs by |G|^-4, as without noise
-        d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, A**2), 0.0)
+        d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)
         expected = A * d[..., None] + N
-        weight = used / np.maximum(expected, smallest**0.25) ** 2
-    ratio = np.sum(used * P / np.maximum(expected, smallest), axis=-1) / n_used
+        safe = np.maximum(expected, smallest**0.25)
+        weight = used / (safe * safe)
+    ratio = np.vecdot(used.astype(float), P / np.maximum(expected, smallest)) / n_used
     return d, ratio, n_used
 
 

@@ -39,7 +39,7 @@ def average_frf(spectra: Spectra) -> Frf:
     n = spectra.U.shape[0]
     each = spectra.Y / spectra.U
     if spectra.R is None:
-        G = each.mean(axis=0)
+        G = np.add.reduce(each, axis=0) / n
         var_noise = np.sum(ratio_variance(each, spectra), axis=0) / n**2
         var_total = np.sum(np.abs(each - G) ** 2, axis=0) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
         return Frf(each=each, G=G, var_noise=var_noise, var_total=var_total)

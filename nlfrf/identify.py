@@ -160,7 +160,7 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
             excited=excited.Y,
             odd=answer.Yc[:, odd],
             even=answer.Yc[:, even],
-            noise_excited=np.sqrt(excited.var_Y.mean(axis=0)),
+            noise_excited=np.sqrt(np.add.reduce(excited.var_Y) / n),
             noise_odd=np.sqrt(answer.noise[odd]),
             noise_even=np.sqrt(answer.noise[even]),
         ),

@@ -69,8 +69,10 @@ def nonlinear_answer(spectra: Spectra, frf: Frf, excited: Spectra, fit: LocalFit
     elif excited.lines.size >= LEAST and excited.U.shape[0] < ENOUGH:  # with less scatter G whitens more evenly
         smooth = fit_locally(frf.G[None], rms(excited.U)[None], excited.lines).G[0]
     G = interpolate_frf(smooth, excited.lines, spectra.lines)
-    noise = spectra.var_Y + np.abs(G) ** 2 * spectra.var_U - 2 * np.real(G.conj() * spectra.cov_YU)
-    return Answer(lines=spectra.lines, G=G, Yc=spectra.Y - G * spectra.U, noise=np.maximum(noise, 0.0).mean(axis=0))
+    noise = spectra.var_Y + (G.real**2 + G.imag**2) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
+    return Answer(
+        lines=spectra.lines, G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(np.maximum(noise, 0.0)) / len(noise)
+    )
 
 
 def level_from_detection(
@@ -81,12 +83,13 @@ def level_from_detection(
     The second, (F,), has its noise left in: it is an upper limit where there is nothing but noise.
     """
     odd = nearest_lines(excited.lines, grid.odd, n_detection)
-    factor = grid_factor(rms(excited.U), rms(excited.Y), excited.lines, grid.odd, odd)
+    U = rms(excited.U)
+    factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, odd)
     windows, factors = [answer.at(grid.odd)[odd]], [factor]
     if grid.even.size:
         windows.append(answer.at(grid.even)[nearest_lines(excited.lines, grid.even, n_detection)])
         factors.append(np.ones(factor.size))
-    variance, n_used = detected(excited, answer, windows, np.array(factors))
+    variance, n_used = detected(U, answer, answer.at(excited.lines), windows, np.array(factors))
     even = variance[1] if grid.even.size else np.full(factor.size, np.nan)
     return Level(variance=variance[0], dof=n_used[0] * excited.U.shape[0], grid_factor=factor), even
 
@@ -96,21 +99,25 @@ def even_variance(excited: Spectra, answer: Answer, even: np.ndarray, n_detectio
     if not even.size:
         return np.full(excited.lines.size, np.nan)
     window = answer.at(even)[nearest_lines(excited.lines, even, n_detection)]
-    return detected(excited, answer, [window], np.ones((1, excited.lines.size)))[0][0]
+    one = np.ones((1, excited.lines.size))
+    return detected(rms(excited.U), answer, answer.at(excited.lines), [window], one)[0][0]
 
 
 def detected(
-    excited: Spectra, answer: Answer, windows: list[np.ndarray], factors: np.ndarray
+    U: np.ndarray, answer: Answer, here: np.ndarray, windows: list[np.ndarray], factors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Variances (k, F) of one realisation's FRF that k sets of windows (F, n) among all lines tell, and lines used."""
-    noise = local_mean(np.nan_to_num(answer.noise), NOISE_LINES)
-    here = answer.at(excited.lines)
-    power, gain = np.mean(np.abs(answer.Yc) ** 2, axis=0), np.abs(answer.G) ** 2
+    """Variances (k, F) of one realisation's FRF that k sets of windows (F, n) tell, and lines used.
+
+    The windows and the excited lines, of amplitude U, are places among all lines.
+    """
+    known = not np.isnan(answer.noise[0])
+    noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
+    power, gain = mean_power(answer.Yc), answer.G.real**2 + answer.G.imag**2
     window = np.full((len(windows), here.size, max(w.shape[1] for w in windows)), -1)
     for one, w in zip(window, windows, strict=True):
         one[:, : w.shape[1]] = w
     distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], window)
-    return ratio * (factors * distortion + noise[here]) / rms(excited.U) ** 2, n_used
+    return ratio * (factors * distortion + noise[here]) / U**2, n_used
 
 
 def fit_each(excited: Spectra, frf: Frf) -> LocalFit:
@@ -163,6 +170,11 @@ def why_roughness(grid: LineGrid, n_detection: int) -> str:
     )
 
 
+def mean_power(x: np.ndarray) -> np.ndarray:
+    """Mean squared modulus over realisations."""
+    return np.asarray(np.add.reduce(x.real**2 + x.imag**2, axis=0) / x.shape[0])
+
+
 def rms(x: np.ndarray) -> np.ndarray:
     """Root mean square modulus over realisations."""
-    return np.asarray(np.sqrt(np.mean(np.abs(x) ** 2, axis=0)))
+    return np.sqrt(mean_power(x))

@@ -136,7 +136,7 @@ def blocks(n: int, size: int) -> list[slice]:
 def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None) -> Spectra:
     """Means over the periods of U (M, P or 1, K) and Y (M, P, K), and the sample (co)variances of those means."""
     n_realizations, n_periods, n_lines = Y.shape
-    U_mean, Y_mean = U.mean(axis=1), Y.mean(axis=1)
+    U_mean, Y_mean = np.add.reduce(U, axis=1) / U.shape[1], np.add.reduce(Y, axis=1) / n_periods
     shape = (n_realizations, n_lines)
     unknown = 0.0 if n_periods > 1 else np.nan
     var_U, var_Y, cov_YU = np.full(shape, unknown), np.full(shape, unknown), np.full(shape, complex(unknown))
