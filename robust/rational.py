@@ -8,6 +8,8 @@ import numpy as np
 
 from robust.lti import paired
 
+UNDAMPED = 1e-8  # damping under which a pole counts as one on the axis
+
 Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane
 
 
@@ -47,6 +49,10 @@ def vector_fit(
         moved = relocated(poles, solution[poles.size + 1 :])
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
+        # a pole on the axis would stand on a point of the data, fit that one and no other
+        moved = np.where(
+            np.abs(moved.real) < UNDAMPED * np.abs(moved), moved.imag * 1j - UNDAMPED * np.abs(moved), moved
+        )
         moved = in_order(moved)
         done = moved.size == poles.size and np.all(np.abs(moved - poles) < 1e-10 * np.abs(poles).max())
         poles = moved

@@ -7,6 +7,7 @@ import pytest
 from nlfrf import Bla
 from robust import fit_nominal, frd
 from robust.lti import response, sampled
+from robust.rational import numerator, starting_poles, vector_fit
 from tests.robust_helpers import make_bla
 
 F_LINES = np.sort(np.concatenate([8 * np.arange(72) + 1, 8 * np.arange(72) + 3])) * 0.25
@@ -173,3 +174,15 @@ def test_refuses_too_few_lines_and_no_bla():
     with pytest.raises(ValueError, match=r"bla must be an nlfrf\.Bla"):
         fit_nominal([], n_poles=2)
     assert isinstance(make_bla(resonance, F_LINES, f0=0.25), Bla)
+
+
+def test_no_pole_comes_to_stand_on_a_line():
+    """An undamped resonance on a line of the data: its pole stays a little damped, and the numerator finite."""
+    s = 2j * np.pi * np.geomspace(0.25, 150, 60)
+    for place in (0, 20, 59):
+        data = 1 / (s**2 + abs(s[place]) ** 2 * (1 + 1e-14)) + 1e-3 / (s + 30)
+        weight = 1 / np.abs(data)
+        poles = vector_fit(s, data, weight, starting_poles(3, abs(s[0]), abs(s[-1]), spacing="log"))
+        assert np.all(np.abs(poles.real) >= 0.99e-8 * np.abs(poles))
+        zeros, gain = numerator(s, data, weight, poles, 2)
+        assert np.isfinite([*zeros, gain]).all()
