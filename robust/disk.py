@@ -11,10 +11,8 @@ from nlfrf.checks import integer, real
 from nlfrf.values import value
 from robust.frf_check import winding
 from robust.lft import instability, lower, multivariable
-from robust.lti import evaluate, in_s, poles, timebase
 from robust.mu import mu_upper
-
-ZOOMS = 6
+from robust.structured import grid, refined
 
 
 @value
@@ -127,7 +125,7 @@ def of_system(L: Any, skew: float) -> tuple[float, float, str]:
     """Where the margin of a system is limited, the margin, and why there is none."""
     L = multivariable("L", L)
     square(L.noutputs, L.ninputs)
-    n, dt = L.ninputs, timebase(L)
+    n = L.ninputs
     one = np.eye(n)
     # e = r - L e, closed through one: the sensitivity with all states of L
     P = control.StateSpace(L.A, np.hstack([0 * L.B, L.B]), np.vstack([-L.C] * 2), np.block([[one, -L.D]] * 2), L.dt)
@@ -136,26 +134,15 @@ def of_system(L: Any, skew: float) -> tuple[float, float, str]:
     if unstable:
         return np.nan, np.nan, f"the loop is {unstable}"
 
-    def mu(omega: np.ndarray) -> np.ndarray:
-        points = np.exp(1j * omega * dt) if dt else 1j * omega
-        M = evaluate(S.A, S.B, S.C, S.D, points) + (skew - 1) / 2 * one
-        return mu_upper(np.moveaxis(M, 0, 2), [(1, 1)] * n).value
+    M = control.StateSpace(S.A, S.B, S.C, S.D + (skew - 1) / 2 * one, S.dt)
+    omega, found = refined(M, [(1, 1)] * n, grid(M))
+    return limit(omega, found)
 
-    sizes = np.abs(in_s(np.concatenate([poles(S), poles(L)]), dt))
-    sizes = sizes[(sizes > 0) & np.isfinite(sizes)]
-    middle = sizes if sizes.size else np.ones(1)
-    top = np.pi / dt if dt else np.inf
-    grid = np.geomspace(min(middle.min() * 1e-2, top / 2), min(middle.max() * 1e2, top), 400)
-    grid = np.unique(np.concatenate([[0.0], grid, sizes[sizes < top]]))
-    found = mu(grid)
-    for _ in range(ZOOMS):  # around the largest, ten times closer each time
-        k = int(found.argmax())
-        near = np.linspace(grid[max(k - 1, 0)], grid[min(k + 1, grid.size - 1)], 23)[1:-1]
-        grid, found = np.concatenate([grid, near]), np.concatenate([found, mu(near)])
-        order = np.argsort(grid)
-        grid, found = grid[order], found[order]
-    k = int(found.argmax())
-    return float(grid[k]), float(1 / found[k]) if found[k] > 0 else np.inf, ""
+
+def limit(omega: np.ndarray, mu: np.ndarray) -> tuple[float, float, str]:
+    """Where mu is largest, and the margin there."""
+    k = int(mu.argmax())
+    return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf, ""
 
 
 def on_lines(L: control.FrequencyResponseData, skew: float, n_unstable: int) -> tuple[float, float, str]:
@@ -172,9 +159,7 @@ def on_lines(L: control.FrequencyResponseData, skew: float, n_unstable: int) -> 
     if turns != n_unstable:
         return np.nan, np.nan, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
     M = np.linalg.inv(difference) + (skew - 1) / 2 * np.eye(n)
-    found = mu_upper(np.moveaxis(M, 0, 2), [(1, 1)] * n).value
-    k = int(found.argmax())
-    return float(omega[k]), float(1 / found[k]) if found[k] > 0 else np.inf, ""
+    return limit(omega, mu_upper(np.moveaxis(M, 0, 2), [(1, 1)] * n).value)
 
 
 def square(n_out: int, n_in: int) -> None:

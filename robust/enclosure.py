@@ -16,7 +16,7 @@ import numpy as np
 from nlfrf.values import value
 from robust.intervals import Outcome
 from robust.loop import worst_sensitivity
-from robust.lti import in_s, poles, response, timebase, zeros
+from robust.lti import in_s, on_axis, poles, response, timebase, zeros
 
 MOST_INTERVALS = 300_000
 NARROWEST = 1e-12
@@ -50,7 +50,7 @@ class Product:
         total = np.zeros(omega.size)
         with np.errstate(divide="ignore", invalid="ignore"):
             for z, p, dt in self.roots:
-                s = (np.exp(1j * omega * dt) if dt else 1j * omega)[:, None]
+                s = on_axis(omega, dt)[:, None]
                 total += np.log(np.abs(s - z)).sum(axis=1) - np.log(np.abs(s - p)).sum(axis=1)
         return total
 
@@ -60,7 +60,7 @@ class Product:
         least, most = np.zeros(m.size), np.zeros(m.size)
         with np.errstate(all="ignore"):
             for z, p, dt in self.roots:
-                s = (np.exp(1j * m * dt) if dt else 1j * m)[:, None]
+                s = on_axis(m, dt)[:, None]
                 rate = dt or 1.0  # how fast s moves
                 reach = rate * h[:, None]
                 for roots, sign in ((z, 1), (p, -1)):

@@ -19,7 +19,7 @@ from scipy.signal import sosfreqz
 
 from nlfrf.checks import shown
 from nlfrf.files import write_whole
-from robust.lti import paired, poles, response, state_space, timebase, zeros
+from robust.lti import on_axis, paired, poles, response, state_space, timebase, zeros
 from robust.radius import PARTS
 from robust.rational import in_order
 from robust.uncertainty import UncertaintyModel
@@ -350,7 +350,7 @@ def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, 
     centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
     omega = centre * np.geomspace(0.1, 10, 21)
     omega = np.minimum(omega, 0.99 * np.pi / dt) if dt else omega
-    s = np.exp(1j * omega * dt) if dt else 1j * omega
+    s = on_axis(omega, dt)
     ratio = response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
     return z, p, float(np.median(ratio.real))
 

@@ -21,7 +21,7 @@ from scipy.linalg import eig, matrix_balance
 from scipy.sparse.csgraph import connected_components
 
 from nlfrf.checks import shown
-from robust.lti import complete, state_space, timebase
+from robust.lti import complete, evaluate, on_axis, state_space, timebase
 from robust.norms import EPS
 
 
@@ -83,6 +83,11 @@ def upper(N: control.StateSpace, Delta: control.StateSpace) -> control.StateSpac
     rows = np.r_[m : N.noutputs, :m]
     turned = control.StateSpace(N.A, N.B[:, columns], N.C[rows], N.D[np.ix_(rows, columns)], N.dt)
     return lower(turned, Delta)
+
+
+def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """(n_out, n_in, W) response."""
+    return np.moveaxis(evaluate(N.A, N.B, N.C, N.D, on_axis(omega, timebase(N))), 0, 2)
 
 
 def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:

@@ -144,9 +144,12 @@ def constant(system: control.StateSpace) -> bool:
 
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
-    dt = timebase(system)
-    points = np.exp(1j * omega * dt) if dt else 1j * omega
-    return evaluate(system.A, system.B, system.C, system.D, points)[:, 0, 0]
+    return evaluate(system.A, system.B, system.C, system.D, on_axis(omega, timebase(system)))[:, 0, 0]
+
+
+def on_axis(omega: np.ndarray, dt: float) -> np.ndarray:
+    """s = j omega, or z on the unit circle where sampled."""
+    return np.exp(1j * omega * dt) if dt else 1j * omega
 
 
 def evaluate(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ import numpy as np
 from nlfrf.checks import positive
 from robust.certify import Certificate, refused
 from robust.intervals import SLACK, around, inside, prove
-from robust.lft import instability, multivariable
-from robust.lti import evaluate, timebase
+from robust.lft import along, instability, multivariable
+from robust.lti import timebase
 from robust.mu import MuBound, bounded
 from robust.norms import Matrices, continuous_image, sign_changes, well_conditioned
 from robust.report import hertz
@@ -78,8 +78,7 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
         return 2 / dt * np.arctan(x) if dt else x
 
     def response_at(x: np.ndarray) -> np.ndarray:
-        points = np.exp(1j * omega_of(x) * dt) if dt else 1j * x
-        return np.moveaxis(evaluate(N.A, N.B, N.C, N.D, points), 0, 2)
+        return along(N, omega_of(x))
 
     size = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
     size = size[(size > 0) & np.isfinite(size)]

@@ -12,7 +12,7 @@ from robust.certify import Certificate, certify_norm, refused
 from robust.enclosure import Loop, product, prove_loop
 from robust.intervals import Outcome, around, prove
 from robust.loop import closed_loop
-from robust.lti import constant, evaluate, response, timebase
+from robust.lti import constant, evaluate, on_axis, response, timebase
 from robust.norms import Matrices, continuous_image, well_conditioned
 from robust.report import hertz
 
@@ -85,9 +85,8 @@ def loop_matrix(loop: Assembly, omega: np.ndarray) -> np.ndarray:
     """(W, 2, 2) weighted response from (perturbation, r) to (perturbation, e)."""
     out, into = loop.ports()
     matrices = closed_loop(loop.G, loop.K, (out, "e"), (into, "r"))
-    points = np.exp(1j * omega * loop.dt) if loop.dt else 1j * omega
     rows = np.stack([response(loop.weight, omega), response(loop.w_P, omega)], axis=1)
-    return evaluate(*matrices, points) * rows[:, :, None]
+    return evaluate(*matrices, on_axis(omega, loop.dt)) * rows[:, :, None]
 
 
 def best_constant(loop: Assembly, omega: np.ndarray) -> float:

@@ -11,12 +11,14 @@ from nlfrf.checks import shown
 from nlfrf.values import value
 from robust.certify import Certificate, certify_norm, refused
 from robust.interconnection import UncertainSystem
-from robust.lft import instability
-from robust.lti import evaluate, timebase
+from robust.lft import along, instability
+from robust.lti import timebase
 from robust.mu import mu_upper
 from robust.mu_certify import certify_mu
 from robust.mu_lower import mu_lower
 from robust.report import VERDICTS, factor, hertz, paragraph
+
+ZOOMS = 4
 
 
 @value
@@ -213,16 +215,10 @@ def bound(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> np.ndarray:
     return np.asarray(mu_upper(along(N, omega), blocks).value)
 
 
-def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
-    """(n_out, n_in, W) response."""
-    dt = timebase(N)
-    return np.moveaxis(evaluate(N.A, N.B, N.C, N.D, np.exp(1j * omega * dt) if dt else 1j * omega), 0, 2)
-
-
 def refined(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies with more of them around the peak, and the bound there."""
     mu = bound(N, blocks, omega)
-    for _ in range(2):
+    for _ in range(ZOOMS):  # around the largest, five times closer each time
         k = int(mu.argmax())
         low = omega[k - 1] if k > 1 else omega[1] / 10
         more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]
