@@ -23,6 +23,7 @@ from robust.lti import (
     poles,
     response,
     sampled,
+    stable_weight,
     state_space,
     timebase,
     zeros,
@@ -223,7 +224,6 @@ class Assembly:
 def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembly:
     """Put plant and controller on one time base, or refuse what does not fit together."""
     K = state_space("K", K)
-    w_P = None if w_P is None else state_space("w_P", w_P)
     delay = nonnegative("delay", delay)
     G = model.nominal
     dt_G, dt_K = timebase(G), timebase(K)
@@ -254,11 +254,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembl
         G = delayed(G, delay, order=DELAY_ORDER)
     K = control.StateSpace(K.A, K.B, K.C, K.D, dt)
     if w_P is not None:
-        step = timebase(w_P)
-        if step and abs(step - dt) > 1e-9 * step:
-            raise ValueError(f"w_P must be continuous or have the sampling time of the loop, {dt:g} s, got {step:g} s")
-        if np.any(np.abs(poles(w_P)) >= 1) if step else np.any(poles(w_P).real >= 0):
-            raise ValueError(f"w_P must be stable, got poles {poles(w_P)}. Use a slow pole in place of an integrator.")
+        w_P = stable_weight("w_P", w_P, dt)
     closed_loop(G, K, ("e",), ("r",))  # refuses a loop without a solution
     return Assembly(
         G=G,

@@ -7,7 +7,6 @@ the frequency axis is cut into intervals (`robust.enclosure`, `robust.intervals`
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import control
@@ -18,6 +17,7 @@ from nlfrf.checks import positive, shown
 from nlfrf.values import value
 from robust.lti import timebase, to_continuous, to_discrete
 from robust.norms import EPS, Matrices, hinf_norm, well_conditioned
+from robust.programs import attempt
 
 SOLVERS = ("CLARABEL", "SCS")
 LARGEST_KYP = 32
@@ -205,16 +205,9 @@ def proposed(matrices: Matrices, solver: str, time_cap: float) -> tuple[np.ndarr
     scale = np.diag(1 / np.sqrt(np.concatenate([np.maximum(np.linalg.norm(A, axis=0), 1e-6), np.ones(m)])))
     constraints = [scale @ M @ scale << -t * np.eye(n + m), X >> 1e-6 * np.eye(n), t <= 1]
     problem = cp.Problem(cp.Maximize(t), constraints)
-    caps = {"CLARABEL": {"time_limit": time_cap}, "SCS": {"time_limit_secs": time_cap, "eps": 1e-7}}
-    try:
-        with warnings.catch_warnings():
-            # "may be inaccurate": it may well be, and is judged by us
-            warnings.simplefilter("ignore")
-            problem.solve(solver=solver, **caps.get(solver, {}))
-    except (KeyboardInterrupt, SystemExit):
-        raise
-    except BaseException as error:  # CLARABEL can panic with an exception that is no Exception
-        return None, f"the solver {solver} failed: {type(error).__name__}: {error}"
+    failed = attempt(problem, solver, time_cap)
+    if failed:
+        return None, failed
     if X.value is None or np.shape(X.value) != (n, n) or not np.isfinite(X.value).all():
         return None, f"the solver {solver} gave no matrix ({problem.status})"
     return np.asarray(X.value, dtype=float), ""

@@ -13,12 +13,12 @@ Automatica 85 (2017), eq. 22 to 26).
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 
 from nlfrf.values import value
+from robust.programs import attempt
 
 REACH = 100.0
 
@@ -118,14 +118,9 @@ def solve(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
         constraints.append(step.scale @ eta == 1)
         goal = cp.Maximize(step.gain @ eta)
     problem = cp.Problem(goal, constraints)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "may be inaccurate": judged at the returned variables
-            problem.solve(solver="CLARABEL", time_limit=seconds)
-    except (KeyboardInterrupt, SystemExit):
-        raise
-    except BaseException as error:  # CLARABEL can panic with an exception that is no Exception
-        return None, f"the solver failed ({type(error).__name__})"
+    failed = attempt(problem, "CLARABEL", seconds)
+    if failed:
+        return None, failed
     if eta.value is None or not np.isfinite(eta.value).all():
         return None, f"the solver gave no step ({problem.status})"
     return np.asarray(eta.value, dtype=float), ""

@@ -230,6 +230,18 @@ def stable(system: control.StateSpace) -> bool:
     return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
 
 
+def stable_weight(name: str, system: Any, dt: float) -> control.StateSpace:
+    """A stable weight, continuous or sampled as the loop is, or a refusal."""
+    w = state_space(name, system)
+    step = timebase(w)
+    if step and not constant(w) and abs(step - dt) > 1e-9 * step:
+        loop = f"{dt:g} s" if dt else "which is continuous"
+        raise ValueError(f"{name} must be continuous or have the sampling time of the loop, {loop}, got {step:g} s")
+    if not stable(w):
+        raise ValueError(f"{name} must be stable, got poles {poles(w)}. Use a slow pole in place of an integrator.")
+    return w
+
+
 def least_stable(system: control.StateSpace) -> complex:
     """The pole farthest out."""
     p = poles(system)

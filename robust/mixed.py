@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf.checks import nonnegative, positive
 from robust.hinfsyn import hinfsyn
-from robust.lti import constant, delayed, discretize, poles, sampled, state_space, timebase
+from robust.lti import constant, delayed, discretize, sampled, stable_weight, state_space, timebase
 from robust.shaping import Design
 from robust.uncertainty import UncertaintyModel
 
@@ -105,15 +105,9 @@ def is_model(model: Any) -> bool:
 
 def on_time_base(name: str, w: Any, dt: float) -> control.StateSpace:
     """A stable weight on the time base of the loop."""
-    w = state_space(name, w)
-    step = timebase(w)
-    if not constant(w):
-        if step and step != dt:
-            raise ValueError(f"{name} must be continuous or have the sampling time {dt:g} s, got {step:g} s")
-        if np.any(np.abs(poles(w)) >= 1) if step else np.any(poles(w).real >= 0):
-            raise ValueError(f"{name} must be stable, got poles {poles(w)}. Use a slow pole in place of an integrator.")
-        if dt and not step:
-            w = discretize(w, dt)
+    w = stable_weight(name, w, dt)
+    if dt and not timebase(w) and not constant(w):
+        w = discretize(w, dt)
     return control.StateSpace(w.A, w.B, w.C, w.D, dt)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from nlfrf.checks import one_of
 from robust.certify import SOLVERS
 from robust.mu import MuBound, bounded, osborne, recomputed, response_matrices
+from robust.programs import attempt
 from robust.structure import Structure, fitting, structure
 
 N_HALVINGS = 40
@@ -154,20 +154,13 @@ def by_program(M: np.ndarray, s: Structure, solver: str, time_cap: float) -> tup
         cp.norm_inf(g) <= 1e4,
     ]
     problem = cp.Problem(cp.Maximize(t), constraints)
-    caps = {"CLARABEL": {"time_limit": time_cap}, "SCS": {"time_limit_secs": time_cap, "eps": 1e-8}}
     plain = (np.diag(left).astype(complex), np.diag(right).astype(complex), np.zeros((n_in, n_out), complex))
     best, scaling = float(np.linalg.norm(A, 2)), plain
     low, high = 0.0, best
     for _ in range(30):
         middle = (low + high) / 2
         beta2.value = middle**2
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # judged below
-                problem.solve(solver=solver, **caps[solver])
-        except (KeyboardInterrupt, SystemExit):
-            raise
-        except BaseException:  # CLARABEL can panic with an exception that is no Exception
+        if attempt(problem, solver, time_cap, eps=1e-8):
             break
         reached, now = judged_scaling(A, s, x.value, g.value)
         if reached < best:

@@ -54,6 +54,7 @@ FLOORS = {
     "robust.lti": 18,
     "robust.norms": 19,
     "robust.rational": 19,
+    "robust.programs": 19,
     "robust.perturb": 19,
     "robust.lft": 20,
     "robust.regular": 20,

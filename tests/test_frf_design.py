@@ -216,7 +216,7 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
 
     monkeypatch.setattr(iteration, "solve", failing)
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0)
-    assert design.reason == "the solver failed (PanicError); the last controller before is kept"
+    assert design.reason == "the solver CLARABEL failed: PanicError; the last controller before is kept"
     assert stable(BOOK, design.K)
     assert design.gamma == pytest.approx(design.history[-1], rel=1e-3)
 
