@@ -52,7 +52,9 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     # the DFT of an even sequence of period 2 n is a DCT of its half
     spectrum, spectrum_doubled = fft.dct(both, 1)
     counts = fft.dct(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), 1)[..., lines] / (2 * n)  # 6 S3 - 9 S21
-    p_k, p_third = p[..., lines], np.where(lines % 3 == 0, p[..., lines // 3], 0.0)
+    tripled = np.zeros((*amplitude.shape[:-1], last + 1))
+    tripled[..., ::3] = p[..., : last // 3 + 1]
+    p_k, p_third = p[..., lines], tripled[..., lines]
     counts -= 9 * p_k * (4 * np.vecdot(p, p)[..., None] - 3 * p_k * p_k)
     counts += 4 * p_third * p_third * p_third
     return np.maximum(4 * counts, 0.0)

@@ -54,9 +54,13 @@ class DistortionLevels:
 
 def interpolate_frf(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """G between its lines, linear in log magnitude and in phase; held at the ends."""
-    log_magnitude = np.interp(lines, excited, np.log(np.maximum(np.abs(G), np.finfo(float).tiny)))
-    phase = np.interp(lines, excited, np.unwrap(np.angle(G)))
-    return np.asarray(np.exp(log_magnitude + 1j * phase))
+    logarithm = np.empty(G.size, dtype=complex)
+    logarithm.real = np.log(np.maximum(np.abs(G), np.finfo(float).tiny))
+    phase = np.arctan2(G.imag, G.real)
+    turns = np.round((phase[1:] - phase[:-1]) / (2 * np.pi))
+    phase[1:] -= 2 * np.pi * np.cumsum(turns)
+    logarithm.imag = phase
+    return np.exp(np.interp(lines, excited, logarithm))
 
 
 def detected_power(

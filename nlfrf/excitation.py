@@ -104,13 +104,14 @@ def connected(candidate: np.ndarray, level: np.ndarray) -> np.ndarray:
 
 def local_mean(x: np.ndarray, n: int) -> np.ndarray:
     """Mean over the n neighbours of each entry along the last axis, one-sided at the ends."""
-    size = x.shape[-1]
-    total = np.zeros((*x.shape[:-1], size + 1))
-    np.cumsum(x, axis=-1, out=total[..., 1:])
+    size, half = x.shape[-1], n // 2
+    total = np.zeros((*x.shape[:-1], size + 2 * half + 1))  # running sums, held beyond either end
+    end = half + 1 + size
+    np.cumsum(x, axis=-1, out=total[..., half + 1 : end])
+    total[..., end:] = total[..., end - 1 : end]
     centre = np.arange(size)
-    first = np.maximum(centre - n // 2, 0)
-    last = np.minimum(centre + n // 2 + 1, size)
-    return np.asarray((total[..., last] - total[..., first]) / (last - first))
+    width = np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)
+    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / width)
 
 
 def detect_period(u: np.ndarray) -> float:

@@ -28,8 +28,9 @@ from nlfrf.level import (
     why_roughness,
 )
 from nlfrf.lines import LineGrid
+from nlfrf.neighbours import layout
 from nlfrf.record import Record
-from nlfrf.spectra import Spectra, dft, period_spectra, used_lines
+from nlfrf.spectra import Spectra, dft, period_spectra
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
 STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together
@@ -102,7 +103,7 @@ def identify(
     for one in record:
         U = next((U for other, U in known if other.u is one.u and other.lines is one.lines), None)
         if U is None:
-            U = dft(one.u, used_lines(one.lines))
+            U = dft(one.u, layout(one.lines).lines)
             known.append((one, U))
         blas.append(identified(one, U, transient, level_from, n_detection))
     return blas
@@ -112,19 +113,20 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
     """`identify` for one record, with the spectra of its input where they are known."""
     spectra, treatment = period_spectra(record, transient, U)
     grid, n = record.lines, record.n_realizations
-    excited = spectra.on(grid.excited)
+    where = layout(grid)
+    excited = spectra.at(where.excited)
     refuse_unexcited(excited)
     if n > 1:
         refuse_strangers(excited)
     frf = average_frf(excited)
     source = level_source(level_from, excited, grid, n_detection)
-    fit = fit_each(excited, frf) if source == "roughness" else None
-    answer = nonlinear_answer(spectra, frf, excited, fit)
+    fit = fit_each(excited, frf, grid) if source == "roughness" else None
+    answer = nonlinear_answer(spectra, frf, excited, grid, fit)
     if source == "detection":
         level, var_even = level_from_detection(excited, answer, grid, n_detection)
     else:
         level = no_level(grid.excited.size) if fit is None else level_from_roughness(fit)
-        var_even = even_variance(excited, answer, grid.even, n_detection)
+        var_even = even_variance(excited, answer, grid, n_detection)
     if n == 1:
         var_total = var_bound = level.variance
         dof = level.dof
@@ -134,7 +136,6 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
         var_bound = ((n - 1) * var_total + level.dof * level.variance / n) / dof
         source = source if source == "realizations" else f"realizations and {source}"
     var_noise = frf.var_noise
-    odd, even = answer.at(grid.odd), answer.at(grid.even)
     return Bla(
         f=grid.excited * record.f0,
         G=frf.G,
@@ -158,11 +159,11 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
             f_odd=grid.odd * record.f0,
             f_even=grid.even * record.f0,
             excited=excited.Y,
-            odd=answer.Yc[:, odd],
-            even=answer.Yc[:, even],
+            odd=answer.Yc[:, where.odd],
+            even=answer.Yc[:, where.even],
             noise_excited=np.sqrt(np.add.reduce(excited.var_Y) / n),
-            noise_odd=np.sqrt(answer.noise[odd]),
-            noise_even=np.sqrt(answer.noise[even]),
+            noise_odd=np.sqrt(answer.noise[where.odd]),
+            noise_even=np.sqrt(answer.noise[where.even]),
         ),
         var_bound=var_bound,
     )

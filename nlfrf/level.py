@@ -9,7 +9,8 @@ from nlfrf.distortion import detected_power, interpolate_frf
 from nlfrf.excitation import local_mean
 from nlfrf.frf import Frf, ratio_variance
 from nlfrf.lines import LineGrid
-from nlfrf.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally, nearest_lines
+from nlfrf.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
+from nlfrf.neighbours import detection_windows, layout, nearest
 from nlfrf.spectra import Spectra
 from nlfrf.values import value
 
@@ -41,38 +42,31 @@ class Answer:
 
     Fields
     ------
-    lines : (K,) int ndarray
-        All lines, excited and not.
     G : (K,) complex ndarray
-        The FRF, locally fitted and interpolated.
+        The FRF, locally fitted and interpolated to all lines, excited and not.
     Yc : (M, K) complex ndarray
         Y - G U: a real actuator, or a loop, puts some input on detection lines too.
     noise : (K,) ndarray
         Variance of Yc by noise, averaged over realisations; nan for one period.
     """
 
-    lines: np.ndarray
     G: np.ndarray
     Yc: np.ndarray
     noise: np.ndarray
 
-    def at(self, lines: np.ndarray) -> np.ndarray:
-        """Where some lines stand among all."""
-        return np.searchsorted(self.lines, lines)
 
-
-def nonlinear_answer(spectra: Spectra, frf: Frf, excited: Spectra, fit: LocalFit | None = None) -> Answer:
+def nonlinear_answer(
+    spectra: Spectra, frf: Frf, excited: Spectra, grid: LineGrid, fit: LocalFit | None = None
+) -> Answer:
     """What is left of the output when the answer of the BLA, fitted locally (`fit_each` or here), is taken off."""
     smooth = frf.G
     if fit is not None:
         smooth = fit.G.mean(axis=0)
     elif excited.lines.size >= LEAST and excited.U.shape[0] < ENOUGH:  # with less scatter G whitens more evenly
-        smooth = fit_locally(frf.G[None], rms(excited.U)[None], excited.lines).G[0]
+        smooth = fit_locally(frf.G[None], rms(excited.U)[None], grid).G[0]
     G = interpolate_frf(smooth, excited.lines, spectra.lines)
     noise = spectra.var_Y + (G.real**2 + G.imag**2) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
-    return Answer(
-        lines=spectra.lines, G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(np.maximum(noise, 0.0)) / len(noise)
-    )
+    return Answer(G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(np.maximum(noise, 0.0)) / len(noise))
 
 
 def level_from_detection(
@@ -82,49 +76,40 @@ def level_from_detection(
 
     The second, (F,), has its noise left in: it is an upper limit where there is nothing but noise.
     """
-    odd = nearest_lines(excited.lines, grid.odd, n_detection)
     U = rms(excited.U)
-    factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, odd)
-    windows, factors = [answer.at(grid.odd)[odd]], [factor]
-    if grid.even.size:
-        windows.append(answer.at(grid.even)[nearest_lines(excited.lines, grid.even, n_detection)])
-        factors.append(np.ones(factor.size))
-    variance, n_used = detected(U, answer, answer.at(excited.lines), windows, np.array(factors))
+    factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, nearest(grid, "odd", n_detection))
+    kinds = ("odd", "even") if grid.even.size else ("odd",)
+    factors = np.ones((len(kinds), factor.size))
+    factors[0] = factor
+    variance, n_used = detected(U, answer, grid, kinds, factors, n_detection)
     even = variance[1] if grid.even.size else np.full(factor.size, np.nan)
     return Level(variance=variance[0], dof=n_used[0] * excited.U.shape[0], grid_factor=factor), even
 
 
-def even_variance(excited: Spectra, answer: Answer, even: np.ndarray, n_detection: int) -> np.ndarray:
+def even_variance(excited: Spectra, answer: Answer, grid: LineGrid, n_detection: int) -> np.ndarray:
     """(F,) what the even lines say where the odd ones are not read."""
-    if not even.size:
+    if not grid.even.size:
         return np.full(excited.lines.size, np.nan)
-    window = answer.at(even)[nearest_lines(excited.lines, even, n_detection)]
-    one = np.ones((1, excited.lines.size))
-    return detected(rms(excited.U), answer, answer.at(excited.lines), [window], one)[0][0]
+    return detected(rms(excited.U), answer, grid, ("even",), np.ones((1, 1)), n_detection)[0][0]
 
 
 def detected(
-    U: np.ndarray, answer: Answer, here: np.ndarray, windows: list[np.ndarray], factors: np.ndarray
+    U: np.ndarray, answer: Answer, grid: LineGrid, kinds: tuple[str, ...], factors: np.ndarray, n_detection: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Variances (k, F) of one realisation's FRF that k sets of windows (F, n) tell, and lines used.
-
-    The windows and the excited lines, of amplitude U, are places among all lines.
-    """
+    """Variances (k, F) of one realisation's FRF, with inputs of amplitude U, that k kinds of lines tell; lines used."""
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
     power, gain = mean_power(answer.Yc), answer.G.real**2 + answer.G.imag**2
-    window = np.full((len(windows), here.size, max(w.shape[1] for w in windows)), -1)
-    for one, w in zip(window, windows, strict=True):
-        one[:, : w.shape[1]] = w
+    here, window = layout(grid).excited, detection_windows(grid, kinds, n_detection)
     distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], window)
     return ratio * (factors * distortion + noise[here]) / U**2, n_used
 
 
-def fit_each(excited: Spectra, frf: Frf) -> LocalFit:
+def fit_each(excited: Spectra, frf: Frf, grid: LineGrid) -> LocalFit:
     """Each realisation's FRF, fitted over the excited lines: what remains is its roughness."""
     noise = ratio_variance(frf.each, excited)
     known = np.isfinite(noise).all()
-    return fit_locally(frf.each, np.abs(excited.U), excited.lines, noise if known else None)
+    return fit_locally(frf.each, np.abs(excited.U), grid, noise if known else None)
 
 
 def level_from_roughness(fit: LocalFit) -> Level:
@@ -146,8 +131,7 @@ def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
         return True
     if np.any(grid.excited % 2 == 0):
         return False
-    window = nearest_lines(grid.excited, grid.odd, n_detection)
-    ratio = variance_ratio(rms(excited.U), grid.excited, grid.odd, window)
+    ratio = variance_ratio(rms(excited.U), grid.excited, grid.odd, nearest(grid, "odd", n_detection))
     return bool(np.mean(ratio <= LARGEST) >= 0.95)
 
 

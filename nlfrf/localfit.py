@@ -9,9 +9,13 @@ be too high there, not too low.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from nlfrf.excitation import local_mean
+from nlfrf.lines import LineGrid
+from nlfrf.neighbours import KEPT, nearest
 from nlfrf.values import value
 
 ORDER = 2
@@ -42,7 +46,7 @@ class LocalFit:
     dof: np.ndarray
 
 
-def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: np.ndarray | None = None) -> LocalFit:
+def fit_locally(G: np.ndarray, weight: np.ndarray, grid: LineGrid, noise: np.ndarray | None = None) -> LocalFit:
     """Fit each FRF at each line over the nine lines around it.
 
     Parameters
@@ -51,8 +55,8 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
         FRF of each realisation.
     weight : (M, F) ndarray
         |U|: the variance of G is taken as a smooth variance at the output over |U|^2.
-    excited : (F,) int ndarray
-        Excited lines.
+    grid : LineGrid
+        Its excited lines are those of G.
     noise : (M, F) ndarray, optional
         Variance of each G by noise, where it is known: noise need not follow |G| as distortion does.
 
@@ -61,15 +65,10 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
     ValueError
         Fewer than five excited lines.
     """
-    if excited.size < LEAST:
-        raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {excited.size}")
-    window = nearest_lines(excited, excited, WIDTH)
+    if grid.excited.size < LEAST:
+        raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {grid.excited.size}")
+    window, r, powers = local_powers(grid)
     n = window.shape[1]
-    r = (excited[window] - excited[:, None]).astype(float)
-    r /= np.abs(r).max(axis=1, keepdims=True)
-    # b0 + b1 r + b2 r^2 = G, and (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: the residual of the second is weighted
-    # by the denominator, that is by 1/|G| across a resonance, where the distortion follows |G|
-    powers = np.stack([np.ones(r.shape), -r, -r * r], axis=1)
     w = weight[:, window]
     basis, at_zero = polynomials(r, w)
     spanned, rest = split(basis, (w * G[:, window])[:, :, None, :] * powers)
@@ -82,7 +81,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
     if n >= n_rational + 3:
         a, remainder = two_unknowns(rest[..., 1, :], rest[..., 2, :], rest[..., 0, :])
         variance_r = power(remainder) / (n - n_rational)
-        better = local_mean(variance_r, POOLED) < EARNED * local_mean(variance, POOLED)
+        better = local_mean(EARNED * variance - variance_r, POOLED) > 0
         fitted = np.where(better, fitted - np.vecdot(a.conj(), value_at_zero[..., 1:]), fitted)
         variance = np.where(better, variance_r, variance)
         dof = np.where(better, n - n_rational, dof)
@@ -93,6 +92,20 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, excited: np.ndarray, noise: n
         # and not far under the noise that is known to be there
         variance = np.maximum(variance * noise_share(variance, denominator, smooth, window), LEAST_NOISE * smooth)
     return LocalFit(G=fitted, variance=variance / weight**2, dof=dof)
+
+
+@lru_cache(maxsize=KEPT)
+def local_powers(grid: LineGrid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Windows of neighbours (F, n), distances r in them (F, n) from -1 to 1, and the columns of the fit (F, 3, n)."""
+    window = nearest(grid, "excited", WIDTH)
+    r = (grid.excited[window] - grid.excited[:, None]).astype(float)
+    r /= np.abs(r).max(axis=1, keepdims=True)
+    # b0 + b1 r + b2 r^2 = G, and (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: the residual of the second is weighted
+    # by the denominator, that is by 1/|G| across a resonance, where the distortion follows |G|
+    powers = np.stack([np.ones(r.shape), -r, -r * r], axis=1)
+    for array in (r, powers):
+        array.flags.writeable = False
+    return window, r, powers
 
 
 def noise_share(
@@ -183,12 +196,3 @@ def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray,
 def power(x: np.ndarray) -> np.ndarray:
     """Sum of squared moduli over the last axis."""
     return np.asarray(np.vecdot(x, x).real)
-
-
-def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
-    """(F, n) indices into `lines` of the n lines nearest to each of `at`, nearest first; one-sided at the ends."""
-    n, reach = min(n, lines.size), min(2 * n, lines.size)
-    first = np.clip(np.searchsorted(lines, at) - n, 0, lines.size - reach)
-    near = first[:, None] + np.arange(reach)
-    order = np.argsort(np.abs(lines[near] - at[:, None]), axis=1, kind="stable")[:, :n]
-    return np.asarray(first[:, None] + order)

@@ -7,7 +7,7 @@ import numpy as np
 from nlfrf.checks import integer
 from nlfrf.frf import average_frf
 from nlfrf.level import fit_each, level_from_detection, level_from_roughness, nonlinear_answer, rms
-from nlfrf.localfit import nearest_lines
+from nlfrf.neighbours import layout, nearest
 from nlfrf.record import Record
 from nlfrf.spectra import period_spectra
 from nlfrf.values import value
@@ -114,15 +114,15 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     n_detection = integer("n_detection", n_detection, least=3)
     spectra, _ = period_spectra(record, transient)
     grid = record.lines
-    excited = spectra.on(grid.excited)
+    excited = spectra.at(layout(grid).excited)
     frf = average_frf(excited)
-    fit = fit_each(excited, frf)
+    fit = fit_each(excited, frf, grid)
     rough = level_from_roughness(fit).variance
     detected = np.full(rough.size, np.nan)
     if grid.odd.size >= n_detection:
-        answer = nonlinear_answer(spectra, frf, excited, fit)
+        answer = nonlinear_answer(spectra, frf, excited, grid, fit)
         detected = level_from_detection(excited, answer, grid, n_detection)[0].variance
-    window = nearest_lines(grid.excited, grid.excited, 9)
+    window = nearest(grid, "excited", 9)
     floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2  # rounding is no disagreement
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
     return SecondOpinion(f=grid.excited * record.f0, detection=detected, roughness=rough, difference=difference)

@@ -9,9 +9,10 @@ import numpy as np
 from nlfrf.bla import Bla
 from nlfrf.checks import one_of
 from nlfrf.multisine import Multisine
+from nlfrf.neighbours import layout
 from nlfrf.opinion import DISAGREE, SecondOpinion
 from nlfrf.record import Record
-from nlfrf.spectra import dft, used_lines
+from nlfrf.spectra import dft
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -143,7 +144,7 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
     """Input spectrum by kind of line: what stands where nothing was to be excited; arguments as in `plot_bla`."""
     ax, grid = axes(ax), record.lines
-    lines = used_lines(grid)
+    lines = layout(grid).lines
     U = np.sqrt(np.mean(np.abs(dft(record.u, lines)) ** 2, axis=(0, 1)))
     top = np.nanmax(db(U))
     for kind, marker in (("excited", "."), ("odd", "x"), ("even", "+")):

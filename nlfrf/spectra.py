@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import fft
 
-from nlfrf.lines import LineGrid
 from nlfrf.localfit import power
+from nlfrf.neighbours import layout
 from nlfrf.record import Record
 from nlfrf.transient import is_transient, local_fit
 from nlfrf.values import value
@@ -45,11 +45,10 @@ class Spectra:
     var_Y: np.ndarray
     cov_YU: np.ndarray
 
-    def on(self, lines: np.ndarray) -> Spectra:
-        """The spectra on some of the lines."""
-        at = np.searchsorted(self.lines, lines)
+    def at(self, at: np.ndarray) -> Spectra:
+        """The spectra on some of the lines, given by their places."""
         return Spectra(
-            lines=lines,
+            lines=self.lines[at],
             U=self.U[:, at],
             Y=self.Y[:, at],
             R=None if self.R is None else self.R[:, at],
@@ -57,11 +56,6 @@ class Spectra:
             var_Y=self.var_Y[:, at],
             cov_YU=self.cov_YU[:, at],
         )
-
-
-def used_lines(grid: LineGrid) -> np.ndarray:
-    """Excited and detection lines together, increasing."""
-    return np.sort(np.concatenate([grid.excited, grid.odd, grid.even]))
 
 
 def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None = None) -> tuple[Spectra, str]:
@@ -74,7 +68,7 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
         "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
         periods agree but for noise, discard where that leaves periods that agree, else local.
     U : (M, P or 1, K) complex ndarray, optional
-        Spectra of the input on `used_lines` (`dft`), where they are known already.
+        Spectra of the input on the lines of its `layout` (`dft`), where they are known already.
 
     Raises
     ------
@@ -84,7 +78,7 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
     n_periods = record.n_periods
     if transient in ("discard", "local") and n_periods < 2:
         raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
-    lines = used_lines(record.lines)
+    lines = layout(record.lines).lines
     U = dft(record.u, lines) if U is None else U
     Y = dft(record.y, lines)
     R = None if record.r is None else dft(record.r, lines)
@@ -118,11 +112,12 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """
     n_realizations, n_periods, n_samples = x.shape
     some = blocks(n_realizations, n_periods * n_samples)
-    if all(np.array_equal(x[m, 0], x[m, -1]) and (n_periods < 3 or (x[m] == x[m, :1]).all()) for m in some):
+    if (x[:, 0, 0] == x[:, -1, 0]).all() and all((x[m, 1:] == x[m, :1]).all() for m in some):
         x = x[:, :1]
     spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
     for m in some:
-        spectra[m] = fft.rfft(x[m], axis=2, workers=WORKERS if x[m].size > LONG else 1)[:, :, lines]
+        transformed = fft.rfft(x[m], axis=2, workers=WORKERS if x[m].size > LONG else 1)
+        np.take(transformed, lines, axis=2, out=spectra[m], mode="clip")  # buffered, and slower, without the mode
     spectra *= 2 / n_samples
     return spectra
 

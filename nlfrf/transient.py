@@ -41,7 +41,7 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     rest = np.maximum(total - N_POLYNOMIAL * explained, 1e-12 * total) / (WINDOW - N_POLYNOMIAL)
     # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
     ratio = explained / np.maximum(rest, np.finfo(float).tiny)
-    return bool(np.mean(ratio) > 1.5 + 5 * 0.75 / np.sqrt(ratio.size))
+    return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
 
 
 @cache

@@ -53,7 +53,9 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
         for name in names:
             content = getattr(self, name)
             if isinstance(content, np.ndarray):
-                object.__setattr__(self, name, frozen(content, copy))
+                own = frozen(content, copy)
+                if own is not content:
+                    object.__setattr__(self, name, own)
         if validate is not None:
             validate(self)
 

@@ -30,6 +30,7 @@ FLOORS = {
     "nlfrf.diagnosis": 3,
     "nlfrf.record": 4,
     "nlfrf.rig": 5,
+    "nlfrf.neighbours": 2,
     "nlfrf.localfit": 3,
     "nlfrf.channels": 3,
     "nlfrf.calibration": 3,
