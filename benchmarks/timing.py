@@ -15,3 +15,12 @@ def best(function: Callable[[], Any], n: int = 5) -> float:
         function()
         times.append(time.perf_counter() - begin)
     return min(times)
+
+
+def side_by_side(functions: dict[str, Callable[[], Any]], n: int = 5) -> dict[str, float]:
+    """Shortest of n runs of each [s], taken in turn: a machine that slows down for a while does so for all of them."""
+    times = dict.fromkeys(functions, float("inf"))
+    for _ in range(n):
+        for name, function in functions.items():
+            times[name] = min(times[name], best(function, 1))
+    return times

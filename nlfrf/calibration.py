@@ -51,10 +51,11 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     doubled[..., : 2 * last + 1 : 2] = p[..., : last + 1] ** 2
     # the DFT of an even sequence of period 2 n is a DCT of its half
     spectrum, spectrum_doubled = fft.dct(both, 1)
-    counts = fft.dct(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), 1)[..., lines] / (2 * n)  # 6 S3 - 9 S21
+    sums = fft.dct(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), 1)
+    counts = sums.take(lines, axis=-1) / (2 * n)  # 6 S3 - 9 S21
     tripled = np.zeros((*amplitude.shape[:-1], last + 1))
     tripled[..., ::3] = p[..., : last // 3 + 1]
-    p_k, p_third = p[..., lines], tripled[..., lines]
+    p_k, p_third = p.take(lines, axis=-1), tripled.take(lines, axis=-1)
     counts -= 9 * p_k * (4 * np.vecdot(p, p)[..., None] - 3 * p_k * p_k)
     counts += 4 * p_third * p_third * p_third
     return np.maximum(4 * counts, 0.0)
@@ -90,7 +91,7 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
     at_excited, at_detection = counts[..., : excited.size], counts[..., excited.size :]
     trusted = 1e-9 * counts.max(axis=-1, keepdims=True)
-    mean = np.add.reduce(at_detection[..., window], axis=-1) / window.shape[1]
+    mean = np.add.reduce(at_detection.take(window, axis=-1), axis=-1) / window.shape[1]
     ratio = np.full(at_excited.shape, np.inf)
     np.divide(at_excited, mean, out=ratio, where=mean > trusted)
     return ratio

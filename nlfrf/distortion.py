@@ -96,18 +96,16 @@ def detected_power(
         Lines used: fewer than n where |G| changes much within the window.
     """
     P, N, A = power[window], noise[window], gain[window] / gain_excited[:, None]
-    used = narrowed(A) & (window >= 0)
-    n_used = used.sum(axis=-1)
-    smallest = np.finfo(float).tiny
+    used = (narrowed(A) & (window >= 0)).astype(float)
+    n_used = np.add.reduce(used, axis=-1)
     excess, square = A * (P - N), A * A
+    floor = np.maximum(N, np.finfo(float).tiny ** 0.25)  # its square can still be divided by
     weight = used / square
     for _ in range(5):  # the first weighs by |G|^-4, as without noise
         d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)
-        expected = A * d[..., None] + N
-        safe = np.maximum(expected, smallest**0.25)
-        weight = used / (safe * safe)
-    ratio = np.vecdot(used.astype(float), P / np.maximum(expected, smallest)) / n_used
-    return d, ratio, n_used
+        expected = A * d[..., None] + floor
+        weight = used / (expected * expected)
+    return d, np.vecdot(used, P / expected) / n_used, n_used
 
 
 def narrowed(gain: np.ndarray) -> np.ndarray:
@@ -115,7 +113,6 @@ def narrowed(gain: np.ndarray) -> np.ndarray:
 
     Gains are relative to the excited line.
     """
-    level = 10 * np.log10(gain)
-    highest = np.maximum(np.maximum.accumulate(level, axis=-1), 0.0)
-    lowest = np.minimum(np.minimum.accumulate(level, axis=-1), 0.0)
-    return np.asarray((highest - lowest < SHARP) | (np.arange(gain.shape[-1]) < FEWEST))
+    highest = np.maximum(np.maximum.accumulate(gain, axis=-1), 1.0)
+    lowest = np.minimum(np.minimum.accumulate(gain, axis=-1), 1.0)
+    return np.asarray((highest < 10 ** (SHARP / 10) * lowest) | (np.arange(gain.shape[-1]) < FEWEST))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.spectra import Spectra
+from nlfrf.localfit import squared
+from nlfrf.spectra import Spectra, residual_variance
 from nlfrf.values import value
 
 
@@ -40,23 +41,21 @@ def average_frf(spectra: Spectra) -> Frf:
     each = spectra.Y / spectra.U
     if spectra.R is None:
         G = np.add.reduce(each, axis=0) / n
-        var_noise = np.sum(ratio_variance(each, spectra), axis=0) / n**2
-        var_total = np.sum(np.abs(each - G) ** 2, axis=0) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
+        var_noise = np.add.reduce(ratio_variance(each, spectra)) / n**2
+        var_total = np.add.reduce(squared(each - G)) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
         return Frf(each=each, G=G, var_noise=var_noise, var_total=var_total)
     turn = spectra.R.conj() / np.abs(spectra.R)
     U, Y = (spectra.U * turn).mean(axis=0), (spectra.Y * turn).mean(axis=0)
     G = Y / U
     # E|dY - G dU|^2 / |U|^2, by noise and over realisations
-    noise = spectra.var_Y + np.abs(G) ** 2 * spectra.var_U - 2 * np.real(G.conj() * spectra.cov_YU)
-    var_noise = np.sum(noise, axis=0) / n**2 / np.abs(U) ** 2
+    var_noise = np.add.reduce(residual_variance(G, spectra)) / n**2 / squared(U)
     var_total = np.full(G.shape, np.nan)
     if n > 1:
         deviation = (spectra.Y - G * spectra.U) * turn
-        var_total = np.sum(np.abs(deviation) ** 2, axis=0) / (n * (n - 1)) / np.abs(U) ** 2
-    return Frf(each=each, G=G, var_noise=np.maximum(var_noise, 0.0), var_total=var_total)
+        var_total = np.add.reduce(squared(deviation)) / (n * (n - 1)) / squared(U)
+    return Frf(each=each, G=G, var_noise=var_noise, var_total=var_total)
 
 
 def ratio_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
-    """Variance of Y/U by noise, to first order: E|dY - G dU|^2 / |U|^2."""
-    variance = spectra.var_Y + np.abs(G) ** 2 * spectra.var_U - 2 * np.real(G.conj() * spectra.cov_YU)
-    return np.maximum(variance, 0.0) / np.abs(spectra.U) ** 2
+    """Variance of Y/U by noise, to first order."""
+    return residual_variance(G, spectra) / squared(spectra.U)

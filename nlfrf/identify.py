@@ -28,6 +28,7 @@ from nlfrf.level import (
     why_roughness,
 )
 from nlfrf.lines import LineGrid
+from nlfrf.localfit import squared
 from nlfrf.neighbours import layout
 from nlfrf.record import Record
 from nlfrf.spectra import Spectra, dft, period_spectra
@@ -171,8 +172,8 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
 
 def refuse_unexcited(excited: Spectra) -> None:
     """Refuse lines that carry no input: there G would be 0 / 0."""
-    amplitude = np.abs(excited.U)
-    silent = np.any(amplitude <= 1e-9 * amplitude.max(), axis=0)
+    power = squared(excited.U)
+    silent = (power <= 1e-18 * power.max()).any(axis=0)
     if silent.any():
         k = int(excited.lines[np.argmax(silent)])
         raise ValueError(f"lines must be excited by the input, got line {k} with no input on it")
@@ -182,7 +183,7 @@ def refuse_strangers(excited: Spectra) -> None:
     """Refuse realisations of another amplitude spectrum: their BLA is another one."""
     known = excited.U if excited.R is None else excited.R
     n_lines = known.shape[1]
-    power = np.add.reduceat(np.abs(known) ** 2, np.arange(0, n_lines, max(1, n_lines // N_PARTS)), axis=1)
+    power = np.add.reduceat(squared(known), np.arange(0, n_lines, max(1, n_lines // N_PARTS)), axis=1)
     middle = np.sort(power, axis=0)[power.shape[0] // 2]
     apart = np.abs(10 * np.log10(power / middle)).max(axis=1)
     worst = int(np.argmax(apart))

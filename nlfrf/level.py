@@ -9,9 +9,9 @@ from nlfrf.distortion import detected_power, interpolate_frf
 from nlfrf.excitation import local_mean
 from nlfrf.frf import Frf, ratio_variance
 from nlfrf.lines import LineGrid
-from nlfrf.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
+from nlfrf.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally, squared
 from nlfrf.neighbours import detection_windows, layout, nearest
-from nlfrf.spectra import Spectra
+from nlfrf.spectra import Spectra, residual_variance
 from nlfrf.values import value
 
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
@@ -65,8 +65,8 @@ def nonlinear_answer(
     elif excited.lines.size >= LEAST and excited.U.shape[0] < ENOUGH:  # with less scatter G whitens more evenly
         smooth = fit_locally(frf.G[None], rms(excited.U)[None], grid).G[0]
     G = interpolate_frf(smooth, excited.lines, spectra.lines)
-    noise = spectra.var_Y + (G.real**2 + G.imag**2) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
-    return Answer(G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(np.maximum(noise, 0.0)) / len(noise))
+    noise = residual_variance(G, spectra)
+    return Answer(G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(noise) / len(noise))
 
 
 def level_from_detection(
@@ -99,7 +99,7 @@ def detected(
     """Variances (k, F) of one realisation's FRF, with inputs of amplitude U, that k kinds of lines tell; lines used."""
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
-    power, gain = mean_power(answer.Yc), answer.G.real**2 + answer.G.imag**2
+    power, gain = mean_power(answer.Yc), squared(answer.G)
     here, window = layout(grid).excited, detection_windows(grid, kinds, n_detection)
     distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], window)
     return ratio * (factors * distortion + noise[here]) / U**2, n_used
@@ -156,7 +156,7 @@ def why_roughness(grid: LineGrid, n_detection: int) -> str:
 
 def mean_power(x: np.ndarray) -> np.ndarray:
     """Mean squared modulus over realisations."""
-    return np.asarray(np.add.reduce(x.real**2 + x.imag**2, axis=0) / x.shape[0])
+    return np.asarray(np.add.reduce(squared(x), axis=0) / x.shape[0])
 
 
 def rms(x: np.ndarray) -> np.ndarray:

@@ -193,6 +193,11 @@ def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return projected[..., -1] / pivot, residual / np.sqrt(A.shape[-2] - A.shape[-1]), 1 / np.abs(pivot) ** 2
 
 
+def squared(x: np.ndarray) -> np.ndarray:
+    """Squared modulus, without the root that `abs` takes."""
+    return np.asarray(x.real**2 + x.imag**2)
+
+
 def power(x: np.ndarray) -> np.ndarray:
     """Sum of squared moduli over the last axis."""
     return np.asarray(np.vecdot(x, x).real)

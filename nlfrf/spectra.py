@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import fft
 
-from nlfrf.localfit import power
+from nlfrf.localfit import power, squared
 from nlfrf.neighbours import layout
 from nlfrf.record import Record
 from nlfrf.transient import is_transient, local_fit
@@ -49,12 +49,12 @@ class Spectra:
         """The spectra on some of the lines, given by their places."""
         return Spectra(
             lines=self.lines[at],
-            U=self.U[:, at],
-            Y=self.Y[:, at],
-            R=None if self.R is None else self.R[:, at],
-            var_U=self.var_U[:, at],
-            var_Y=self.var_Y[:, at],
-            cov_YU=self.cov_YU[:, at],
+            U=self.U.take(at, axis=1),
+            Y=self.Y.take(at, axis=1),
+            R=None if self.R is None else self.R.take(at, axis=1),
+            var_U=self.var_U.take(at, axis=1),
+            var_Y=self.var_Y.take(at, axis=1),
+            cov_YU=self.cov_YU.take(at, axis=1),
         )
 
 
@@ -85,8 +85,9 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
     if transient == "auto":
         transient = treatment(Y)
     if transient == "discard":
-        U, Y, R = after_first(U), Y[:, 1:], None if R is None else after_first(R)
-    spectra = averaged(lines, U, Y, None if R is None else R.mean(axis=1))
+        U, Y, R = after_first(U), after_first(Y), None if R is None else after_first(R)
+        n_periods -= 1
+    spectra = averaged(lines, U, Y, None if R is None else R.mean(axis=1), n_periods)
     return (without_transient(record, spectra) if transient == "local" else spectra), transient
 
 
@@ -128,10 +129,10 @@ def blocks(n: int, size: int) -> list[slice]:
     return [slice(first, first + step) for first in range(0, n, step)]
 
 
-def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None) -> Spectra:
-    """Means over the periods of U (M, P or 1, K) and Y (M, P, K), and the sample (co)variances of those means."""
-    n_realizations, n_periods, n_lines = Y.shape
-    U_mean, Y_mean = np.add.reduce(U, axis=1) / U.shape[1], np.add.reduce(Y, axis=1) / n_periods
+def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None, n_periods: int) -> Spectra:
+    """Means over the periods of U and Y (M, P or 1, K), and the sample (co)variances of those means."""
+    n_realizations, n_lines = Y.shape[0], Y.shape[2]
+    U_mean, Y_mean = (x[:, 0] if x.shape[1] == 1 else np.add.reduce(x, axis=1) / n_periods for x in (U, Y))
     shape = (n_realizations, n_lines)
     unknown = 0.0 if n_periods > 1 else np.nan
     var_U, var_Y, cov_YU = np.full(shape, unknown), np.full(shape, unknown), np.full(shape, complex(unknown))
@@ -139,17 +140,20 @@ def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | No
         scale = 1 / (n_periods * (n_periods - 1))
         for m in blocks(n_realizations, n_periods * n_lines):
             dY = Y[m] - Y_mean[m, None]
-            var_Y[m] = scale * sum_of_squares(dY)
+            var_Y[m] = scale * np.add.reduce(squared(dY), axis=1)
             if U.shape[1] > 1:
                 dU = U[m] - U_mean[m, None]
-                var_U[m], cov_YU[m] = scale * sum_of_squares(dU), scale * np.sum(dY * dU.conj(), axis=1)
+                var_U[m] = scale * np.add.reduce(squared(dU), axis=1)
+                cov_YU[m] = scale * np.add.reduce(dY * dU.conj(), axis=1)
     return Spectra(lines=lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU)
 
 
-def sum_of_squares(x: np.ndarray) -> np.ndarray:
-    """Sum of squared moduli of x (M, P, K) over the periods."""
-    parts = np.square(x.view(float)).sum(axis=1)
-    return np.asarray(parts[:, ::2] + parts[:, 1::2])
+def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
+    """(M, K) variance of Y - G U by noise, E|dY - G dU|^2."""
+    if not spectra.var_U.any():  # an input that repeats exactly
+        return spectra.var_Y
+    variance = spectra.var_Y + squared(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
+    return np.maximum(variance, 0.0)
 
 
 def without_transient(record: Record, spectra: Spectra) -> Spectra:

@@ -109,6 +109,23 @@ def test_noise_variance_is_recovered_within_statistics():
     assert 0.7 < np.median(bla.var_total) / np.median(bla.var_noise) < 1.4
 
 
+def test_two_periods_that_are_the_same_hold_no_noise():
+    bla = identify(record_of(lambda u: u + 0.1 * u**3, n_periods=2))
+    np.testing.assert_array_equal(bla.var_noise, 0.0)
+    np.testing.assert_array_equal(bla.var_distortion, bla.var_total)
+
+
+def test_noise_of_the_input_counts_where_the_output_repeats_exactly():
+    clean = record_of(lambda u: 2 * u, n_periods=4, n_realizations=50)
+    sigma = 0.05
+    u = clean.u + sigma * np.random.default_rng(4).standard_normal(clean.u.shape)
+    bla = identify(Record(u=u, y=clean.y, fs=FS, lines=clean.lines), transient="none")
+    amplitude = np.abs(np.fft.rfft(clean.u[0, 0])[clean.lines.excited]) * 2 / N
+    expected = 4 * (4 * sigma**2 / N) / 4 / 50 / amplitude**2  # |G|^2 of the variance at the input, P = 4, M = 50
+    n = 50 * 3 * amplitude.size  # complex degrees of freedom
+    assert abs(np.mean(bla.var_noise / expected) - 1) < 4 / np.sqrt(n)
+
+
 def test_one_period_has_no_noise_split_and_says_so():
     bla = identify(record_of(lambda u: u + 0.1 * u**3))
     assert np.all(np.isnan(bla.var_noise))
