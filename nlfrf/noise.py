@@ -7,7 +7,7 @@ other form of the same BLA, to lay over the one from a multisine of the same pow
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft, signal
+from scipy import fft
 
 from nlfrf.bla import Bla
 from nlfrf.checks import integer, one_of, positive, real_array
@@ -115,6 +115,8 @@ def identify_noise(
 
 def welch(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
     """G, its variance, degrees of freedom and output power on the lines, from half-overlapping Hann segments."""
+    from scipy import signal  # takes a second to import
+
     options = {"nperseg": n, "noverlap": n // 2, "window": "hann", "detrend": False, "scaling": "spectrum"}
     S_uu = signal.welch(u, **options)[1][lines]
     S_yy = signal.welch(y, **options)[1][lines]

@@ -184,7 +184,7 @@ def test_heavy_packages_are_imported_where_they_are_used(name, tree):
 @pytest.mark.parametrize(
     ("package", "unloaded"),
     [
-        ("nlfrf", ["control", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"]),
+        ("nlfrf", ["control", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich", "scipy.signal", "scipy.stats"]),
         ("robust", ["cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"]),
     ],
 )
