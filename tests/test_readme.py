@@ -68,3 +68,8 @@ def test_links_and_commands_exist():
         assert re.search(rf"^{name}:", makefile, re.MULTILINE), name
     for name in re.findall(r"examples/(\w+\.py)", README):
         assert (ROOT / "examples" / name).is_file()
+
+
+def test_the_citation_names_this_version():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", citation, re.MULTILINE).group(1) == nlfrf.__version__
