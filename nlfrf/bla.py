@@ -164,21 +164,26 @@ class Bla:
 
     def __str__(self) -> str:
         """What was found, in a few lines."""
-        peak = int(np.argmax(np.abs(self.G)))
-        relative = np.median(self.bound() / np.abs(self.G))
-        even = np.nanmedian(self.var_even) if np.isfinite(self.var_even).any() else np.nan
+        about = (
+            f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.grid} grid, "
+            f"M = {self.n_realizations}, P = {self.n_periods}\n"
+        )
+        gain = np.abs(self.G)
+        peak, there = int(np.argmax(gain)), gain > 0
+        if not there.any():
+            return about + "  G is zero on every line: no part of the output is linear in the input"
+        relative, power = np.median(self.bound()[there] / gain[there]), np.median(gain[there]) ** 2
+        noise = np.nan_to_num(self.n_realizations * self.var_noise)
+        found = "distortion" if np.isfinite(self.var_noise).any() else "distortion and noise"
         levels = {
-            "noise": np.median(self.var_noise) * self.n_realizations,
-            "distortion of one realisation": np.median(self.var_distortion),
-            "even distortion": even,
+            "noise": np.median(noise),
+            f"{found} of one realisation": np.median(self.var_distortion),
+            f"even {found}": np.median(np.maximum(np.nan_to_num(self.var_even) - noise, 0.0)),
         }
-        power = np.median(np.abs(self.G) ** 2)
         hidden = int(self.upper_limit.sum())
         said = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
         return (
-            f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.grid} grid, "
-            f"M = {self.n_realizations}, P = {self.n_periods}\n"
-            f"  largest |G| {np.abs(self.G[peak]):.4g} at {self.f[peak]:g} Hz; "
+            f"{about}  largest |G| {gain[peak]:.4g} at {self.f[peak]:g} Hz; "
             f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
             f"  under the median |G|: {', '.join(said) or 'nothing above rounding'}\n"
             f"  transient: {self.transient}; level from {self.level_source}"

@@ -54,8 +54,11 @@ class DistortionLevels:
 
 def interpolate_frf(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """G between its lines, linear in log magnitude and in phase; held at the ends."""
+    magnitude = np.abs(G)
+    # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
+    floor = np.maximum(np.finfo(float).eps * magnitude.max(), np.finfo(float).tiny ** 0.25)
     logarithm = np.empty(G.size, dtype=complex)
-    logarithm.real = np.log(np.maximum(np.abs(G), np.finfo(float).tiny))
+    logarithm.real = np.log(np.maximum(magnitude, floor))
     phase = np.arctan2(G.imag, G.real)
     turns = np.round((phase[1:] - phase[:-1]) / (2 * np.pi))
     phase[1:] -= 2 * np.pi * np.cumsum(turns)

@@ -75,7 +75,9 @@ def identify_noise(
     least = (8 if method == "welch" else 2) * n_samples
     if u.size < least:
         raise ValueError(f"u must hold at least {least} samples for method={method!r}, got {u.size}")
-    lines = np.arange(max(1, int(np.ceil(f_min / fs * n_samples))), int(f_max / fs * n_samples) + 1)
+    # both ends included, whatever the rounding of the frequencies
+    first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
+    lines = np.arange(max(1, first), last + 1)
     if lines.size == 0 or 2 * lines[-1] >= n_samples:
         raise ValueError(f"f_min and f_max must hold lines below Nyquist, got {f_min:g} to {f_max:g} Hz")
     G, variance, dof, S_yy = (welch if method == "welch" else local)(u - u.mean(), y - y.mean(), n_samples, lines)
@@ -135,17 +137,17 @@ def local(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> tuple[np.n
     scale = np.sqrt(2) / u.size
     side = max(SIDE, int(ratio / 2))
     centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
-    r = np.arange(-side, side + 1)
-    around = centre[:, None] + r
-    s = r / side
+    around = centre[:, None] + np.arange(-side, side + 1)
+    # from the frequency that is wanted, which lies between the lines or, at the ends of the band, off the middle
+    s = (around - (lines * ratio)[:, None]) / side
     # Y = (g0 + g1 s + g2 s^2) U + t0 + t1 s + t2 s^2, the wanted g0 last
-    columns = np.stack([*(s**p * np.ones(around.shape) for p in (2, 1, 0)), s**2 * U[around], s * U[around]], axis=-1)
+    columns = np.stack([s**2, s, np.ones(s.shape), s**2 * U[around], s * U[around]], axis=-1)
     A = np.concatenate([columns, U[around][..., None]], axis=-1)
     norm = np.sqrt(power(np.swapaxes(A, -1, -2)))
     Q, R = np.linalg.qr(A / norm[:, None, :])
     projected = (np.swapaxes(Q, -1, -2).conj() @ Y[around][..., None])[..., 0]
     pivot = R[:, -1, -1] * norm[:, -1]
     rest = Y[around] - (Q @ projected[..., None])[..., 0]
-    dof = r.size - A.shape[-1]
+    dof = A.shape[-2] - A.shape[-1]
     S_yy = scale**2 * np.mean(np.abs(Y[around]) ** 2, axis=1) * (2 * side + 1)
     return projected[:, -1] / pivot, power(rest) / dof / np.abs(pivot) ** 2, float(dof), S_yy

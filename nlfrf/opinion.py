@@ -6,7 +6,7 @@ import numpy as np
 
 from nlfrf.checks import integer
 from nlfrf.frf import average_frf
-from nlfrf.level import fit_each, level_from_detection, level_from_roughness, nonlinear_answer, rms
+from nlfrf.level import fit_each, level_from_detection, level_from_roughness, mean_power, nonlinear_answer, rms
 from nlfrf.neighbours import layout, nearest
 from nlfrf.record import Record
 from nlfrf.spectra import period_spectra
@@ -123,7 +123,9 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         answer = nonlinear_answer(spectra, frf, excited, grid, fit)
         detected = level_from_detection(excited, answer, grid, n_detection)[0].variance
     window = nearest(grid, "excited", 9)
-    floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2  # rounding is no disagreement
+    # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
+    rounding = np.finfo(float).eps ** 2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
+    floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2 + rounding
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
     return SecondOpinion(f=grid.excited * record.f0, detection=detected, roughness=rough, difference=difference)
 

@@ -39,13 +39,14 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     matplotlib Axes
     """
     ax = axes(ax)
-    U = np.abs(bla.levels.excited).mean(axis=0) / np.abs(bla.G)
+    known = bla.G != 0  # an even system leaves excited lines empty
+    U = np.abs(bla.levels.excited[:, known]).mean(axis=0) / np.abs(bla.G[known])
     for kind, f, amplitude in (
         ("odd", bla.levels.f_odd, bla.levels.odd),
         ("even", bla.levels.f_even, bla.levels.even),
     ):
-        if f.size:
-            level = np.sqrt(np.mean(np.abs(amplitude) ** 2, axis=0)) / np.interp(f, bla.f, U)
+        if f.size and U.size:
+            level = np.sqrt(np.mean(np.abs(amplitude) ** 2, axis=0)) / np.interp(f, bla.f[known], U)
             ax.plot(f, db(level), ".", ms=3, color=COLOR[kind], alpha=0.6, label=f"{kind} detection lines / |U|")
     ax.plot(bla.f, db(np.sqrt(bla.var_total)), "-", lw=1.2, color="#CC79A7", label="std of G, noise and distortion")
     if np.isfinite(bla.var_noise).all():

@@ -18,6 +18,7 @@ from nlfrf.localfit import least_squares, power
 SIDE = 6  # lines on either side of a harmonic used for one fit
 N_POLYNOMIAL = 3
 ENOUGH = 1000  # windows that decide whether there is a transient; more would only take time
+EARNED = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
 WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
 
 
@@ -73,9 +74,9 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     n_realizations, n_periods, n_samples = x.shape
     r = offsets(n_periods)
     n_total = n_periods * n_samples
-    where = lines[:, None] * n_periods + r
-    mirrored = (where < 0) | (where > n_total // 2)  # beyond 0 and Nyquist a real signal repeats itself, conjugated
-    index = np.where(where < 0, -where, np.where(where > n_total // 2, n_total - where, where))
+    where = (lines[:, None] * n_periods + r) % n_total
+    mirrored = where > n_total // 2  # beyond 0 and Nyquist a real signal repeats itself, conjugated
+    index = np.where(mirrored, n_total - where, where)
     X = np.empty((n_realizations, lines.size, r.size), dtype=complex)
     for m in range(n_realizations):
         spectrum = fft.rfft(x[m].reshape(-1))
@@ -87,8 +88,7 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     polynomial = np.broadcast_to(powers, (*X.shape, N_POLYNOMIAL))
     rational = np.concatenate([-s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None], polynomial], axis=-1)
     T_r, residual_r, leverage_r = least_squares(rational, X)
-    # the denominator has to earn its place: noise alone would be fitted by it now and then
-    better = power(residual_r) < 0.5 * power(residual)
+    better = power(residual_r) < EARNED * power(residual)
     return (
         np.where(better, T_r, T),
         np.where(better[..., None], residual_r, residual),

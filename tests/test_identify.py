@@ -1,12 +1,13 @@
 """Identification against exact cases, closed forms and formulas written independently."""
 
+import re
 import warnings
 
 import numpy as np
 import pytest
 from scipy import signal
 
-from nlfrf import DataWarning, Record, identify, identify_noise, multisine, second_opinion
+from nlfrf import DataWarning, LineGrid, Record, identify, identify_noise, multisine, second_opinion
 
 FS = N = 1024
 
@@ -48,6 +49,22 @@ def test_even_and_odd_powers_fall_on_their_lines_only(power, lit, dark):
     levels = identify(record_of(lambda u: u + 0.1 * u**power)).levels
     assert level(getattr(levels, dark)) < 1e-13
     assert level(getattr(levels, lit)) > 1e-3
+
+
+def test_an_even_system_has_no_bla_and_all_its_output_is_even_distortion():
+    """Of y = u^2 the excited lines hold nothing, not even rounding: no level may be lost in 0 / 0."""
+    blas = [identify(record_of(lambda u: u**2, n_periods=2, seed=seed)) for seed in range(20)]
+    for bla in blas:
+        np.testing.assert_array_equal(bla.G, 0.0)
+        assert bla.var_total.max() < 1e-60
+        assert bla.bound().max() < 1e-30
+        assert str(bla).endswith("G is zero on every line: no part of the output is linear in the input")
+    U = record_of(lambda u: u).u[0, 0]
+    U = 2 / N * np.abs(np.fft.rfft(U))[blas[0].lines.excited[0]]  # the same for all
+    told = np.mean([bla.var_even * U**2 for bla in blas], axis=0)
+    on_lines = np.mean([np.abs(bla.levels.even[0]) ** 2 for bla in blas], axis=0)
+    assert abs(np.mean(told) / np.mean(on_lines) - 1) < 0.02
+    assert "within 6 dB of each other at every line" in str(second_opinion(record_of(lambda u: u**2)))
 
 
 def test_energy_on_detection_lines_of_the_input_is_no_distortion():
@@ -258,6 +275,27 @@ def test_a_transient_that_dies_within_a_period_is_discarded():
     assert frf_error(identify(record, transient="none"), G) > 2e-2
 
 
+@pytest.mark.parametrize("n_periods", [2, 5])
+def test_local_fits_read_white_noise_as_it_is(n_periods):
+    """A denominator that is fitted to noise halves what is left: it is only let in where it does far better."""
+    sigma, n = 0.05, 40
+    bla = identify(record_of(lambda u: 2 * u, n_periods=n_periods, noise=sigma, n_realizations=n), transient="local")
+    amplitude = np.abs(bla.levels.excited[0]) / 2
+    at_least = 4 * sigma**2 / N / n_periods / n / amplitude**2  # the transient that is taken off adds its own
+    added = np.mean(bla.var_noise / at_least)
+    assert 0.97 < added < 1.7
+    true = bla.var_total  # scatter of the same FRF over the realisations, with no distortion in it
+    assert abs(np.mean(bla.var_noise) / np.mean(true) - 1) < 0.06
+
+
+@pytest.mark.parametrize("n", [4, 5, 7, 8])
+def test_local_fits_on_the_shortest_periods(n):
+    phase = np.random.default_rng(n).uniform(0, 2 * np.pi, (7, 1, 1))
+    u = np.cos(2 * np.pi * np.arange(n) / n + np.tile(phase, (1, 2, 1)))
+    bla = identify(Record(u=u, y=2 * u, fs=1, lines=LineGrid(excited=[1])), transient="local")
+    np.testing.assert_allclose(bla.G, 2.0)
+
+
 def test_steady_records_are_left_alone():
     for seed in range(20):
         assert identify(record_of(lambda u: u, n_periods=2, noise=0.01, seed=seed)).transient == "none"
@@ -371,6 +409,15 @@ def test_realisations_of_another_level_are_refused():
 
 
 # Under the noise
+
+
+def test_what_is_printed_tells_noise_from_distortion():
+    one = str(identify(record_of(lambda u: u + 0.1 * u**3, noise=0.01)))
+    assert "distortion and noise of one realisation" in one
+    assert "even distortion and noise" in one
+    linear = identify(record_of(lambda u: u, n_periods=8, noise=0.01, n_realizations=7))
+    said = dict(re.findall(r"(noise|even distortion) (-\d+) dB", str(linear)))
+    assert int(said.get("even distortion", -100)) < int(said["noise"]) - 3
 
 
 def test_levels_under_the_noise_are_called_upper_limits():

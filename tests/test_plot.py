@@ -7,7 +7,7 @@ import pytest
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-from nlfrf import Record, multisine, second_opinion
+from nlfrf import Record, identify, multisine, second_opinion
 from nlfrf import plot as pictures
 
 MS = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
@@ -59,3 +59,9 @@ def test_an_opinion_shows_both_readings(ax):
     assert curves["roughness of the FRF"] == pytest.approx(10 * np.log10(opinion.roughness))
     assert curves["odd detection lines, calibrated"] == pytest.approx(10 * np.log10(opinion.detection))
     assert ("more than 6 dB apart" in curves) == bool(opinion.disagree.any())
+
+
+def test_a_system_without_a_linear_part_can_be_drawn(ax):
+    bla = identify(Record(u=U, y=U**2, fs=128, lines=MS.lines))
+    pictures.plot_bla(bla, ax=ax)
+    assert not any("detection lines" in label for label in labels(ax))
