@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import factorial
 from typing import Any
 
 import control
@@ -11,6 +10,7 @@ import numpy as np
 
 from nlfrf.checks import nonnegative
 from nlfrf.values import value
+from robust.delays import moved_out
 from robust.intervals import Magnitude, magnitude
 from robust.lft import certain_poles
 from robust.loop import PORTS, closed_loop, worst_sensitivity, worst_terms
@@ -210,16 +210,6 @@ class Assembly:
         """Where the perturbation reads and where it acts."""
         return PORTS[self.form]
 
-    def delay_error(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) a bound on |exp(-j omega delay) - Padé|, increasing: 2 at most, c (omega delay)^(2n+1) for small ones.
-
-        The phase error of the approximation grows at the rate c (2n+1) x^(2n)/|q(jx)|^2 with |q| >= 1.
-        """
-        n = DELAY_ORDER
-        c = factorial(n) ** 2 / (factorial(2 * n) * factorial(2 * n + 1))
-        with np.errstate(over="ignore"):
-            return np.minimum(2.0, c * (omega * self.pade_delay) ** (2 * n + 1))
-
 
 def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembly:
     """Put plant and controller on one time base, or refuse what does not fit together."""
@@ -270,9 +260,27 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembl
     )
 
 
-def loop_poles(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
-    """Poles of the nominal loop, hidden modes included, and how far rounding may have moved each."""
-    return certain_poles(assembly.closed(("e",), ("r",)))
+def nominal_instability(loop: Assembly) -> str:
+    """Empty where every pole of the loop, hidden modes included, is stable beyond rounding; else what is wrong.
+
+    A delay in a continuous loop is taken as it is, not by its approximation.
+    """
+    waiting = loop.pade_delay > 0
+    poles, moved = certain_poles((loop.with_plant(loop.short) if waiting else loop).closed(("e",), ("r",)))
+    excess = np.abs(poles) - 1 if loop.dt else poles.real
+    unstable = excess > moved
+    if unstable.any() and not waiting:
+        return f"unstable: the nominal loop has a pole at {poles[int(np.argmax(excess))]:.4g}"
+    if np.any(excess[~unstable] >= -moved[~unstable]):
+        worst = int(np.argmax(np.where(unstable, -np.inf, excess + moved)))
+        where = f"at {poles[worst]:.4g}" + (" without its delay" if waiting else "")
+        return f"undecided: a pole of the nominal loop {where} cannot be told from the stability boundary"
+    if not waiting:
+        return ""
+    total = unstable.sum() + moved_out(in_series(loop.K, loop.short), loop.pade_delay)
+    if np.isnan(total):
+        return "undecided: with its delay the nominal loop cannot be told from one on the stability boundary"
+    return f"unstable: the nominal loop with its delay has {total:g} unstable poles" if total else ""
 
 
 def weighted(assembly: Assembly) -> control.StateSpace:

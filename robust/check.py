@@ -21,7 +21,7 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf.checks import one_of, shown
-from robust.assembly import Assembly, assemble, loop_poles
+from robust.assembly import Assembly, assemble, nominal_instability
 from robust.certify import SOLVERS, Certificate
 from robust.frf_check import check_lines
 from robust.lti import response
@@ -93,9 +93,9 @@ def check(
         raise ValueError(f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {shown(model)}")
     loop = assemble(model, K, w_P, delay)
     omega = loop.grid(model.omega)
-    nominally_stable, pole_reason = stability(loop)
-    if not nominally_stable:
-        return unstable(model, loop, omega, pole_reason)
+    wrong = nominal_instability(loop)
+    if wrong:
+        return unstable(model, loop, omega, wrong)
     band = (float(model.omega[0]), float(model.omega[-1]))
     peak_rs, omega_rs = loop.peak(loop.rs, omega, band)
     margin_rp, omega_rp = performance_margin(loop, omega, band)
@@ -152,21 +152,6 @@ def responses(loop: Assembly, omega: np.ndarray) -> dict[str, Any]:
         "K": response(loop.K, omega),
         "radius": np.abs(response(loop.weight, omega)),
     }
-
-
-def stability(loop: Assembly) -> tuple[bool, str]:
-    """Whether every closed-loop pole is stable beyond rounding, and if not, what is wrong."""
-    poles, moved = loop_poles(loop)
-    excess = np.abs(poles) - 1 if loop.dt else poles.real
-    if not poles.size or np.all(excess < -moved):
-        return True, ""
-    worst = int(np.argmax(excess + moved))
-    if excess[worst] > moved[worst]:
-        return False, f"unstable: the nominal loop has a pole at {poles[worst]:.4g}"
-    return (
-        False,
-        f"undecided: a pole of the nominal loop at {poles[worst]:.4g} cannot be told from the stability boundary",
-    )
 
 
 def judge(

@@ -9,7 +9,7 @@ from typing import Any
 import control
 import numpy as np
 
-from robust.assembly import Assembly, loop_poles
+from robust.assembly import Assembly, nominal_instability
 from robust.demands import Row, Seen
 from robust.frf_check import continued, half_turns, integrators, unstable_poles, winding
 from robust.loop import closed_loop
@@ -92,11 +92,8 @@ def stable_by_poles(loop: Assembly, K: control.StateSpace) -> tuple[bool, str]:
         closed_loop(loop.G, K, ("e",), ("r",))
     except ValueError:
         return False, "is not well posed"
-    poles, moved = loop_poles(closed)
-    excess = np.abs(poles) - 1 if loop.dt else poles.real
-    if poles.size and np.any(excess >= -moved):
-        return False, f"is unstable: it has a pole at {poles[int(np.argmax(excess))]:.4g}"
-    return True, ""
+    wrong = nominal_instability(closed)
+    return not wrong, f"is {wrong}"
 
 
 def find_start(

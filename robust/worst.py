@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -9,7 +10,7 @@ import numpy as np
 
 from nlfrf.checks import integer
 from nlfrf.values import value
-from robust.assembly import Assembly, assemble, loop_poles
+from robust.assembly import Assembly, assemble, nominal_instability
 from robust.loop import worst_perturbation, worst_sensitivity
 from robust.lti import response, sampled, state_space, timebase
 from robust.perturb import perturbed, with_phase
@@ -99,9 +100,9 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     if not isinstance(model, UncertaintyModel) or model.measured_only:
         raise ValueError("model must be an UncertaintyModel with a parametric nominal to make plants of")
     loop = assemble(model, K, w_P, delay)
-    poles = loop_poles(loop)[0]
-    if np.any(np.abs(poles) >= 1) if loop.dt else np.any(poles.real >= 0):
-        raise ValueError("K must stabilise the nominal plant for its worst case to mean anything, got an unstable loop")
+    wrong = nominal_instability(loop)
+    if wrong:
+        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {wrong}")
     omega = loop.grid(model.omega)
 
     def curve(points: np.ndarray) -> np.ndarray:
@@ -128,7 +129,7 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
         plant=plant,
         delta=delta,
         achieved=float(achieved),
-        stable=stable_with(seen, loop),
+        stable=stable_with(plant, seen, loop),
     )
 
 
@@ -139,10 +140,9 @@ def in_loop(plant: control.StateSpace, loop: Assembly, delay: float) -> control.
     return loop.behind_delay(plant, delay)
 
 
-def stable_with(plant: control.StateSpace, loop: Assembly) -> bool:
-    """Whether the loop is stable with another plant."""
-    poles = loop_poles(loop.with_plant(plant))[0]
-    return bool(np.all(np.abs(poles) < 1) if loop.dt else np.all(poles.real < 0))
+def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Assembly) -> bool:
+    """Whether the loop is stable with another plant, `seen` as its controller sees it."""
+    return not nominal_instability(replace(loop, G=seen, short=plant if loop.pade_delay else seen))
 
 
 @value
@@ -230,7 +230,7 @@ def sample_loops(
     return LoopFamily(
         omega=omega,
         S=np.array([1 / (1 + response(plant, omega) * k) for plant in seen]),
-        stable=np.array([stable_with(plant, loop) for plant in seen]),
+        stable=np.array([stable_with(*pair, loop) for pair in zip(plants, seen, strict=True)]),
         nominal=terms[0],
         worst=worst_sensitivity(*terms),
     )

@@ -58,6 +58,7 @@ FLOORS = {
     "robust.programs": 19,
     "robust.perturb": 19,
     "robust.lft": 20,
+    "robust.delays": 20,
     "robust.regular": 20,
     "robust.riccati": 21,
     "robust.hinfsyn": 22,

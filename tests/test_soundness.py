@@ -151,6 +151,21 @@ def test_a_continuous_loop_with_delay_is_checked_with_the_delay_itself():
     assert fine.disk_margin == pytest.approx(1 / np.max(np.abs(1 / (1 + L) - 0.5)), rel=1e-3)
 
 
+@pytest.mark.parametrize("gain", [0.5, 1.5, 3.0, 30.0])
+@pytest.mark.parametrize("delay", [0.3, 1.124, 4.0])
+def test_stability_with_a_long_delay_is_that_of_the_delay_itself(gain, delay):
+    """A light mode far above 1/delay, where a rational approximation of the delay has another phase altogether."""
+    wn, zeta = 34.0, 0.006
+    G = control.tf([0.15], [1, 1]) + control.tf([gain * 2 * zeta * wn, 0], [1, 2 * zeta * wn, wn**2])
+    omega = np.unique(np.concatenate([np.geomspace(1e-4, 1e6, 100_000), np.linspace(25, 45, 100_000)]))
+    L = G(1j * omega) * np.exp(-1j * omega * delay)
+    unstable = round(-float(np.angle((1 + L[1:]) / (1 + L[:-1])).sum()) / np.pi)
+    model = UncertaintyModel(G, 1e-4, "multiplicative", np.array([1.0]), np.array([1e-5]), perturbation="LTI")
+    report = check(model, 1.0, delay=delay)
+    assert report.verdict == ("not robust" if unstable else "robust")
+    assert report.reason.startswith(f"unstable: the nominal loop with its delay has {unstable} ") == (unstable > 0)
+
+
 @pytest.mark.parametrize("form", ["multiplicative", "inverse-multiplicative"])
 def test_a_resonance_on_the_axis_of_the_plant(form):
     """Undamped plant modes: the loop has to damp them, the check has to live with infinite open-loop gain."""
