@@ -29,7 +29,7 @@ class Track:
     n_samples : int
         The period that was assumed [samples].
     delay : (P,) ndarray
-        Delay of each period against j n_samples, the first one's being zero [samples].
+        Delay of each period against j n_samples, that of the first one that is not empty being zero [samples].
     sound : (P,) bool ndarray
         Periods that repeat the others but for that delay.
     noise : float
@@ -71,6 +71,16 @@ class Track:
         return self.n_samples + float(self.pace[0])
 
     @property
+    def is_whole(self) -> bool:
+        """Whether that period is a whole number of samples, but for noise."""
+        return abs(self.period - round(self.period)) < max(0.002, 3 * self.noise)
+
+    @property
+    def spacing(self) -> float:
+        """Samples of the stream to one of a period that is cut into n_samples (`recut`)."""
+        return (round(self.period) if self.is_whole else self.period) / self.n_samples
+
+    @property
     def drifts(self) -> bool:
         """Whether the periods leave an even pace."""
         return self.bend > max(0.02, 5 * self.noise)
@@ -100,8 +110,8 @@ class Track:
                 f"the clock drifts: the periods leave an even pace by up to {self.bend:.3g} samples; "
                 "resample=True puts them on an even one"
             )
-        whole = round(self.period)
-        if abs(self.period - whole) < max(0.002, 3 * self.noise):
+        if self.is_whole:
+            whole = round(self.period)
             return f"the input repeats every {whole} samples; give n_samples={whole}" if whole != self.n_samples else ""
         return (
             f"the input repeats every {self.period:.4f} samples, not a whole number; "
@@ -128,7 +138,9 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
     spectra = fft.rfft(periods, axis=1)
     spectra[:, 0] = 0.0
-    reference = spectra[0]
+    power = np.sum(np.abs(spectra) ** 2, axis=1)
+    first = int(np.argmax(power > 0.9 * np.median(power)))  # of those that are not empty, or half empty
+    reference = spectra[first]
     k = np.arange(reference.size)
     weight = np.abs(reference) ** 2
     weight[weight < 1e-6 * weight.max()] = 0.0
@@ -148,17 +160,18 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     used = weight > 0
     rest = np.sum(np.abs(turned - reference)[:, used] ** 2, axis=1) / np.sum(weight)
     delay = -delay  # a period that stands later has a positive delay
-    sound = rest < max(1e-3, 10 * float(np.median(rest[1:])))
-    noise = float(np.sqrt(np.median(rest[1:]) / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.sum())))
+    typical = float(np.median(np.delete(rest, first)))
+    sound = rest < max(1e-3, 10 * typical)
+    noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.sum())))
     shift = delay[sound] - delay[sound].mean()
     misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
     return Track(
         n_samples=n_samples,
-        delay=delay - delay[0],
+        delay=delay - delay[first],
         sound=sound,
         noise=noise,
         misplaced=misplaced,
-        unexplained=float(np.median(rest[1:])),
+        unexplained=typical,
     )
 
 

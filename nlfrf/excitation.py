@@ -139,13 +139,24 @@ def detect_period(u: np.ndarray) -> float:
     negative = np.flatnonzero(rho < 0)  # past the main lobe around lag 0
     if negative.size:
         rho[: negative[0]] = 0.0
-        best = rho.max()
-        if best > 0.5:
-            peak = int(np.argmax(rho > best - 0.1 * (1 - best) - 0.02))
+        if rho.max() > 0.5:
+            top = tops(rho)
+            best = top.max()
+            peak = int(np.argmax(top > best - 0.1 * (1 - best) - 0.02))
             reach = slice(peak, min(peak + max(3, peak // 100), rho.size))
-            peak += int(np.argmax(rho[reach]))
+            peak += int(np.argmax(top[reach]))
             return peak + vertex(rho, peak)
     raise ValueError(f"u must repeat at least once within its {n} samples for its period to be found; give n_samples")
+
+
+def tops(rho: np.ndarray) -> np.ndarray:
+    """The same, with each peak as high as the parabola through it: one between two samples is no lower than others."""
+    left, middle, right = rho[:-2], rho[1:-1], rho[2:]
+    peak = (middle > 0) & (middle >= left) & (middle > right)
+    raised = rho.copy()
+    left, middle, right = left[peak], middle[peak], right[peak]
+    raised[1:-1][peak] += (left - right) ** 2 / (8 * (2 * middle - left - right))
+    return raised
 
 
 def vertex(rho: np.ndarray, peak: int) -> float:

@@ -138,7 +138,8 @@ def record_from_samples(
         Periods to leave out at the start, where the transient is.
     resample : bool
         Cut the periods where the input shows that they stand, between the samples where need be: the cure for a
-        period that is not a whole number of samples, a drifting clock, and lost or repeated samples.
+        period that is not a whole number of samples, a drifting clock, and lost or repeated samples. The record's fs
+        is then n_samples in each of those periods.
 
     Returns
     -------
@@ -180,7 +181,7 @@ def record_from_samples(
     for one in excitation:
         refuse_constant("r" if r is not None else "u", one[np.newaxis])
     if n_samples is None:
-        n_samples = whole_period(excitation[0])
+        n_samples = whole_period(excitation[0], resample)
     n_samples = integer("n_samples", n_samples, least=4)
     shortest = min(one.size for one in excitation)
     n_periods = shortest // n_samples - n_discard
@@ -200,6 +201,7 @@ def record_from_samples(
             name: stacked([recut(one[begin:], where) for one, where in zip(signal, tracks, strict=True)])
             for name, signal in streams.items()
         }
+        fs /= float(np.mean([where.spacing for where in tracks]))  # so that f0 is what the input repeats at
     else:
         for where in tracks:
             refuse_fault(where)
@@ -262,12 +264,13 @@ def as_streams(name: str, signal: Any) -> list[np.ndarray]:
     return [real_array(name, array, ndim=1)]
 
 
-def whole_period(u: np.ndarray) -> int:
+def whole_period(u: np.ndarray, resample: bool) -> int:
     """The period of the input, rounded to samples: whether it is whole is found by following the periods."""
     period = detect_period(u)
-    if abs(period - round(period)) > 0.1:
+    if abs(period - round(period)) > 0.1 and not resample:
         raise ValueError(
-            f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number"
+            f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number; "
+            "resample=True cuts it on that period"
         )
     return round(period)
 

@@ -153,6 +153,7 @@ def test_a_period_that_is_not_whole_is_named_and_cured(noise):
         record_from_samples(u, u, fs=1000, n_samples=2000)
     record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)
     assert unrepeated(record) < 1e-7 + 1.2 * noise**2
+    assert record.f0 == pytest.approx(1000 / 2000.37, rel=1e-7 + 1e-4 * noise)  # not 1000 / 2000, four lines in 10 000
     np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
 
 
@@ -186,6 +187,38 @@ def test_a_missing_period_is_named_and_left_out():
     with pytest.warns(DataWarning, match=r"stands still for 2000 samples from sample 6000, 1 periods"):
         record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)
     assert record.n_periods == 5
+
+
+@pytest.mark.parametrize("period", [2000.4, 1999.5, 2000.25])
+def test_a_period_that_is_not_whole_is_found_and_not_its_double(period):
+    ms, u = raw(period)
+    with pytest.raises(
+        ValueError, match=r"the period of u seems to be (2000\.39|1999\.50|2000\.2\d) samples, .* resample"
+    ):
+        record_from_samples(u, u, fs=1000)
+    record = record_from_samples(u, u, fs=1000, resample=True)
+    assert record.f0 == pytest.approx(1000 / period, rel=1e-6)
+    np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
+
+
+def test_resampling_on_another_number_of_samples_keeps_the_frequencies():
+    ms, u = raw(2000)
+    record = record_from_samples(u, u, fs=1000, n_samples=2020, resample=True)
+    assert record.f0 == 0.5
+    assert record.fs == pytest.approx(1010)
+    np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
+    assert record_from_samples(u, u, fs=1000, n_samples=2000, resample=True).fs == 1000
+
+
+def test_an_input_that_starts_late_is_named_and_cured():
+    _, u = raw(2000)
+    u[:3000] = 0.0
+    with pytest.raises(ValueError, match=r"the input does not repeat in period 1, 2 of 6"), pytest.warns(DataWarning):
+        record_from_samples(u, u, fs=1000, n_samples=2000)
+    with pytest.warns(DataWarning, match=r"stands still for 3000 samples from sample 0, 1.5 periods"):
+        record = record_from_samples(u, u, fs=1000, n_samples=2000, resample=True)
+    assert record.n_periods == 4
+    assert unrepeated(record) < 1e-20
 
 
 def test_clipping_is_named():
