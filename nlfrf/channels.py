@@ -15,6 +15,8 @@ from nlfrf.hdf5 import read_hdf5
 from nlfrf.values import value
 
 UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0}
+ROUGH = 2e-4  # how far a time axis of uneven steps may be from a clock of three digits that is believed instead
 
 
 @value
@@ -39,9 +41,8 @@ class Channels:
         """One stream of samples; a refusal lists the names there are."""
         array = self.arrays.get(name)
         if array is None:
-            for known, candidate in self.arrays.items():  # "input" finds "input (V)"
-                if UNIT.sub("", known) == name:
-                    array = candidate
+            found = [candidate for known, candidate in self.arrays.items() if UNIT.sub("", known) == name]
+            array = found[0] if len(found) == 1 else None  # "input" finds "input (V)"
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             listed = ", ".join(sorted(k for k, a in self.arrays.items() if a.dtype.kind in "fiub" and a.size > 1))
             raise ValueError(
@@ -63,16 +64,46 @@ class Channels:
         return item.decode() if isinstance(item, bytes) else str(item)
 
     def sampling_frequency(self) -> float:
-        """From a variable fs, else from the median step of the time channel [Hz]."""
+        """From a variable fs, else from the steps of the time channel [Hz]."""
         stored = self.arrays.get("fs")
         if stored is not None and stored.size == 1 and stored.dtype.kind in "fiu":
             return float(stored.reshape(-1)[0])
         if self.time:
-            step = float(np.median(np.diff(np.ravel(self.arrays[self.time]).astype(float))))
-            if step > 0:
-                # clocks are set in round numbers; a printed or jittering time axis is not
-                return float(f"{1 / step:.4g}")
+            unit = UNIT.search(self.time)
+            second = SECONDS.get(unit[1].strip() if unit else "")
+            if second is None:
+                raise ValueError(f"fs must be given: the unit of the time channel {self.time!r} is not known")
+            fs = frequency_of(second * np.ravel(self.arrays[self.time]).astype(float))
+            if fs > 0:
+                return fs
         raise ValueError(f"fs must be given: {Path(self.path).name!r} holds neither fs nor a time channel")
+
+
+def frequency_of(t: np.ndarray) -> float:
+    """The sampling frequency of a time axis, which may be printed coarsely, jitter or have gaps; 0 where it has none.
+
+    Clocks are set in round numbers: of all that the axis allows, the one with the fewest digits.
+
+    >>> frequency_of(np.round(np.arange(20_000) / 16384, 6))
+    16384.0
+    """
+    if t.size < 2:
+        return 0.0
+    steps = np.diff(t)
+    usual = np.median(steps)
+    gaps = steps > 1.5 * usual
+    if steps.min() > 0.5 * usual and gaps.mean() < 0.1:  # else it is only printed coarsely
+        steps = steps[~gaps]
+    span = float(steps.sum())
+    if not 0 < span < np.inf:
+        return 0.0
+    fs, tolerance = steps.size / span, max(float(np.ptp(steps)) / span, 1e-12)
+    rough = ROUGH if np.std(steps) > 1e-6 / fs else 0.0
+    for n in range(1, 18):
+        rounded = float(f"{fs:.{n}g}")
+        if abs(rounded / fs - 1) <= max(tolerance, rough if n <= 3 else 0.0):
+            break
+    return rounded
 
 
 def read_channels(path: str | os.PathLike[str]) -> Channels:
@@ -152,10 +183,16 @@ def read_npz(path: Path) -> dict[str, np.ndarray]:
 
 
 def read_csv(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a CSV file by their header; comma, semicolon or tab between them."""
-    text = path.read_text(encoding="utf-8-sig")
+    """Columns of a CSV file by their header; comma, semicolon or tab between them, decimal commas with the last two."""
+    content = path.read_bytes()
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:  # as spreadsheets write it, for a µ in the header
+        text = content.decode("latin-1")
     first, _, rest = text.partition("\n")
     delimiter = max(",;\t", key=first.count)
+    if delimiter != ",":
+        rest = rest.replace(",", ".")
     names = [name.strip() for name in next(csv.reader([first], delimiter=delimiter))]
     if len(set(names)) != len(names) or not all(names) or any(is_number(name) for name in names):
         raise ValueError("the first line must be a header that names every column once")

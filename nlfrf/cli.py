@@ -28,12 +28,20 @@ app = typer.Typer(
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 
 
-@app.callback()
-def common(version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False) -> None:
-    """Best linear approximations with a distortion bound from one multisine experiment."""
-    if version:
+def print_version(wanted: bool) -> None:
+    """Print the version and stop, before a command is asked for."""
+    if wanted:
         print(f"nlfrf {nlfrf.__version__}")
         raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=print_version, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    """Best linear approximations with a distortion bound from one multisine experiment."""
 
 
 @app.command()
@@ -50,7 +58,7 @@ def design(
         float | None, typer.Option(help="Lower the crest factor to this; phases are then not random.")
     ] = None,
     realizations: Annotated[int, typer.Option(help="Realisations, with independent phases.")] = 1,
-    seed: Annotated[int | None, typer.Option(help="Seed of the random phases.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
 ) -> None:
     """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
     band: dict[str, Any] = {"fs": fs, "n_samples": period, "f_min": f_min, "f_max": f_max}
@@ -74,7 +82,7 @@ def simulate(
     mass: Annotated[float | None, typer.Option(help="Mass [kg] instead of the paper's 1.")] = None,
     stiffness: Annotated[float | None, typer.Option(help="Stiffness [N/m] instead of the paper's 80000.")] = None,
     noise: Annotated[float, typer.Option(help="Standard deviation of white noise added to the position [m].")] = 0.0,
-    seed: Annotated[int | None, typer.Option(help="Seed of that noise.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of that noise.")] = None,
     accuracy: Annotated[
         float | None, typer.Option(help="Error of the position asked for, relative to its rms.")
     ] = None,
@@ -175,7 +183,7 @@ def plot(
 def reproduce(
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for the figures, findings.json and findings.md.")],
     realizations: Annotated[int, typer.Option(help="Realisations for each level and grid; the paper has 100.")] = 100,
-    seed: Annotated[int, typer.Option(help="Seed of the random phases.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random phases.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
 ) -> None:
     """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
@@ -224,6 +232,9 @@ def main() -> None:
             app()
         except (ValueError, OSError) as error:
             print(f"nlfrf: {in_one_line(error)}", file=sys.stderr)
+            raise SystemExit(2) from None
+        except MemoryError as error:
+            print(f"nlfrf: not enough memory for this: {error or 'none is left'}", file=sys.stderr)
             raise SystemExit(2) from None
 
 

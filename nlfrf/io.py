@@ -10,6 +10,7 @@ import numpy as np
 
 from nlfrf.bla import Bla
 from nlfrf.channels import read_channels
+from nlfrf.checks import integer
 from nlfrf.distortion import DistortionLevels
 from nlfrf.files import VERSION, save_mat, write_arrays, write_whole
 from nlfrf.lines import LineGrid
@@ -153,7 +154,7 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ValueError
-        Another suffix.
+        Another suffix; a sampling frequency that is not a whole number for a WAV file, which can hold no other.
 
     Examples
     --------
@@ -178,8 +179,9 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
     elif suffix == ".wav":
         from scipy.io import wavfile
 
+        rate = integer("fs of a .wav file", ms.fs, least=1)
         samples = (u.T / np.abs(u).max()).astype(np.float32)
-        write_whole(path, lambda target: wavfile.write(target, round(ms.fs), samples))
+        write_whole(path, lambda target: wavfile.write(target, rate, samples))
     else:
         save_value(ms, MULTISINE_SCHEMA, path, u=u)
         return

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.channels import read_channels
-from nlfrf.checks import integer, positive
+from nlfrf.checks import integer, positive, shown
 from nlfrf.files import VERSION, save_mat, write_arrays, write_whole
 from nlfrf.lines import LineGrid
 from nlfrf.record import Record, record_from_samples
@@ -37,13 +37,14 @@ def load_record(
     Parameters
     ----------
     path : path
-        ``.mat`` (MATLAB v5 or v7.3, dSPACE ControlDesk recordings included), ``.csv`` with a header line, ``.npz``,
-        ``.h5``.
+        ``.mat`` (MATLAB v5 or v7.3, dSPACE ControlDesk recordings included), ``.csv`` with a header line and comma,
+        semicolon or tab (then with decimal commas too), ``.npz``, ``.h5``.
     u, y, r : str
         Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside
         structs. A list of names for `y` gives a list of records that share the input.
     fs : float, optional
-        Sampling frequency [Hz]; from a variable ``fs`` or a time channel of the file when not given.
+        Sampling frequency [Hz]; from a variable ``fs`` or a time channel of the file (in seconds, or in
+        the unit its name has in brackets) when not given.
     n_samples : int, optional
         Samples in one period; found from the input when not given.
     lines : LineGrid, optional
@@ -87,7 +88,10 @@ def load_record(
     signals = {parameter: channels.signal(parameter, name) for parameter, name in names.items()}
     fs = positive("fs", channels.sampling_frequency() if fs is None else fs)
     if channels.text("schema") == RECORD_SCHEMA:
-        return stored_record(channels.arrays, signals, fs=fs, lines=lines, n_discard=n_discard)
+        record = stored_record(channels.arrays, signals, fs=fs, lines=lines, n_discard=n_discard)
+        if n_samples not in (None, record.n_samples):
+            raise ValueError(f"n_samples must be that of the record, {record.n_samples}, got {shown(n_samples)}")
+        return record
     return record_from_samples(
         **signals, fs=fs, n_samples=n_samples, lines=lines, n_discard=n_discard, resample=resample
     )

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from nlfrf import cli, load_bla
+from nlfrf import __version__, cli, load_bla
 
 
 @pytest.fixture
@@ -87,6 +87,10 @@ def test_the_linear_guide_is_diagnosed(nlfrf_command, measured):
         ("design --fs 100 --period 100 --f-min 1 --f-max 80 -o ms.npz", "f_max must lie below the Nyquist frequency"),
         ("design --fs 100 --period 100 --f-min 1 --f-max 40 --kind even -o ms.npz", "kind must be one of"),
         ("design --fs 100 --period 100 --f-min 1 --f-max 40 -o ms.txt", "path must end in .npz"),
+        (
+            "design --fs 1 --period 1000000000000 --f-min 0.1 --f-max 0.4 -o ms.npz",
+            "not enough memory for this: Unable to allocate",
+        ),
         ("plot no.npz -o picture.bmp", "out must end in .png, .pdf or .svg"),
     ],
 )
@@ -113,6 +117,12 @@ def test_motor_bench_from_the_command_line(nlfrf_command, measured):
     assert "nlfrf: warning: the odd detection lines of an odd-odd grid" in err
     assert "60 lines from 13 to 249 Hz, odd-odd grid" in out
     assert load_bla("bla-theta_my.npz").n_periods == 19
+
+
+def test_the_version_needs_no_command(nlfrf_command):
+    code, out, _ = nlfrf_command("--version")
+    assert code == 0
+    assert out == f"nlfrf {__version__}\n"
 
 
 def test_the_command_is_installed():

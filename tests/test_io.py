@@ -1,10 +1,13 @@
 """Files: exact round trips, names that are listed, damaged files refused, nothing half written."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.io import savemat
 
 import nlfrf
+from nlfrf.channels import frequency_of
 from nlfrf.files import write_whole
 from nlfrf.io import load
 from nlfrf.values import field_names
@@ -119,6 +122,65 @@ def test_foreign_files_by_name(record, tmp_path):
     read = nlfrf.load_record(tmp_path / "m.csv", u="current", y="angle", n_samples=512)
     np.testing.assert_allclose(read.y, record.y, rtol=1e-12)
     assert read.fs == 512
+
+
+@pytest.mark.parametrize("fs", [0.1, 1 / 3, 1000.5, 11_025, 16_384, 65_536, 2e6])
+def test_a_record_in_csv_keeps_its_sampling_frequency(record, fs, tmp_path):
+    nlfrf.save_record(replace(record, fs=fs), tmp_path / "r.csv")
+    assert nlfrf.load_record(tmp_path / "r.csv", n_samples=512).fs == pytest.approx(fs, rel=2e-12)
+
+
+def test_the_sampling_frequency_of_any_time_axis():
+    t = np.arange(20_000) / 11_025
+    assert frequency_of(np.round(t, 6)) == 11_025
+    assert frequency_of(np.round(t, 4) + 7) == pytest.approx(11_025, rel=1e-4)  # most steps are printed as 0.0001
+    jitter = 5e-6 * np.random.default_rng(0).standard_normal(t.size)
+    assert frequency_of(t + jitter) == pytest.approx(11_025, rel=1e-4)
+    gaps = np.delete(np.arange(20_000) / 1000, [500, 501, 7000, 9000])
+    assert frequency_of(gaps) == 1000
+    assert frequency_of(np.zeros(10)) == frequency_of(-t) == frequency_of(t[:1]) == 0
+
+
+@pytest.mark.parametrize(("name", "unit"), [("t [ms]", 1e-3), ("Time (us)", 1e-6), ("time", 1.0), ("t [ s ]", 1.0)])
+def test_time_in_other_units(record, name, unit, tmp_path):
+    u, y = record.u.reshape(-1), record.y.reshape(-1)
+    table = np.column_stack([np.arange(u.size) / 512 / unit, u, y])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header=f"{name},u,y", comments="")
+    assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512).fs == pytest.approx(512, rel=1e-9)
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="t [ticks],u,y", comments="")
+    with pytest.raises(ValueError, match=r"fs must be given: the unit of the time channel 't \[ticks\]' is not known"):
+        nlfrf.load_record(tmp_path / "m.csv", n_samples=512)
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_decimal_commas_and_the_code_page_of_a_spreadsheet(record, delimiter, tmp_path):
+    u, y = record.u.reshape(-1), record.y.reshape(-1)
+    rows = [f"{a!r}{delimiter}{b!r}".replace(".", ",") for a, b in zip(u.tolist(), y.tolist(), strict=True)]
+    text = "\r\n".join([f"Kraft [N]{delimiter}Weg [µm]", *rows, ""])
+    (tmp_path / "m.csv").write_bytes(text.encode("cp1252"))
+    read = nlfrf.load_record(tmp_path / "m.csv", u="Kraft", y="Weg [µm]", fs=512, n_samples=512)
+    np.testing.assert_array_equal(read.u, record.u)
+    np.testing.assert_array_equal(read.y, record.y)
+
+
+def test_a_stored_record_is_not_cut_anew(record, tmp_path):
+    nlfrf.save_record(record, tmp_path / "r.npz")
+    with pytest.raises(ValueError, match=r"n_samples must be that of the record, 512, got 100"):
+        nlfrf.load_record(tmp_path / "r.npz", n_samples=100)
+
+
+def test_a_name_that_fits_two_channels_is_refused(tmp_path):
+    a = np.arange(9.0)
+    np.savez(tmp_path / "m.npz", **{"u (V)": a, "u (A)": 2 * a, "y": a}, fs=1.0)
+    with pytest.raises(ValueError, match=r"u must name a signal of 'm.npz', one of u \(A\), u \(V\), y; got 'u'"):
+        nlfrf.load_record(tmp_path / "m.npz")
+
+
+def test_a_wav_file_cannot_hold_a_broken_sampling_frequency(tmp_path):
+    ms = nlfrf.multisine(fs=512.5, n_samples=512, f_min=2, f_max=100, rng=0)
+    with pytest.raises(ValueError, match=r"fs of a \.wav file must be a whole number of at least 1, got 512\.5"):
+        nlfrf.save_multisine(ms, tmp_path / "ms.wav")
+    assert not list(tmp_path.iterdir())
 
 
 def test_several_outputs_share_the_input(record, tmp_path):
