@@ -10,7 +10,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf.checks import integer, nonnegative, shown
 from robust.loop import worst_sensitivity, worst_terms
-from robust.lti import constant, poles, response, state_space, timebase
+from robust.lti import constant, in_s, poles, response, state_space, timebase
 from robust.margins import factor_allowed
 from robust.nominal import frd
 from robust.radius import record_disc, total_of
@@ -19,6 +19,8 @@ from robust.uncertainty import UncertaintyModel
 
 #: Phase that a plant may turn from line to line where |L| is above the second number.
 LARGEST_JUMP, SMALL_LOOP = 2 * np.pi / 3, 0.01
+#: How far the phase of the first line may be from that of the integrators seen there [rad].
+FARTHEST_PHASE = 1.2
 
 
 def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) -> RobustnessReport:
@@ -27,6 +29,8 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     w_P = None if w_P is None else state_space("w_P", w_P)
     delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation = on_lines(model)
+    if not np.all(omega > 0):
+        raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
     if not np.isfinite(G).all():
         where = hertz(omega[np.argmax(~np.isfinite(G))])
         raise ValueError(f"model must have a finite FRF on every line, got {G[~np.isfinite(G)][0]} at {where}")
@@ -131,8 +135,13 @@ def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str]:
 
 def unstable_poles(K: control.StateSpace, dt: float) -> int:
     """Poles of the controller strictly outside the stability region; those on the boundary are integrators."""
+    return int(outside(K, dt).size)
+
+
+def outside(K: control.StateSpace, dt: float) -> np.ndarray:
+    """The poles themselves."""
     p = poles(K)
-    return int(np.sum(np.abs(p) > 1 + 1e-9)) if dt else int(np.sum(p.real > 1e-9 * (1 + np.abs(p))))
+    return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
 
 
 def winding(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
@@ -142,6 +151,10 @@ def winding(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) 
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
     large = np.abs(L) > SMALL_LOOP
     seen = not np.any(jump & (large[1:] | large[:-1])) and clear_of_minus_one(L)
+    seen &= settled_at_start(omega, G, n)
+    # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
+    seen &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
+    seen &= bool(np.all(np.abs(in_s(outside(K, dt), dt)) < omega[-1]))
     omega, G = continued(omega, G, n)
     F = 1 + G * response(K, omega)
     turns, clear = half_turns(F, n + integrators(K, dt))
@@ -165,12 +178,41 @@ def clear_of_minus_one(L: np.ndarray) -> bool:
 
 
 def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
-    """Integrators that an FRF shows over its first lines: its slope there in decades per decade, rounded."""
+    """Integrators that an FRF shows over its first lines: its slope there in decades per decade, rounded.
+
+    Where the first lines lie far apart and the slope grows from one to the next, it is less at zero: rounded down.
+    """
     near = np.flatnonzero(omega <= 1.6 * omega[0])
+    if near.size < 3 and omega.size >= 3:
+        steep, steeper = first_slopes(omega, G)
+        if steeper > steep:
+            return max(0, int(np.floor(steep + 0.1)))
     near = near if near.size >= 3 else np.arange(min(3, omega.size))
     if near.size < 2:
         return 0
     return max(0, round(-float(np.polyfit(np.log(omega[near]), np.log(np.abs(G[near]) + 1e-300), 1)[0])))
+
+
+def first_slopes(omega: np.ndarray, G: np.ndarray) -> tuple[float, float]:
+    """How steeply |G| falls from the first line to the second and on to the third, in decades per decade."""
+    slopes = -np.diff(np.log(np.abs(G[:3]) + 1e-300)) / np.diff(np.log(omega[:3]))
+    return float(slopes[0]), float(slopes[1])
+
+
+def settled_at_start(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
+    """Whether the first lines let n integrators be told: by a phase near theirs, and by a slope that stays."""
+    if abs(off_phase(G[0], n)) > FARTHEST_PHASE:
+        return False
+    if n == 0 or omega.size < 3 or omega[2] <= 1.6 * omega[0]:
+        return True
+    steep, steeper = first_slopes(omega, G)
+    return abs(steeper - steep) < 0.5
+
+
+def off_phase(first: complex, n: int) -> float:
+    """Phase [rad] of the first line from the nearest that n integrators, of either sign, can have."""
+    away = float(np.angle(first * 1j**n))
+    return away if abs(away) <= np.pi / 2 else float(np.angle(-first * 1j**n))
 
 
 def continued(
@@ -182,9 +224,7 @@ def continued(
     integrators can have, in proportion to frequency.
     """
     low = omega[0] * np.geomspace(10**-decades, 1, points + 1)[:-1]
-    away = np.angle(G[0] * 1j**n)
-    away = away if abs(away) <= np.pi / 2 else np.angle(-G[0] * 1j**n)
-    added = G[0] * (omega[0] / low) ** n * np.exp(1j * away * (low / omega[0] - 1))
+    added = G[0] * (omega[0] / low) ** n * np.exp(1j * off_phase(G[0], n) * (low / omega[0] - 1))
     return np.concatenate([low, omega]), np.concatenate([added, G])
 
 

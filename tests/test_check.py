@@ -6,7 +6,7 @@ import pytest
 
 from robust import UncertaintyModel, check, fit_nominal, frd, performance_weight, uncertainty
 from robust.loop import worst_perturbation, worst_sensitivity, worst_terms
-from robust.lti import response
+from robust.lti import response, sampled
 from robust.margins import factor_allowed
 from tests.robust_helpers import make_bla
 
@@ -263,6 +263,42 @@ class TestMeasuredLinesOnly:
         report = check(self.frf(control.tf([1], [1, 3, 3, 1]), sparse), 8.5)
         assert not report.nominally_stable
         assert report.verdict == "not certified"
+
+    @pytest.mark.parametrize(
+        ("system", "K", "omega"),
+        [
+            # a linear grid whose first lines leap over a mode: the drop looks like integrators, of which there is none
+            (control.tf([0.002], np.polymul([1, 0.07, 0.04], [1, 0.4, 0.3])), 0.05, np.linspace(0.066, 377, 200)),
+            # an integrator under a light mode: the slope of the first lines looks like none
+            (control.tf([1], [1, 0.25, 1, 0]), 0.1, np.linspace(0.33, 250, 1000)),
+            # the unstable pole of the controller lies above the last line
+            (LAG, control.tf([0.5], [1, -300]), np.geomspace(0.01, 100, 400)),
+        ],
+    )
+    def test_lines_that_do_not_show_what_decides(self, system, K, omega):
+        """What the lines cannot tell is called undecided, neither stable nor unstable."""
+        report = check(self.frf(system, omega), K)
+        assert not report.nominally_stable
+        assert report.verdict == "not certified"
+        assert "too far apart, or end too early" in report.reason
+
+    def test_a_loop_above_one_on_its_last_line_is_undecided(self):
+        """A sampled gain of 100 that becomes unstable between the last line and Nyquist."""
+        G, T = sampled(control.ss(control.tf([8000], [1, 12, 8000])), 0.0123), 0.0123
+        K = control.ss([], [], [], [[70.0]], T)
+        omega = np.linspace(0.3, 64, 200)
+        assert np.abs(control.feedback(G * K, 1).poles()).max() > 1
+        report = check(control.FrequencyResponseData(response(G, omega), omega, T), K)
+        assert report.verdict == "not certified"
+        assert not report.nominally_stable
+
+    def test_first_lines_around_a_corner_show_no_integrator(self):
+        omega = np.arange(1, 300) * 0.3
+        assert check(self.frf(control.tf([1], [1, 2, 1]), omega), 0.2).nominally_stable
+
+    def test_a_line_at_zero_frequency_is_refused(self):
+        with pytest.raises(ValueError, match="model must have an FRF on positive frequencies, got a line at 0"):
+            check(self.frf(LAG, np.linspace(0, 10, 50)), 1.0)
 
     def test_a_bla_brings_its_own_radius(self):
         f = np.arange(1, 200, 2) * 0.02
