@@ -141,6 +141,8 @@ class UncertainSystem:
     def at(self, **values: float) -> control.StateSpace:
         """The system with numbers in [-1, 1] in place of perturbations of one signal; those not named are zero.
 
+        From inputs to outputs; where there are none, from what the blocks drive to what they read.
+
         >>> mass = control.ss([[0, 1], [-1, -0.1]], [[0], [1]], [[1, 0]], [[0]], inputs="force", outputs="x")
         >>> system = interconnection([mass], {"k": Block("x", "force", -0.5, kind="real")})
         >>> system.at(k=1.0).poles().round(3).tolist()              # s^2 + 0.1 s + 1.5
@@ -157,7 +159,10 @@ class UncertainSystem:
                 raise ValueError(f"{name} must be a block of one signal to be a number, got {n} by {m}")
             Delta[c : c + m, r : r + n] = values.get(name, 0.0) * np.eye(m, n)
             r, c = r + n, c + m
-        return upper(self.N, control.StateSpace([], [], [], Delta, self.N.dt))
+        N = self.N
+        if not self.inputs:
+            N = control.StateSpace(N.A, np.tile(N.B, (1, 2)), np.tile(N.C, (2, 1)), np.tile(N.D, (2, 2)), N.dt)
+        return upper(N, control.StateSpace([], [], [], Delta, N.dt))
 
 
 def interconnection(

@@ -6,16 +6,19 @@ Doyle 1988); real blocks by a search among perturbations with a real eigenvalue.
 
 from __future__ import annotations
 
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
-from robust.mu import MuBound, response_matrices, scalings
+from robust.mu import MuBound, hermitian, response_matrices, scalings
 from robust.structure import Structure, fitting
 
 RACE, FINISH = 15, 400  # steps from every start, and from the best of them
 SINGULAR = 1e-8
+MET = 1e-6  # relative distance to the upper bound at which the lower one is as good as it
+TURNS = 3  # searches for a real eigenvalue, complex blocks turned in between
 
 
 def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> MuBound:
@@ -58,20 +61,41 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     M = response_matrices("N", N)
     s = fitting("blocks", blocks, M.shape[1:])
     rng = np.random.default_rng(rng)
-    vectors = scaled_vectors(M, s)
-    starts = [from_vectors(*vectors, s, rng if k else None, random=k % 3 == 2) for k in range(n_starts + 1)]
+    left, right, bound = scaled_vectors(M, s)
+    starts = [from_vectors(left, right, s, rng if k else None, random=k % 3 == 2) for k in range(n_starts + 1)]
     raced = [ascended(M, start, s, RACE) for start in starts]
     order = np.argsort([-radius for _, radius in raced], axis=0)
     found = np.stack([delta for delta, _ in raced])
+    candidates = [found[place, np.arange(M.shape[0])] for place in order[:2]]
     best, delta = np.zeros(M.shape[0]), np.full((M.shape[0], *s.shape[::-1]), np.nan, complex)
-    for place in order[: len(order) if s.skew.size else 2]:
-        candidate, _ = ascended(M, found[place, np.arange(M.shape[0])], s, FINISH)
+    if s.skew.size:
+        candidates = starts + candidates
+        if set(s.kinds) != {"real"}:
+            best, delta = without_real(M, s, n_starts, rng)
+            candidates.append(delta * best[:, None, None])
+    for candidate in candidates:
+        at = np.flatnonzero(best < (1 - MET) * bound)  # elsewhere it is mu
+        if not at.size:
+            break
         if s.skew.size:
-            candidate = np.stack([real_crossing(*pair, s) for pair in zip(M, candidate, strict=True)])
-        value, candidate = judged(M, candidate, s)
-        better = value > best
-        best[better], delta[better] = value[better], candidate[better]
+            candidate = np.stack([real_crossing(M[k], candidate[k], s) for k in at])
+        else:
+            candidate, _ = ascended(M[at], candidate[at], s, FINISH)
+        value, candidate = judged(M[at], candidate, s)
+        better = value > best[at]
+        best[at[better]], delta[at[better]] = value[better], candidate[better]
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
+
+
+def without_real(M: np.ndarray, s: Structure, n_starts: int, rng: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The lower bound and its perturbation with every real block at zero."""
+    some = [k for k, kind in enumerate(s.kinds) if kind != "real"]
+    rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in some]) for cut in (s.rows, s.cols))
+    blocks = [(s.rows[k].stop - s.rows[k].start, s.cols[k].stop - s.cols[k].start, s.kinds[k]) for k in some]
+    bound = mu_lower(np.moveaxis(M[:, rows[:, None], cols], 0, 2), blocks, n_starts=n_starts, rng=rng)
+    delta = np.zeros((M.shape[0], *s.shape[::-1]), complex)
+    delta[:, cols[:, None], rows] = np.nan_to_num(np.moveaxis(bound.delta, 2, 0))
+    return bound.value.copy(), delta
 
 
 def judged(M: np.ndarray, delta: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray]:
@@ -93,29 +117,38 @@ def judged(M: np.ndarray, delta: np.ndarray, s: Structure) -> tuple[np.ndarray, 
     return np.where(fine, 1 / np.where(size > 0, size, 1.0), 0.0), np.where(fine[:, None, None], delta, np.nan)
 
 
-def scaled_vectors(M: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """(W, n_in, 3), (W, n_out, 3) directions of the largest singular values at the scaling of least bound.
+def scaled_vectors(M: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(W, n_in, 3), (W, n_out, 3) directions at which the least bound (W,) is reached, largest first; and that bound.
 
-    There these values meet, and where the bound is mu itself a combination of their directions is the perturbation.
+    There the largest eigenvalues meet, and where the bound is mu itself a combination of their directions is the
+    perturbation: right = N left, and left = Delta right, where left is as long as a Delta of size one makes it.
     """
     size = np.linalg.norm(M, axis=(1, 2))
-    M = M / np.where(size > 0, size, 1.0)[:, None, None]
-    D_L, D_R, _ = scalings(M, s)
-    U, _, V = np.linalg.svd(D_L @ M @ np.linalg.inv(D_R))
-    return np.linalg.solve(D_R, V[:, :3].conj().swapaxes(1, 2)), np.linalg.solve(D_L, U[:, :, :3])
+    M = M / np.where(size > 0, size, 1.0)[:, None, None]  # the right directions are as long as N of size one makes them
+    D_L, D_R, G = scalings(M, s)
+    scaled = D_L @ M @ np.linalg.inv(D_R)
+    square = hermitian(scaled) @ scaled
+    if s.skew.size:
+        skew = 1j * G @ scaled
+        square = square + skew + hermitian(skew)
+    values, vectors = np.linalg.eigh(square)
+    vectors = vectors[:, :, ::-1][:, :, :3]
+    bound = np.sqrt(np.maximum(values[:, -1], 0.0))
+    left, right = np.linalg.solve(D_R, vectors) * bound[:, None, None], np.linalg.solve(D_L, scaled @ vectors)
+    return left, right, bound * size
 
 
 def from_vectors(left: np.ndarray, right: np.ndarray, s: Structure, rng: Any, *, random: bool) -> np.ndarray:
     """A perturbation of size one along the first direction, or along a random combination, or any random one."""
-    W, k = left.shape[0], min(left.shape[2], right.shape[2])
+    W, k = left.shape[0], left.shape[2]
     if rng is None:
-        return aligned(left[:, :, 0], right[:, :, 0], np.ones(W), s)
+        return aligned(left[:, :, 0], right[:, :, 0], np.ones(W), s, inside=True)
     if random:
         left, right = (rng.standard_normal((W, n)) + 1j * rng.standard_normal((W, n)) for n in s.shape[::-1])
         return aligned(left, right, np.ones(W), s)
     mix = (rng.standard_normal((W, k)) + 1j * rng.standard_normal((W, k))) * [1.0, 1.0, 0.3][:k]
-    left, right = (np.einsum("wnk,wk->wn", vectors[:, :, :k], mix) for vectors in (left, right))
-    return aligned(left, right, np.ones(W), s)
+    left, right = (np.einsum("wnk,wk->wn", vectors, mix) for vectors in (left, right))
+    return aligned(left, right, np.ones(W), s, inside=True)
 
 
 def ascended(M: np.ndarray, delta: np.ndarray, s: Structure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -141,8 +174,11 @@ def ascended(M: np.ndarray, delta: np.ndarray, s: Structure, n_steps: int) -> tu
     return best, radius
 
 
-def aligned(left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: Structure) -> np.ndarray:
-    """Delta of size one that maximises Re(turn* left* Delta right), block by block."""
+def aligned(left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: Structure, *, inside: bool = False) -> np.ndarray:
+    """Delta of size one that maximises Re(turn* left* Delta right), block by block.
+
+    `inside` gives real blocks the number that takes right to left, where it is in [-1, 1].
+    """
     delta = np.zeros((left.shape[0], *s.shape[::-1]), complex)
     with np.errstate(all="ignore"):
         for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True):
@@ -157,6 +193,8 @@ def aligned(left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: Structure)
             number = np.where(along == 0, 1.0, along.conj() / np.abs(along))
             if kind == "real":
                 number = np.where(along.real >= 0, 1.0, -1.0)
+                if inside:
+                    number = np.clip(np.nan_to_num(along.real / (np.abs(v) ** 2).sum(axis=1)), -1.0, 1.0)
             delta[:, col, row] = number[:, None, None] * np.eye(n)
     return delta
 
@@ -164,51 +202,79 @@ def aligned(left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: Structure)
 def real_crossing(N: np.ndarray, delta: np.ndarray, s: Structure) -> np.ndarray:
     """A perturbation of size at most one, near the given one, with a large real eigenvalue of N delta.
 
-    Real blocks move in [-1, 1], complex ones turn their phase: maximise Re lambda with Im lambda = 0.
+    Real blocks move in [-1, 1], complex ones turn their phase: maximise Re lambda with Im lambda = 0. Between two such
+    searches the complex blocks are turned to where the eigenvalue grows most.
     """
     real = np.array([kind == "real" for kind in s.kinds])
-    start = np.where(real, 0.0, 0.0)
-    for k, (row, col) in enumerate(zip(s.rows, s.cols, strict=True)):
-        if real[k]:
-            start[k] = delta[col, row][0, 0].real
-
-    def perturbation(x: np.ndarray) -> np.ndarray:
-        out = np.zeros_like(delta)
-        for k, (row, col) in enumerate(zip(s.rows, s.cols, strict=True)):
-            n = row.stop - row.start
-            out[col, row] = x[k] * np.eye(n) if real[k] else delta[col, row] * np.exp(1j * x[k])
-        return out
-
-    def eigenvalue(x: np.ndarray) -> complex:
-        values = np.linalg.eigvals(N @ perturbation(x))
-        # the one that is largest for how far it is from the real axis
-        return complex(values[np.argmax(np.abs(values) - 2 * np.abs(values.imag))])
-
+    low, high = np.where(real, -1.0, -7.0), np.where(real, 1.0, 7.0)
     scale = max(float(np.linalg.norm(N)), 1e-300)
-    sign = 1.0 if eigenvalue(start).real >= 0 else -1.0
-    bounds = [(-1.0, 1.0) if r else (-7.0, 7.0) for r in real]
-    found = minimize(
-        lambda x: -sign * eigenvalue(x).real / scale,
-        start * 0.999,
-        method="SLSQP",
-        bounds=bounds,
-        constraints={"type": "eq", "fun": lambda x: eigenvalue(x).imag / scale},
-        options={"maxiter": 60, "ftol": 1e-10},
-    )
-    x = np.clip(found.x, [b[0] for b in bounds], [b[1] for b in bounds])
-    return perturbation(on_the_axis(x, eigenvalue, real, bounds))
+    best, largest = delta, 0.0
+    for _ in range(1 if real.all() else TURNS):
+        # the search asks for the value and the slopes at the same point again and again
+        at = lru_cache(maxsize=4)(partial(eigenvalue, N, delta, s))
+        start = np.array([delta[c, r][0, 0].real for r, c in zip(s.rows, s.cols, strict=True)]) * real
+        value = at(tuple(start))[0]
+        sign = -1.0 if value.real < 0 else 1.0
+        found = minimize(
+            lambda x, at=at, sign=sign: [-sign * part.real / scale for part in at(tuple(x))[:2]],
+            start * 0.999,
+            jac=True,
+            method="SLSQP",
+            bounds=list(zip(low, high, strict=True)),
+            constraints={
+                "type": "eq",
+                "fun": lambda x, at=at: at(tuple(x))[0].imag / scale,
+                "jac": lambda x, at=at: at(tuple(x))[1].imag / scale,
+            },
+            options={"maxiter": 60, "ftol": 1e-10},
+        )
+        x = on_the_axis(np.clip(found.x, low, high), at, low, high)
+        value, _, left, right = at(tuple(x))
+        crossed = moved(delta, x, s)
+        if abs(value.imag) <= 1e-9 * abs(value) and abs(value) > largest * (1 + 1e-9):
+            best, largest = crossed, abs(value)
+        turned = aligned(left[None], right[None], np.array([np.sign(value.real) or 1.0]), s)[0]
+        delta = crossed.copy()
+        for kind, r, c in zip(s.kinds, s.rows, s.cols, strict=True):
+            if kind != "real":
+                delta[c, r] = turned[c, r]
+    return best
 
 
-def on_the_axis(x: np.ndarray, eigenvalue: Any, real: np.ndarray, bounds: list[tuple[float, float]]) -> np.ndarray:
+def moved(delta: np.ndarray, x: np.ndarray, s: Structure) -> np.ndarray:
+    """The perturbation with its real blocks at x and its complex ones turned by x [rad]."""
+    out = np.zeros_like(delta)
+    for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
+        out[col, row] = x[k] * np.eye(row.stop - row.start) if kind == "real" else delta[col, row] * np.exp(1j * x[k])
+    return out
+
+
+def eigenvalue(
+    N: np.ndarray, delta: np.ndarray, s: Structure, x: tuple[float, ...]
+) -> tuple[complex, np.ndarray, np.ndarray, np.ndarray]:
+    """An eigenvalue of N times the moved perturbation, its slopes along x, and N* l and r for its vectors.
+
+    It is the one that is largest for how far it is from the real axis.
+    """
+    point = np.array(x)
+    perturbed = moved(delta, point, s)
+    values, vectors = np.linalg.eig(N @ perturbed)
+    k = int(np.argmax(np.abs(values) - 2 * np.abs(values.imag)))
+    right = vectors[:, k]
+    drives = np.linalg.inv(vectors + 1e-14 * np.eye(len(values)))[k] @ N
+    slopes = np.zeros(point.size, complex)
+    for j, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
+        slopes[j] = drives[col] @ (right[row] if kind == "real" else 1j * perturbed[col, row] @ right[row])
+    return complex(values[k]), slopes, drives.conj(), right
+
+
+def on_the_axis(x: np.ndarray, at: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The last digits: Newton steps of least length that bring the eigenvalue onto the real axis, inside the bounds."""
-    low, high = np.array(bounds).T
     for _ in range(12):
-        y = eigenvalue(x).imag
-        slope = np.array([(eigenvalue(x + h).imag - eigenvalue(x - h).imag) / 2e-7 for h in 1e-7 * np.eye(x.size)])
+        value, slopes = at(tuple(x))[:2]
+        y, slope = value.imag, slopes.imag.copy()
         slope[(x <= low) & (slope * y > 0) | (x >= high) & (slope * y < 0)] = 0.0
-        if not np.isfinite(y) or not slope.any():
+        if abs(y) < 1e-14 * abs(value) or not np.isfinite(y) or not slope.any():
             break
         x = np.clip(x - y * slope / (slope @ slope), low, high)
-        if abs(y) < 1e-14 * abs(eigenvalue(x)):
-            break
     return x

@@ -16,9 +16,12 @@ from robust.lti import timebase
 from robust.mu import mu_upper
 from robust.mu_certify import certify_mu
 from robust.mu_lower import mu_lower
+from robust.parameters import Crossing, crossing
 from robust.report import VERDICTS, factor, hertz, paragraph
+from robust.structure import structure
 
 ZOOMS = 4
+FARTHEST = 100.0  # times as large as complex numbers would have to be: how far real ones are looked for
 
 
 @value
@@ -155,13 +158,18 @@ def check_structure(system: UncertainSystem, *, certify: bool = True) -> Structu
             not_proved="Everything: mu means nothing for a loop that is not stable.",
         )
     omega, mu = refined(system.loop, system.structure, omega)
+    parameters = smallest_parameters(system, omega, float(mu.max()))
+    if parameters is not None:
+        omega = np.union1d(omega, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
-        omega_rp, _ = refined(system.N, system.with_performance, omega)
-        omega = np.union1d(omega, omega_rp)
-        mu, rp = bound(system.loop, system.structure, omega), bound(system.N, system.with_performance, omega)
+        omega = np.union1d(omega, refined(system.N, system.with_performance, omega)[0])
+        rp = bound(system.N, system.with_performance, omega)
+    mu = bound(system.loop, system.structure, omega)
+    if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
+        mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
     peak, where = float(mu.max()), float(omega[mu.argmax()])
-    broken, worst = worst_found(system, omega, mu)
+    broken, worst = worst_found(system, omega, mu, parameters)
     certificates: list[Certificate] = []
     if certify and peak < 1 and not broken <= 1:
         certificates.append(proof(system, system.loop, system.structure, "robust stability", omega))
@@ -229,20 +237,37 @@ def refined(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> tuple[np.n
     return omega, mu
 
 
-def worst_found(system: UncertainSystem, omega: np.ndarray, mu: np.ndarray) -> tuple[float, Any]:
+def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float) -> Crossing | None:
+    """Real parameters that break the loop: they do so between the lines of any grid, where mu on it says nothing."""
+    blocks = system.structure
+    if not any(block.kind == "real" for block in system.blocks.values()):
+        return None
+    complex_ = [(*b[:2], "repeated") if b[-1] == "real" else b for b in blocks]
+    least = float(bound(system.loop, complex_, omega).max())  # as complex numbers they would have to be this small
+    if least == 0:
+        return None
+    return crossing(system.loop, structure("blocks", blocks), 1 / least, min(2 / max(peak, 1e-300), FARTHEST / least))
+
+
+def worst_found(
+    system: UncertainSystem, omega: np.ndarray, mu: np.ndarray, parameters: Crossing | None
+) -> tuple[float, Any]:
     """Factor at which a perturbation makes the loop singular, the smallest found where mu is large, and its parts."""
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
     found = mu_lower(along(system.loop, omega[candidates]), system.structure, n_starts=2)
     k = int(found.value.argmax())
-    if not found.value[k] > 0:
+    size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
+    if parameters is not None and parameters.size < size:
+        size, delta = parameters.size, parameters.delta
+    if delta is None:
         return np.inf, None
-    delta, parts, r, c = found.delta[:, :, k] * found.value[k], {}, 0, 0
+    parts, r, c = {}, 0, 0
     for name, block in system.blocks.items():
         n, m = block.shape[:2]
-        part = delta[c : c + m, r : r + n]
+        part = delta[c : c + m, r : r + n] / size
         parts[name] = float(part[0, 0].real if block.kind == "real" else np.linalg.norm(part, 2))
         r, c = r + n, c + m
-    return 1 / float(found.value[k]), parts
+    return size, parts
 
 
 def proof(system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray) -> Certificate:

@@ -67,6 +67,7 @@ FLOORS = {
     "robust.mu_lower": 22,
     "robust.mu_certify": 23,
     "robust.interconnection": 23,
+    "robust.parameters": 23,
     "robust.structured": 24,
     "robust.mu_gain": 22,
     "robust.dk": 25,

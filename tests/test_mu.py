@@ -137,6 +137,21 @@ def test_two_real_numbers_by_brute_force():
         assert bound <= 1.15 / smallest
 
 
+def test_one_real_number_beside_a_full_block_by_a_scan():
+    """For each real number in turn the full block is a largest singular value: both bounds meet that."""
+    blocks = [(1, 1, "real"), (2, 2)]
+    N = random_matrix(np.random.default_rng(3), (3, 3), 8)
+    upper, below = mu_upper(N, blocks).value, mu_lower(N, blocks).value
+    t = np.linspace(-3, 3, 60_001)
+    for k in range(8):
+        M = N[:, :, k]
+        closed = M[1:, 1:] + (t / (1 - M[0, 0] * t))[:, None, None] * np.outer(M[1:, 0], M[0, 1:])
+        mu = 1 / np.min(np.maximum(np.abs(t), 1 / np.linalg.svd(closed, compute_uv=False)[:, 0]))
+        assert below[k] == pytest.approx(mu, rel=1e-3)
+        assert upper[k] == pytest.approx(mu, rel=1e-2)
+        assert upper[k] >= below[k] * (1 - 1e-9)
+
+
 def test_real_beats_complex_where_it_should():
     """A damped oscillator with an uncertain stiffness: as a real number it needs far more than its damping."""
     zeta, part = 0.01, 0.5

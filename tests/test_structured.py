@@ -101,6 +101,58 @@ def test_the_worst_perturbation_does_break_the_loop():
     assert np.min(np.abs(poles.real)) < 1e-3 * np.abs(poles).max()
 
 
+def chain(a2, a1, a0, blocks, dt=0):
+    """s^3 + a2 s^2 + a1 s + a0, its states x1, x2, x3 (the derivatives) and a force f on the last."""
+    A = np.array([[0, 1, 0], [0, 0, 1], [-a0, -a1, -a2]], float)
+    system = control.ss(A, [[0], [0], [1]], np.eye(3), np.zeros((3, 1)), inputs="f", outputs=["x1", "x2", "x3"])
+    if dt:
+        A_d = np.eye(3) + dt * A  # its poles are 1 + dt s
+        system = control.ss(
+            A_d, [[0], [0], [dt]], np.eye(3), np.zeros((3, 1)), dt, inputs="f", outputs=["x1", "x2", "x3"]
+        )
+    return interconnection([system], blocks)
+
+
+def test_one_real_number_that_breaks_the_loop_between_the_lines_of_any_grid():
+    """s^3 + 3 s^2 + 2 s + k is stable for 0 < k < 6 and swings at sqrt(2) rad/s there; k = 4 + radius d."""
+    for radius, verdict in ((3.0, "not robust"), (1.5, "robust")):
+        report = check_structure(chain(3, 2, 4, {"k": Block("x1", "f", -radius, kind="real")}))
+        assert report.verdict == verdict
+        assert report.margin_broken == pytest.approx(2 / radius, rel=1e-6)
+        assert report.margin_rs == pytest.approx(2 / radius, rel=1e-6)
+        assert report.omega_rs == pytest.approx(np.sqrt(2), rel=1e-6)
+        assert report.worst["k"] == pytest.approx(1.0)
+
+
+def test_two_real_numbers_in_closed_form():
+    """(3 - t)(2 - t) = 4: the smallest box around s^3 + 3 s^2 + 2 s + 4 with a polynomial that is not Hurwitz in it."""
+    blocks = {"a2": Block("x3", "f", -1.0, kind="real"), "a1": Block("x2", "f", -1.0, kind="real")}
+    smallest = (5 - np.sqrt(17)) / 2
+    report = check_structure(chain(3, 2, 4, blocks))
+    assert report.verdict == "not robust"
+    assert report.margin_broken == pytest.approx(smallest, rel=1e-6)
+    assert report.worst == pytest.approx({"a2": -1.0, "a1": -1.0}, rel=1e-6)
+    assert report.margin_rs <= smallest * (1 + 1e-9)
+
+
+def test_real_numbers_in_a_sampled_loop():
+    """The same in z = 1 + dt s, by a scan of the poles over the number."""
+    dt, numbers = 0.05, np.linspace(0, 3, 30_001)
+    excess = []
+    for k in numbers:
+        excess.append(np.abs(1 + dt * np.roots([1, 3, 2, 4 + k])).max())
+    smallest = numbers[np.argmax(np.array(excess) > 1)]
+    report = check_structure(chain(3, 2, 4, {"k": Block("x1", "f", -3.0, kind="real")}, dt))
+    assert report.margin_broken == pytest.approx(smallest / 3, abs=1e-4)
+    assert report.verdict == "not robust"
+
+
+def test_numbers_put_into_a_first_order_loop():
+    closed = lag_loop(2.0, 0.5).at(pole=1.0, actuator=-1.0)  # -5 + 2 + 2 as in the closed form above
+    assert closed.poles().real == pytest.approx([-1.0])
+    assert (closed.ninputs, closed.noutputs) == (2, 2)
+
+
 def test_discrete_loops():
     lag = control.ss([[0.5]], [[0.5, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "p"], outputs="y")
     K = control.ss([], [], [], [[-1.0]], 0.1, inputs="y", outputs="u")
