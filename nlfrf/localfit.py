@@ -81,7 +81,10 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, grid: LineGrid, noise: np.nda
     if n >= n_rational + 3:
         a, remainder = two_unknowns(rest[..., 1, :], rest[..., 2, :], rest[..., 0, :])
         variance_r = power(remainder) / (n - n_rational)
-        better = local_mean(EARNED * variance - variance_r, POOLED) > 0
+        # at the ends of the band windows are one-sided and the same: there it is as where they are centred
+        end, last = n // 2, variance.shape[1] - 1
+        earned = local_mean((EARNED * variance - variance_r)[:, end : last - end + 1], POOLED) > 0
+        better = earned.take(np.clip(np.arange(last + 1) - end, 0, last - 2 * end), axis=1)
         fitted = np.where(better, fitted - np.vecdot(a.conj(), value_at_zero[..., 1:]), fitted)
         variance = np.where(better, variance_r, variance)
         dof = np.where(better, n - n_rational, dof)

@@ -339,6 +339,20 @@ def test_roughness_knows_noise_that_does_not_follow_a_resonance(kind):
     assert 0.9 < np.median(widths) < 1.6
 
 
+def test_roughness_reads_no_less_at_the_ends_of_the_band():
+    """There the windows are one-sided: a denominator fitted to them follows the scatter it is to measure."""
+    errors, told, inside = [], [], []
+    for seed in range(150):
+        bla = identify(record_of(lambda u: u + 0.1 * u**3, "full", f_max=100, seed=seed), level_from="roughness")
+        ends = [0, 1, 2, -3, -2, -1]
+        true = 1 + 0.1 * (3 - 0.75 * 2 / 100)  # rms 1 on 100 lines
+        errors.append(np.abs(bla.G - true)[ends] ** 2)
+        told.append(bla.var_total[ends])
+        inside.append(errors[-1] < bla.bound()[ends] ** 2)
+    assert 0.8 < np.mean(told) / np.mean(errors) < 1.2
+    assert np.mean(inside) > 0.9
+
+
 def test_roughness_follows_a_resonance_a_few_lines_wide():
     # one mode and no distortion: all the roughness there is comes from the bend of the FRF
     record, G = resonant(0.01, 50.3, 1, "full")
