@@ -271,9 +271,13 @@ def worst_found(
 
 
 def proof(system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray) -> Certificate:
-    """mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear."""
+    """mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
+
+    A repeated operator counts as a full block: no scaling but a number commutes with a nonlinear one.
+    """
     nonlinear = any(block.perturbation == "operator" for block in system.blocks.values())
-    if not nonlinear or len(blocks) == 1:
+    one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
+    if not nonlinear or one_full_block:
         found = certify_mu(N, blocks, 1.0)
         return Certificate(**{**vars_of(found), "subject": subject})
     response = along(N, omega)

@@ -3,6 +3,7 @@
 import control
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from robust import Block, check_structure, interconnection
 from robust.lft import upper
@@ -54,6 +55,18 @@ def test_an_operator_needs_one_scaling_for_all_frequencies():
     assert low is not high
     both = {"one": Block("y2", "a", perturbation="operator"), "two": Block("y1", "b", perturbation="operator")}
     assert check_structure(interconnection(cross, both)).robustly_stable
+
+
+def test_a_repeated_operator_is_not_proved_as_a_repeated_number():
+    """Poles at -0.1 +- j sqrt(1 - 0.09 d^2) for a constant d, stable for every complex |d| <= 1; a d that switches
+    between 1 and -1 each quarter turn pumps the loop up."""
+    A, push = np.array([[-0.1, 1.0], [-1.0, -0.1]]), 0.3 * np.array([[0.0, 1.0], [1.0, 0.0]])
+    quarter = np.pi / 2 / np.sqrt(0.91)
+    assert np.abs(np.linalg.eigvals(expm((A - push) * quarter) @ expm((A + push) * quarter))).max() > 1.2
+    plant = control.ss(A, np.eye(2), push, np.zeros((2, 2)), inputs=["d1", "d2"], outputs=["y1", "y2"])
+    for perturbation, verdict in (("LTI", "robust"), ("operator", "not certified")):
+        block = Block(["y1", "y2"], ["d1", "d2"], kind="repeated", perturbation=perturbation)
+        assert check_structure(interconnection([plant], {"d": block})).verdict == verdict
 
 
 def test_performance_is_a_block_like_any_other():
