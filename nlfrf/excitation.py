@@ -129,8 +129,8 @@ def detect_period(u: np.ndarray) -> float:
     """
     u = u - u.mean()
     n = u.size
-    spectrum = fft.rfft(u, fft.next_fast_len(2 * n, real=True))
-    correlation = fft.irfft(np.abs(spectrum) ** 2)[: n // 2 + 1]
+    n_padded = fft.next_fast_len(2 * n, real=True)
+    correlation = fft.irfft(np.abs(fft.rfft(u, n_padded)) ** 2, n_padded)[: n // 2 + 1]
     # normalised by the energy of the two overlapping pieces, so that a repetition gives 1 at any lag
     energy = np.concatenate(([0.0], np.cumsum(u**2)))
     lag = np.arange(correlation.size)

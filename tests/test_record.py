@@ -201,6 +201,12 @@ def test_a_period_that_is_not_whole_is_found_and_not_its_double(period):
     np.testing.assert_array_equal(record.lines.excited, ms.lines.excited)
 
 
+def test_the_period_is_found_whatever_the_length_of_the_record():
+    for n in range(990, 1014):  # the transforms behind it are of odd length for some
+        u = multisine(fs=n, n_samples=n, f_min=1, f_max=n / 4, rng=n).u[0]
+        assert detect_period(np.tile(u, 3)) == pytest.approx(n, abs=0.02)
+
+
 def test_resampling_on_another_number_of_samples_keeps_the_frequencies():
     ms, u = raw(2000)
     record = record_from_samples(u, u, fs=1000, n_samples=2020, resample=True)
