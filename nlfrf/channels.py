@@ -87,6 +87,7 @@ def frequency_of(t: np.ndarray) -> float:
     >>> frequency_of(np.round(np.arange(20_000) / 16384, 6))
     16384.0
     """
+    t = t[np.isfinite(t)]
     if t.size < 2:
         return 0.0
     steps = np.diff(t)
@@ -189,7 +190,7 @@ def read_csv(path: Path) -> dict[str, np.ndarray]:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:  # as spreadsheets write it, for a µ in the header
         text = content.decode("latin-1")
-    first, _, rest = text.partition("\n")
+    first, _, rest = text.removeprefix("#").partition("\n")  # NumPy and others mark their header so
     delimiter = max(",;\t", key=first.count)
     if delimiter != ",":
         rest = rest.replace(",", ".")

@@ -79,6 +79,8 @@ def load_record(
     >>> folder.cleanup()
     """
     if not isinstance(y, str):
+        if not y:
+            raise ValueError("y must name at least one output, got none")
         common: dict[str, Any] = {"u": u, "r": r, "fs": fs, "n_samples": n_samples, "lines": lines}
         first, *others = [load_record(path, y=one, n_discard=n_discard, resample=resample, **common) for one in y]
         # the very same input, so that what is known of it need not be found again

@@ -163,6 +163,19 @@ def test_decimal_commas_and_the_code_page_of_a_spreadsheet(record, delimiter, tm
     np.testing.assert_array_equal(read.y, record.y)
 
 
+def test_the_header_that_numpy_writes_and_a_row_without_numbers(record, tmp_path):
+    table = np.column_stack([np.arange(record.u.size) / 512, record.u.reshape(-1), record.y.reshape(-1)])
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="t,u,y")
+    read = nlfrf.load_record(tmp_path / "m.csv", n_samples=512)
+    np.testing.assert_array_equal(read.lines.excited, record.lines.excited)
+    table[7] = np.nan
+    np.savetxt(tmp_path / "m.csv", table, delimiter=",", header="t,u,y")
+    with pytest.raises(ValueError, match=r"u must be finite, got 1 nan or infinite numbers, the first at 7"):
+        nlfrf.load_record(tmp_path / "m.csv", n_samples=512)
+    with pytest.raises(ValueError, match="y must name at least one output, got none"):
+        nlfrf.load_record(tmp_path / "m.csv", y=[])
+
+
 def test_a_stored_record_is_not_cut_anew(record, tmp_path):
     nlfrf.save_record(record, tmp_path / "r.npz")
     with pytest.raises(ValueError, match=r"n_samples must be that of the record, 512, got 100"):
