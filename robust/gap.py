@@ -6,6 +6,7 @@ from typing import Any
 
 import control
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from robust.loop import closed_loop
 from robust.lti import constant, state_space, timebase, to_continuous, zeros
@@ -113,7 +114,7 @@ def graph(name: str, G: Any) -> Matrices:
     """[N; M] with G = N/M, both stable, |N|^2 + |M|^2 = 1 on the axis; in continuous time by the bilinear map."""
     G = nominal(G)
     matrices = (G.A, G.B, G.C, G.D)
-    A, B, C, D = to_continuous(*matrices) if timebase(G) and G.nstates else matrices
+    A, B, C, D = well_scaled(to_continuous(*matrices) if timebase(G) and G.nstates else matrices)
     R = np.eye(1) + D.T @ D
     X = stabilising(A, B, C.T @ C, R, C.T @ D)
     if X is None:
@@ -123,6 +124,17 @@ def graph(name: str, G: Any) -> Matrices:
     F = -np.linalg.solve(R, D.T @ C + B.T @ X)
     root = 1 / np.sqrt(R)
     return A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])
+
+
+def well_scaled(matrices: Matrices) -> Matrices:
+    """The same system with its states scaled: in those of a companion form the Riccati equation may be hopeless."""
+    A, B, C, D = matrices
+    if not A.size:
+        return matrices
+    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
+    B, C = B / weights[:, None], C * weights
+    size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
+    return A, B * size, C / size, D
 
 
 def series(first: Matrices, between: np.ndarray, last: Matrices) -> Matrices:

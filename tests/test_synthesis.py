@@ -103,6 +103,25 @@ def test_gamma_below_one_is_a_robust_loop(form):
     assert np.max(report.np_) <= design.gamma * 1.001
 
 
+def test_nu_gap_does_not_depend_on_the_scale_of_the_states():
+    """Slow unstable poles of a sampled plant, its input gain in C: chordal distance on a grid."""
+    poles = np.array([1.00413 + 0.0179j, 1.00413 - 0.0179j, 1.0027, 1.0016])
+    plants = []
+    for factor in (1.0, 0.9984):
+        A = np.zeros((4, 4))
+        A[0], A[1:, :-1] = -np.poly(poles * factor).real[1:], np.eye(3)
+        C = 3e-9 * np.array([[0.0, 1.0, -0.45, 0.0]])
+        plants.append(control.StateSpace(A, np.eye(4)[:, :1], C, [[0.0]], 0.01))
+    omega = np.geomspace(1e-4, 0.999 * np.pi / 0.01, 20_000)
+    first, second = (response(G, omega) for G in plants)
+    chord = np.abs(first - second) / np.sqrt((1 + np.abs(first) ** 2) * (1 + np.abs(second) ** 2))
+    gap = nu_gap(*plants)
+    assert gap == pytest.approx(chord.max(), rel=1e-3)
+    for size in (1e-6, 1e6):
+        scaled = [control.StateSpace(G.A, G.B * size, G.C / size, G.D, G.dt) for G in plants]
+        assert nu_gap(*scaled) == pytest.approx(gap, rel=1e-6)
+
+
 def test_nu_gap_closed_forms():
     """Zhou & Doyle, Essentials of Robust Control, 17.2: 0.02, 0.8988, 0.8941; two gains: their chordal distance."""
     a, b, c = control.tf([100], [2, 1]), control.tf([100], [2, -1]), control.tf([100], [1, 2, 1])
