@@ -11,7 +11,7 @@ from scipy import fft
 from nlfrf.localfit import power, squared
 from nlfrf.neighbours import layout
 from nlfrf.record import Record
-from nlfrf.transient import is_transient, local_fit
+from nlfrf.transient import is_drift, is_transient, local_fit
 from nlfrf.values import value
 
 WORKERS = os.cpu_count() or 1
@@ -83,7 +83,7 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
     Y = dft(record.y, lines)
     R = None if record.r is None else dft(record.r, lines)
     if transient == "auto":
-        transient = treatment(Y)
+        transient = treatment(Y, record.y, lines)
     if transient == "discard":
         U, Y, R = after_first(U), after_first(Y), None if R is None else after_first(R)
         n_periods -= 1
@@ -91,14 +91,18 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
     return (without_transient(record, spectra) if transient == "local" else spectra), transient
 
 
-def treatment(Y: np.ndarray) -> str:
-    """What the spectra of the periods (M, P, K) ask for: "none", "discard" or "local"."""
+def treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
+    """What a signal y (M, P, N) and the spectra of its periods (M, P or 1, K) ask for: "none", "discard" or "local"."""
     n_periods = Y.shape[1]
-    if n_periods < 2 or not is_transient(Y[:, 0], Y[:, -1]):
+
+    def settled(first: int) -> bool:
+        one, other = Y[:, first], Y[:, -1]
+        slope = (y[:, -1].mean(axis=1) - y[:, first].mean(axis=1)) / (n_periods - 1 - first)
+        return not (is_transient(one, other) or is_drift(one, other, slope, lines))
+
+    if n_periods < 2 or settled(0):
         return "none"
-    if n_periods > 2 and not is_transient(Y[:, 1], Y[:, -1]):
-        return "discard"
-    return "local"
+    return "discard" if n_periods > 2 and settled(1) else "local"
 
 
 def after_first(x: np.ndarray) -> np.ndarray:

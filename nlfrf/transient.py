@@ -45,6 +45,23 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
 
 
+def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.ndarray) -> bool:
+    """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so they agree.
+
+    Parameters
+    ----------
+    first, last : (M, K) complex ndarray
+        Spectra of two periods on neighbouring lines.
+    slope : (M,) ndarray
+        Change of the mean from period to period.
+    lines : (K,) int ndarray
+        Those lines: a ramp has the amplitude slope / (pi k) on line k.
+    """
+    noise = power(first[:, :WINDOW] - last[:, :WINDOW]).mean() / min(WINDOW, lines.size) / 2
+    leaked = float(np.mean(slope**2)) / (np.pi * lines[0]) ** 2
+    return bool(leaked > max(noise, 1e-20 * power(last).mean()))
+
+
 @cache
 def smooth_part() -> np.ndarray:
     """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""

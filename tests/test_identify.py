@@ -296,6 +296,20 @@ def test_local_fits_on_the_shortest_periods(n):
     np.testing.assert_allclose(bla.G, 2.0)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_a_drift_is_seen_though_its_periods_agree_and_is_taken_off(noise):
+    """A ramp leaks onto the lines of every period alike: only the means of the periods tell of it."""
+    record = record_of(lambda u: 2 * u, n_periods=3, noise=noise)
+    ramp = 10 * np.arange(record.u.size).reshape(record.u.shape) / N
+    drifting = Record(u=record.u, y=record.y + ramp, fs=FS, lines=record.lines)
+    assert np.abs(identify(drifting, transient="none").G - 2).max() > 5
+    bla = identify(drifting)
+    assert bla.transient == "local"
+    assert np.abs(bla.G - 2).max() < 1e-6 + 2 * noise
+    shifted = Record(u=record.u, y=record.y + 1e6, fs=FS, lines=record.lines)
+    assert identify(shifted).transient == "none"
+
+
 def test_steady_records_are_left_alone():
     for seed in range(20):
         assert identify(record_of(lambda u: u, n_periods=2, noise=0.01, seed=seed)).transient == "none"
