@@ -57,9 +57,10 @@ def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.n
     lines : (K,) int ndarray
         Those lines: a ramp has the amplitude slope / (pi k) on line k.
     """
-    noise = power(first[:, :WINDOW] - last[:, :WINDOW]).mean() / min(WINDOW, lines.size) / 2
-    leaked = float(np.mean(slope**2)) / (np.pi * lines[0]) ** 2
-    return bool(leaked > max(noise, 1e-20 * power(last).mean()))
+    apart = first[:, :WINDOW] - last[:, :WINDOW]
+    noise, whole = np.vdot(apart, apart).real / apart.size / 2, np.vdot(last, last).real / last.size
+    leaked = np.vdot(slope, slope) / slope.size / (np.pi * lines[0]) ** 2
+    return bool(leaked > max(noise, 1e-20 * whole))
 
 
 @cache
