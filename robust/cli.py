@@ -214,10 +214,9 @@ def export(
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    try:
-        content: Any = robust.load_controller(file)
-    except ValueError:
-        content = robust.load_model(file)
+    from robust.export import holds_model
+
+    content: Any = robust.load_model(file) if holds_model(file) else robust.load_controller(file)
     if out.suffix == ".mat":
         robust.export_matlab(content, out)
     elif out.suffix == ".csv":

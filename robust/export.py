@@ -115,14 +115,14 @@ def load_model(path: PathLike) -> UncertaintyModel:
             radius=decoded(content["radius"]),
             confidence=float(decoded(content["confidence"])),
             perturbation=content["perturbation"],
-            simultaneous=bool(content["simultaneous"]),
+            simultaneous=yes_or_no("simultaneous", content["simultaneous"]),
             delay=float(decoded(content["delay"])),
             extrapolation=str(content["extrapolation"]),
             source=str(content["source"]),
             **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
         )
     except (KeyError, TypeError, IndexError) as error:
-        raise ValueError(f"path must hold a whole {MODEL_SCHEMA} file, got {path} without {error}") from None
+        raise damaged(MODEL_SCHEMA, path, error) from None
 
 
 def save_controller(K: Any, path: PathLike) -> None:
@@ -194,7 +194,7 @@ def load_controller(path: PathLike) -> control.StateSpace:
     try:
         return state_space("K", decoded_system(content["K"]))
     except (KeyError, TypeError, IndexError) as error:
-        raise ValueError(f"path must hold a whole {CONTROLLER_SCHEMA} file, got {path} without {error}") from None
+        raise damaged(CONTROLLER_SCHEMA, path, error) from None
 
 
 def controller_sections(K: Any) -> np.ndarray:
@@ -431,8 +431,23 @@ def encoded_system(system: Any) -> dict[str, Any]:
     return {"kind": "ss", "dt": dt, **{name: encoded(getattr(system, name)) for name in "ABCD"}}
 
 
+def yes_or_no(name: str, content: Any) -> bool:
+    """A truth value: not whatever else counts as one."""
+    if not isinstance(content, bool):
+        raise ValueError(f"path must hold true or false for {name}, got {shown(content)}")
+    return content
+
+
+def damaged(schema: str, path: PathLike, error: Exception) -> ValueError:
+    """The refusal of a file that says what it is but is not whole."""
+    lacks = f"without {error}" if isinstance(error, KeyError) else "with other things where its numbers and systems are"
+    return ValueError(f"path must hold a whole {schema} file, got {path} {lacks}")
+
+
 def decoded_system(content: dict[str, Any]) -> Any:
     """The way back; an empty A, B or C takes its shape from the others."""
+    if content["kind"] not in ("ss", "frf"):
+        raise ValueError(f'path must hold systems of the kind "ss" or "frf", got {shown(content["kind"])}')
     if content["kind"] == "frf":
         pairs = decoded(content["G"])
         return control.FrequencyResponseData(pairs[:, 0] + 1j * pairs[:, 1], decoded(content["omega"]), content["dt"])
@@ -453,13 +468,24 @@ def written(content: dict[str, Any], path: PathLike) -> None:
     write_whole(path, write)
 
 
-def read(path: PathLike, schema: str) -> dict[str, Any]:
-    """The content of a JSON file of that schema, or a refusal."""
+def parsed(path: PathLike) -> Any:
+    """What a JSON file holds, or a refusal."""
     text = Path(path).read_text(encoding="utf-8", errors="replace")
     try:
-        content = json.loads(text)
-    except json.JSONDecodeError as error:
+        return json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
         raise ValueError(f"path must be a whole JSON file, got {path}: {error}") from None
+
+
+def holds_model(path: PathLike) -> bool:
+    """Whether a JSON file says that it is a model."""
+    content = parsed(path)
+    return isinstance(content, dict) and content.get("schema") == MODEL_SCHEMA
+
+
+def read(path: PathLike, schema: str) -> dict[str, Any]:
+    """The content of a JSON file of that schema, or a refusal."""
+    content = parsed(path)
     if not isinstance(content, dict) or content.get("schema") != schema:
         found = content.get("schema") if isinstance(content, dict) else type(content).__name__
         raise ValueError(f"path must hold a {schema} file, got {path} with schema {found!r}")

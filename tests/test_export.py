@@ -138,9 +138,13 @@ def damaged(text):
         json.dumps(content | {"nominal": content["nominal"] | {"A": [[1.0], [1.0, 2.0]]}}),
         "path must hold numbers",
     )
+    yield "nested without end", "[" * 100_000, "must be a whole JSON file"
+    yield "no such kind", json.dumps(content | {"nominal": content["nominal"] | {"kind": "zpk"}}), "of the kind"
+    yield "no truth value", json.dumps(content | {"simultaneous": "no"}), "true or false for simultaneous"
+    yield "no system", json.dumps(content | {"nominal": 3}), "with other things where its numbers and systems are"
 
 
-@pytest.mark.parametrize("case", range(10))
+@pytest.mark.parametrize("case", range(14))
 def test_damaged_files_are_refused_in_one_line(case, tmp_path):
     save_model(MODELS["continuous"], tmp_path / "m.json")
     _, text, message = list(damaged((tmp_path / "m.json").read_text()))[case]

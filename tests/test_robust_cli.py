@@ -122,3 +122,10 @@ def test_a_missing_file_is_named(robust_command):
     code, _, err = robust_command("check nowhere.json K.json")
     assert code == 2
     assert err == "robust: nowhere.json could not be opened: no such file or directory\n"
+
+
+def test_export_says_what_is_wrong_with_a_controller(robust_command, tmp_path):
+    (tmp_path / "newer.json").write_text('{"schema": "robust-controller", "version": 2}')
+    code, _, err = robust_command("export newer.json -o K.mat")
+    assert code == 2
+    assert "version 1 of robust-controller" in err
