@@ -15,7 +15,7 @@ LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
 
 
 def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Variance of the output amplitude of y = u^3 over random phases, on any lines inside the band.
+    """Variance of the output amplitude of y = u^3 over random phases, on any lines.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     excited : (F,) int ndarray
         Excited lines.
     lines : (K,) int ndarray
-        Lines to evaluate, none above the highest excited line.
+        Lines to evaluate, in the excited band or outside it.
 
     Returns
     -------
@@ -43,8 +43,8 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     >>> cubic_variance(np.ones(6), lines, np.array([1, 5])).round(9)
     array([12.9375, 15.75  ])
     """
-    last = int(excited[-1])
-    n = fft.next_fast_len(2 * last + 1, real=True)  # terms beyond the band alias onto lines outside -last..last
+    last = int(max(excited[-1], lines.max()))
+    n = fft.next_fast_len(2 * last + 1, real=True)  # terms beyond last alias onto lines outside -last..last
     both = np.zeros((2, *amplitude.shape[:-1], n + 1))
     p, doubled = both
     p[..., excited] = amplitude**2 / 4

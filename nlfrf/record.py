@@ -73,10 +73,10 @@ class Record:
                 signal = signal.copy()
                 signal.flags.writeable = False
                 object.__setattr__(self, name, signal)
-        if 2 * self.lines.excited[-1] >= u.shape[2]:
-            raise ValueError(
-                f"lines must lie below the Nyquist line {u.shape[2] / 2:g}, got line {self.lines.excited[-1]}"
-            )
+        grid = self.lines
+        highest = max(int(kind[-1]) for kind in (grid.excited, grid.odd, grid.even) if kind.size)
+        if 2 * highest >= u.shape[2]:
+            raise ValueError(f"lines must lie below the Nyquist line {u.shape[2] / 2:g}, got line {highest}")
 
     @property
     def n_realizations(self) -> int:

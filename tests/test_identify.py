@@ -376,6 +376,17 @@ def test_roughness_follows_a_resonance_a_few_lines_wide():
     assert np.max(bla.bound() / np.abs(bla.G)) < 0.05
 
 
+def test_detection_lines_may_lie_beyond_the_excited_band():
+    record = record_of(lambda u: u + 0.1 * u**3, f_max=100)
+    grid = record.lines
+    more = LineGrid(excited=grid.excited, odd=np.append(grid.odd, [101, 103, 109]), even=grid.even)
+    bla = identify(Record(u=record.u, y=record.y, fs=FS, lines=more))
+    Y = 2 / N * np.fft.rfft(record.y[0, 0])
+    np.testing.assert_allclose(bla.levels.odd[0, -3:], Y[[101, 103, 109]])
+    middle = bla.f < 60
+    np.testing.assert_allclose(bla.var_total[middle], identify(record).var_total[middle], rtol=1e-9)
+
+
 # Refusals
 
 

@@ -90,6 +90,7 @@ def with_nan():
         (dict(y=with_nan()), r"y must be finite, got 1 nan or infinite numbers, the first at \(0, 1, 5\)"),
         (dict(fs=-1), r"fs must be positive, got -1"),
         (dict(lines=LineGrid(excited=[1, 600])), r"lines must lie below the Nyquist line 512, got line 600"),
+        (dict(lines=LineGrid(excited=[1], even=[512])), r"lines must lie below the Nyquist line 512, got line 512"),
         (dict(y=np.full((1, 2, 1024), "a")), r"y must hold real numbers, got dtype"),
     ],
 )
