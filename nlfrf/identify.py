@@ -171,12 +171,15 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
 
 
 def refuse_unexcited(excited: Spectra) -> None:
-    """Refuse lines that carry no input: there G would be 0 / 0."""
-    power = squared(excited.U)
-    silent = (power <= 1e-18 * power.max()).any(axis=0)
-    if silent.any():
-        k = int(excited.lines[np.argmax(silent)])
-        raise ValueError(f"lines must be excited by the input, got line {k} with no input on it")
+    """Refuse lines that carry no input, where G would be 0 / 0, or no reference, whose phase would be chance."""
+    for name, spectrum in (("input", excited.U), ("reference", excited.R)):
+        if spectrum is None:
+            continue
+        power = squared(spectrum)
+        silent = (power <= 1e-18 * power.max()).any(axis=0)
+        if silent.any():
+            k = int(excited.lines[np.argmax(silent)])
+            raise ValueError(f"lines must be excited by the {name}, got line {k} with no {name} on it")
 
 
 def refuse_strangers(excited: Spectra) -> None:

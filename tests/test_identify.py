@@ -428,6 +428,15 @@ def test_lines_without_input_are_refused():
         identify(Record(u=record.u, y=record.y, fs=FS, lines=grid))
 
 
+def test_lines_without_reference_are_refused():
+    record = record_of(lambda u: u + 0.1 * u**3, n_realizations=3)
+    R = np.fft.rfft(record.u)
+    R[..., 11] = 0.0
+    without = Record(u=record.u, y=record.y, r=np.fft.irfft(R, N), fs=FS, lines=record.lines)
+    with pytest.raises(ValueError, match="lines must be excited by the reference, got line 11 with no reference on it"):
+        identify(without)
+
+
 def test_bound_refusals():
     bla = identify(record_of(lambda u: u**3))
     for confidence in (0, 1, 1.5, -0.1):
