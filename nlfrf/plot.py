@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
 
 ROUNDING = 120.0  # dB under the input; what lies lower is of no interest
+DEEPEST = 160.0  # dB under the output, or the FRF; the same
 
 
 def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Axes:
@@ -54,7 +55,7 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     ax.plot(bla.f, db(bla.bound(confidence)), "-", lw=1.6, color=COLOR["bound"], label=f"{100 * confidence:g} % bound")
     ax.plot(bla.f, db(np.abs(bla.G)), "-", lw=1.6, color=COLOR["excited"], label="|G|, best linear approximation")
     ax.set(xlabel="frequency [Hz]", ylabel="magnitude [dB, unit of y / u]", title=title(bla))
-    return finished(ax)
+    return finished(cut(ax, np.abs(bla.G)))
 
 
 def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
@@ -81,7 +82,7 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
         order = np.argsort(f)
         ax.plot(f[order], db(noise[order]), "-", lw=0.8, color=COLOR["noise"], label="std by noise")
     ax.set(xlabel="frequency [Hz]", ylabel="output amplitude [dB, unit of y]", title="Output by kind of line")
-    return finished(ax)
+    return finished(cut(ax, np.abs(np.concatenate([levels.excited, levels.odd, levels.even], axis=1))))
 
 
 def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
@@ -194,6 +195,17 @@ def axes(ax: Axes | None) -> Any:
     from matplotlib import pyplot as plt
 
     return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
+
+
+def cut(ax: Any, amplitude: np.ndarray) -> Any:
+    """Leave out what lies at rounding, far under the largest amplitude; the legend says so."""
+    bottom = float(db(amplitude.max())) - DEEPEST
+    if ax.get_ylim()[0] < bottom:
+        ax.set_ylim(bottom=bottom)
+        for line in ax.get_lines():
+            if np.all(np.nan_to_num(line.get_ydata(), nan=-np.inf) < bottom):
+                line.set_label(f"{line.get_label()}: more than {DEEPEST:g} dB lower")
+    return ax
 
 
 def finished(ax: Any) -> Any:

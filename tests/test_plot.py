@@ -65,3 +65,12 @@ def test_a_system_without_a_linear_part_can_be_drawn(ax):
     bla = identify(Record(u=U, y=U**2, fs=128, lines=MS.lines))
     pictures.plot_bla(bla, ax=ax)
     assert not any("detection lines" in label for label in labels(ax))
+
+
+@pytest.mark.parametrize("draw", [pictures.plot_bla, pictures.plot_levels])
+def test_rounding_does_not_flatten_the_picture(ax, draw):
+    draw(identify(Record(u=U, y=U + 0.1 * U**3, fs=128, lines=MS.lines)), ax=ax)
+    low, high = ax.get_ylim()
+    assert 160 <= high - low < 180
+    assert [label for label in labels(ax) if label.startswith("even") and label.endswith("more than 160 dB lower")]
+    assert not [label for label in labels(ax) if label.startswith(("odd", "excited", "|G|")) and "lower" in label]
