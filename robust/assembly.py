@@ -122,9 +122,10 @@ class Assembly:
         disc; the sampled plant fills the sum of the discs.
         """
         G, T, total = self.unsampled, self.dt, np.zeros(omega.size)
-        if self.form == "additive" and self.weight.D[0, 0] != 0:
-            return np.full(omega.size, np.inf)  # a weight that does not roll off, over all aliases
+        if self.weight.D[0, 0] != 0 and (self.form == "additive" or G.D[0, 0] != 0):
+            return np.full(omega.size, np.inf)  # what does not roll off, over all aliases
         for k in range(1, N_ALIASES + 1):
+            before = total.copy()
             for alias in (2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega):
                 hold = np.abs(2 * np.sin(omega * T / 2) / (alias * T))
                 size, w = np.abs(response(G, alias)), np.abs(response(self.weight, alias))
@@ -133,6 +134,8 @@ class Assembly:
                     total += np.where(w < 1, size * hold * w / np.maximum(1 - w, 1e-12), np.inf)
                 else:
                     total += hold * w * (1.0 if self.form == "additive" else size)
+        # from there on at least as 1/k^2, whose sum is k times its last term
+        total += N_ALIASES * (total - before)
         return self.rs(omega) + np.abs(response(self.K, omega) * self.terms(omega)[0]) * total
 
     def half_disk(self, omega: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robust.lti import response
+from robust.lti import poles, response
 from robust.report import hertz
 
 CURES = {
@@ -93,8 +93,11 @@ def sentences(model: Any, loop: Any, omega: np.ndarray, stable: bool, performanc
 
 def folding(loop: Any, omega: np.ndarray) -> str:
     """What perturbations above the Nyquist frequency could do, which the sampled set does not hold."""
-    some = omega[:: max(1, omega.size // 100)]
-    peak = float(np.max(loop.folded(some)))
+    # where rs is large, and where modes above Nyquist come down to
+    step, nyquist = 2 * np.pi / loop.dt, np.pi / loop.dt
+    modes = np.abs((poles(loop.unsampled).imag + nyquist) % step - nyquist)
+    some = np.concatenate([omega[:: max(1, omega.size // 100)], omega[np.argsort(-loop.rs(omega))[:20]], modes])
+    peak = float(np.max(loop.folded(np.unique(np.clip(some, omega[0], omega[-1])))))
     text = "perturbations above the Nyquist frequency, which fold down"
     if np.isinf(peak):
         return f"{text} without a bound under this weight"
