@@ -174,7 +174,10 @@ def judge(
             "operator": ("robust", "every perturbation of the set, nonlinear ones included, leaves the loop stable"),
             "statistical": ("statistically robust", "the loop is stable with every linear plant of the set"),
         }
-        return kind[model.perturbation]
+        verdict, reason = kind[model.perturbation]
+        return verdict, reason + (
+            "; those above the Nyquist frequency are left out" if loop.unsampled is not None else ""
+        )
     if not certify:
         return "not certified", f"rs stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
     return "not certified", f"rs stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"

@@ -248,6 +248,8 @@ def test_what_folds_down_is_reported():
     model = UncertaintyModel(G, rising, "multiplicative", np.array([0.01]), np.array([0.1]), perturbation="LTI")
     quiet = check(model, control.ss([], [], [], [[0.3]], 0.01))
     assert quiet.verdict == "robust"
+    assert "above the Nyquist frequency are left out" in quiet.reason
+    assert "Nyquist" not in check(model, 0.3).reason
     with_folding = float(quiet.not_proved.split("max rs would be ")[1].split(";")[0])
     assert np.max(quiet.rs) < with_folding < 1
 
