@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from nlfrf.checks import one_of, probability, real
@@ -61,6 +63,9 @@ class Bla:
         Output amplitudes on excited and detection lines.
     var_bound : (F,) ndarray
         The variance of G behind `bound`: `var_total`, pooled with the detection lines where M >= 2.
+    coherence : (F,) ndarray
+        Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
+        records, where distortion and noise are told apart instead.
 
     References
     ----------
@@ -97,6 +102,11 @@ class Bla:
     grid_factor: np.ndarray
     levels: DistortionLevels
     var_bound: np.ndarray
+    coherence: Any = None
+
+    def __post_init__(self) -> None:
+        if self.coherence is None:
+            object.__setattr__(self, "coherence", np.full(self.f.size, np.nan))
 
     @property
     def omega(self) -> np.ndarray:
@@ -181,12 +191,15 @@ class Bla:
             f"even {found}": np.median(np.maximum(np.nan_to_num(self.var_even) - noise, 0.0)),
         }
         hidden = int(self.upper_limit.sum())
+        source = self.level_source
+        if np.isfinite(self.coherence).any():
+            source += f", {np.nanmedian(self.coherence):.2g} in the median"
         said = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
         return (
             f"{about}  largest |G| {gain[peak]:.4g} at {self.f[peak]:g} Hz; "
             f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
             f"  under the median |G|: {', '.join(said) or 'nothing above rounding'}\n"
-            f"  transient: {self.transient}; level from {self.level_source}"
+            f"  transient: {self.transient}; level from {source}"
             + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
         )
 

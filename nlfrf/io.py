@@ -258,6 +258,7 @@ def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
                 if name in PARTS
                 else plain(content[name])
                 for name in field_names(kind)
+                if name in content or name in PARTS or not hasattr(kind, name)  # a newer field has a default
             }
         )
     except KeyError as missing:

@@ -15,6 +15,7 @@ from nlfrf.distortion import DistortionLevels
 from nlfrf.lines import LineGrid
 from nlfrf.localfit import power
 
+HANN = 1.5  # lines that the power in one line of a Hann window comes from
 SIDE = 6  # DFT lines on either side that a local polynomial sees
 
 
@@ -47,7 +48,8 @@ def identify_noise(
     Returns
     -------
     Bla
-        With `grid` "noise" and `level_source` "coherence"; distortion contains the noise (var_noise is nan).
+        With `grid` "noise", `level_source` "coherence" and that `coherence`; distortion contains the noise (var_noise
+        is nan). `levels.excited` is the amplitude of a cosine of the power in one line, fs / n_samples wide.
 
     Raises
     ------
@@ -80,7 +82,8 @@ def identify_noise(
     lines = np.arange(max(1, first), last + 1)
     if lines.size == 0 or 2 * lines[-1] >= n_samples:
         raise ValueError(f"f_min and f_max must hold lines below Nyquist, got {f_min:g} to {f_max:g} Hz")
-    G, variance, dof, S_yy = (welch if method == "welch" else local)(u - u.mean(), y - y.mean(), n_samples, lines)
+    estimate = welch if method == "welch" else local
+    G, variance, dof, coherence, power_y = estimate(u - u.mean(), y - y.mean(), n_samples, lines)
     nothing = np.empty((1, 0))
     nan = np.full(lines.size, np.nan)
     return Bla(
@@ -104,7 +107,7 @@ def identify_noise(
             f_excited=lines * fs / n_samples,
             f_odd=nothing[0],
             f_even=nothing[0],
-            excited=np.sqrt(S_yy)[None].astype(complex),
+            excited=np.sqrt(2 * power_y)[None].astype(complex),
             odd=nothing.astype(complex),
             even=nothing.astype(complex),
             noise_excited=nan,
@@ -112,11 +115,14 @@ def identify_noise(
             noise_even=nothing[0],
         ),
         var_bound=variance,
+        coherence=coherence,
     )
 
 
-def welch(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-    """G, its variance, degrees of freedom and output power on the lines, from half-overlapping Hann segments."""
+def welch(
+    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+    """G, its variance and degrees of freedom, coherence, output power by line, from half-overlapping Hann segments."""
     from scipy import signal  # takes a second to import
 
     options = {"nperseg": n, "noverlap": n // 2, "window": "hann", "detrend": False, "scaling": "spectrum"}
@@ -127,14 +133,15 @@ def welch(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> tuple[np.n
     n_segments = 2 * (u.size // n) - 1
     dof = n_segments / (1 + 2 / 36)  # half-overlapping Hann windows correlate by 1/6: 11 effective of 12
     rest = np.maximum(S_yy - np.abs(S_yu) ** 2 / S_uu, 0.0)
-    return G, rest / S_uu / (dof - 1), dof - 1, S_yy
+    return G, rest / S_uu / (dof - 1), dof - 1, 1 - rest / np.maximum(S_yy, np.finfo(float).tiny), S_yy / HANN
 
 
-def local(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+def local(
+    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
     """The same from local polynomials over the lines of the whole record around each frequency."""
     ratio = u.size / n
     U, Y = fft.rfft(u), fft.rfft(y)
-    scale = np.sqrt(2) / u.size
     side = max(SIDE, int(ratio / 2))
     centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
     around = centre[:, None] + np.arange(-side, side + 1)
@@ -149,5 +156,7 @@ def local(u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray) -> tuple[np.n
     pivot = R[:, -1, -1] * norm[:, -1]
     rest = Y[around] - (Q @ projected[..., None])[..., 0]
     dof = A.shape[-2] - A.shape[-1]
-    S_yy = scale**2 * np.mean(np.abs(Y[around]) ** 2, axis=1) * (2 * side + 1)
-    return projected[:, -1] / pivot, power(rest) / dof / np.abs(pivot) ** 2, float(dof), S_yy
+    S_yy, S_rest = power(Y[around]) / around.shape[1], power(rest) / dof
+    coherence = np.clip(1 - S_rest / np.maximum(S_yy, np.finfo(float).tiny), 0.0, 1.0)
+    variance = S_rest / np.abs(pivot) ** 2
+    return projected[:, -1] / pivot, variance, float(dof), coherence, 2 * S_yy / (u.size * n)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nlfrf import identify_noise
+from nlfrf import Record, identify, identify_noise, load_bla, multisine, save_bla
 
 
 @pytest.mark.parametrize("ratio", [2, 2.5, 8.7])
@@ -28,3 +28,26 @@ def test_the_ends_of_the_band_are_lines_whatever_the_rounding(f_min, f_max):
     u = np.random.default_rng(0).standard_normal(1000)
     f = identify_noise(u, u, fs=1.0, n_samples=100, f_min=f_min, f_max=f_max).f
     np.testing.assert_allclose(f[[0, -1]], [f_min, f_max])
+
+
+@pytest.mark.parametrize("method", ["local", "welch"])
+def test_coherence_and_level_of_a_line_are_those_of_white_noise(method):
+    """y = 2 u + v with v as strong as 2 u: coherence 1/2, and the power of a line is that of n / 2 equal ones."""
+    rng = np.random.default_rng(5)
+    n, u = 200, rng.standard_normal(80_000)
+    y = 2 * u + 2 * rng.standard_normal(u.size)
+    bla = identify_noise(u, y, fs=1.0, n_samples=n, f_min=0.02, f_max=0.48, method=method)
+    few = np.sqrt(u.size / n * bla.f.size)  # independent spectra behind the averages
+    assert abs(bla.coherence.mean() - 0.5) < 4 * 0.6 / few
+    power = np.mean(np.abs(bla.levels.excited) ** 2) / 2
+    assert abs(power / (8 / (n / 2)) - 1) < 4 * 1.1 / few
+
+
+def test_a_periodic_record_has_no_coherence_and_older_files_load(tmp_path):
+    ms = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    bla = identify(Record(u=ms.u[None], y=ms.u[None], fs=128, lines=ms.lines))
+    assert np.isnan(bla.coherence).all()
+    save_bla(bla, tmp_path / "bla.npz")
+    with np.load(tmp_path / "bla.npz") as stored:
+        np.savez(tmp_path / "older.npz", **{name: stored[name] for name in stored.files if name != "coherence"})
+    assert np.isnan(load_bla(tmp_path / "older.npz").coherence).all()
