@@ -18,14 +18,7 @@ if TYPE_CHECKING:
     from robust.disk import DiskMargin, disk_margin
     from robust.dk import DkDesign, dk_iteration
     from robust.elements import lag, lead, notch, pid, roll_off
-    from robust.export import (
-        controller_sections,
-        export_matlab,
-        load_controller,
-        load_model,
-        save_controller,
-        save_model,
-    )
+    from robust.export import export_matlab
     from robust.formulas import control_weight, delay_weight, performance_weight
     from robust.frf_design import design_frf
     from robust.gap import ncf_margin, nu_gap
@@ -34,6 +27,7 @@ if TYPE_CHECKING:
     from robust.interconnection import Block, UncertainSystem, interconnection
     from robust.lti import discretize, sampled
     from robust.mixed import mixsyn
+    from robust.model_files import load_controller, load_model, save_controller, save_model
     from robust.mu import MuBound, mu_upper
     from robust.mu_certify import certify_mu
     from robust.mu_gain import mu_upper_lmi, worst_gain
@@ -41,6 +35,7 @@ if TYPE_CHECKING:
     from robust.nominal import NominalFit, fit_nominal, frd
     from robust.orders import OrderScan, scan_orders
     from robust.report import RobustnessReport
+    from robust.sections import controller_sections
     from robust.shaping import Design, crossover_weight, ncfsyn
     from robust.structured import StructuredReport, check_structure
     from robust.uncertainty import UncertaintyModel, Validation, uncertainty, validate
@@ -82,7 +77,7 @@ HOMES = {
     "check": "check",
     "check_structure": "structured",
     "control_weight": "formulas",
-    "controller_sections": "export",
+    "controller_sections": "sections",
     "crossover_weight": "shaping",
     "delay_weight": "formulas",
     "design_frf": "frf_design",
@@ -97,8 +92,8 @@ HOMES = {
     "interconnection": "interconnection",
     "lag": "elements",
     "lead": "elements",
-    "load_controller": "export",
-    "load_model": "export",
+    "load_controller": "model_files",
+    "load_model": "model_files",
     "loop_bounds": "worst",
     "mu_lower": "mu_lower",
     "mu_upper": "mu",
@@ -113,8 +108,8 @@ HOMES = {
     "roll_off": "elements",
     "sample_loops": "worst",
     "sampled": "lti",
-    "save_controller": "export",
-    "save_model": "export",
+    "save_controller": "model_files",
+    "save_model": "model_files",
     "scan_orders": "orders",
     "uncertainty": "uncertainty",
     "validate": "uncertainty",

@@ -214,7 +214,7 @@ def export(
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    from robust.export import holds_model
+    from robust.model_files import holds_model
 
     content: Any = robust.load_model(file) if holds_model(file) else robust.load_controller(file)
     if out.suffix == ".mat":

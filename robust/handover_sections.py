@@ -15,10 +15,10 @@ import numpy as np
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf.values import value
-from robust.export import controller_sections
 from robust.lti import poles, response, state_space, timebase, zeros
 from robust.nominal import NominalFit
 from robust.report import RobustnessReport, factor, hertz
+from robust.sections import controller_sections
 from robust.uncertainty import UncertaintyModel, validate
 from robust.worst import sample_loops, worst_case
 

@@ -93,6 +93,8 @@ FLOORS = {
     "robust.check": 26,
     "robust.disk": 26,
     "robust.export": 27,
+    "robust.sections": 25,
+    "robust.model_files": 26,
     "robust.plot": 28,
     "robust.structures": 21,
     "robust.cones": 21,
