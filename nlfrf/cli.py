@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +11,8 @@ import numpy as np
 import typer
 
 import nlfrf
-from nlfrf.files import in_one_line, write_whole
+from nlfrf.command import Version, run
+from nlfrf.files import write_whole
 from nlfrf.io import load
 from nlfrf.lines import KINDS
 
@@ -28,19 +27,8 @@ app = typer.Typer(
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 
 
-def print_version(wanted: bool) -> None:
-    """Print the version and stop, before a command is asked for."""
-    if wanted:
-        print(f"nlfrf {nlfrf.__version__}")
-        raise typer.Exit
-
-
 @app.callback()
-def common(
-    version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=print_version, help="Print the version and stop.")
-    ] = False,
-) -> None:
+def common(version: Version = False) -> None:
     """Best linear approximations with a distortion bound from one multisine experiment."""
 
 
@@ -218,24 +206,9 @@ class progress_bar:
         self.bar.stop()
 
 
-def one_line(message: object, *args: object, **kwargs: object) -> None:
-    """A warning as one line on standard error."""
-    print(f"nlfrf: warning: {message}", file=sys.stderr)
-
-
 def main() -> None:
-    """Run the command: bad input is one line on standard error and exit code 2, never a traceback."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", nlfrf.DataWarning)
-        warnings.showwarning = one_line
-        try:
-            app()
-        except (ValueError, OSError) as error:
-            print(f"nlfrf: {in_one_line(error)}", file=sys.stderr)
-            raise SystemExit(2) from None
-        except MemoryError as error:
-            print(f"nlfrf: not enough memory for this: {error or 'none is left'}", file=sys.stderr)
-            raise SystemExit(2) from None
+    """The command `nlfrf`."""
+    run("nlfrf", app, nlfrf.DataWarning)
 
 
 if __name__ == "__main__":

@@ -37,13 +37,6 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> 
         beside.unlink(missing_ok=True)
 
 
-def in_one_line(error: Exception) -> str:
-    """What went wrong, for a command line: the system's own errors name their file first."""
-    if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename} could not be opened: {error.strerror.lower()}"
-    return str(error)
-
-
 def current_umask() -> int:
     """The process's umask; mkstemp makes files that only their owner may read."""
     mask = os.umask(0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +13,8 @@ import typer
 import nlfrf
 import robust
 from nlfrf.checks import one_of
-from nlfrf.files import in_one_line, write_whole
+from nlfrf.command import Version, run
+from nlfrf.files import write_whole
 
 app = typer.Typer(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
@@ -30,7 +29,7 @@ Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf
 
 
 @app.callback()
-def common() -> None:
+def common(version: Version = False) -> None:
     """Uncertainty models of measured machines, controllers for them, and a check that says what was proved."""
 
 
@@ -316,22 +315,9 @@ def working(what: str) -> Iterator[None]:
         yield
 
 
-def one_line(message: Any, category: type[Warning], *_: Any) -> None:
-    """A warning as one line on standard error."""
-    print(f"warning: {message}", file=sys.stderr)
-
-
 def main() -> None:
-    """Run the command: bad input is one line on standard error and exit code 2, never a traceback."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", nlfrf.DataWarning)
-        warnings.simplefilter("always", robust.DesignWarning)
-        warnings.showwarning = one_line  # type: ignore[assignment]
-        try:
-            app()
-        except (ValueError, OSError) as error:
-            print(f"robust: {in_one_line(error)}", file=sys.stderr)
-            raise SystemExit(2) from None
+    """The command `robust`."""
+    run("robust", app, nlfrf.DataWarning, robust.DesignWarning)
 
 
 if __name__ == "__main__":

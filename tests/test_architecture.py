@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 FLOORS = {
     "nlfrf.values": 0,
     "nlfrf.checks": 0,
+    "nlfrf.command": 0,
     "nlfrf.lines": 1,
     "nlfrf.curves": 1,
     "nlfrf.hysteresis": 2,

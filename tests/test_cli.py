@@ -122,7 +122,7 @@ def test_motor_bench_from_the_command_line(nlfrf_command, measured):
 def test_the_version_needs_no_command(nlfrf_command):
     code, out, _ = nlfrf_command("--version")
     assert code == 0
-    assert out == f"nlfrf {__version__}\n"
+    assert out == f"nlfrf + robust {__version__}\n"
 
 
 def test_the_command_is_installed():
