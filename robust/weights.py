@@ -207,14 +207,29 @@ def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
 
 
 def shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
-    """Largest of the larger neighbour over |W| between the lines: on a ten times finer grid, then down each dip."""
-    log = np.log(omega)
-    fine = np.exp(log[:-1, None] + np.linspace(0, 1, FINER + 1) * np.diff(log)[:, None])
+    """Largest of the larger neighbour over |W| between the lines: on a ten times finer grid, then down each dip.
+
+    The grid is one over the imaginary axis: near the Nyquist frequency a little of omega is most of that.
+    """
+    x = np.log(axis(omega, dt))
+    x[-1] += 10.0 * (omega[-1] * dt >= np.pi * (1 - 1e-6))  # there it lies at infinity
+    fine = (x[:-1, None] + np.linspace(0, 1, FINER + 1) * np.diff(x)[:, None]).ravel()
+    fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], MOST_POINTS)]))
     target = np.maximum(radius[1:], radius[:-1])
-    ratio = magnitude_at(theta, order, axis(fine, dt).ravel()).reshape(fine.shape) / target[:, None]
-    worst = np.argsort(ratio.min(axis=1))[:40]
-    k = ratio[worst].argmin(axis=1)
-    ends = fine[worst, np.maximum(k - 1, 0)], fine[worst, np.minimum(k + 1, FINER)]
-    near = ends[0][:, None] + np.linspace(0, 1, 41) * (ends[1] - ends[0])[:, None]
-    bottom = magnitude_at(theta, order, axis(near, dt).ravel()).reshape(near.shape) / target[worst, None]
-    return 1 / min(float(ratio.min()), float(bottom.min()))
+
+    def ratio(points: np.ndarray) -> np.ndarray:
+        piece = np.clip(np.searchsorted(x, points, side="right") - 1, 0, target.size - 1)
+        return np.asarray(magnitude_at(theta, order, np.exp(points).ravel()).reshape(points.shape) / target[piece])
+
+    values = ratio(fine)
+    least = float(values.min())
+    dips = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
+    dips = dips[np.argsort(values[dips])][:40]
+    low, high = fine[dips - 1], fine[dips + 1]
+    for _ in range(2 if dips.size else 0):
+        near = low[:, None] + np.linspace(0, 1, 41) * (high - low)[:, None]
+        values = ratio(near)
+        least = min(least, float(values.min()))
+        k, each = values.argmin(axis=1), np.arange(dips.size)
+        low, high = near[each, np.maximum(k - 1, 0)], near[each, np.minimum(k + 1, 40)]
+    return 1 / least

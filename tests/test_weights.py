@@ -86,6 +86,22 @@ def test_discrete_weights_cover_too(shape):
     assert_covers(fit_weight(omega, radius, order=4, dt=dt), omega, radius, dt)
 
 
+@pytest.mark.parametrize(
+    ("n", "order", "seed"), [(5, 6, 52), (4, 4, 61), (3, 4, 49)], ids=["0.79 left", "0.24 left", "at Nyquist"]
+)
+def test_few_lines_hide_no_dip_below_nyquist(n, order, seed):
+    """Between two lines far apart there is room for a dip, most of it in a sliver below the Nyquist frequency."""
+    omega = np.geomspace(1, 30, n)
+    rng = np.random.default_rng(seed)
+    rng.choice(3), rng.choice(2)
+    radius = np.exp(rng.normal(0, 2, n))
+    fit = fit_weight(omega, radius, order=order, dt=np.pi / 30)
+    between = np.concatenate([np.geomspace(1, 30, 5000), 30 - np.geomspace(1e-6, 5, 2000)])
+    piece = np.clip(np.searchsorted(omega, between, side="right") - 1, 0, n - 2)
+    target = np.maximum(radius[piece], radius[piece + 1])
+    assert np.min(np.abs(response(fit.W, between)) / target) >= 1 - 1e-6
+
+
 @pytest.mark.parametrize("omega", [OMEGA, LINES], ids=["log", "lines of a special-odd grid"])
 @pytest.mark.parametrize(
     ("shape", "most_db"), [("resonance", 1.0), ("step up", 2.0), ("step down", 2.0), ("friction", 3.0)]
