@@ -83,6 +83,8 @@ def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
     """A first-order all-pass times |value| that takes the given complex value at omega [rad/s]."""
     x = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     angle = float(np.angle(value))
+    if abs(np.sin(angle)) < 1e-4:  # as good as real: an all-pass of that phase has a pole next to zero or infinity
+        return control.StateSpace([], [], [], [[abs(value) * np.sign(np.cos(angle))]], dt)
     # (s - b)/(s + b) at j x has the phase pi - 2 atan(x / b), between 0 and pi; the sign gives the other half
     sign = 1.0 if angle >= 0 else -1.0
     phase = angle if angle >= 0 else angle + np.pi

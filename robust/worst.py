@@ -115,13 +115,14 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
         where = loop.peak(curve, omega, band)[1]
     _, a, b = (term[0] for term in loop.terms(np.array([where])))
     delta = complex(-1 / b) if peak_b >= 1 else complex(worst_perturbation(np.array([a]), np.array([b]))[0])
+    delta *= np.exp(1j * where * lead_of(loop, delay)) / max(1.0, abs(delta))
     # the weight brings its own phase, which the perturbation is relative to
     Delta = with_phase(where, delta, timebase(model.weight))
     plant = perturbed(model.form, model.nominal, model.weight, Delta)
     seen = in_loop(plant, loop, delay)
-    achieved = np.abs(1 / (1 + response(seen, np.array([where])) * response(loop.K, np.array([where]))))[0]
-    if loop.w_P is not None:
-        achieved *= np.abs(response(loop.w_P, np.array([where])))[0]
+    around = replace(loop.with_plant(plant), shift=delay) if loop.pade_delay else loop.with_plant(seen)
+    S, at = around.terms(np.array([where]))[0], np.array([where])
+    achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
     return WorstCase(
         omega=omega,
         gain=curve(omega),
@@ -131,6 +132,12 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
         achieved=float(achieved),
         stable=stable_with(plant, seen, loop),
     )
+
+
+def lead_of(loop: Assembly, delay: float) -> float:
+    """Time [s] by which Delta leads what the terms call Delta: they put it behind delay and hold, the plant before."""
+    lag = delay + (loop.dt / 2 if loop.unsampled is not None else 0.0)
+    return {"additive": lag, "inverse-additive": -lag}.get(loop.form, 0.0)
 
 
 def in_loop(plant: control.StateSpace, loop: Assembly, delay: float) -> control.StateSpace:

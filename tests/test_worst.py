@@ -55,6 +55,26 @@ def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
 
 
 @pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("T", [0.0, 0.02])
+@pytest.mark.parametrize("scale", [1.0, 40.0], ids=["robust", "not robust"])
+def test_the_worst_plant_is_as_bad_as_said_behind_a_delay(form, T, scale):
+    K = control.ss(control.tf([3], [1, 2]))
+    nominal, weight = LAG, control.ss(control.tf([0.1], [0.5, 1]))
+    if T:
+        nominal, weight, K = (control.sample_system(x, T, "bilinear") for x in (nominal, weight, K))
+    worst = worst_case(model(form, scale, nominal, weight), K, delay=0.1)
+    assert abs(worst.delta) <= 1 + 1e-12
+    assert np.isinf(worst.gain.max()) == (scale > 1)
+    if scale > 1:  # on the stability boundary: a pole on the axis where the sensitivity is looked at
+        assert worst.achieved > 1e3
+    else:
+        assert worst.achieved == pytest.approx(worst.gain.max(), rel=1e-4)
+    at = np.array([worst.omega_worst])
+    L = response(worst.plant, at) * response(K, at) * np.exp(-0.1j * at)
+    assert worst.achieved == pytest.approx(np.abs(1 / (1 + L))[0], rel=1e-6 if scale == 1 else 0.5)
+
+
+@pytest.mark.parametrize("form", FORMS)
 def test_where_the_set_is_too_large_a_plant_destabilises(form):
     K = control.tf([3], [1, 2])
     margin = check(model(form), K).margin_rs
