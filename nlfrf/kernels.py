@@ -1,9 +1,9 @@
-"""Compiled time stepping of friction: every ``@njit`` function of the package is in this one file.
+"""Compiled time stepping of the Leuven family of friction laws, and of hysteresis.
 
-One file, because the cache of compiled code on disk looks only at the file of the function it holds: a kernel
-that calls into another file would go on running old code after an update. Nothing imports this module at its
-head, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays are passed one by one:
-taken out of a tuple each would be counted in and out, which costs more than the arithmetic.
+Nothing compiled is called across files, because the cache of compiled code on disk looks only at the file of the
+function it holds: a kernel that calls into another file would go on running old code after an update. Nothing
+imports this module at its head, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays
+are passed one by one: taken out of a tuple each would be counted in and out, which costs more than the arithmetic.
 
 Fixed-step fourth-order Runge-Kutta. The trial stages look at the memory of the hysteresis as it was committed,
 and it is committed once at the end of a step: a look ahead leaves no trace. The stiffness jumps where z turns
