@@ -59,10 +59,10 @@ class Coulomb:
 
     def __post_init__(self) -> None:
         positive("Fc", self.Fc)
-        if np.isnan(self.Fs):
+        if not given(self.Fs):
             object.__setattr__(self, "Fs", self.Fc)
-        if np.isnan(self.vs):
-            if self.Fs > self.Fc:
+        if not given(self.vs):
+            if positive("Fs", self.Fs) > self.Fc:
                 raise ValueError(f"vs must be given where Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
             object.__setattr__(self, "vs", 1.0)
         check_stribeck(self)
@@ -284,6 +284,11 @@ class GeneralizedMaxwellSlip:
         object.__setattr__(self, "alpha", shares.strength)
         positive("C", self.C)
         check_stribeck(self)
+
+
+def given(number: Any) -> bool:
+    """Whether a parameter was given: its default is nan."""
+    return not (isinstance(number, float) and np.isnan(number))
 
 
 Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip

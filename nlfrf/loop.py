@@ -17,7 +17,7 @@ from nlfrf import packing
 from nlfrf.checks import integer, nonnegative, positive, real, real_array
 from nlfrf.friction import packed_law
 from nlfrf.hysteresis import warn_lost
-from nlfrf.rig import Rig, integrate
+from nlfrf.rig import Rig, integrate, some_samples
 from nlfrf.values import value
 
 #: How often the step is halved before a loop that runs away is called diverged.
@@ -167,7 +167,7 @@ def simulate_loop(
     """
     fs = positive("fs", fs)
     controller = matrices(K, fs)
-    r = real_array("r", r, ndim=1)
+    r = some_samples("r", r)
     disturbance = fitted("disturbance", disturbance, r.size)
     noise = fitted("noise", noise, r.size)
     if not np.isposinf(real_or_infinite("saturation", saturation)):
@@ -202,6 +202,7 @@ def run_loop(
     law, grid = packed_law(rig.friction)
     body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
     memory = packing.at_rest(law.curve, grid)
+    delay = min(delay, r.size)  # all later is after the end
     whole, part = int(delay), delay - int(delay)
     state = np.zeros(A.shape[0])
     asked = np.zeros(r.size + whole + 1)  # the force from sample k - whole on stands at k
@@ -239,16 +240,23 @@ def matrices(K: Any, fs: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, flo
         raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {dt}. Discretise it first")
     if abs(float(dt) * fs - 1) > 1e-6:
         raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {float(dt):g} s")
-    D = np.atleast_2d(np.asarray(K.D, dtype=float))
-    if D.shape != (1, 1):
-        raise ValueError(f"K must have one input and one output, got {D.shape[1]} and {D.shape[0]}")
-    A = np.asarray(K.A, dtype=float)
-    size = 0 if A.size == 0 else A.shape[0]
-    A, B, C = A.reshape(size, size), np.asarray(K.B, dtype=float).reshape(size), np.asarray(K.C, dtype=float)
-    for name, matrix in (("A", A), ("B", B), ("C", C), ("D", D)):
+    given = {name: np.asarray(getattr(K, name)) for name in ("A", "B", "C", "D")}
+    for name, matrix in given.items():
+        if matrix.dtype.kind not in "fiu":
+            raise ValueError(f"K must have real matrices, got {name} of dtype {matrix.dtype}")
         if not np.isfinite(matrix).all():
             raise ValueError(f"K must have finite matrices, got a number in {name} that is not")
-    return A, B, C.reshape(size), float(D[0, 0])
+    A, B, C, D = (matrix.astype(float) for matrix in given.values())
+    D = np.atleast_2d(D)
+    if D.shape != (1, 1):
+        raise ValueError(f"K must have one input and one output, got {D.shape[1]} and {D.shape[0]}")
+    size = B.size
+    if A.size != size**2 or C.size != size:
+        raise ValueError(
+            f"K must have A (s, s), B (s, 1) and C (1, s), got shapes "
+            f"{given['A'].shape}, {given['B'].shape} and {given['C'].shape}"
+        )
+    return A.reshape(size, size), B.reshape(size), C.reshape(size), float(D[0, 0])
 
 
 def fitted(name: str, signal: Any, n: int) -> np.ndarray:

@@ -157,7 +157,7 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     Raises
     ------
     ValueError
-        A step too long to be stable, with the oversampling that would do.
+        A step too long to be stable, with the oversampling that would do; no sample.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     >>> bool(2e-6 < motion.x[-1] < 8e-6)
     True
     """
-    samples = real_array("force", force, ndim=1)
+    samples = some_samples("force", force)
     fs = positive("fs", fs)
     oversampling = integer("oversampling", oversampling, least=1)
     one_of("hold", hold, ("linear", "zoh"))
@@ -207,7 +207,7 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
     Raises
     ------
     ValueError
-        A step too long to be stable, with the oversampling that would do.
+        A step too long to be stable, with the oversampling that would do; no sample.
 
     Examples
     --------
@@ -217,7 +217,7 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
     >>> round(float(motion.friction[-1]), 4)
     0.8144
     """
-    velocity = real_array("v", v, ndim=1)
+    velocity = some_samples("v", v)
     fs = positive("fs", fs)
     oversampling = integer("oversampling", oversampling, least=1)
     law, grid = packed_law(friction)
@@ -233,6 +233,14 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
         raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
     warn_lost(memory.state[packing.LOST])
     return motion(velocity, out, fs)
+
+
+def some_samples(name: str, signal: Any) -> np.ndarray:
+    """The signal as an array of at least one sample."""
+    samples = real_array(name, signal, ndim=1)
+    if samples.size == 0:
+        raise ValueError(f"{name} must hold at least one sample, got none")
+    return samples
 
 
 def motion(drive: np.ndarray, out: np.ndarray, fs: float) -> Motion:

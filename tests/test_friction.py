@@ -173,6 +173,10 @@ def test_the_other_laws_refuse():
         Coulomb(Fc=0.7, Fs=1.0)
     with pytest.raises(ValueError, match=r"Fs must be at least Fc = 0\.7 N, got 0\.5 N"):
         Coulomb(Fc=0.7, Fs=0.5, vs=1.0)
+    with pytest.raises(ValueError, match="Fs must be a real number, got None"):
+        Coulomb(Fc=0.7, Fs=None)
+    with pytest.raises(ValueError, match="vs must be a real number, got None"):
+        Coulomb(Fc=0.7, Fs=0.8, vs=None)
     with pytest.raises(ValueError, match=r"alpha must add up to 1, got 0\.9"):
         GeneralizedMaxwellSlip(**{**GMS, "alpha": [0.2, 0.3, 0.4]}, **SLIDING)
     with pytest.raises(ValueError, match="C must be positive, got 0"):
@@ -188,5 +192,7 @@ def test_leuven_defaults_are_the_paper_s():
 def test_drive_refuses_bad_arguments():
     with pytest.raises(ValueError, match="v must be finite"):
         drive(Leuven(), [0.0, np.inf], fs=1e3)
+    with pytest.raises(ValueError, match="v must hold at least one sample, got none"):
+        drive(Leuven(), [], fs=1e3)
     with pytest.raises(ValueError, match=r"oversampling must be about \d+ for a stable integration step in sliding"):
         drive(Leuven(), np.full(100, 5.0), fs=1e3)

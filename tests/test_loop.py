@@ -128,6 +128,12 @@ def test_refinement_changes_little():
             "K must have one input and one output, got 2 and 1",
         ),
         (controller([[np.nan]], [[1.0]], [[1.0]], [[1.0]]), {}, "K must have finite matrices, got a number in A"),
+        (controller([[1.0j]], [[1.0]], [[1.0]], [[1.0]]), {}, "K must have real matrices, got A of dtype complex128"),
+        (
+            controller([[1.0, 2.0]], [[1.0]], [[1.0]], [[1.0]]),
+            {},
+            r"K must have A \(s, s\), B \(s, 1\) and C \(1, s\), got shapes \(1, 2\), \(1, 1\) and \(1, 1\)",
+        ),
         (3.0, {}, "K must have A, B, C, D and dt, got float without A, B, C, D, dt"),
         (PI, {"delay": -1.0}, "delay must be zero or positive, got -1"),
         (PI, {"saturation": 0.0}, "saturation must be positive, got 0"),
@@ -139,6 +145,13 @@ def test_refinement_changes_little():
 def test_refusals_name_the_parameter(K, options, message):
     with pytest.raises(ValueError, match=message):
         simulate_loop(paper_rig(), K, np.zeros(10), fs=FS, **options)
+
+
+def test_delay_beyond_the_end_leaves_the_rig_at_rest():
+    response = simulate_loop(paper_rig(), PI, np.full(10, 1e-3), fs=FS, delay=1e300)
+    assert not response.x.any()
+    with pytest.raises(ValueError, match="r must hold at least one sample, got none"):
+        simulate_loop(paper_rig(), PI, [], fs=FS)
 
 
 def left_alone(error, diverged=False):

@@ -231,3 +231,5 @@ def test_run_refuses_bad_arguments():
         run(paper_rig(), [0.0, 1.0], fs=1e4, hold="cubic")
     with pytest.raises(ValueError, match="fs must be positive"):
         run(paper_rig(), [0.0, 1.0], fs=0)
+    with pytest.raises(ValueError, match="force must hold at least one sample, got none"):
+        run(paper_rig(), [], fs=1e4)
