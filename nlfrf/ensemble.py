@@ -7,6 +7,7 @@ result is the same whoever computes it, in whatever order.
 from __future__ import annotations
 
 import hashlib
+import numbers
 import os
 import tempfile
 import zipfile
@@ -141,6 +142,8 @@ def absorb(digest: Any, value: Any) -> None:
         digest.update(np.ascontiguousarray(value).tobytes())
     elif isinstance(value, (str, int, float, type(None))):
         digest.update(repr(value).encode())
+    elif isinstance(value, numbers.Real):  # of numpy, or a fraction
+        digest.update(repr(float(value)).encode())
     else:
         raise TypeError(f"no fingerprint of {type(value).__name__}")
     digest.update(b";")

@@ -68,7 +68,7 @@ def simulate(
         The force between samples: "band-limited", the multisine itself; "zoh", each sample held.
     accuracy : float, optional
         Largest error of the position that is allowed, rms over rms: `oversampling` is doubled until halving the
-        step changes the first realisation by less.
+        step changes the first realisation by less, from a step too long to be stable too.
     executor : concurrent.futures.Executor, optional
         Where the realisations are run; one thread per core when not given. The result does not depend on it.
     progress : callable, optional
@@ -114,9 +114,9 @@ def simulate(
         oversampling=integer("oversampling", oversampling, least=1),
         hold=one_of("hold", hold, ("band-limited", "zoh")),
     )
-    refuse_long_step(rig, ms.fs, oversampling)
     realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
     if accuracy is None:
+        refuse_long_step(rig, ms.fs, oversampling)
         warn_coarse(rig, ms.fs, oversampling)
     else:
         steps = steps_for(realizations[0], positive("accuracy", accuracy))
@@ -142,6 +142,15 @@ def run_experiment(experiment: Experiment) -> Arrays:
     Gives y (P, N), the change from the last period but one to the last (rms over rms; nan where there is only
     one), and how many turning points were forgotten for lack of memory.
     """
+    outcome = attempt(experiment)
+    if outcome is None:
+        fs, steps = experiment.ms.fs, experiment.oversampling
+        raise step_refusal(fs, steps, lambda finer: attempt(replace(experiment, oversampling=finer)) is not None)
+    return outcome
+
+
+def attempt(experiment: Experiment) -> Arrays | None:
+    """What `run_experiment` gives; None where the step was too long to be stable."""
     rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
     memory = at_rest(rig)
     drive = one_period(ms, steps, experiment.hold)
@@ -149,36 +158,36 @@ def run_experiment(experiment: Experiment) -> Arrays:
     for _ in range(experiment.n_discard + experiment.n_periods):
         out = advance(rig, memory, drive, 1 / (ms.fs * steps), steps)
         if out is None:
-            raise step_refusal(ms.fs, steps, lambda finer: is_stable(replace(experiment, oversampling=finer)))
+            return None
         periods = [*periods[-max(experiment.n_periods - 1, 1) :], out[:, 0].copy()]
     change = np.nan
     if len(periods) > 1:
-        change = np.sqrt(np.mean((periods[-1] - periods[-2]) ** 2) / np.mean(periods[-1] ** 2))
+        change = difference(periods[-2], periods[-1])
     y = np.stack(periods[-experiment.n_periods :])
     return {"y": y, "change": np.array(change), "lost": np.array(memory.state[packing.LOST])}
 
 
-def is_stable(experiment: Experiment) -> bool:
-    """Whether the step of an experiment is short enough for all its periods."""
-    rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
-    memory, drive = at_rest(rig), one_period(ms, steps, experiment.hold)
-    total = experiment.n_discard + experiment.n_periods
-    return all(advance(rig, memory, drive, 1 / (ms.fs * steps), steps) is not None for _ in range(total))
+def difference(y: np.ndarray, of: np.ndarray) -> float:
+    """Rms of y - of over the rms of `of`; zero where they are equal, as those of a mass that never moved."""
+    return float(np.linalg.norm(y - of) / max(np.linalg.norm(of), np.finfo(float).tiny))
 
 
 def steps_for(experiment: Experiment, accuracy: float) -> int:
     """Integration steps per sample with which halving the step changes the position by less than `accuracy`."""
-    coarse = run_experiment(experiment)["y"]
+    coarse = attempt(experiment)
     while True:
         finer = replace(experiment, oversampling=2 * experiment.oversampling)
-        fine = run_experiment(finer)["y"]
-        error = np.sqrt(np.mean((coarse - fine) ** 2) / np.mean(fine**2))
+        fine = attempt(finer)
+        error = np.inf if coarse is None or fine is None else difference(coarse["y"], fine["y"])
         if error <= accuracy:
             return experiment.oversampling
         if finer.oversampling > MOST_STEPS:
+            why = f"halving the step still changes the position by {error:.1e}"
+            if np.isinf(error):
+                why = "the step is still too long to be stable in sliding"
             raise ValueError(
-                f"accuracy must be one that {MOST_STEPS} integration steps per sample reach (halving the step still "
-                f"changes the position by {error:.1e}), got {accuracy:g}. Raise the sampling frequency"
+                f"accuracy must be one that {MOST_STEPS} integration steps per sample reach ({why}), "
+                f"got {accuracy:g}. Raise the sampling frequency"
             )
         experiment, coarse = finer, fine
 

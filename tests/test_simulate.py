@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from nlfrf.checks import DataWarning
-from nlfrf.friction import Leuven, LuGre
+from nlfrf.friction import Coulomb, Leuven, LuGre
 from nlfrf.hysteresis import Exponential, MaxwellSlip, Tanh
 from nlfrf.multisine import multisine
 from nlfrf.rig import Rig, paper_rig
@@ -140,6 +140,14 @@ def test_run_that_was_killed_is_resumed(tmp_path):
     assert np.array_equal(record.y, simulate(paper_rig(), ms).y)
 
 
+def test_numbers_of_numpy_are_kept_like_any_others(tmp_path):
+    ms, rig, seen = odd(), replace(paper_rig(), mass=np.float32(1.0), stiffness=np.int64(80000)), []
+    for _ in range(2):
+        record = simulate(rig, ms, resume=tmp_path, progress=lambda done, total: seen.append(done))
+        assert np.array_equal(record.y, simulate(paper_rig(), ms).y)
+    assert len(list(tmp_path.glob("*.npz"))) == 1
+
+
 def test_results_of_another_experiment_are_not_taken(tmp_path):
     ms, seen = odd(2, n_samples=8192), []
     simulate(paper_rig(), ms, resume=tmp_path)
@@ -178,6 +186,23 @@ def test_accuracy_is_met_and_no_finer_step_taken_than_it_needs():
         simulate(
             Rig(1.0, 80e3, Leuven(curve=MaxwellSlip([32e3, 32e3], [0.3, 0.8]))), odd(n_samples=1024), accuracy=1e-13
         )
+
+
+def test_accuracy_is_sought_from_a_step_that_is_not_stable_too():
+    rig, ms = replace(paper_rig(), damping=60.0), odd(rms=60.0, n_samples=2048)
+    with pytest.raises(ValueError, match="oversampling must be about 4 for a stable"):
+        simulate(rig, ms, n_discard=4)
+    exact, y = (simulate(rig, ms, n_discard=4, **options).y for options in ({"oversampling": 64}, {"accuracy": 1e-6}))
+    assert np.sqrt(np.mean((y - exact) ** 2)) < 1.2e-6 * exact.std()
+    with pytest.raises(ValueError, match=r"accuracy must be .* too long to be stable.*, got 0\.0001"):
+        simulate(rig, odd(rms=1e6, n_samples=512), accuracy=1e-4)
+
+
+@pytest.mark.parametrize("accuracy", [None, 1e-3])
+def test_mass_that_never_breaks_away_is_a_constant_output_and_no_number_that_is_none(accuracy):
+    stuck = Rig(1.0, 80e3, Coulomb(Fc=10.0))
+    with pytest.raises(ValueError, match="y must vary, got the constant 0"):
+        simulate(stuck, odd(n_samples=512), accuracy=accuracy)
 
 
 def test_held_force_is_a_force_delayed_by_half_a_sample():
