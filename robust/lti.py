@@ -384,7 +384,7 @@ def to_continuous(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Bilinear image z = (1 + s)/(1 - s): keeps stability and norms; omega maps to tan(omega dt / 2)."""
     n = A.shape[0]
-    inverse = np.linalg.inv(A + np.eye(n))
+    inverse = inverted(A + np.eye(n), "z = -1 (the Nyquist frequency)")
     return inverse @ (A - np.eye(n)), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D - C @ inverse @ B
 
 
@@ -393,8 +393,18 @@ def to_discrete(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The way back from `to_continuous`: s = (z - 1)/(z + 1)."""
     n = A.shape[0]
-    inverse = np.linalg.inv(np.eye(n) - A)
+    inverse = inverted(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
     return inverse @ (np.eye(n) + A), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D + C @ inverse @ B
+
+
+def inverted(A: np.ndarray, place: str) -> np.ndarray:
+    """The inverse a bilinear map needs, or a refusal that names the pole in its way."""
+    try:
+        return np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        raise np.linalg.LinAlgError(
+            f"system must have no pole at {place}, got one: the bilinear map would send it to infinity"
+        ) from None
 
 
 def frequency_response(name: str, plant: Any, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -426,7 +436,7 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
     Raises
     ------
     ValueError
-        A controller that is discrete already, a prewarp frequency beyond Nyquist.
+        A controller that is discrete already, a prewarp frequency beyond Nyquist, a pole at 2/dt.
 
     References
     ----------

@@ -11,6 +11,7 @@ from robust import (
     delay_weight,
     discretize,
     loop_bounds,
+    nu_gap,
     performance_weight,
     sample_loops,
     scan_orders,
@@ -208,6 +209,8 @@ def test_the_order_scan_finds_the_order():
         (lambda: delay_weight(1.0, order=2), "order must be 1 or 3"),
         (lambda: discretize(control.tf([1], [1, 0.5], 0.1), 0.1), "K must be continuous"),
         (lambda: discretize(1.0, 0.1, prewarp=40.0), "prewarp must lie below the Nyquist"),
+        (lambda: discretize(control.tf([1], [1, -20.0]), 0.1), "must have no pole at s = 2/dt"),
+        (lambda: nu_gap(control.tf([1], [1, 1], 0.1), control.tf([1], [1, 0.5], 0.1)), "must have no pole at z = -1"),
     ],
 )
 def test_refusals(call, message):
