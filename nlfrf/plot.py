@@ -96,15 +96,15 @@ def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
-    """Amplitude spectrum of a multisine, with the places of its detection lines; arguments as in `plot_bla`."""
+    """Amplitude spectrum of a multisine, the places of its detection lines under it; arguments as in `plot_bla`."""
     ax = axes(ax)
     ax.plot(ms.f, db(ms.amplitude), ".", color=COLOR["excited"], label="excited")
-    low = db(ms.amplitude).min() - 6
-    for kind, marker in (("odd", "x"), ("even", "+")):
+    low = db(ms.amplitude).min() - 6  # they have no amplitude: two rows beside one another
+    for kind, marker, row in (("odd", "x", low), ("even", "+", low - 1)):
         lines = getattr(ms.lines, kind)
         if lines.size:
-            where = np.full(lines.size, low)
-            ax.plot(lines * ms.f0, where, marker, ms=4, color=COLOR[kind], label=f"{kind} detection")
+            where = np.full(lines.size, row)
+            ax.plot(lines * ms.f0, where, marker, ms=4, color=COLOR[kind], label=f"{kind} detection, zero amplitude")
     ax.set(xlabel="frequency [Hz]", ylabel="amplitude [dB, unit of u]", title="Harmonic grid")
     return finished(ax)
 

@@ -74,3 +74,10 @@ def test_rounding_does_not_flatten_the_picture(ax, draw):
     assert 160 <= high - low < 180
     assert [label for label in labels(ax) if label.startswith("even") and label.endswith("more than 160 dB lower")]
     assert not [label for label in labels(ax) if label.startswith(("odd", "excited", "|G|")) and "lower" in label]
+
+
+def test_detection_lines_of_both_kinds_are_seen_under_the_excited_ones(ax):
+    pictures.plot_spectrum(MS, ax=ax)
+    excited, odd, even = (line.get_ydata() for line in ax.get_lines())
+    assert excited.min() > odd.max() > even.max()
+    assert labels(ax)[1:] == ["odd detection, zero amplitude", "even detection, zero amplitude"]
