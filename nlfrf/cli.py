@@ -74,6 +74,7 @@ def simulate(
     accuracy: Annotated[
         float | None, typer.Option(help="Error of the position asked for, relative to its rms.")
     ] = None,
+    oversampling: Annotated[int, typer.Option(help="Integration steps per sample.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
 ) -> None:
     """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out."""
@@ -86,7 +87,14 @@ def simulate(
     noise = nlfrf.checks.nonnegative("noise", noise)
     with progress_bar("simulating") as advance:
         record = nlfrf.simulate(
-            rig, ms, n_periods=periods, n_discard=discard, accuracy=accuracy, resume=resume, progress=advance
+            rig,
+            ms,
+            n_periods=periods,
+            n_discard=discard,
+            accuracy=accuracy,
+            oversampling=oversampling,
+            resume=resume,
+            progress=advance,
         )
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))

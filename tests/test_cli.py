@@ -49,7 +49,7 @@ def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
         "design --kind full --fs 512 --period 512 --f-min 1 --f-max 100 --crest 1.6 --seed 1 -o play.wav",
         "design --kind odd --fs 512 --period 2048 --f-min 0.5 --f-max 200 --log-lines 30 --seed 1 -o log.csv",
         "design --fs 2048 --period 2048 --f-min 2 --f-max 140 --rms 0.25 --realizations 2 --seed 1 -o ms.npz",
-        "simulate ms.npz --mass 1.2 --stiffness 70000 -o record.mat",
+        "simulate ms.npz --mass 1.2 --stiffness 70000 --oversampling 2 -o record.mat",
         "identify record.mat --opinion --csv -o bla.h5",
     ]
     for step in steps:
