@@ -291,7 +291,10 @@ class MaxwellSlip:
 
     def __post_init__(self) -> None:
         stiffness = real_array("stiffness", self.stiffness, ndim=1)
-        strength = np.asarray(self.strength, dtype=float)
+        strength = np.asarray(self.strength)
+        if strength.dtype.kind not in "fiu":
+            raise ValueError(f"strength must hold real numbers, got dtype {strength.dtype}")
+        strength = strength.astype(float)
         if strength.shape != stiffness.shape or stiffness.size < 1:
             raise ValueError(
                 f"strength must have one value for each of the {stiffness.size} stiffnesses, got shape {strength.shape}"

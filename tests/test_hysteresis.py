@@ -149,6 +149,8 @@ def test_refusals_name_the_parameter():
         Parabola(1, -1)
     with pytest.raises(ValueError, match="strength must be positive for every element, got 0"):
         MaxwellSlip([1.0, 1.0], [1.0, 0.0])
+    with pytest.raises(ValueError, match="strength must hold real numbers, got dtype <U1"):
+        MaxwellSlip([1.0], ["a"])
     with pytest.raises(ValueError, match="n_elements must be a whole number of at least 1, got 0"):
         fit_maxwell_slip(Tanh(1, 1), n_elements=0)
     with pytest.raises(ValueError, match="curve must be one of Linear"):
