@@ -122,6 +122,16 @@ def test_good_enough_is_enough_and_the_cap_is_kept():
     assert not hurried.K.D.any()
 
 
+def test_a_level_with_an_undamped_solution_is_not_met():
+    """Below 8.19 the Hamiltonian has eigenvalues on the axis: one of each pair, told by rounding, is no solution."""
+    A = [[-0.59, -0.47, 0.59], [-0.66, -0.61, -1.61], [0.73, 0.81, -0.48]]
+    B = [[0.16, -1.29, -0.47], [1.38, 0.14, 2.31], [-0.79, 0.58, -0.2]]
+    C = [[0.57, -0.01, -0.56], [-0.87, 3.07, -0.08], [-2.02, -0.65, 0.68]]
+    found = hinfsyn(control.ss(A, B, C, [[0, 0, 0], [0, 0, 1], [0, 1, 0]], 0), 1, 1)
+    assert found.reason == ""
+    assert found.gamma_low <= found.gamma_min <= found.gamma <= 1.0101 * found.gamma_min
+
+
 def hidden(mode, reached):
     B2, C2 = ([[0.0]], [[1.0]]) if reached == "y" else ([[1.0]], [[0.0]])
     return control.StateSpace([[mode]], np.hstack([[[1.0]], B2]), np.vstack([[[1.0]], C2]), [[0, 1], [1, 0]], 0)
