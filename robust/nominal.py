@@ -157,8 +157,8 @@ def fit_nominal(
     Raises
     ------
     ValueError
-        Orders that do not fit each other or the number of lines, a delay that is not a whole number of
-        samples, lines beyond the Nyquist frequency of `dt`.
+        Orders that do not fit each other or the number of lines, a line where G is zero without `std`, a delay that is
+        not a whole number of samples, lines beyond the Nyquist frequency of `dt`.
 
     References
     ----------
@@ -226,6 +226,11 @@ def measured(bla: Any, std: np.ndarray | None) -> Lines:
             raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
         G = np.asarray(bla.frdata[0, 0], dtype=complex)
         if std is None:
+            if np.any(G) and not np.all(G):
+                at = float(np.asarray(bla.omega)[np.argmin(np.abs(G))])
+                raise ValueError(
+                    f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s"
+                )
             var, dof = np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
         else:
             var, dof = real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)

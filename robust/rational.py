@@ -197,6 +197,8 @@ def refine(
         scale = np.linalg.norm(J, axis=0)
         scale[~(scale > 0)] = 1.0
         left, sv, right = np.linalg.svd(J / scale, full_matrices=False)
+        if sv[0] == 0:  # a gain of zero, which no step of roots changes
+            break
         before = cost
         for _ in range(12):
             step = right.T @ (sv / (sv**2 + damping * sv[0] ** 2) * (left.T @ e)) / scale
@@ -267,7 +269,9 @@ def roots_from(theta: np.ndarray, n: int, *, log: bool = False) -> np.ndarray:
             found += [complex(far), complex(c0 / far if far else 0.0)]
     if n % 2:
         found.append(complex(-np.exp(theta[-1]) if log else -theta[-1]))
-    return np.array(found, dtype=complex)
+    roots = np.array(found, dtype=complex)
+    # an exponential underflows to zero, and what is stable has to be strictly so
+    return np.minimum(roots.real, -1e-12) + 1j * roots.imag if log else roots
 
 
 def to_plane(

@@ -174,6 +174,14 @@ def test_refuses_too_few_lines_and_no_bla():
     with pytest.raises(ValueError, match=r"bla must be an nlfrf\.Bla"):
         fit_nominal([], n_poles=2)
     assert isinstance(make_bla(resonance, F_LINES, f0=0.25), Bla)
+    with pytest.raises(ValueError, match="std must be given where G is zero on a line"):
+        fit_nominal(control.FrequencyResponseData([1.0, 0.0, 1.0], [1.0, 2.0, 3.0]), n_poles=1)
+
+
+def test_one_line_that_no_stable_model_reaches():
+    fit = fit_nominal(control.FrequencyResponseData([1 + 1j], [1.0]), n_poles=1, n_zeros=0)
+    assert np.isfinite(fit.cost)
+    assert fit.G.poles().real < 0
 
 
 def test_no_pole_comes_to_stand_on_a_line():
