@@ -120,8 +120,8 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     Delta = with_phase(where, delta, timebase(model.weight))
     plant = perturbed(model.form, model.nominal, model.weight, Delta)
     seen = in_loop(plant, loop, delay)
-    around = replace(loop.with_plant(plant), shift=delay) if loop.pade_delay else loop.with_plant(seen)
-    S, at = around.terms(np.array([where]))[0], np.array([where])
+    at = np.array([where])
+    S = sensitivity(plant, seen, loop, at)
     achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
     return WorstCase(
         omega=omega,
@@ -145,6 +145,12 @@ def in_loop(plant: control.StateSpace, loop: Assembly, delay: float) -> control.
     if loop.dt and not timebase(plant):
         return sampled(plant, loop.dt, delay)
     return loop.behind_delay(plant, delay)
+
+
+def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Assembly, omega: np.ndarray) -> np.ndarray:
+    """(W,) S with another plant; in a continuous loop behind the delay itself, not its approximation."""
+    around = replace(loop.with_plant(plant), shift=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
+    return around.terms(omega)[0]
 
 
 def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Assembly) -> bool:
@@ -231,12 +237,11 @@ def sample_loops(
     plants = model.sample(integer("n", n, least=1), rng)
     omega = loop.grid(model.omega)
     omega = omega[omega >= model.omega[0] / 10]
-    k = response(loop.K, omega)
     seen = [in_loop(plant, loop, delay) for plant in plants]
     terms = loop.terms(omega)
     return LoopFamily(
         omega=omega,
-        S=np.array([1 / (1 + response(plant, omega) * k) for plant in seen]),
+        S=np.array([sensitivity(*pair, loop, omega) for pair in zip(plants, seen, strict=True)]),
         stable=np.array([stable_with(*pair, loop) for pair in zip(plants, seen, strict=True)]),
         nominal=terms[0],
         worst=worst_sensitivity(*terms),

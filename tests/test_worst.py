@@ -95,6 +95,13 @@ def test_worst_case_refuses_an_unstable_loop():
         worst_case(LAG, 1.0)
 
 
+def test_sampled_loops_have_the_delay_itself():
+    """At w delay = 40 an approximation has lost the phase, and with it the bound of the whole set."""
+    family = sample_loops(model("multiplicative"), control.tf([0.4], [0.01, 1]), 10, delay=4.0, rng=0)
+    assert family.stable.all()
+    assert np.all(np.abs(family.S) <= family.worst * (1 + 1e-6))
+
+
 @pytest.mark.parametrize("T", [0.0, 0.02])
 def test_sampled_loops_stay_under_the_worst_case(T):
     K = control.ss([], [], [], [[1.5]], T) if T else 1.5
