@@ -22,6 +22,7 @@ from nlfrf.values import value
 
 #: How often the step is halved before a loop that runs away is called diverged.
 MOST_HALVINGS = 6
+MOST_STEPS = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
 
 
 @value
@@ -148,7 +149,7 @@ def simulate_loop(
     ------
     ValueError
         A controller that is continuous, of another sampling time, or not single-input single-output; arrays that do
-        not fit.
+        not fit; a rig that is far too fast for fs.
 
     References
     ----------
@@ -173,7 +174,13 @@ def simulate_loop(
     if not np.isposinf(real_or_infinite("saturation", saturation)):
         positive("saturation", saturation)
     resolution, delay = nonnegative("resolution", resolution), nonnegative("delay", delay)
-    steps = max(integer("oversampling", oversampling, least=1), int(np.ceil(1 / (fs * rig.stable_step))))
+    needed = int(np.ceil(1 / (fs * rig.stable_step)))
+    if needed > MOST_STEPS:
+        raise ValueError(
+            f"fs must leave the rig at most {MOST_STEPS} integration steps a sample, got {fs:g} Hz with {needed}: "
+            f"its stable step is {rig.stable_step:.2g} s"
+        )
+    steps = max(integer("oversampling", oversampling, least=1), needed)
     for halving in range(MOST_HALVINGS + 1):
         rows, lost = run_loop(rig, controller, r, fs, saturation, resolution, delay * fs, disturbance, noise, steps)
         if rows.shape[0] == r.size or halving == MOST_HALVINGS:

@@ -147,6 +147,12 @@ def test_refusals_name_the_parameter(K, options, message):
         simulate_loop(paper_rig(), K, np.zeros(10), fs=FS, **options)
 
 
+def test_a_rig_far_too_fast_for_the_clock_is_refused():
+    light = Rig(mass=1e-12, stiffness=paper_rig().stiffness, friction=paper_rig().friction)
+    with pytest.raises(ValueError, match=r"fs must leave the rig at most 10000 integration steps a sample, got 2000 Hz"):
+        simulate_loop(light, PI, np.zeros(10), fs=FS)
+
+
 def test_delay_beyond_the_end_leaves_the_rig_at_rest():
     response = simulate_loop(paper_rig(), PI, np.full(10, 1e-3), fs=FS, delay=1e300)
     assert not response.x.any()
