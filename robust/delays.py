@@ -41,7 +41,7 @@ def moved_out(L: control.StateSpace, delay: float) -> float:
             total += 2 * passed[0] * (int(above[k]) - int(above[k + 1]))
         elif passed[0] > 0:
             return np.nan
-    return total
+    return float(total)
 
 
 def apart(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
