@@ -135,7 +135,7 @@ class Assembly:
                 else:
                     total += hold * w * (1.0 if self.form == "additive" else size)
         # from there on at least as 1/k^2, whose sum is k times its last term
-        total += N_ALIASES * (total - before)
+        total += N_ALIASES * np.subtract(total, before, out=np.zeros(omega.size), where=np.isfinite(total))
         return self.rs(omega) + np.abs(response(self.K, omega) * self.terms(omega)[0]) * total
 
     def half_disk(self, omega: np.ndarray) -> np.ndarray:
