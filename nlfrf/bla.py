@@ -106,7 +106,9 @@ class Bla:
 
     def __post_init__(self) -> None:
         if self.coherence is None:
-            object.__setattr__(self, "coherence", np.full(self.f.size, np.nan))
+            unknown = np.full(self.f.size, np.nan)
+            unknown.flags.writeable = False
+            object.__setattr__(self, "coherence", unknown)
 
     @property
     def omega(self) -> np.ndarray:

@@ -11,11 +11,11 @@ from typing import Any
 
 import control
 import numpy as np
-from scipy.linalg import matrix_balance, solve_continuous_are
+from scipy.linalg import solve_continuous_are
 
 from nlfrf.checks import positive, shown
 from nlfrf.values import value
-from robust.lti import timebase, to_continuous, to_discrete
+from robust.lti import scaled_states, timebase, to_continuous, to_discrete
 from robust.norms import EPS, Matrices, hinf_norm, well_conditioned
 from robust.programs import attempt
 
@@ -125,8 +125,7 @@ def certify_norm(
         return refused(subject, level, "the system has coefficients that are not finite")
     if n:
         # powers of two: this scaling is exact
-        A, (weights, _) = matrix_balance(A, permute=False, separate=True)
-        B, C = B / weights[:, None], C * weights
+        A, B, C = scaled_states(A, B, C)
     else:
         holds = bool(np.linalg.norm(D, 2) < 1 - 10 * EPS)
         reason = "" if holds else f"the gain is {np.linalg.norm(D, 2) * level:.6g}"

@@ -6,10 +6,9 @@ from typing import Any
 
 import control
 import numpy as np
-from scipy.linalg import matrix_balance
 
 from robust.loop import closed_loop
-from robust.lti import constant, state_space, timebase, to_continuous, zeros
+from robust.lti import constant, scaled_states, state_space, timebase, to_continuous, zeros
 from robust.norms import Matrices, hinf_norm
 from robust.riccati import stabilising
 from robust.uncertainty import UncertaintyModel
@@ -131,8 +130,7 @@ def well_scaled(matrices: Matrices) -> Matrices:
     A, B, C, D = matrices
     if not A.size:
         return matrices
-    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
-    B, C = B / weights[:, None], C * weights
+    A, B, C = scaled_states(A, B, C)
     size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
     return A, B * size, C / size, D
 

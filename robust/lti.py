@@ -68,8 +68,7 @@ def from_polynomials(name: str, num: np.ndarray, den: np.ndarray, dt: Any) -> co
     A[0], A[1:, :-1] = -tail, np.eye(n - 1)
     B = np.zeros((n, 1))
     B[0, 0] = 1.0
-    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
-    B, C = B / weights[:, None], (head * weights)[None, :]
+    A, B, C = scaled_states(A, B, head[None, :])
     level = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if np.any(C) else 1.0
     return control.StateSpace(A * scale, B * level * scale, C / level, D, dt)
 
@@ -152,6 +151,12 @@ def on_axis(omega: np.ndarray, dt: float) -> np.ndarray:
     return np.exp(1j * omega * dt) if dt else 1j * omega
 
 
+def scaled_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same dynamics with each state in a unit of its own, by powers of two: rows and columns of A alike in size."""
+    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
+    return A, B / weights[:, None], C * weights
+
+
 def evaluate(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
     points = np.atleast_1d(np.asarray(points, dtype=complex))
@@ -160,8 +165,7 @@ def evaluate(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points:
     n = A.shape[0]
     if n == 0:
         return out
-    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
-    B, C = B / weights[:, None], C * weights
+    A, B, C = scaled_states(A, B, C)
     finite = np.isfinite(points)
     if n > MANY_STATES and points.size > 4:
         out[finite] += by_schur(A, B, C, points[finite])
@@ -204,8 +208,7 @@ def zeros(system: control.StateSpace) -> np.ndarray:
     if n == 0:
         return np.zeros(0, complex)
     d = system.D[0, 0]
-    A, (weights, _) = matrix_balance(system.A, permute=False, separate=True)
-    B, C = system.B / weights[:, None], system.C * weights
+    A, B, C = scaled_states(system.A, system.B, system.C)
     if abs(d) * (1 + np.linalg.norm(A)) > 1e-8 * np.linalg.norm(C) * np.linalg.norm(B):
         return np.linalg.eigvals(A - B @ C / d)
     top = np.block([[A, B], [C, np.atleast_2d(d)]])

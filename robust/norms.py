@@ -8,7 +8,7 @@ import control
 import numpy as np
 from scipy.linalg import eig, matrix_balance, solve_continuous_lyapunov
 
-from robust.lti import evaluate, timebase, to_continuous
+from robust.lti import evaluate, scaled_states, timebase, to_continuous
 
 EPS = np.finfo(float).eps
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -31,8 +31,7 @@ def well_conditioned(matrices: Matrices) -> Matrices:
     n = A.shape[0]
     if n < 2:
         return matrices
-    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
-    B, C = B / weights[:, None], C * weights
+    A, B, C = scaled_states(A, B, C)
     candidates = [balanced(A, B, C), modal(A)]
     omega = np.unique(np.abs(np.linalg.eigvals(A)))
     before = evaluate(*matrices, 1j * omega)

@@ -9,10 +9,9 @@ from dataclasses import replace
 
 import control
 import numpy as np
-from scipy.linalg import matrix_balance
 
 from nlfrf.values import value
-from robust.lti import evaluate, timebase, to_continuous, to_discrete
+from robust.lti import evaluate, scaled_states, timebase, to_continuous, to_discrete
 from robust.norms import Matrices
 
 
@@ -101,8 +100,7 @@ def scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.
     """Time in the geometric mean of the poles; states so that rows of [A B] and columns of [A; C] have like sizes."""
     if not A.size:
         return A, B, C, 1.0
-    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
-    B, C = B / weights[:, None], C * weights
+    A, B, C = scaled_states(A, B, C)
     size = np.abs(np.linalg.eigvals(A))
     size = size[size > 1e-12 * size.max(initial=0.0)]
     speed = float(np.exp(np.mean(np.log(size)))) if size.size else 1.0

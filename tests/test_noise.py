@@ -47,6 +47,7 @@ def test_a_periodic_record_has_no_coherence_and_older_files_load(tmp_path):
     ms = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     bla = identify(Record(u=ms.u[None], y=ms.u[None], fs=128, lines=ms.lines))
     assert np.isnan(bla.coherence).all()
+    assert not bla.coherence.flags.writeable
     save_bla(bla, tmp_path / "bla.npz")
     with np.load(tmp_path / "bla.npz") as stored:
         np.savez(tmp_path / "older.npz", **{name: stored[name] for name in stored.files if name != "coherence"})
