@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from robust.handover import write_report
     from robust.hinfsyn import Synthesis, hinfsyn
     from robust.interconnection import Block, UncertainSystem, interconnection
-    from robust.lti import discretize, sampled
     from robust.mixed import mixsyn
     from robust.model_files import load_controller, load_model, save_controller, save_model
     from robust.mu import MuBound, mu_upper
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from robust.nominal import NominalFit, fit_nominal, frd
     from robust.orders import OrderScan, scan_orders
     from robust.report import RobustnessReport
+    from robust.sampling import discretize, sampled
     from robust.sections import controller_sections
     from robust.shaping import Design, crossover_weight, ncfsyn
     from robust.structured import StructuredReport, check_structure
@@ -81,7 +81,7 @@ HOMES = {
     "crossover_weight": "shaping",
     "delay_weight": "formulas",
     "design_frf": "frf_design",
-    "discretize": "lti",
+    "discretize": "sampling",
     "disk_margin": "disk",
     "dk_iteration": "dk",
     "export_matlab": "export",
@@ -107,7 +107,7 @@ HOMES = {
     "pid": "elements",
     "roll_off": "elements",
     "sample_loops": "worst",
-    "sampled": "lti",
+    "sampled": "sampling",
     "save_controller": "model_files",
     "save_model": "model_files",
     "scan_orders": "orders",

@@ -14,20 +14,8 @@ from robust.delays import moved_out
 from robust.intervals import Magnitude, magnitude
 from robust.lft import certain_poles
 from robust.loop import PORTS, closed_loop, worst_sensitivity, worst_terms
-from robust.lti import (
-    constant,
-    delay_samples,
-    delayed,
-    in_s,
-    in_series,
-    poles,
-    response,
-    sampled,
-    stable_weight,
-    state_space,
-    timebase,
-    zeros,
-)
+from robust.lti import constant, in_s, in_series, poles, response, stable_weight, state_space, timebase, zeros
+from robust.sampling import delay_samples, delayed, sampled
 from robust.uncertainty import UncertaintyModel
 
 DELAY_ORDER = 8

@@ -6,7 +6,8 @@ import control
 import numpy as np
 
 from nlfrf.checks import integer, nonnegative, positive, real
-from robust.lti import discretize, from_roots
+from robust.lti import from_roots
+from robust.sampling import discretize
 
 
 def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:

@@ -9,7 +9,8 @@ import numpy as np
 
 from nlfrf.checks import nonnegative, positive
 from robust.hinfsyn import hinfsyn
-from robust.lti import constant, delayed, discretize, sampled, stable_weight, state_space, timebase
+from robust.lti import constant, stable_weight, state_space, timebase
+from robust.sampling import delayed, discretize, sampled
 from robust.shaping import Design
 from robust.uncertainty import UncertaintyModel
 

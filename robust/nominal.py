@@ -11,8 +11,9 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf.checks import integer, nonnegative, real_array, shown
 from nlfrf.values import value
-from robust.lti import delay_samples, from_roots
+from robust.lti import from_roots
 from robust.rational import Roots, in_order, numerator, refine, starting_poles, to_plane, vector_fit
+from robust.sampling import delay_samples
 
 MAX_POLES = 40
 

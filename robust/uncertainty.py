@@ -23,10 +23,11 @@ from scipy.stats import binom
 from nlfrf import Bla
 from nlfrf.checks import integer, nonnegative, one_of, probability, real, real_array, shown
 from nlfrf.values import value
-from robust.lti import delayed, frequency_response, least_stable, response, stable, state_space, timebase
+from robust.lti import frequency_response, least_stable, response, stable, state_space, timebase
 from robust.nominal import NominalFit
 from robust.perturb import perturbed, perturbed_response, random_perturbation
 from robust.radius import DECADES_ABOVE, PARTS, absolute_to_form, extrapolated, family, nominal_response, total_of
+from robust.sampling import delayed
 from robust.weights import fit_weight
 
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")

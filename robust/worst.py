@@ -12,8 +12,9 @@ from nlfrf.checks import integer
 from nlfrf.values import value
 from robust.assembly import Assembly, assemble, nominal_instability
 from robust.loop import worst_perturbation, worst_sensitivity
-from robust.lti import response, sampled, state_space, timebase
+from robust.lti import response, state_space, timebase
 from robust.perturb import perturbed, with_phase
+from robust.sampling import sampled
 from robust.uncertainty import UncertaintyModel
 
 

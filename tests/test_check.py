@@ -6,8 +6,9 @@ import pytest
 
 from robust import UncertaintyModel, check, fit_nominal, frd, performance_weight, uncertainty
 from robust.loop import worst_perturbation, worst_sensitivity, worst_terms
-from robust.lti import response, sampled
+from robust.lti import response
 from robust.margins import factor_allowed
+from robust.sampling import sampled
 from tests.robust_helpers import make_bla
 
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")

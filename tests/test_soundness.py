@@ -11,7 +11,8 @@ import pytest
 
 from robust import UncertaintyModel, check, performance_weight
 from robust.assembly import assemble
-from robust.lti import response, sampled
+from robust.lti import response
+from robust.sampling import sampled
 from tests.random_loops import closed_loop_poles, curves, dense_grid, random_case, roots, tf_response, zpk
 
 
