@@ -38,7 +38,8 @@ if TYPE_CHECKING:
     from robust.sections import controller_sections
     from robust.shaping import Design, crossover_weight, ncfsyn
     from robust.structured import StructuredReport, check_structure
-    from robust.uncertainty import UncertaintyModel, Validation, uncertainty, validate
+    from robust.uncertainty import UncertaintyModel, uncertainty
+    from robust.validation import Validation, validate
     from robust.weights import WeightFit, fit_weight
     from robust.worst import LoopFamily, WorstCase, loop_bounds, sample_loops, worst_case
 
@@ -69,7 +70,7 @@ HOMES = {
     "Synthesis": "hinfsyn",
     "UncertainSystem": "interconnection",
     "UncertaintyModel": "uncertainty",
-    "Validation": "uncertainty",
+    "Validation": "validation",
     "WeightFit": "weights",
     "WorstCase": "worst",
     "certify_mu": "mu_certify",
@@ -112,7 +113,7 @@ HOMES = {
     "save_model": "model_files",
     "scan_orders": "orders",
     "uncertainty": "uncertainty",
-    "validate": "uncertainty",
+    "validate": "validation",
     "worst_case": "worst",
     "worst_gain": "mu_gain",
     "write_report": "handover",

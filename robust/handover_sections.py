@@ -19,7 +19,8 @@ from robust.lti import poles, response, state_space, timebase, zeros
 from robust.nominal import NominalFit
 from robust.report import RobustnessReport, factor, hertz
 from robust.sections import controller_sections
-from robust.uncertainty import UncertaintyModel, validate
+from robust.uncertainty import UncertaintyModel
+from robust.validation import validate
 from robust.worst import sample_loops, worst_case
 
 PACKAGES = ("nlfrf", "numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba")

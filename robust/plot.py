@@ -11,7 +11,8 @@ from robust.lti import response, state_space
 from robust.nominal import NominalFit
 from robust.orders import OrderScan
 from robust.report import RobustnessReport
-from robust.uncertainty import UncertaintyModel, Validation
+from robust.uncertainty import UncertaintyModel
+from robust.validation import Validation
 from robust.worst import LoopFamily
 
 if TYPE_CHECKING:

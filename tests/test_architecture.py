@@ -84,6 +84,7 @@ FLOORS = {
     "robust.orders": 21,
     "robust.certify": 21,
     "robust.uncertainty": 22,
+    "robust.validation": 23,
     "robust.report": 22,
     "robust.shaping": 23,
     "robust.assembly": 23,
