@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+TESTS := $(VENV)/.ready-test
+DOCS := $(VENV)/.ready-docs
 
 .PHONY: demo test lint docs picture bench clean help
 
@@ -14,17 +16,28 @@ help:
 	@echo "make bench    speeds and measured coverage, against peers where they install"
 	@echo "make clean    remove what these made"
 
+# What a job needs and no more: the packages, then what tests and documentation want besides.
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
 	  || { echo "Python 3.11 or later is needed; choose one by: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test,docs]"
+	$(INSTALL) -e .
+	@touch $@
+
+$(TESTS): $(READY)
+	$(INSTALL) -e ".[test,docs]"
+	@touch $@ $(DOCS)
+
+$(DOCS): $(READY)
+	$(INSTALL) -e ".[docs]"
 	@touch $@
 
 demo: $(READY)
 	MPLBACKEND=Agg $(BIN)/python examples/01_identify_then_design.py --out demo
 
-lint: $(READY)
+lint: $(TESTS)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -33,7 +46,7 @@ test: lint
 	MPLBACKEND=Agg $(BIN)/python -m pytest -n 2 --dist worksteal
 
 # The examples run once: what they print and draw lies in build/examples, and the tests look at the same.
-docs: $(READY)
+docs: $(DOCS)
 	MPLBACKEND=Agg $(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees docs build/docs
 	@echo "wrote build/docs/index.html"
 
@@ -41,7 +54,7 @@ docs: $(READY)
 picture: $(READY)
 	$(BIN)/python -m docs.picture
 
-bench: $(READY)
+bench: $(TESTS)
 	$(BIN)/python -m benchmarks.machine
 	$(BIN)/python -m benchmarks.bench_identify
 	$(BIN)/python -m benchmarks.bench_friction
