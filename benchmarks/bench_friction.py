@@ -14,11 +14,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.timing import best
+from nlfrf.bench.rig import Rig, advance, at_rest, run
+from nlfrf.bench.simulate import one_period
+from nlfrf.excitation.multisine import multisine
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import Tanh, fit_maxwell_slip
-from nlfrf.multisine import multisine
-from nlfrf.rig import Rig, advance, at_rest, run
-from nlfrf.simulate import one_period
 
 SLIDING = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01, "sigma2": 0.4}
 CURVE = Tanh(64e3, 1.0)
@@ -32,7 +32,7 @@ LAWS = {
     ),
     "Coulomb": Coulomb(**SLIDING),
 }
-FIRST = "from nlfrf.rig import paper_rig, run; import numpy as np; run(paper_rig(), np.ones(99), fs=4096.0)"
+FIRST = "from nlfrf import paper_rig, run; import numpy as np; run(paper_rig(), np.ones(99), fs=4096.0)"
 
 
 def first_use():
@@ -111,7 +111,7 @@ def main():
     print("LuGre, 1 s at 4096 Hz")
     against_lsoda()
     if options.full:
-        from nlfrf.reproduce import reproduce
+        from nlfrf.studies.reproduce import reproduce
 
         with tempfile.TemporaryDirectory() as folder:
             elapsed = best(lambda: reproduce(folder, n_realizations=100), 1)

@@ -16,8 +16,8 @@ import numpy as np
 
 from benchmarks.timing import best
 from robust import certify_mu, dk_iteration, hinfsyn, mu_lower, mu_upper
-from robust.lft import lower
-from robust.lti import evaluate
+from robust.systems.lft import lower
+from robust.systems.lti import evaluate
 from tests.distillation import WITH_PERFORMANCE, controller, plant
 from tests.test_hinfsyn import random_plant
 

@@ -5,22 +5,21 @@
 Pictures are in `nlfrf.plot`, friction laws in `nlfrf.friction`, hysteresis in `nlfrf.hysteresis`.
 """
 
-from nlfrf.bla import Bla
-from nlfrf.checks import DataWarning
-from nlfrf.crest import reduce_crest
-from nlfrf.distortion import DistortionLevels
-from nlfrf.identify import identify
-from nlfrf.io import export_csv, load_bla, load_multisine, save_bla, save_multisine
-from nlfrf.level_study import LevelStudy, level_study
-from nlfrf.lines import LineGrid
-from nlfrf.loop import LoopResponse, simulate_loop
-from nlfrf.multisine import Multisine, multisine
-from nlfrf.noise import identify_noise
-from nlfrf.opinion import SecondOpinion, second_opinion
-from nlfrf.record import Record, record_from_samples
-from nlfrf.record_files import load_record, save_record
-from nlfrf.rig import Motion, Rig, drive, paper_rig, run
-from nlfrf.simulate import simulate
+from nlfrf.bench.closed_loop import LoopResponse, simulate_loop
+from nlfrf.bench.rig import Motion, Rig, drive, paper_rig, run
+from nlfrf.bench.simulate import simulate
+from nlfrf.excitation.crest import reduce_crest
+from nlfrf.excitation.lines import LineGrid
+from nlfrf.excitation.multisine import Multisine, multisine
+from nlfrf.files.records import load_record, save_record
+from nlfrf.files.results import export_csv, load_bla, load_multisine, save_bla, save_multisine
+from nlfrf.identification.bla import Bla, DistortionLevels
+from nlfrf.identification.identify import identify
+from nlfrf.identification.noise_excitation import identify_noise
+from nlfrf.identification.second_opinion import SecondOpinion, second_opinion
+from nlfrf.records.record import Record, record_from_samples
+from nlfrf.shared.arguments import DataWarning
+from nlfrf.studies.level_study import LevelStudy, level_study
 
 __version__ = "0.1.0"
 

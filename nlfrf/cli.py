@@ -11,10 +11,11 @@ import numpy as np
 import typer
 
 import nlfrf
-from nlfrf.command import Version, run
-from nlfrf.files import write_whole
-from nlfrf.io import load
-from nlfrf.lines import KINDS
+from nlfrf.excitation.lines import KINDS
+from nlfrf.files.results import load
+from nlfrf.shared.arguments import nonnegative
+from nlfrf.shared.command import Version, run
+from nlfrf.shared.whole_files import write_whole
 
 app = typer.Typer(
     help="Best linear approximations with a distortion bound from one multisine experiment.",
@@ -84,7 +85,7 @@ def simulate(
         rig = replace(rig, mass=mass)
     if stiffness is not None:
         rig = replace(rig, stiffness=stiffness)
-    noise = nlfrf.checks.nonnegative("noise", noise)
+    noise = nonnegative("noise", noise)
     with progress_bar("simulating") as advance:
         record = nlfrf.simulate(
             rig,
@@ -183,7 +184,7 @@ def reproduce(
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
 ) -> None:
     """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
-    from nlfrf.reproduce import reproduce as repeat
+    from nlfrf.studies.reproduce import reproduce as repeat
 
     with progress_bar("simulating") as advance:
         findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=resume)

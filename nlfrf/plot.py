@@ -6,20 +6,32 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf.bla import Bla
-from nlfrf.checks import one_of
-from nlfrf.multisine import Multisine
-from nlfrf.neighbours import layout
-from nlfrf.opinion import DISAGREE, SecondOpinion
-from nlfrf.record import Record
-from nlfrf.spectra import dft
+from nlfrf.excitation.multisine import Multisine
+from nlfrf.identification.bla import Bla
+from nlfrf.identification.neighbours import layout
+from nlfrf.identification.second_opinion import DISAGREE, SecondOpinion
+from nlfrf.identification.spectra import dft
+from nlfrf.records.record import Record
+from nlfrf.shared.arguments import one_of
+from nlfrf.shared.axes import axes, db, finished
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+__all__ = [
+    "plot_bla",
+    "plot_excitation",
+    "plot_input",
+    "plot_levels",
+    "plot_opinion",
+    "plot_phase",
+    "plot_samples",
+    "plot_spectrum",
+]
+
+
 # one colour a kind of line in every picture, told apart by colour-blind readers too
 COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
-
 ROUNDING = 120.0  # dB under the input; what lies lower is of no interest
 DEEPEST = 160.0  # dB under the output, or the FRF; the same
 
@@ -188,15 +200,6 @@ def title(bla: Bla) -> str:
     return f"{bla.grid} grid, M = {bla.n_realizations}, P = {bla.n_periods}, level from {bla.level_source}"
 
 
-def axes(ax: Axes | None) -> Any:
-    """The axes given, or those of a new figure."""
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot as plt
-
-    return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
-
-
 def cut(ax: Any, amplitude: np.ndarray) -> Any:
     """Leave out what lies at rounding, far under the largest amplitude; the legend says so."""
     bottom = float(db(amplitude.max())) - DEEPEST
@@ -206,17 +209,3 @@ def cut(ax: Any, amplitude: np.ndarray) -> Any:
             if np.all(np.nan_to_num(line.get_ydata(), nan=-np.inf) < bottom):
                 line.set_label(f"{line.get_label()}: more than {DEEPEST:g} dB lower")
     return ax
-
-
-def finished(ax: Any) -> Any:
-    """Grid and legend, the same in every picture."""
-    ax.grid(alpha=0.3)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(fontsize="small", loc="best", framealpha=0.85)
-    return ax
-
-
-def db(x: np.ndarray) -> np.ndarray:
-    """Amplitude in decibels; nan where it is zero."""
-    x = np.asarray(x, dtype=float)
-    return np.asarray(20 * np.log10(np.where(x > 0, x, np.nan)))

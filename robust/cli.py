@@ -12,9 +12,9 @@ import typer
 
 import nlfrf
 import robust
-from nlfrf.checks import one_of
-from nlfrf.command import Version, run
-from nlfrf.files import write_whole
+from nlfrf.shared.arguments import one_of
+from nlfrf.shared.command import Version, run
+from nlfrf.shared.whole_files import write_text, write_whole
 
 app = typer.Typer(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
@@ -213,7 +213,7 @@ def export(
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    from robust.model_files import holds_model
+    from robust.files.models import holds_model
 
     content: Any = robust.load_model(file) if holds_model(file) else robust.load_controller(file)
     if out.suffix == ".mat":
@@ -269,15 +269,6 @@ def report(
         )
     print(f"verdict: {result.verdict}")
     print(f"wrote {out}")
-
-
-def write_text(path: Path, text: str) -> None:
-    """A text file, whole or not at all."""
-
-    def write(beside: Path) -> None:
-        beside.write_text(text, encoding="utf-8")
-
-    write_whole(path, write)
 
 
 def number(name: str, text: str) -> float:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.bla import Bla
-from nlfrf.distortion import DistortionLevels
-from nlfrf.lines import LineGrid
+from nlfrf.excitation.lines import LineGrid
+from nlfrf.identification.bla import Bla, DistortionLevels
 
 
 def make_bla(

@@ -1,4 +1,4 @@
-"""The floors of the house: a module imports only from strictly lower floors, and heavy packages come late."""
+"""The house: wings and their arrows, rooms that show their face, heavy packages late."""
 
 import ast
 import subprocess
@@ -9,190 +9,235 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-FLOORS = {
-    "nlfrf.values": 0,
-    "nlfrf.checks": 0,
-    "nlfrf.command": 0,
-    "nlfrf.lines": 1,
-    "nlfrf.curves": 1,
-    "nlfrf.hysteresis": 2,
-    "nlfrf.multisine": 2,
-    "nlfrf.friction": 3,
-    "nlfrf.packing": 0,
-    "nlfrf.kernels": 1,
-    "nlfrf.slip_kernels": 1,
-    "nlfrf.ensemble": 4,
-    "nlfrf.loop": 6,
-    "nlfrf.paper": 6,
-    "nlfrf.remarks": 7,
-    "nlfrf.level_study": 9,
-    "nlfrf.reproduce": 10,
-    "nlfrf.excitation": 2,
-    "nlfrf.diagnosis": 3,
-    "nlfrf.record": 4,
-    "nlfrf.rig": 5,
-    "nlfrf.neighbours": 2,
-    "nlfrf.localfit": 3,
-    "nlfrf.channels": 3,
-    "nlfrf.calibration": 3,
-    "nlfrf.transient": 4,
-    "nlfrf.distortion": 4,
-    "nlfrf.spectra": 5,
-    "nlfrf.frf": 6,
-    "nlfrf.simulate": 6,
-    "nlfrf.crest": 3,
-    "nlfrf.hdf5": 0,
-    "nlfrf.level": 7,
-    "nlfrf.opinion": 8,
-    "nlfrf.noise": 8,
-    "nlfrf.bla": 7,
-    "nlfrf.identify": 8,
-    "nlfrf.files": 1,
-    "nlfrf.record_files": 5,
-    "nlfrf.io": 8,
-    "nlfrf.plot": 9,
-    "nlfrf": 11,
-    "nlfrf.cli": 12,
-    "robust.lti": 17,
-    "robust.sampling": 18,
-    "robust.norms": 19,
-    "robust.rational": 19,
-    "robust.programs": 19,
-    "robust.perturb": 19,
-    "robust.lft": 20,
-    "robust.delays": 20,
-    "robust.regular": 20,
-    "robust.riccati": 21,
-    "robust.hinfsyn": 22,
-    "robust.structure": 20,
-    "robust.mu": 21,
-    "robust.mu_lower": 22,
-    "robust.mu_certify": 23,
-    "robust.interconnection": 23,
-    "robust.parameters": 23,
-    "robust.structured": 24,
-    "robust.mu_gain": 22,
-    "robust.dk": 25,
-    "robust.radius": 19,
-    "robust.loop": 20,
-    "robust.overbound": 20,
-    "robust.nominal": 20,
-    "robust.intervals": 20,
-    "robust.enclosure": 21,
-    "robust.formulas": 20,
-    "robust.weights": 21,
-    "robust.orders": 21,
-    "robust.certify": 21,
-    "robust.uncertainty": 22,
-    "robust.validation": 23,
-    "robust.report": 22,
-    "robust.shaping": 23,
-    "robust.assembly": 23,
-    "robust.words": 23,
-    "robust.margins": 24,
-    "robust.proofs": 24,
-    "robust.frf_check": 25,
-    "robust.worst": 25,
-    "robust.check": 26,
-    "robust.disk": 26,
-    "robust.export": 27,
-    "robust.sections": 25,
-    "robust.model_files": 26,
-    "robust.plot": 28,
-    "robust.structures": 21,
-    "robust.cones": 21,
-    "robust.demands": 26,
-    "robust.starts": 27,
-    "robust.iteration": 28,
-    "robust.frf_design": 29,
-    "robust.elements": 19,
-    "robust.gap": 23,
-    "robust.mixed": 24,
-    "robust.shaping_plot": 29,
-    "robust.handover_sections": 29,
-    "robust.handover": 30,
-    "robust": 31,
-    "robust.cli": 32,
+#: Wing -> the wings its rooms may import from; every room may import from `shared`. The only thing typed by hand here.
+ARROWS = {
+    "nlfrf.shared": "",
+    "nlfrf.excitation": "",
+    "nlfrf.friction": "",
+    "nlfrf.records": "excitation",
+    "nlfrf.identification": "records excitation",
+    "nlfrf.bench": "friction records excitation",
+    "nlfrf.files": "identification records excitation",
+    "nlfrf.studies": "bench identification records excitation",
+    "nlfrf.plot": "identification records excitation",
+    "robust.systems": "",
+    "robust.certificates": "systems",
+    "robust.modelling": "systems",
+    "robust.mu": "certificates systems",
+    "robust.uncertain": "modelling mu systems",
+    "robust.analysis": "uncertain mu certificates systems",
+    "robust.synthesis": "uncertain modelling mu certificates systems",
+    "robust.fixed_structure": "analysis synthesis uncertain certificates systems",
+    "robust.plot": "analysis uncertain modelling systems",
+    "robust.loopshaping": "plot analysis uncertain systems",
+    "robust.files": "plot analysis uncertain modelling systems",
 }
-
-#: Where a heavy package may be imported at all.
+#: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
+FACES = {
+    *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis"),
+    *("robust", "robust.cli", "robust.plot", "robust.shaping_plot"),
+}
+#: Where a heavy package may be imported at all: rooms, or whole wings.
 HEAVY = {
-    "matplotlib": {
-        "nlfrf.plot",
-        "nlfrf.reproduce",
-        "nlfrf.cli",
-        "robust.plot",
-        "robust.shaping_plot",
-        "robust.handover_sections",
-        "robust.cli",
-    },
-    "numba": {"nlfrf.kernels", "nlfrf.slip_kernels"},
-    "h5py": {"nlfrf.hdf5", "nlfrf.files"},
+    "matplotlib": "nlfrf.plot robust.plot nlfrf.shared.axes nlfrf.studies.figures robust.loopshaping.picture "
+    "robust.files.report_parts nlfrf.cli robust.cli",
+    "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels",
+    "h5py": "nlfrf.files.hdf5 nlfrf.shared.whole_files",
+    "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program",
+    "jinja2": "robust.files.report_page",
 }
+ALWAYS_LATE = {"matplotlib", "cvxpy", "h5py", "jinja2"}
 
 
-def found_modules():
+def found_rooms():
     for package in ("nlfrf", "robust"):
-        for path in sorted((ROOT / package).glob("*.py")):
-            name = package if path.stem == "__init__" else f"{package}.{path.stem}"
+        for path in sorted((ROOT / package).rglob("*.py")):
+            name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
             yield name, ast.parse(path.read_text())
 
 
-MODULES = list(found_modules())
+ROOMS = dict(found_rooms())
+EACH = pytest.mark.parametrize(("name", "tree"), ROOMS.items(), ids=list(ROOMS))
+
+
+def wing_of(room):
+    """The folder of a room; a room on the landing is a wing of its own."""
+    return ".".join(room.split(".")[:2])
 
 
 def imports(tree):
-    """Every module imported anywhere in a file, inside functions too, and whether the import runs on import."""
+    """(module, names, whether it runs on import) of every import in a file, inside functions too."""
     late = {node for function in ast.walk(tree) if isinstance(function, ast.FunctionDef) for node in ast.walk(function)}
-    typing_only = {
-        node
-        for block in ast.walk(tree)
-        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.dump(block.test)
-        for node in ast.walk(block)
-    }
+    blocks = [n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test)]
+    typing_only = {node for block in blocks for node in ast.walk(block)}
     for node in ast.walk(tree):
-        if node in typing_only:
-            continue
         if isinstance(node, ast.Import):
             for alias in node.names:
-                yield alias.name, node not in late
+                yield alias.name, [], node not in late and node not in typing_only
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
-            inner = [f"{node.module}.{alias.name}" for alias in node.names]
-            for name in inner if set(inner) <= set(FLOORS) else [node.module]:
-                yield name, node not in late
+            names = [alias.name for alias in node.names]
+            rooms = [f"{node.module}.{name}" for name in names]
+            for room in rooms:
+                if room in ROOMS:
+                    yield room, [], node not in late and node not in typing_only
+            rest = [name for name, room in zip(names, rooms, strict=True) if room not in ROOMS]
+            if rest:
+                yield node.module, rest, node not in late and node not in typing_only
 
 
-def test_every_module_has_a_floor():
-    assert {name for name, _ in MODULES} == set(FLOORS)
+def shown(tree):
+    """What a room names in `__all__`."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+            return set(ast.literal_eval(node.value))
+    return None
 
 
-@pytest.mark.parametrize(("name", "tree"), MODULES, ids=[name for name, _ in MODULES])
-def test_imports_run_downstairs(name, tree):
-    for imported, _ in imports(tree):
-        if imported in FLOORS and imported not in ("nlfrf", "robust"):
-            assert FLOORS[imported] < FLOORS[name], f"{name} imports {imported} from floor {FLOORS[imported]}"
-        elif imported in ("nlfrf", "robust") and not (imported == "nlfrf" and name.startswith("robust")):
-            assert name.endswith(".cli"), f"{name} imports its own package"
-        if name.startswith("nlfrf"):
-            assert imported.split(".")[0] not in ("robust", "control", "cvxpy"), f"{name} imports {imported}"
+def defined(tree):
+    """Every name that a room defines."""
+    names = set()
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names |= {leaf.id for target in targets for leaf in ast.walk(target) if isinstance(leaf, ast.Name)}
+    return names
 
 
-@pytest.mark.parametrize(("name", "tree"), MODULES, ids=[name for name, _ in MODULES])
+def test_the_tables_name_every_wing():
+    found = {wing_of(name) for name in ROOMS if name.count(".")} - (FACES - set(ARROWS))
+    assert found == set(ARROWS)
+    assert set(ROOMS) >= FACES
+
+
+@EACH
+def test_arrows_run_one_way(name, tree):
+    package, wing = name.split(".")[0], wing_of(name)
+    for imported, names, _ in imports(tree):
+        top = imported.split(".")[0]
+        if package == "nlfrf":
+            assert top not in ("robust", "control", "cvxpy"), f"{name} imports {imported}"
+        if top not in ("nlfrf", "robust") or name in FACES:
+            continue
+        if top != package:
+            allowed = imported in ("nlfrf", "nlfrf.plot") or wing_of(imported) == "nlfrf.shared"
+            assert allowed, f"{name} imports {imported}: nlfrf is known by its public names and its shared ground"
+            public = set(shown(ROOMS["nlfrf"]))
+            assert imported != "nlfrf" or set(names) <= public, f"{name} imports {names} from nlfrf"
+        elif imported != package:
+            allowed = {f"{package}.{other}" for other in ARROWS[wing].split()} | {wing, f"{package}.shared"}
+            assert wing_of(imported) in allowed, f"{name} imports {imported}"
+        else:
+            raise AssertionError(f"{name} imports its own package")
+
+
+def test_no_circle_inside_a_wing():
+    """Late imports count too: a circle is a circle whenever it closes."""
+    below = {name: {i for i, _, _ in imports(tree) if i in ROOMS and i not in FACES} for name, tree in ROOMS.items()}
+    done = set()
+    while True:
+        free = {name for name in below if name not in done and below[name] <= done | {name}}
+        if not free:
+            break
+        done |= free
+    assert set(ROOMS) - done <= FACES
+
+
+def test_wings_stand_in_few_floors():
+    def floor(wing):
+        package = wing.split(".")[0]
+        others = [f"{package}.{other}" for other in ARROWS[wing].split()]
+        own = 1 + max(map(floor, others), default=0)
+        return own if wing == "nlfrf.shared" else max(own, 1 + floor("nlfrf.shared"))
+
+    assert max(map(floor, ARROWS)) + 2 <= 10  # and the face, and the command
+
+
+def test_no_wing_is_called_like_a_public_name():
+    import nlfrf
+    import robust
+
+    for module in (nlfrf, robust):
+        wings = {wing.split(".")[1] for wing in ARROWS if wing.startswith(module.__name__)}
+        assert not wings & set(module.__all__)
+
+
+@EACH
+def test_a_plate_hangs_at_every_door(name, tree):
+    """A wing's `__init__` says what each room holds, and has no code but where the wing is public."""
+    rooms = {other.split(".")[-1] for other in ROOMS if other.startswith(f"{name}.") and other.count(".") == 2}
+    if not (name.count(".") == 1 and rooms):
+        return
+    rows = [line.split(maxsplit=1) for line in ast.get_docstring(tree).splitlines()]
+    said = {row[0] for row in rows if len(row) == 2}
+    assert rooms <= said, f"{name} does not say what {rooms - said} holds"
+    assert len(rooms) <= 13
+    assert name in FACES or len(tree.body) == 1, f"{name}: a plate has no code"
+
+
+@EACH
+def test_rooms_show_their_face(name, tree):
+    if (name in FACES and name.split(".")[-1] != "cli") or (name.count(".") == 1 and wing_of(name) != name):
+        return
+    if len(tree.body) == 1 or name.endswith("cli"):  # a plate, a command
+        return
+    face = shown(tree)
+    assert face is not None, f"{name} has no __all__"
+    assert face <= defined(tree), f"{name} shows {face - defined(tree)}, which it does not define"
+
+
+@EACH
+def test_names_are_taken_from_the_room_that_shows_them(name, tree):
+    for imported, names, _ in imports(tree):
+        if imported in ROOMS and names and imported not in ("nlfrf", "robust"):
+            face = shown(ROOMS[imported]) or set()
+            assert set(names) <= face, f"{name} takes {set(names) - face} from {imported}, which does not show it"
+
+
+@EACH
 def test_heavy_packages_are_imported_where_they_are_used(name, tree):
-    for imported, at_import in imports(tree):
+    for imported, _, at_import in imports(tree):
         package = imported.split(".")[0]
         if package in HEAVY:
-            assert name in HEAVY[package], f"{name} imports {package}"
-        if package in ("matplotlib", "cvxpy", "h5py", "jinja2"):
-            assert not at_import, f"{name} imports {package} at the top"
+            places = HEAVY[package].split()
+            assert name in places or wing_of(name) in places, f"{name} imports {package}"
+        assert not (at_import and package in ALWAYS_LATE), f"{name} imports {package} at the top"
+
+
+@EACH
+def test_rooms_stay_small(name, tree):
+    text = ast.unparse(tree)
+    assert len(text.splitlines()) > 0
+    path = ROOT / (name.replace(".", "/") + ".py")
+    path = path if path.exists() else ROOT / name.replace(".", "/") / "__init__.py"
+    assert len(path.read_text().splitlines()) <= 400
+
+
+def lines_of_code(function):
+    """Lines of a function that hold code: no docstring, no comment, no blank."""
+    body = function.body[1:] if ast.get_docstring(function) else function.body
+    used = {line for node in body for leaf in ast.walk(node) for line in span(leaf)}
+    return len(used)
+
+
+def span(node):
+    return range(node.lineno, node.end_lineno + 1) if hasattr(node, "lineno") else ()
+
+
+@EACH
+def test_functions_stay_short(name, tree):
+    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+        most = 80
+        assert lines_of_code(function) <= most, f"{name}.{function.name} has {lines_of_code(function)} lines of code"
 
 
 @pytest.mark.parametrize(
     ("package", "unloaded"),
     [
         ("nlfrf", ["control", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich", "scipy.signal", "scipy.stats"]),
-        ("robust", ["cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"]),
+        ("robust", ["control", "numpy", "cvxpy", "matplotlib", "numba", "h5py", "typer", "rich"]),
     ],
 )
 def test_import_loads_nothing_heavy(package, unloaded):
@@ -200,8 +245,20 @@ def test_import_loads_nothing_heavy(package, unloaded):
     assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
 
 
+def test_robust_is_a_plain_module():
+    """Also after every room was entered: a function of the face is never hidden by the room it stands in."""
+    code = (
+        "import importlib, types, robust\n"
+        f"for room in {sorted(name for name in ROOMS if name.startswith('robust') and not name.endswith('cli'))}:\n"
+        "    importlib.import_module(room)\n"
+        "assert type(robust) is types.ModuleType\n"
+        "print([name for name in robust.__all__ if isinstance(getattr(robust, name), types.ModuleType)])\n"
+    )
+    assert subprocess.check_output([sys.executable, "-c", code], text=True).strip() == "[]"
+
+
 def test_the_library_never_prints():
-    for name, tree in MODULES:
+    for name, tree in ROOMS.items():
         if not name.endswith(".cli"):
             calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"]
             assert not calls, f"{name} prints"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from nlfrf import multisine
-from nlfrf.calibration import cubic_bla, cubic_variance, variance_ratio
-from nlfrf.neighbours import nearest, nearest_lines
+from nlfrf.identification.calibration import cubic_bla, cubic_variance, variance_ratio
+from nlfrf.identification.neighbours import nearest, nearest_lines
 
 LINES = np.array([1, 3, 9, 11, 17, 19])
 

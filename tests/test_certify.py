@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from robust import certify_norm
-from robust.certify import judged
-from robust.intervals import magnitude
-from robust.lti import from_roots, response
-from robust.norms import crossings, hinf_norm
-from robust.rational import in_order, to_plane
+from robust.certificates.bounded_real import judged
+from robust.certificates.intervals import magnitude
+from robust.modelling.rational import to_plane
+from robust.systems.lti import response
+from robust.systems.norms import crossings, hinf_norm
+from robust.systems.realisation import from_roots, in_order
 
 
 def second_order(zeta, wn=3.0):

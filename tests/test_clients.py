@@ -13,9 +13,9 @@ import pytest
 from scipy.io import loadmat
 
 from nlfrf import export_csv, save_multisine
-from nlfrf.multisine import multisine
+from nlfrf.excitation.multisine import multisine
 from robust import controller_sections, export_matlab, fit_nominal, load_model, save_controller, save_model
-from robust.lti import response
+from robust.systems.lti import response
 from tests.test_export import BLA, MODELS
 
 CONTROLLERS = {

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import disk_margin
-from robust.disk import of_system
+from robust.analysis.disk_margin import of_system
 
 L = control.tf([25], [1, 10, 10, 10])
 #: Two channels of a spinning body under a static controller (the example of python-control's documentation).

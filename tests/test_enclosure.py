@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, performance_weight
-from robust.assembly import assemble
-from robust.enclosure import product, prove_loop
-from robust.proofs import parts
+from robust.analysis.loop import assemble
+from robust.analysis.proofs import parts
+from robust.certificates.single_loop import product, prove_loop
 from tests.random_loops import FORMS, random_case, roots, tf_response, zpk
 
 LINES = np.array([0.5, 1.0])

@@ -21,7 +21,7 @@ from robust import (
     save_model,
     uncertainty,
 )
-from robust.lti import response
+from robust.systems.lti import response
 from tests.robust_helpers import make_bla
 
 F = np.arange(1, 80, 2) * 0.3

@@ -7,18 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import nlfrf
-from robust import (
-    UncertaintyModel,
-    check,
-    cones,
-    design_frf,
-    fit_nominal,
-    iteration,
-    performance_weight,
-    sampled,
-    uncertainty,
-)
-from robust.lti import response
+from robust import UncertaintyModel, check, design_frf, fit_nominal, performance_weight, sampled, uncertainty
+from robust.fixed_structure import cone_program as cones
+from robust.fixed_structure import convex_concave as iteration
+from robust.systems.lti import response
 from tests.robust_helpers import make_bla
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))  # SP Example 2.17

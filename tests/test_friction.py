@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from nlfrf.bench.rig import Rig, drive, run
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, stribeck
 from nlfrf.hysteresis import ElasticPlastic, Exponential, MaxwellSlip, Tanh, hysteresis_force
-from nlfrf.rig import Rig, drive, run
 
 SLIDING = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01, "sigma2": 0.4}
 GMS = {"stiffness": [20e3, 20e3, 24e3], "alpha": [0.2, 0.3, 0.5], "C": 20.0}

@@ -18,7 +18,6 @@ from robust import (
     crossover_weight,
     fit_nominal,
     frd,
-    handover_sections,
     ncfsyn,
     performance_weight,
     sampled,
@@ -27,6 +26,7 @@ from robust import (
     uncertainty,
     write_report,
 )
+from robust.files import report_parts, report_sections
 from tests.browser import browser
 
 SECTIONS = ["verdict", "record", "bla", "opinion", "nominal", "set", "loop", "check", "worst", "settings"]
@@ -124,7 +124,7 @@ def test_no_address_leaves_the_file(whole):
 
 
 def test_the_same_run_gives_the_same_pictures(whole):
-    again = handover_sections.loop_section(whole[1], K)
+    again = report_sections.loop_section(whole[1], K)
     images = [image["src"] for image in Reader(whole[0].read_text(encoding="utf-8")).images]
     assert [picture.source for picture in again.pictures] == images[-4:-2]
 
@@ -133,7 +133,7 @@ def test_the_same_run_gives_the_same_pictures(whole):
 def undrawn(monkeypatch):
     """Reports whose words are looked at and whose pictures are not."""
     monkeypatch.setattr(
-        handover_sections, "picture", lambda *_, caption, **__: handover_sections.Picture(source="#", caption=caption)
+        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from nlfrf.checks import DataWarning
 from nlfrf.hysteresis import (
     ElasticPlastic,
     Exponential,
@@ -16,6 +15,7 @@ from nlfrf.hysteresis import (
     fit_maxwell_slip,
     hysteresis_force,
 )
+from nlfrf.shared.arguments import DataWarning
 
 CURVES = [Linear(3.0), Tanh(3.0, 2.0), Exponential(3.0, 2.0), Parabola(3.0, 2.0), ElasticPlastic(3.0, 2.0)]
 CURVES += [Table([0.2, 0.7, 1.5], [0.5, 1.2, 1.6]), MaxwellSlip([1.0, 2.0], [0.4, 1.5])]

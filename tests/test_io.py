@@ -7,10 +7,10 @@ import pytest
 from scipy.io import savemat
 
 import nlfrf
-from nlfrf.channels import frequency_of
-from nlfrf.files import write_whole
-from nlfrf.io import load
-from nlfrf.values import field_names
+from nlfrf.files.channels import frequency_of
+from nlfrf.files.results import load
+from nlfrf.shared.values import field_names
+from nlfrf.shared.whole_files import write_whole
 
 FORMATS = [".npz", ".mat", ".h5", ".csv"]
 
@@ -314,10 +314,10 @@ def test_damaged_files_raise_documented_errors_only(record, suffix, tmp_path):
 
 
 def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
-    import nlfrf.hdf5
+    from nlfrf.files import hdf5
 
     nlfrf.save_record(record, tmp_path / "r.h5")
-    monkeypatch.setattr(nlfrf.hdf5, "SECONDS", 0.01)
+    monkeypatch.setattr(hdf5, "SECONDS", 0.01)
     with pytest.raises(ValueError, match=r"the HDF5 library did not come to an end within 0 s"):
         nlfrf.load_record(tmp_path / "r.h5")
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from nlfrf.bench.closed_loop import LoopResponse, simulate_loop
+from nlfrf.bench.rig import Rig, paper_rig
 from nlfrf.friction import LuGre
-from nlfrf.loop import LoopResponse, simulate_loop
-from nlfrf.rig import Rig, paper_rig
 
 FS = 2000.0
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nlfrf import LineGrid, multisine, reduce_crest
-from nlfrf.lines import KINDS, recognise
+from nlfrf.excitation.lines import KINDS, recognise
 
 PLAIN = [kind for kind in KINDS if kind != "custom"]
 BAND = dict(fs=1024, n_samples=1024, f_min=1, f_max=200)

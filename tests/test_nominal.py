@@ -6,9 +6,9 @@ import pytest
 
 from nlfrf import Bla
 from robust import fit_nominal, frd
-from robust.lti import response
-from robust.rational import numerator, starting_poles, vector_fit
-from robust.sampling import sampled
+from robust.modelling.rational import numerator, starting_poles, vector_fit
+from robust.systems.lti import response
+from robust.systems.sampling import sampled
 from tests.robust_helpers import make_bla
 
 F_LINES = np.sort(np.concatenate([8 * np.arange(72) + 1, 8 * np.arange(72) + 3])) * 0.25

@@ -9,7 +9,7 @@ import pytest
 
 import nlfrf.cli
 import robust.cli
-from robust import handover_sections
+from robust.files import report_parts
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[1]
@@ -26,7 +26,7 @@ def section(heading):
 def undrawn(monkeypatch):
     """The pictures of reports are looked at elsewhere."""
     monkeypatch.setattr(
-        handover_sections, "picture", lambda *_, caption, **__: handover_sections.Picture(source="#", caption=caption)
+        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
     )
 
 

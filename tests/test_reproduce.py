@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nlfrf.level_study import LevelStudy, level_study
-from nlfrf.lines import LineGrid
-from nlfrf.multisine import multisine
-from nlfrf.paper import (
+from nlfrf.bench.rig import paper_rig
+from nlfrf.excitation.lines import LineGrid
+from nlfrf.excitation.multisine import multisine
+from nlfrf.records.record import Record
+from nlfrf.studies.ensembles import (
     Ensemble,
     bootstrap_sigma,
     ensemble,
@@ -23,10 +24,9 @@ from nlfrf.paper import (
     single_experiment,
     under_reading,
 )
-from nlfrf.record import Record
-from nlfrf.remarks import SIGNALS, held_values
-from nlfrf.reproduce import reproduce
-from nlfrf.rig import paper_rig
+from nlfrf.studies.level_study import LevelStudy, level_study
+from nlfrf.studies.reproduce import reproduce
+from nlfrf.studies.side_remarks import SIGNALS, held_values
 
 LINES = LineGrid(excited=np.array([n for n in range(1, 400) if n % 8 in (1, 3)]))
 

@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from nlfrf.checks import DataWarning
+from nlfrf.bench.rig import Rig, paper_rig, run
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre
-from nlfrf.hysteresis import (
-    ElasticPlastic,
-    Exponential,
-    Linear,
-    MaxwellSlip,
-    Parabola,
-    Table,
-    Tanh,
-    fit_maxwell_slip,
-)
-from nlfrf.rig import Rig, paper_rig, run
+from nlfrf.hysteresis import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh, fit_maxwell_slip
+from nlfrf.shared.arguments import DataWarning
 
 LUGRE = {"sigma1": 13.0, "sigma2": 0.4, "Fc": 0.7, "Fs": 1.0, "vs": 0.01}
 

@@ -10,7 +10,7 @@ from matplotlib import pyplot as plt
 
 from robust import check, frd, loop_bounds, ncfsyn, performance_weight, sample_loops, scan_orders, uncertainty, validate
 from robust import plot as pictures
-from robust.lti import response
+from robust.systems.lti import response
 from tests.robust_helpers import make_bla
 
 F = np.arange(1, 120, 2) * 0.25

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import crossover_weight, ncfsyn, sampled
-from robust.lti import response
+from robust.systems.lti import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

@@ -11,12 +11,12 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 
-from nlfrf.checks import DataWarning
+from nlfrf.bench.rig import Rig, paper_rig
+from nlfrf.bench.simulate import simulate
+from nlfrf.excitation.multisine import multisine
 from nlfrf.friction import Coulomb, Leuven, LuGre
 from nlfrf.hysteresis import Exponential, MaxwellSlip, Tanh
-from nlfrf.multisine import multisine
-from nlfrf.rig import Rig, paper_rig
-from nlfrf.simulate import simulate
+from nlfrf.shared.arguments import DataWarning
 
 
 def odd(n_realizations=1, *, kind="special-odd", rms=0.25, n_samples=4096, rng=5):
@@ -119,9 +119,7 @@ def test_executor_that_dies_is_named_and_what_was_done_is_kept(tmp_path):
 
 KILLED = """
 import os, signal, sys
-from nlfrf.multisine import multisine
-from nlfrf.rig import paper_rig
-from nlfrf.simulate import simulate
+from nlfrf import multisine, paper_rig, simulate
 ms = multisine(fs=4096, n_samples=8192, f_min=1, f_max=140, rms=0.25, n_realizations=6, rng=5)
 stop = lambda done, total: os.kill(os.getpid(), signal.SIGKILL) if done == 3 else None
 simulate(paper_rig(), ms, resume=sys.argv[1], progress=stop)
@@ -254,5 +252,5 @@ def test_step_accepted_in_sliding_is_right_and_a_longer_one_refused_with_its_nam
 
 
 def test_numba_is_loaded_by_the_first_simulation_only():
-    code = "import sys, nlfrf.simulate, nlfrf.friction; print([m for m in ('numba', 'matplotlib') if m in sys.modules])"
+    code = "import sys, nlfrf; print([m for m in ('numba', 'matplotlib') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"

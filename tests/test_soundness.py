@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, performance_weight
-from robust.assembly import assemble
-from robust.lti import response
-from robust.sampling import sampled
+from robust.analysis.loop import assemble
+from robust.systems.lti import response
+from robust.systems.sampling import sampled
 from tests.random_loops import closed_loop_poles, curves, dense_grid, random_case, roots, tf_response, zpk
 
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm
 
 from robust import Block, check_structure, interconnection
-from robust.lft import upper
+from robust.systems.lft import upper
 
 
 def lag_loop(pole, actuator, gain=4.0, **block):

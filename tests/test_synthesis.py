@@ -25,9 +25,10 @@ from robust import (
     roll_off,
     sampled,
 )
-from robust.loop import worst_sensitivity, worst_terms
-from robust.lti import response
 from robust.shaping_plot import plot_loop_bounds
+from robust.systems.closed_loop import worst_sensitivity
+from robust.systems.lti import response
+from robust.uncertain.forms import worst_terms
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W_P = performance_weight(10, M_S=1.5, A=1e-4)

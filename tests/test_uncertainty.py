@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, fit_nominal, frd, uncertainty, validate
-from robust.lti import response
+from robust.systems.lti import response
 from tests.robust_helpers import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25

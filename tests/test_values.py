@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nlfrf import LineGrid, multisine
-from nlfrf.values import field_names, value
+from nlfrf.shared.values import field_names, value
 
 
 @value

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robust import fit_weight, performance_weight
-from robust.lti import from_roots, response
-from robust.rational import in_order
+from robust.systems.lti import response
+from robust.systems.realisation import from_roots, in_order
 
 OMEGA = np.geomspace(1, 1e4, 1000)
 LINES = np.sort(np.concatenate([8 * np.arange(500) + 1, 8 * np.arange(500) + 3])) * 0.5 * np.pi

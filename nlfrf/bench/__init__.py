@@ -1,0 +1,7 @@
+"""The friction bench: a mass on a spring with friction, played by multisines or driven by a controller.
+
+rig          the machine, and its motion through any force
+simulate     multisine experiments, run to steady state
+closed_loop  a sampled controller around the rig
+runs         many runs in parallel, resumed after a break
+"""

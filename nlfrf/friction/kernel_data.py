@@ -1,0 +1,84 @@
+"""What the compiled code reads and writes: tuples of numbers, and arrays, made without loading numba.
+
+The cache of compiled code on disk is renewed when a file of kernels changes and does not look here: change these
+tuples and the kernels together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = ["DEEPEST", "DEPTH", "DIRECTION", "ERROR", "LOST", "Body", "Curve", "F", "Law", "Step", "V", "X", "Z"]
+
+
+# Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones
+# first), elements
+SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS = range(8)
+# Laws: three forms of the state equation dz/dt, and two that switch between sticking and slipping
+LEUVEN, ORIGINAL, DAHL, COULOMB, GMS = range(5)
+# Places in Memory.state
+X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, ERROR = range(9)
+N_STATES = 9
+#: Growth of an error of z, to first order, up to which sliding is called stable. The hysteresis bounds what the
+#: first order does not: below this the position was never off by 1e-3, well above it by 1e-2 and more.
+MOST_GROWTH = 1e30
+#: Turning points remembered before the innermost loop is forgotten.
+STACK_DEPTH = 256
+
+
+class Curve(NamedTuple):
+    """The numbers of a virgin curve."""
+
+    kind: int
+    K0: float
+    Fy: float
+
+
+class Law(NamedTuple):
+    """The numbers of a friction law."""
+
+    form: int
+    Fs: float
+    Fc: float
+    vs: float
+    delta: float
+    sigma1: float
+    sigma2: float
+    n: float  # exponent; of the generalised Maxwell-slip model the attraction C
+    curve: Curve
+
+
+class Body(NamedTuple):
+    """What carries the friction: a mass on a spring, or a motion that is prescribed."""
+
+    driven: bool
+    mass: float
+    stiffness: float
+    damping: float
+
+
+class Step(NamedTuple):
+    """Where a step, or what is left of it, begins: position, velocity; the drive over the whole step; its length."""
+
+    x: float
+    v: float
+    u: tuple[float, float, float]
+    h: float
+
+
+class Memory(NamedTuple):
+    """What is carried from one step to the next."""
+
+    state: np.ndarray  # (N_STATES,)
+    stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2, E): forces of the elements
+
+
+#: (3, n) points of a virgin curve: z, force, slope that follows; or (3, E) elements: stiffness, strength, 0.
+Grid = np.ndarray
+
+
+def at_rest(curve: Curve, grid: Grid) -> Memory:
+    """The memory of a body that has never moved."""
+    return Memory(np.zeros(N_STATES), np.zeros((2, grid.shape[1] if curve.kind == ELEMENTS else STACK_DEPTH)))

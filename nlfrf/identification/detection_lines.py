@@ -1,0 +1,80 @@
+"""Even and odd distortion levels at the output, from the lines that were not excited."""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["detected_power", "interpolate_frf"]
+
+
+SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
+FEWEST = 4
+
+
+def interpolate_frf(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """G between its lines, linear in log magnitude and in phase; held at the ends."""
+    magnitude = np.abs(G)
+    # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
+    floor = np.maximum(np.finfo(float).eps * magnitude.max(), np.finfo(float).tiny ** 0.25)
+    logarithm = np.empty(G.size, dtype=complex)
+    logarithm.real = np.log(np.maximum(magnitude, floor))
+    phase = np.arctan2(G.imag, G.real)
+    turns = np.round((phase[1:] - phase[:-1]) / (2 * np.pi))
+    phase[1:] -= 2 * np.pi * np.cumsum(turns)
+    logarithm.imag = phase
+    return np.exp(np.interp(lines, excited, logarithm))
+
+
+def detected_power(
+    power: np.ndarray,
+    noise: np.ndarray,
+    gain: np.ndarray,
+    gain_excited: np.ndarray,
+    window: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distortion read on a window of detection lines for each excited line.
+
+    Distortion at the output follows |G|^2 across a resonance, noise does not: so the expected power on line j of a
+    window is taken as q_j = d |G_j|^2 + n_j, with the noise n_j known from the periods and d from maximum likelihood
+    (scoring on exponentially distributed powers). What is measured over what is expected is then averaged over the
+    window, so that lines of very different power weigh the same.
+
+    Parameters
+    ----------
+    power, noise, gain : (K,) ndarray
+        Measured power, variance by noise and |G|^2 on all lines.
+    gain_excited : (F,) ndarray
+        |G|^2 on the excited lines.
+    window : (..., F, n) int ndarray
+        Detection lines of each excited line, nearest first, by their place among all lines; -1: none.
+
+    Returns
+    -------
+    distortion : (..., F) ndarray
+        Power of the distortion on the scale of the excited line, d |G|^2.
+    ratio : (..., F) ndarray
+        Mean of the measured over the expected power: near one.
+    n_used : (..., F) ndarray
+        Lines used: fewer than n where |G| changes much within the window.
+    """
+    P, N, A = power[window], noise[window], gain[window] / gain_excited[:, None]
+    used = (narrowed(A) & (window >= 0)).astype(float)
+    n_used = np.add.reduce(used, axis=-1)
+    excess, square = A * (P - N), A * A
+    floor = np.maximum(N, np.finfo(float).tiny ** 0.25)  # its square can still be divided by
+    weight = used / square
+    for _ in range(5):  # the first weighs by |G|^-4, as without noise
+        d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)
+        expected = A * d[..., None] + floor
+        weight = used / (expected * expected)
+    return d, np.vecdot(used, P / expected) / n_used, n_used
+
+
+def narrowed(gain: np.ndarray) -> np.ndarray:
+    """(..., F, n) which lines of a window to use: up to where |G|^2 has changed by SHARP, never under FEWEST.
+
+    Gains are relative to the excited line.
+    """
+    highest = np.maximum(np.maximum.accumulate(gain, axis=-1), 1.0)
+    lowest = np.minimum(np.minimum.accumulate(gain, axis=-1), 1.0)
+    return np.asarray((highest < 10 ** (SHARP / 10) * lowest) | (np.arange(gain.shape[-1]) < FEWEST))

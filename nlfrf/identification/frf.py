@@ -1,0 +1,63 @@
+"""The FRF averaged over realisations, with its variance by noise and in total."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.identification.leastsquares import squared
+from nlfrf.identification.spectra import Spectra, residual_variance
+from nlfrf.shared.values import value
+
+__all__ = ["Frf", "average_frf", "ratio_variance"]
+
+
+@value(copy=False)
+class Frf:
+    """Averaged FRF on some lines.
+
+    Fields
+    ------
+    each : (M, F) complex ndarray
+        Y / U of each realisation.
+    G : (F,) complex ndarray
+        Their average: the mean, or the ratio of averages where a reference was given.
+    var_noise : (F,) ndarray
+        Variance of G by noise; nan for one period.
+    var_total : (F,) ndarray
+        Variance of G by noise and distortion, from the scatter over realisations; nan for M = 1.
+    """
+
+    each: np.ndarray
+    G: np.ndarray
+    var_noise: np.ndarray
+    var_total: np.ndarray
+
+
+def average_frf(spectra: Spectra) -> Frf:
+    """FRF on the lines of the spectra; see Pintelon & Schoukens, 4.3.1.
+
+    With a reference the spectra are turned by its phase and averaged before they are divided: noise on the input
+    then leaves no bias, in open and in closed loop.
+    """
+    n = spectra.U.shape[0]
+    each = spectra.Y / spectra.U
+    if spectra.R is None:
+        G = np.add.reduce(each, axis=0) / n
+        var_noise = np.add.reduce(ratio_variance(each, spectra)) / n**2
+        var_total = np.add.reduce(squared(each - G)) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
+        return Frf(each=each, G=G, var_noise=var_noise, var_total=var_total)
+    turn = spectra.R.conj() / np.abs(spectra.R)
+    U, Y = (spectra.U * turn).mean(axis=0), (spectra.Y * turn).mean(axis=0)
+    G = Y / U
+    # E|dY - G dU|^2 / |U|^2, by noise and over realisations
+    var_noise = np.add.reduce(residual_variance(G, spectra)) / n**2 / squared(U)
+    var_total = np.full(G.shape, np.nan)
+    if n > 1:
+        deviation = (spectra.Y - G * spectra.U) * turn
+        var_total = np.add.reduce(squared(deviation)) / (n * (n - 1)) / squared(U)
+    return Frf(each=each, G=G, var_noise=var_noise, var_total=var_total)
+
+
+def ratio_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
+    """Variance of Y/U by noise, to first order."""
+    return residual_variance(G, spectra) / squared(spectra.U)

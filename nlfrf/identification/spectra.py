@@ -1,0 +1,179 @@
+"""Period means and their noise (co)variances on the lines of a record."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+from scipy import fft
+
+from nlfrf.identification.leastsquares import power, squared
+from nlfrf.identification.neighbours import layout
+from nlfrf.identification.transient import is_drift, is_transient, local_fit
+from nlfrf.records.record import Record
+from nlfrf.shared.values import value
+
+__all__ = ["Spectra", "dft", "period_spectra", "residual_variance"]
+
+
+WORKERS = os.cpu_count() or 1
+LONG = 1 << 17  # samples past which one transform is worth several threads
+CACHED = 1 << 17  # numbers that are worked on together
+
+
+@value(copy=False)
+class Spectra:
+    """Spectra 2/N rfft of input and output on chosen lines, averaged over periods.
+
+    Fields
+    ------
+    lines : (K,) int ndarray
+        DFT lines, increasing.
+    U, Y : (M, K) complex ndarray
+        Mean over periods, so that |U| is the amplitude of the cosine on that line.
+    R : (M, K) complex ndarray or None
+        The same of the reference.
+    var_U, var_Y : (M, K) ndarray
+        Variance of those means by noise; nan for one period.
+    cov_YU : (M, K) complex ndarray
+        Covariance E[Y U*] of those means by noise; nan for one period.
+    """
+
+    lines: np.ndarray
+    U: np.ndarray
+    Y: np.ndarray
+    R: np.ndarray | None
+    var_U: np.ndarray
+    var_Y: np.ndarray
+    cov_YU: np.ndarray
+
+    def at(self, at: np.ndarray) -> Spectra:
+        """The spectra on some of the lines, given by their places."""
+        return Spectra(
+            lines=self.lines[at],
+            U=self.U.take(at, axis=1),
+            Y=self.Y.take(at, axis=1),
+            R=None if self.R is None else self.R.take(at, axis=1),
+            var_U=self.var_U.take(at, axis=1),
+            var_Y=self.var_Y.take(at, axis=1),
+            cov_YU=self.cov_YU.take(at, axis=1),
+        )
+
+
+def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None = None) -> tuple[Spectra, str]:
+    """Spectra of a record on all its excited and detection lines, and what was done about the transient.
+
+    Parameters
+    ----------
+    record : Record
+    transient : str
+        "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
+        periods agree but for noise, discard where that leaves periods that agree, else local.
+    U : (M, P or 1, K) complex ndarray, optional
+        Spectra of the input on the lines of its `layout` (`dft`), where they are known already.
+
+    Raises
+    ------
+    ValueError
+        One period only, where the transient is to be discarded or fitted.
+    """
+    n_periods = record.n_periods
+    if transient in ("discard", "local") and n_periods < 2:
+        raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
+    lines = layout(record.lines).lines
+    U = dft(record.u, lines) if U is None else U
+    Y = dft(record.y, lines)
+    R = None if record.r is None else dft(record.r, lines)
+    if transient == "auto":
+        transient = treatment(Y, record.y, lines)
+    if transient == "discard":
+        U, Y, R = after_first(U), after_first(Y), None if R is None else after_first(R)
+        n_periods -= 1
+    spectra = averaged(lines, U, Y, None if R is None else R.mean(axis=1), n_periods)
+    return (without_transient(record, spectra) if transient == "local" else spectra), transient
+
+
+def treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
+    """What a signal y (M, P, N) and the spectra of its periods (M, P or 1, K) ask for: "none", "discard" or "local"."""
+    n_periods = Y.shape[1]
+
+    def settled(first: int) -> bool:
+        one, other = Y[:, first], Y[:, -1]
+        slope = (y[:, -1].mean(axis=1) - y[:, first].mean(axis=1)) / (n_periods - 1 - first)
+        return not (is_transient(one, other) or is_drift(one, other, slope, lines))
+
+    if n_periods < 2 or settled(0):
+        return "none"
+    return "discard" if n_periods > 2 and settled(1) else "local"
+
+
+def after_first(x: np.ndarray) -> np.ndarray:
+    """Periods but the first; one that stands for all of them stays."""
+    return x[:, 1:] if x.shape[1] > 1 else x
+
+
+def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """(M, P, K) amplitudes of the lines in each period of x (M, P, N); (M, 1, K) where all periods are the same.
+
+    A generator's signal repeats so: its periods need one transform.
+    """
+    n_realizations, n_periods, n_samples = x.shape
+    some = blocks(n_realizations, n_periods * n_samples)
+    if (x[:, 0, 0] == x[:, -1, 0]).all() and all((x[m, 1:] == x[m, :1]).all() for m in some):
+        x = x[:, :1]
+    spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
+    for m in some:
+        transformed = fft.rfft(x[m], axis=2, workers=WORKERS if x[m].size > LONG else 1)
+        np.take(transformed, lines, axis=2, out=spectra[m], mode="clip")  # buffered, and slower, without the mode
+    spectra *= 2 / n_samples
+    return spectra
+
+
+def blocks(n: int, size: int) -> list[slice]:
+    """Realisations of `size` numbers each, as many at a time as stay in the cache, so that long records take little."""
+    step = max(1, CACHED // size)
+    return [slice(first, first + step) for first in range(0, n, step)]
+
+
+def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None, n_periods: int) -> Spectra:
+    """Means over the periods of U and Y (M, P or 1, K), and the sample (co)variances of those means."""
+    n_realizations, n_lines = Y.shape[0], Y.shape[2]
+    U_mean, Y_mean = (x[:, 0] if x.shape[1] == 1 else np.add.reduce(x, axis=1) / n_periods for x in (U, Y))
+    shape = (n_realizations, n_lines)
+    unknown = 0.0 if n_periods > 1 else np.nan
+    var_U, var_Y, cov_YU = np.full(shape, unknown), np.full(shape, unknown), np.full(shape, complex(unknown))
+    if n_periods > 1:
+        scale = 1 / (n_periods * (n_periods - 1))
+        for m in blocks(n_realizations, n_periods * n_lines):
+            dY = Y[m] - Y_mean[m, None]
+            var_Y[m] = scale * np.add.reduce(squared(dY), axis=1)
+            if U.shape[1] > 1:
+                dU = U[m] - U_mean[m, None]
+                var_U[m] = scale * np.add.reduce(squared(dU), axis=1)
+                cov_YU[m] = scale * np.add.reduce(dY * dU.conj(), axis=1)
+    return Spectra(lines=lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU)
+
+
+def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
+    """(M, K) variance of Y - G U by noise, E|dY - G dU|^2."""
+    if not spectra.var_U.any():  # an input that repeats exactly
+        return spectra.var_Y
+    variance = spectra.var_Y + squared(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
+    return np.maximum(variance, 0.0)
+
+
+def without_transient(record: Record, spectra: Spectra) -> Spectra:
+    """The same spectra with the transient taken off at every line, and the noise read between the harmonics."""
+    T_U, residual_U, leverage_U = local_fit(record.u, spectra.lines)
+    T_Y, residual_Y, leverage_Y = local_fit(record.y, spectra.lines)
+    cov_YU = np.sum(residual_Y * residual_U.conj(), axis=2)
+    return replace(
+        spectra,
+        U=spectra.U - T_U,
+        Y=spectra.Y - T_Y,
+        R=spectra.R,
+        var_U=(1 + leverage_U) * power(residual_U),
+        var_Y=(1 + leverage_Y) * power(residual_Y),
+        cov_YU=cov_YU * np.sqrt((1 + leverage_U) * (1 + leverage_Y)),
+    )

@@ -1,0 +1,124 @@
+"""The transient: whether it is there, and taking it off by local fits between the harmonics.
+
+In the DFT of P whole periods the lines that are not multiples of P hold transient and noise only. The transient is
+a smooth, rational function of frequency, so it is fitted there and read at the harmonics in between, excited
+and not, as T(r) = (t0 + t1 r + t2 r^2) / (1 + a1 r + a2 r^2) (local rational method, LRM), or as a
+polynomial (LPM) where noise leaves the denominator undetermined (Pintelon & Schoukens, 7.2.2 and 7.3).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from scipy import fft
+
+from nlfrf.identification.leastsquares import least_squares, power
+
+__all__ = ["is_drift", "is_transient", "local_fit"]
+
+
+SIDE = 6  # lines on either side of a harmonic used for one fit
+N_POLYNOMIAL = 3
+ENOUGH = 1000  # windows that decide whether there is a transient; more would only take time
+EARNED = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
+WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
+
+
+def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
+    """Whether two periods differ by more than noise: noise is rough over frequency, a transient is smooth.
+
+    Parameters
+    ----------
+    first, last : (M, K) complex ndarray
+        Spectra of two periods on neighbouring lines.
+    """
+    n_windows = first.shape[1] // WINDOW
+    step = max(1, first.shape[0] * n_windows // ENOUGH)
+    windows, reference = (
+        (x[:, : n_windows * WINDOW].reshape(x.shape[0], -1, WINDOW)[:, ::step]) for x in (first, last)
+    )
+    windows = windows - reference
+    if np.vdot(windows, windows).real <= 1e-20 * np.vdot(reference, reference).real:
+        return False
+    explained, total = power(windows @ smooth_part()) / N_POLYNOMIAL, power(windows)
+    rest = np.maximum(total - N_POLYNOMIAL * explained, 1e-12 * total) / (WINDOW - N_POLYNOMIAL)
+    # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
+    ratio = explained / np.maximum(rest, np.finfo(float).tiny)
+    return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
+
+
+def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.ndarray) -> bool:
+    """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so they agree.
+
+    Parameters
+    ----------
+    first, last : (M, K) complex ndarray
+        Spectra of two periods on neighbouring lines.
+    slope : (M,) ndarray
+        Change of the mean from period to period.
+    lines : (K,) int ndarray
+        Those lines: a ramp has the amplitude slope / (pi k) on line k.
+    """
+    apart = first[:, :WINDOW] - last[:, :WINDOW]
+    noise, whole = np.vdot(apart, apart).real / apart.size / 2, np.vdot(last, last).real / last.size
+    leaked = np.vdot(slope, slope) / slope.size / (np.pi * lines[0]) ** 2
+    return bool(leaked > max(noise, 1e-20 * whole))
+
+
+@cache
+def smooth_part() -> np.ndarray:
+    """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
+    return np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0]
+
+
+def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Transient at the harmonics of a record, and what remains around them.
+
+    Parameters
+    ----------
+    x : (M, P, N) ndarray
+        Signal, P >= 2.
+    lines : (K,) int ndarray
+        Harmonics.
+
+    Returns
+    -------
+    T : (M, K) complex ndarray
+        Transient at each line, an amplitude as of 2/N rfft of the period mean.
+    residual : (M, K, 2 SIDE) complex ndarray
+        What the fit left on the lines in between, scaled by its degrees of freedom: the sum of squares is the
+        variance by noise of the period mean.
+    leverage : (M, K) ndarray
+        Variance of T over that variance.
+    """
+    n_realizations, n_periods, n_samples = x.shape
+    r = offsets(n_periods)
+    n_total = n_periods * n_samples
+    where = (lines[:, None] * n_periods + r) % n_total
+    mirrored = where > n_total // 2  # beyond 0 and Nyquist a real signal repeats itself, conjugated
+    index = np.where(mirrored, n_total - where, where)
+    X = np.empty((n_realizations, lines.size, r.size), dtype=complex)
+    for m in range(n_realizations):
+        spectrum = fft.rfft(x[m].reshape(-1))
+        X[m] = spectrum[index] * (2 / n_total)
+    X = np.where(mirrored, X.conj(), X)
+    s = r / np.abs(r).max()
+    powers = (s[:, None] ** np.arange(N_POLYNOMIAL - 1, -1, -1)).astype(complex)
+    T, residual, leverage = least_squares(powers, X)
+    polynomial = np.broadcast_to(powers, (*X.shape, N_POLYNOMIAL))
+    rational = np.concatenate([-s[:, None] * X[..., None], -(s[:, None] ** 2) * X[..., None], polynomial], axis=-1)
+    T_r, residual_r, leverage_r = least_squares(rational, X)
+    better = power(residual_r) < EARNED * power(residual)
+    return (
+        np.where(better, T_r, T),
+        np.where(better[..., None], residual_r, residual),
+        np.where(better, leverage_r, leverage),
+    )
+
+
+def offsets(n_periods: int) -> np.ndarray:
+    """Offsets from a harmonic to the lines nearest to it that are not harmonics, SIDE on either side."""
+    right = np.arange(1, SIDE * n_periods + n_periods)
+    right = right[right % n_periods != 0][:SIDE]
+    return np.concatenate([-right[::-1], right])

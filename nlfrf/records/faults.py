@@ -1,0 +1,250 @@
+"""Faults of a raw record: a period that is not whole, a drifting clock, lost samples, clipping, dead channels.
+
+Each of them would otherwise be read as distortion. The periods of the input are laid over each other: in a sound
+record period j stands exactly j n_samples after the first. Its delay against that place tells the fault: a delay
+that grows evenly is a wrong or fractional period, one that bends is a drifting clock, one that jumps by whole samples
+is a gap. Cutting the record along that track, between the samples where need be, cures all three.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+
+from nlfrf.shared.values import value
+
+__all__ = ["SEVERE", "Track", "clipped", "longest_standstill", "recut", "track"]
+
+
+SEVERE = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
+VISIBLE = 1e-7
+HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
+DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
+BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
+
+
+@value
+class Track:
+    """Where each period of a stream stands.
+
+    Fields
+    ------
+    n_samples : int
+        The period that was assumed [samples].
+    delay : (P,) ndarray
+        Delay of each period against j n_samples, that of the first one that is not empty being zero [samples].
+    sound : (P,) bool ndarray
+        Periods that repeat the others but for that delay.
+    noise : float
+        Standard deviation of the delays by noise [samples].
+    misplaced : float
+        Share of the input's power that the delays turn into apparent distortion.
+    unexplained : float
+        Share of the power of a typical period that does not repeat the first one, delay or not.
+    """
+
+    n_samples: int
+    delay: np.ndarray
+    sound: np.ndarray
+    noise: float
+    misplaced: float
+    unexplained: float
+
+    @property
+    def jumps(self) -> np.ndarray:
+        """(P,) how far each period stands off by lost (negative) or repeated samples before it [samples]."""
+        j = np.flatnonzero(self.sound)
+        if j.size < 2:
+            return np.zeros(self.sound.size)
+        steps, apart = np.diff(self.delay[j]), np.diff(j)
+        whole = np.round(steps - np.median(steps / apart) * apart)
+        sums = np.concatenate([[0.0], np.cumsum(whole)])
+        return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
+
+    @property
+    def pace(self) -> np.ndarray:
+        """(2,) the straight line through the delays, jumps taken out: samples per period, and at the first."""
+        j = np.arange(self.delay.size)[self.sound]
+        smooth = (self.delay - self.jumps)[self.sound]
+        return np.polyfit(j, smooth, 1) if j.size > 1 else np.array([0.0, smooth[0]])
+
+    @property
+    def period(self) -> float:
+        """The period that the input has, on average between jumps [samples]."""
+        return self.n_samples + float(self.pace[0])
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether that period is a whole number of samples, but for noise."""
+        return abs(self.period - round(self.period)) < max(0.002, 3 * self.noise)
+
+    @property
+    def spacing(self) -> float:
+        """Samples of the stream to one of a period that is cut into n_samples (`recut`)."""
+        return (round(self.period) if self.is_whole else self.period) / self.n_samples
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the periods leave an even pace."""
+        return self.bend > max(0.02, 5 * self.noise)
+
+    @property
+    def bend(self) -> float:
+        """Largest departure of the sound periods from an even pace, jumps taken out [samples]."""
+        even = np.polyval(self.pace, np.arange(self.delay.size))
+        return float(np.abs((self.delay - self.jumps - even)[self.sound]).max())
+
+    @property
+    def fault(self) -> str:
+        """What is wrong, with its numbers, and its cure; empty where nothing is."""
+        steps = np.diff(self.jumps)
+        if steps.any():
+            found = ", ".join(
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in nonzero(steps)
+            )
+            return f"samples were lost or repeated ({found}); resample=True cuts the periods where they stand"
+        if not self.sound.all():
+            bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
+            return f"the input does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
+        if self.misplaced < VISIBLE or np.abs(self.delay).max() < 5 * self.noise:
+            return ""
+        if self.drifts:
+            return (
+                f"the clock drifts: the periods leave an even pace by up to {self.bend:.3g} samples; "
+                "resample=True puts them on an even one"
+            )
+        if self.is_whole:
+            whole = round(self.period)
+            return f"the input repeats every {whole} samples; give n_samples={whole}" if whole != self.n_samples else ""
+        return (
+            f"the input repeats every {self.period:.4f} samples, not a whole number; "
+            "resample=True cuts it on that period"
+        )
+
+
+def nonzero(steps: np.ndarray) -> list[tuple[int, float]]:
+    """The first few jumps: after which period, and by how much."""
+    return [(int(j), float(steps[j])) for j in np.flatnonzero(steps)[:4]]
+
+
+def track(u: np.ndarray, n_samples: int) -> Track:
+    """Follow the periods of an input (n,) that is at least two periods long.
+
+    Parameters
+    ----------
+    u : (n,) ndarray
+        Input, or reference.
+    n_samples : int
+        Its nominal period; gaps may amount to an eighth of it.
+    """
+    n_periods = u.size // n_samples
+    periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
+    spectra = fft.rfft(periods, axis=1)
+    spectra[:, 0] = 0.0
+    power = np.sum(np.abs(spectra) ** 2, axis=1)
+    first = int(np.argmax(power > 0.9 * np.median(power)))  # of those that are not empty, or half empty
+    reference = spectra[first]
+    k = np.arange(reference.size)
+    weight = np.abs(reference) ** 2
+    weight[weight < 1e-6 * weight.max()] = 0.0
+    weight[int(0.45 * n_samples) :] = 0.0
+    cross = spectra * reference.conj()
+    correlation = fft.irfft(cross, n_samples, axis=1)
+    reach = max(1, n_samples // 8)
+    lags = np.concatenate([np.arange(reach), np.arange(-reach, 0)])
+    whole = -lags[np.argmax(correlation[:, lags], axis=1)]
+    slope = 2 * np.pi * k / n_samples
+    # x_j(t) = x_0(t + d): phase of the cross spectrum + slope d; Gauss-Newton on the phase, from the whole shift
+    delay = whole.astype(float)
+    for _ in range(4):
+        turned = cross * np.exp(-1j * slope * delay[:, None])
+        delay += np.sum(slope * turned.imag, axis=1) / np.sum(slope**2 * weight)
+    turned = spectra * np.exp(-1j * slope * delay[:, None])
+    used = weight > 0
+    rest = np.sum(np.abs(turned - reference)[:, used] ** 2, axis=1) / np.sum(weight)
+    delay = -delay  # a period that stands later has a positive delay
+    typical = float(np.median(np.delete(rest, first)))
+    sound = rest < max(1e-3, 10 * typical)
+    noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.sum())))
+    shift = delay[sound] - delay[sound].mean()
+    misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
+    return Track(
+        n_samples=n_samples,
+        delay=delay - delay[first],
+        sound=sound,
+        noise=noise,
+        misplaced=misplaced,
+        unexplained=typical,
+    )
+
+
+def recut(x: np.ndarray, where: Track) -> np.ndarray:
+    """(P, N) the sound periods of a stream, each cut where it stands, between the samples where need be.
+
+    Parameters
+    ----------
+    x : (n,) ndarray
+        Input, output or reference, sampled together.
+    where : Track
+        From the input.
+
+    Raises
+    ------
+    ValueError
+        No whole sound period.
+    """
+    n, n_periods = where.n_samples, where.delay.size
+    j = np.arange(n_periods)
+    curve = where.pace  # a straight line has less noise in it than the delays one by one
+    if where.drifts:
+        sound = where.sound
+        # a delay is an average over its period: it belongs to the middle
+        middle, smooth = j[sound] + 0.5, (where.delay - where.jumps)[sound]
+        curve = np.polyfit(middle, smooth, min(DRIFT, middle.size - 1))
+    rows = []
+    for period in j[where.sound]:
+        jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
+        if jumps and where.sound[period + 1]:  # then the gap lies in this one, too short to make it unsound
+            continue
+        tau = period + np.arange(n) / n
+        at = n * tau + np.polyval(curve, tau) + where.jumps[period]
+        if at[0] > -0.5 and at[-1] < x.size - 0.5:
+            rows.append(between(x, at))
+    if not rows:
+        raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none")
+    return np.array(rows)
+
+
+def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values of a band-limited signal between its samples, by a windowed sinc.
+
+    >>> x = np.sin(0.7 * np.arange(200))
+    >>> bool(abs(between(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
+    True
+    """
+    first = np.floor(at).astype(int)
+    offset = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)
+    index = np.clip(first[:, None] + offset, 0, x.size - 1)
+    distance = (at - first)[:, None] - offset
+    window = np.i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0))) / np.i0(BETA)
+    kernel = np.sinc(distance) * window
+    return np.asarray(np.sum(x[index] * kernel, axis=1) / np.sum(kernel, axis=1))
+
+
+def clipped(x: np.ndarray) -> float:
+    """Share of the samples at the largest or smallest value, where they stand there three or more in a row."""
+    share = 0.0
+    for extreme in (x.max(), x.min()):
+        flat = x == extreme
+        if np.any(flat[2:] & flat[1:-1] & flat[:-2]):
+            share += float(flat.mean())
+    return share
+
+
+def longest_standstill(x: np.ndarray) -> tuple[int, int]:
+    """Where the longest run of equal samples begins, and how long it is."""
+    changes = np.flatnonzero(np.diff(x)) + 1
+    edges = np.concatenate([[0], changes, [x.size]])
+    lengths = np.diff(edges)
+    longest = int(np.argmax(lengths))
+    return int(edges[longest]), int(lengths[longest])

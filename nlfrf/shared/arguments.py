@@ -1,0 +1,88 @@
+"""Refusals: one clear line naming the parameter, what it must be, and what it was."""
+
+from __future__ import annotations
+
+import numbers
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.wording import shown
+
+__all__ = ["DataWarning", "integer", "nonnegative", "one_of", "positive", "probability", "real", "real_array"]
+
+
+class DataWarning(UserWarning):
+    """A result that is usable but suspicious: the data or the grid limit what it means.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", DataWarning)  # to stop at every suspicious result
+    """
+
+
+def positive(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it is finite and above zero."""
+    number = real(name, number)
+    if not number > 0:
+        raise ValueError(f"{name} must be positive, got {number:g}")
+    return number
+
+
+def nonnegative(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it is finite and at least zero."""
+    number = real(name, number)
+    if number < 0:
+        raise ValueError(f"{name} must be zero or positive, got {number:g}")
+    return number
+
+
+def real(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it is one finite real number."""
+    if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real):
+        raise ValueError(f"{name} must be a real number, got {shown(number)}")
+    if not np.isfinite(float(number)):
+        raise ValueError(f"{name} must be finite, got {float(number)}")
+    return float(number)
+
+
+def integer(name: str, number: Any, *, least: int) -> int:
+    """The number as an int, or a refusal unless it is a whole number of at least `least`."""
+    if isinstance(number, numbers.Real) and not isinstance(number, (bool, np.bool_)):
+        number_f = float(number)
+        if number_f.is_integer() and number_f >= least:
+            return int(number_f)
+    raise ValueError(f"{name} must be a whole number of at least {least}, got {shown(number)}")
+
+
+def probability(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it lies strictly between 0 and 1."""
+    p = real(name, number)
+    if not 0 < p < 1:
+        raise ValueError(f"{name} must lie strictly between 0 and 1, got {p:g}")
+    return p
+
+
+def one_of(name: str, choice: Any, choices: tuple[str, ...]) -> str:
+    """The choice, or a refusal that lists what can be chosen."""
+    if choice not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {shown(choice)}")
+    return str(choice)
+
+
+def real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
+    """The array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
+    array = np.asarray(array)
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}")
+    if array.ndim != ndim:
+        raise ValueError(f"{name} must have {ndim} axes, got shape {array.shape}")
+    array = np.asarray(array, dtype=float)
+    if not np.isfinite(array).all():
+        bad = int(np.count_nonzero(~np.isfinite(array)))
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        where = first[0] if ndim == 1 else first
+        raise ValueError(f"{name} must be finite, got {bad} nan or infinite numbers, the first at {where}")
+    return array

@@ -1,0 +1,85 @@
+"""``@value``: the one way this project makes a value type.
+
+A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written
+afterwards, so a value that was valid once stays valid. It has no ``==``: comparing arrays for equality is
+rarely what was meant. Validation goes into ``__post_init__``, which runs after the arrays were frozen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar, dataclass_transform, overload
+
+import numpy as np
+
+__all__ = ["field_names", "frozen", "value"]
+
+
+T = TypeVar("T")
+
+
+@overload
+def value(cls: type[T], /) -> type[T]: ...
+
+
+@overload
+def value(*, kw_only: bool = True, copy: bool = True) -> Callable[[type[T]], type[T]]: ...
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, eq_default=False)
+def value(cls: Any = None, /, *, kw_only: bool = True, copy: bool = True) -> Any:
+    """Make a class a value type; ``kw_only=False`` lets its fields also be given in order.
+    ``copy=False`` is for values that are only made inside this package, from arrays that nobody else holds.
+
+    >>> @value
+    ... class Tone:
+    ...     amplitude: np.ndarray
+    >>> samples = np.ones(3)
+    >>> tone = Tone(amplitude=samples)
+    >>> samples[0] = 9.0                      # the value keeps its own copy
+    >>> tone.amplitude
+    array([1., 1., 1.])
+    >>> tone.amplitude[0] = 9.0
+    Traceback (most recent call last):
+        ...
+    ValueError: assignment destination is read-only
+    """
+    if cls is None:
+        return lambda c: value_class(c, kw_only, copy)
+    return value_class(cls, kw_only, copy)
+
+
+def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
+    """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
+    validate = getattr(cls, "__post_init__", None)
+
+    names: tuple[str, ...] = ()
+
+    def __post_init__(self: Any) -> None:
+        for name in names:
+            content = getattr(self, name)
+            if isinstance(content, np.ndarray):
+                own = frozen(content, copy)
+                if own is not content:
+                    object.__setattr__(self, name, own)
+        if validate is not None:
+            validate(self)
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    made = dataclass(frozen=True, kw_only=kw_only, eq=False)(cls)
+    names = field_names(made)
+    return made
+
+
+def frozen(array: np.ndarray, copy: bool) -> np.ndarray:
+    """A read-only copy; the array itself where nobody else can write it, or where a copy is not asked for."""
+    if copy and (array.flags.writeable or array.base is not None):
+        array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+def field_names(thing: Any) -> tuple[str, ...]:
+    """The names of a value's fields, or of a value type's, in order."""
+    return tuple(field.name for field in fields(thing))

@@ -1,0 +1,92 @@
+"""Files are written whole or not at all; arrays as NPZ, HDF5 or MATLAB v5. Pickles are never written or read."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["VERSION", "save_mat", "write_arrays", "write_text", "write_whole"]
+
+
+VERSION = 1  # of the schemas of records and results
+
+
+def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
+    """Write a file whole or not at all: `write` fills a file beside it, which then takes its place.
+
+    Parameters
+    ----------
+    path : path
+        Where the file is to be.
+    write : callable
+        Is given the path to write to.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"path must lie in an existing folder, got {str(path)!r}")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    os.close(handle)
+    beside = Path(name)
+    try:
+        write(beside)
+        beside.chmod(0o666 & ~current_umask())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def current_umask() -> int:
+    """The process's umask; mkstemp makes files that only their owner may read."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_arrays(path: Path, content: Mapping[str, np.ndarray]) -> None:
+    """Write named arrays in the format that the suffix says."""
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        write_whole(path, lambda target: save_arrays(target, content))
+    elif suffix in (".h5", ".hdf5"):
+        write_whole(path, lambda target: save_hdf5(target, content))
+    else:
+        raise ValueError(f"path must end in .npz or .h5, got {path.name!r}")
+
+
+def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
+    """Write arrays as a MATLAB v5 file."""
+    from scipy.io import savemat
+
+    write_whole(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
+
+
+def save_arrays(target: Path, content: Mapping[str, Any]) -> None:
+    """Write arrays as NPZ."""
+    with target.open("wb") as stream:
+        np.savez(stream, **content)
+
+
+def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
+    """Write arrays as HDF5, texts as attributes."""
+    import h5py
+
+    with h5py.File(target, "w") as file:
+        for name, array in content.items():
+            if array.dtype.kind == "U":
+                file.attrs[name] = str(array)
+            else:
+                file.create_dataset(name, data=array)
+
+
+def write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write text as UTF-8, whole or not at all."""
+
+    def write(beside: Path) -> None:
+        beside.write_text(text, encoding="utf-8")
+
+    write_whole(path, write)

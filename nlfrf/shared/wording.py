@@ -1,0 +1,22 @@
+"""How things are said to people: a frequency in Hz, anything at all at the end of a message."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+__all__ = ["hertz", "shown"]
+
+
+def shown(thing: Any) -> str:
+    """A short form of anything, for the end of a message."""
+    if isinstance(thing, np.ndarray):
+        return f"an array of shape {thing.shape}"
+    text = " ".join(repr(thing).split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def hertz(omega: float) -> str:
+    """A frequency for people."""
+    return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"

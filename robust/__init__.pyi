@@ -1,0 +1,80 @@
+# Modelling: a nominal, weights
+# Analysis: a controller checked
+from .analysis.check import check as check
+from .analysis.check_structure import StructuredReport as StructuredReport
+from .analysis.check_structure import check_structure as check_structure
+from .analysis.disk_margin import DiskMargin as DiskMargin
+from .analysis.disk_margin import disk_margin as disk_margin
+from .analysis.family import LoopFamily as LoopFamily
+from .analysis.family import sample_loops as sample_loops
+from .analysis.gap import ncf_margin as ncf_margin
+from .analysis.gap import nu_gap as nu_gap
+from .analysis.report import RobustnessReport as RobustnessReport
+from .analysis.worst_case import WorstCase as WorstCase
+from .analysis.worst_case import worst_case as worst_case
+
+# Certificates: bounds proved at every frequency
+from .certificates.bounded_real import certify_norm as certify_norm
+from .certificates.certificate import Certificate as Certificate
+
+# Files
+from .files.biquads import controller_sections as controller_sections
+from .files.matlab import export_matlab as export_matlab
+from .files.models import load_controller as load_controller
+from .files.models import load_model as load_model
+from .files.models import save_controller as save_controller
+from .files.models import save_model as save_model
+from .files.report_page import write_report as write_report
+
+# Fixed structure: controllers straight from the FRF
+from .fixed_structure.design_frf import design_frf as design_frf
+
+# Loop shaping by hand
+from .loopshaping.bounds import loop_bounds as loop_bounds
+from .loopshaping.compensators import lag as lag
+from .loopshaping.compensators import lead as lead
+from .loopshaping.compensators import notch as notch
+from .loopshaping.compensators import pid as pid
+from .loopshaping.compensators import roll_off as roll_off
+from .modelling.design_warning import DesignWarning as DesignWarning
+from .modelling.nominal import NominalFit as NominalFit
+from .modelling.nominal import fit_nominal as fit_nominal
+from .modelling.nominal import frd as frd
+from .modelling.orders import OrderScan as OrderScan
+from .modelling.orders import scan_orders as scan_orders
+from .modelling.weight_formulas import control_weight as control_weight
+from .modelling.weight_formulas import delay_weight as delay_weight
+from .modelling.weight_formulas import performance_weight as performance_weight
+from .modelling.weights import WeightFit as WeightFit
+from .modelling.weights import fit_weight as fit_weight
+
+# Mu: the structured singular value
+from .mu.certify import certify_mu as certify_mu
+from .mu.gain import worst_gain as worst_gain
+from .mu.lmi import mu_upper_lmi as mu_upper_lmi
+from .mu.lower import mu_lower as mu_lower
+from .mu.upper import MuBound as MuBound
+from .mu.upper import mu_upper as mu_upper
+
+# Synthesis: controllers from Riccati equations
+from .synthesis.design import Design as Design
+from .synthesis.dk import DkDesign as DkDesign
+from .synthesis.dk import dk_iteration as dk_iteration
+from .synthesis.hinfsyn import Synthesis as Synthesis
+from .synthesis.hinfsyn import hinfsyn as hinfsyn
+from .synthesis.mixsyn import mixsyn as mixsyn
+from .synthesis.ncfsyn import crossover_weight as crossover_weight
+from .synthesis.ncfsyn import ncfsyn as ncfsyn
+
+# Systems: what a sampled controller sees
+from .systems.sampling import discretize as discretize
+from .systems.sampling import sampled as sampled
+
+# Uncertain: sets of plants
+from .uncertain.interconnection import Block as Block
+from .uncertain.interconnection import UncertainSystem as UncertainSystem
+from .uncertain.interconnection import interconnection as interconnection
+from .uncertain.model import UncertaintyModel as UncertaintyModel
+from .uncertain.model import uncertainty as uncertainty
+from .uncertain.validation import Validation as Validation
+from .uncertain.validation import validate as validate

@@ -1,0 +1,324 @@
+"""The check of a loop with several uncertainties: nominal stability, bounds by mu, and what of that is proved."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import hertz, shown
+from robust.analysis.verdict import VERDICTS, factor, paragraph
+from robust.certificates.bounded_real import certify_norm
+from robust.certificates.certificate import Certificate, refused
+from robust.mu.blocks import structure
+from robust.mu.certify import certify_mu
+from robust.mu.lower import mu_lower
+from robust.mu.real_parameters import Crossing, crossing
+from robust.mu.upper import bound, mu_upper, refined
+from robust.systems.grids import grid
+from robust.systems.lti import along
+from robust.systems.stability import instability
+from robust.uncertain.interconnection import UncertainSystem
+
+__all__ = ["StructuredReport", "check_structure"]
+
+
+FARTHEST = 100.0  # times as large as complex numbers would have to be: how far real ones are looked for
+
+
+@value
+class StructuredReport:
+    """What was found about a loop with several uncertainties, and what was proved.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies of the curves [rad/s].
+    mu, mu_rp : (W,) ndarray
+        Upper bounds for robust stability and for robust performance (nan without inputs and outputs, or where the
+        nominal loop is not stable): below one at every frequency is what is asked for.
+    nominally_stable, robustly_stable, robust_performance : bool
+        True only when established at all frequencies.
+    margin_rs, margin_rp : float
+        Factor on all perturbations up to which the upper bound stays at one (on the perturbations and the performance
+        together for margin_rp).
+    margin_broken : float
+        Factor at which a perturbation that was found makes the loop singular; inf where none was found.
+    omega_rs, omega_rp : float
+        Where the upper bounds peak [rad/s].
+    worst : dict
+        That perturbation, block by block at margin_broken = 1: a number in [-1, 1] for a real block, the size of a
+        complex one.
+    certificates : tuple of Certificate
+    verdict : str
+        "robust", "statistically robust", "not robust" or "not certified", as for `RobustnessReport`.
+    reason, proved, not_proved : str
+        In words.
+
+    References
+    ----------
+    SP 8.9 (RS), 8.10 (RP).
+
+    Examples
+    --------
+    >>> from robust.uncertain.interconnection import Block, interconnection
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    >>> report = check_structure(interconnection([lag, K], {"pole": Block("y", "pole", 7.5, kind="real")}))
+    >>> report.verdict, round(report.margin_rs, 3)                                  # 5 of 7.5
+    ('not robust', 0.667)
+    """
+
+    omega: np.ndarray
+    mu: np.ndarray
+    mu_rp: np.ndarray
+    nominally_stable: bool
+    robustly_stable: bool = False
+    robust_performance: bool = False
+    margin_rs: float = np.nan
+    margin_rp: float = np.nan
+    margin_broken: float = np.nan
+    omega_rs: float = np.nan
+    omega_rp: float = np.nan
+    worst: Any = None
+    certificates: tuple[Certificate, ...] = ()
+    verdict: str
+    reason: str
+    proved: str
+    not_proved: str
+
+    def __str__(self) -> str:
+        lines = paragraph("verdict", f"{self.verdict.upper()} ({VERDICTS[self.verdict]})")
+        lines += paragraph("because", self.reason)
+        if self.nominally_stable:
+            lines += paragraph(
+                "stability", f"max mu {1 / self.margin_rs:.3f} at {hertz(self.omega_rs)}: {factor(self.margin_rs)}"
+            )
+            if self.worst:
+                parts = ", ".join(f"{name} {number:+.3g}" for name, number in self.worst.items())
+                lines += paragraph("worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular")
+            if np.isfinite(self.margin_rp):
+                lines += paragraph("performance", f"max mu {1 / self.margin_rp:.3f} at {hertz(self.omega_rp)}")
+        lines += paragraph("proved", self.proved) + paragraph("not proved", self.not_proved)
+        for certificate in self.certificates:
+            how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
+            lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
+        return "\n".join(lines)
+
+
+def check_structure(system: UncertainSystem, *, certify: bool = True) -> StructuredReport:
+    """Check a loop with several uncertainties by the structured singular value, and say what was proved.
+
+    Parameters
+    ----------
+    system : UncertainSystem
+        From `interconnection`.
+    certify : bool
+        Prove the result at all frequencies; without it nothing better than "not certified" comes out.
+
+    Returns
+    -------
+    StructuredReport
+        A bad loop is a result, not an error. With an "operator" block among others the scalings have to be the same at
+        every frequency (Shamma 1994), and only that is accepted as a proof.
+
+    Raises
+    ------
+    ValueError
+        Anything that is not an UncertainSystem.
+
+    References
+    ----------
+    SP 8.9 (RS), 8.10 (RP); Packard & Doyle 1993.
+
+    Examples
+    --------
+    >>> from robust.uncertain.interconnection import Block, interconnection
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    >>> blocks = {"pole": Block("y", "pole", 2.5, kind="real"), "actuator": Block("u", "u", 0.5)}
+    >>> report = check_structure(interconnection([lag, K], blocks))      # s + 5 - 2.5 d1 + 2 d2: 4.5 of 5
+    >>> report.verdict, round(report.margin_rs, 3)
+    ('robust', 1.111)
+    """
+    if not isinstance(system, UncertainSystem):
+        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {shown(system)}")
+    if not system.blocks:
+        raise ValueError("system must have at least one block to check, got none")
+    omega = grid(system.N)
+    wrong = instability(system.N)
+    if wrong:
+        nothing = np.full(omega.size, np.nan)
+        return StructuredReport(
+            omega=omega,
+            mu=nothing,
+            mu_rp=nothing,
+            nominally_stable=False,
+            verdict="not certified" if wrong.startswith("undecided") else "not robust",
+            reason=f"the nominal loop is {wrong}",
+            proved="Nothing.",
+            not_proved="Everything: mu means nothing for a loop that is not stable.",
+        )
+    omega, mu = refined(system.loop, system.structure, omega)
+    parameters = smallest_parameters(system, omega, float(mu.max()))
+    if parameters is not None:
+        omega = np.union1d(omega, parameters.omega)
+    rp = np.full(omega.size, np.nan)
+    if system.inputs:
+        omega = np.union1d(omega, refined(system.N, system.with_performance, omega)[0])
+        rp = bound(system.N, system.with_performance, omega)
+    mu = bound(system.loop, system.structure, omega)
+    if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
+        mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
+    peak, where = float(mu.max()), float(omega[mu.argmax()])
+    broken, worst = worst_found(system, omega, mu, parameters)
+    certificates: list[Certificate] = []
+    if certify and peak < 1 and not broken <= 1:
+        certificates.append(proof(system, system.loop, system.structure, "robust stability", omega))
+    stable = bool(certificates and certificates[0].holds)
+    if stable and system.inputs and rp.max() < 1:
+        certificates.append(proof(system, system.N, system.with_performance, "robust performance", omega))
+    performs = len(certificates) == 2 and certificates[1].holds
+    verdict, reason = judged(system, peak, where, broken, stable, certify, certificates)
+    proved, not_proved = sentences(system, stable, performs)
+    return StructuredReport(
+        omega=omega,
+        mu=mu,
+        mu_rp=rp,
+        nominally_stable=True,
+        robustly_stable=stable,
+        robust_performance=performs,
+        margin_rs=1 / peak if peak > 0 else np.inf,
+        margin_rp=1 / float(rp.max()) if system.inputs and rp.max() > 0 else np.nan,
+        margin_broken=broken,
+        omega_rs=where,
+        omega_rp=float(omega[rp.argmax()]) if system.inputs else np.nan,
+        worst=worst,
+        certificates=tuple(certificates),
+        verdict=verdict,
+        reason=reason,
+        proved=proved,
+        not_proved=not_proved,
+    )
+
+
+def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float) -> Crossing | None:
+    """Real parameters that break the loop: they do so between the lines of any grid, where mu on it says nothing."""
+    blocks = system.structure
+    if not any(block.kind == "real" for block in system.blocks.values()):
+        return None
+    complex_ = [(*b[:2], "repeated") if b[-1] == "real" else b for b in blocks]
+    least = float(bound(system.loop, complex_, omega).max())  # as complex numbers they would have to be this small
+    if least == 0:
+        return None
+    return crossing(system.loop, structure("blocks", blocks), 1 / least, min(2 / max(peak, 1e-300), FARTHEST / least))
+
+
+def worst_found(
+    system: UncertainSystem, omega: np.ndarray, mu: np.ndarray, parameters: Crossing | None
+) -> tuple[float, Any]:
+    """Factor at which a perturbation makes the loop singular, the smallest found where mu is large, and its parts."""
+    candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
+    found = mu_lower(along(system.loop, omega[candidates]), system.structure, n_starts=2)
+    k = int(found.value.argmax())
+    size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
+    if parameters is not None and parameters.size < size:
+        size, delta = parameters.size, parameters.delta
+    if delta is None:
+        return np.inf, None
+    parts, r, c = {}, 0, 0
+    for name, block in system.blocks.items():
+        n, m = block.shape[:2]
+        part = delta[c : c + m, r : r + n] / size
+        parts[name] = float(part[0, 0].real if block.kind == "real" else np.linalg.norm(part, 2))
+        r, c = r + n, c + m
+    return size, parts
+
+
+def proof(system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray) -> Certificate:
+    """mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
+
+    A repeated operator counts as a full block: no scaling but a number commutes with a nonlinear one.
+    """
+    nonlinear = any(block.perturbation == "operator" for block in system.blocks.values())
+    one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
+    if not nonlinear or one_full_block:
+        found = certify_mu(N, blocks, 1.0)
+        return Certificate(**{**vars_of(found), "subject": subject})
+    response = along(N, omega)
+    D_L, D_R, _ = mu_upper(response, [b[:2] for b in blocks]).scaling
+    sizes = [
+        np.linalg.norm(
+            np.einsum("ij,jkw,kl->wil", D_L[:, :, k], response, np.linalg.inv(D_R[:, :, k])), 2, (1, 2)
+        ).max()
+        for k in range(omega.size)
+    ]
+    k = int(np.argmin(sizes))
+    if not sizes[k] < 1:
+        return refused(
+            subject, 1.0, f"no scaling that is the same at all frequencies was found: {sizes[k]:.4g} at best"
+        )
+    L, R = D_L[:, :, k].real, np.linalg.inv(D_R[:, :, k].real)
+    return certify_norm(control.StateSpace(N.A, N.B @ R, L @ N.C, L @ N.D @ R, N.dt), 1.0, subject=subject)
+
+
+def vars_of(certificate: Certificate) -> dict[str, Any]:
+    """The fields of a certificate."""
+    return {name: getattr(certificate, name) for name in certificate.__dataclass_fields__}
+
+
+def judged(
+    system: UncertainSystem,
+    peak: float,
+    where: float,
+    broken: float,
+    stable: bool,
+    certify: bool,
+    certificates: list[Certificate],
+) -> tuple[str, str]:
+    """The verdict on stability and why."""
+    if broken <= 1:
+        return (
+            "not robust",
+            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
+        )
+    if stable:
+        if any(block.perturbation == "statistical" for block in system.blocks.values()):
+            return "statistically robust", "the loop is stable with every linear plant of the set"
+        return "robust", "every perturbation of the set leaves the loop stable"
+    if peak >= 1:
+        reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
+        return "not certified", f"{reached}, but no perturbation was found that breaks the loop"
+    if not certify:
+        return "not certified", f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
+    return "not certified", f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
+
+
+def sentences(system: UncertainSystem, stable: bool, performs: bool) -> tuple[str, str]:
+    """What was proved and what was not."""
+    if not stable:
+        return "Only that the nominal loop is stable.", "Anything about the set around it."
+    words = {
+        "real": "every constant value of {}",
+        "LTI": "every stable linear {}",
+        "statistical": "every linear {}",
+        "operator": "every causal {}, nonlinear ones included",
+    }
+    parts = [
+        words["real" if block.kind == "real" else block.perturbation].format(name)
+        for name, block in system.blocks.items()
+    ]
+    what = "Stability and the performance demand" if performs else "Stability"
+    missing = []
+    if any(block.kind == "real" for block in system.blocks.values()):
+        missing.append("parameters that change while the loop runs")
+    if any(block.perturbation == "statistical" for block in system.blocks.values()):
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+    if system.inputs and not performs:
+        missing.append("the performance demand for the whole set")
+    text = "; ".join(missing or ["anything outside the set"])
+    return f"{what} with {' and '.join(parts)}, all at once, at all frequencies.", text[0].upper() + text[1:] + "."

@@ -1,0 +1,148 @@
+"""How near two plants are once a loop is closed around them: the nu-gap; and how much of it a loop can bear."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from robust.systems.bilinear import Matrices, to_continuous
+from robust.systems.closed_loop import closed_loop
+from robust.systems.lti import constant, scaled_states, timebase, zeros
+from robust.systems.norms import hinf_norm
+from robust.systems.realisation import state_space
+from robust.systems.riccati import stabilising
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["ncf_margin", "nu_gap"]
+
+
+def nu_gap(G1: Any, G2: Any) -> float:
+    """Vinnicombe's nu-gap between two plants, 0 (the same) to 1 (no controller suits both for sure).
+
+    A controller with a coprime margin above it (`ncf_margin`) stabilises both; the margin with the other plant is at
+    least sin(arcsin(margin) - arcsin(gap)). Two plants may differ wildly in open loop and lie near each other here.
+    Shape both with the same weights first: the gap depends on the units of input and output.
+
+    Parameters
+    ----------
+    G1, G2 : control.StateSpace, TransferFunction, float or UncertaintyModel
+        Plants, both continuous or both with the same sampling time.
+
+    Returns
+    -------
+    float
+        sup |G1 - G2| / sqrt((1 + |G1|^2)(1 + |G2|^2)) over frequency where the winding condition holds, else 1.
+
+    Raises
+    ------
+    ValueError
+        Sampling times that differ, or a plant with a mode that cannot be stabilised.
+
+    References
+    ----------
+    Vinnicombe, *Uncertainty and Feedback* (2001); Zhou & Doyle, *Essentials of Robust Control*, 17.2.
+
+    Examples
+    --------
+    A stable and an unstable plant that any sensible controller treats alike (Zhou & Doyle, 17.2).
+
+    >>> stable, unstable = control.tf([100], [2, 1]), control.tf([100], [2, -1])
+    >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
+    (0.02, 0.8988)
+    """
+    first, second = graph("G1", G1), graph("G2", G2)
+    steps = {name: timebase(G) for name, G in (("G1", nominal(G1)), ("G2", nominal(G2))) if not constant(G)}
+    if len(set(steps.values())) > 1:
+        raise ValueError(f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s")
+    # [N2, -M2] [M1; N1]: for single-loop plants the left factors are the transposed right ones
+    A2, B2, C2, D2 = second
+    turned = np.diag([1.0, -1.0])[:, ::-1]
+    left = (A2.T, C2.T, B2.T, D2.T)
+    distance, _ = hinf_norm(control.StateSpace(*series(first, turned, left), 0))
+    # [N2; M2]~ [N1; M1] is to have as many unstable zeros as the first factor has poles, all of them unstable
+    mirrored = (-A2.T, -C2.T, B2.T, D2.T)
+    inside = zeros(control.StateSpace(*series(first, np.eye(2), mirrored), 0))
+    if int(np.sum(inside.real > 0)) != A2.shape[0]:
+        return 1.0
+    return float(min(distance, 1.0))
+
+
+def ncf_margin(G: Any, K: Any) -> float:
+    """Coprime margin of a loop: the nu-gap that the plant may move by, at least, before a loop is lost; 0 if unstable.
+
+    Parameters
+    ----------
+    G : control.StateSpace, TransferFunction or UncertaintyModel
+        Plant, shaped by its weights where there are any.
+    K : control.StateSpace, TransferFunction or float
+        Controller, negative feedback, on the same time base.
+
+    Returns
+    -------
+    float
+        1 / norm of [K; 1] (1 + G K)^-1 [1, G].
+
+    Raises
+    ------
+    ValueError
+        Sampling times that differ, a loop without a solution.
+
+    References
+    ----------
+    Vinnicombe 2001, 1.2; SP 9.4.1 (there 1/gamma).
+
+    Examples
+    --------
+    For G = K = 1 every column is 1/2 [1, 1; 1, 1].
+
+    >>> round(ncf_margin(1.0, 1.0), 6)
+    1.0
+    """
+    plant, K = nominal(G), state_space("K", K)
+    if not constant(plant) and not constant(K) and timebase(plant) != timebase(K):
+        raise ValueError(f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s")
+    dt = timebase(K) if constant(plant) else timebase(plant)
+    norm = hinf_norm(control.StateSpace(*closed_loop(plant, K, ("u", "y"), ("p_out", "p_in")), dt))[0]
+    return 1 / norm
+
+
+def nominal(G: Any) -> control.StateSpace:
+    """The plant itself, of whatever was given."""
+    return state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+
+
+def graph(name: str, G: Any) -> Matrices:
+    """[N; M] with G = N/M, both stable, |N|^2 + |M|^2 = 1 on the axis; in continuous time by the bilinear map."""
+    G = nominal(G)
+    matrices = (G.A, G.B, G.C, G.D)
+    A, B, C, D = well_scaled(to_continuous(*matrices) if timebase(G) and G.nstates else matrices)
+    R = np.eye(1) + D.T @ D
+    X = stabilising(A, B, C.T @ C, R, C.T @ D)
+    if X is None:
+        raise ValueError(
+            f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
+        )
+    F = -np.linalg.solve(R, D.T @ C + B.T @ X)
+    root = 1 / np.sqrt(R)
+    return A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])
+
+
+def well_scaled(matrices: Matrices) -> Matrices:
+    """The same system with its states scaled: in those of a companion form the Riccati equation may be hopeless."""
+    A, B, C, D = matrices
+    if not A.size:
+        return matrices
+    A, B, C = scaled_states(A, B, C)
+    size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
+    return A, B * size, C / size, D
+
+
+def series(first: Matrices, between: np.ndarray, last: Matrices) -> Matrices:
+    """`first`, a constant matrix, then `last`."""
+    A1, B1, C1, D1 = first
+    A2, B2, C2, D2 = last
+    C, D = between @ C1, between @ D1
+    A = np.block([[A1, np.zeros((A1.shape[0], A2.shape[0]))], [B2 @ C, A2]])
+    return A, np.vstack([B1, B2 @ D]), np.hstack([D2 @ C, C2]), D2 @ D

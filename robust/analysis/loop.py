@@ -1,0 +1,300 @@
+"""The loop as it will run: plant, controller, hold and delay on one time base, its curves and its proofs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.arguments import nonnegative
+from nlfrf.shared.values import value
+from robust.certificates.intervals import Magnitude, magnitude
+from robust.systems.closed_loop import closed_loop, factor_allowed, worst_sensitivity
+from robust.systems.lti import constant, in_s, in_series, poles, response, timebase, zeros
+from robust.systems.realisation import stable_weight, state_space
+from robust.systems.sampling import delay_samples, delayed, sampled
+from robust.systems.stability import certain_poles, moved_out
+from robust.uncertain.forms import PORTS, worst_terms
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["Assembly", "assemble", "nominal_instability", "performance_margin", "weighted"]
+
+
+DELAY_ORDER = 8
+MOST_STATES = 600  # of a plant with its delay line
+N_ALIASES = 30
+
+
+@value
+class Assembly:
+    """A loop ready to be judged.
+
+    Fields
+    ------
+    G, K : control.StateSpace
+        Plant as the controller sees it (hold and delay inside) and controller, on the time base dt.
+    dt : float
+        Sampling time of the loop [s], 0 for continuous.
+    form : str
+        Form of the uncertainty.
+    weight : control.StateSpace
+        Its weight, on its own time base.
+    w_P : control.StateSpace or None
+        Performance weight, on its own time base.
+    pade_delay : float
+        Delay [s] that G holds as a Padé approximation made here (continuous loops only).
+    unsampled : control.StateSpace or None
+        The continuous nominal that G was sampled from.
+    short, shift : control.StateSpace, float
+        G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
+        curves and margins are those of the delay itself.
+    """
+
+    G: control.StateSpace
+    K: control.StateSpace
+    dt: float
+    form: str
+    weight: control.StateSpace
+    w_P: Any
+    pade_delay: float
+    unsampled: Any
+    short: control.StateSpace
+    shift: float
+
+    @property
+    def top(self) -> float:
+        """Highest frequency that means anything [rad/s]."""
+        return np.pi / self.dt if self.dt else np.inf
+
+    def with_plant(self, G: control.StateSpace) -> Assembly:
+        """The same loop around another plant, as the controller sees it."""
+        return replace(self, G=G, short=G, shift=0.0)
+
+    def behind_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
+        """A plant on the time base of the loop behind its delay [s]."""
+        return delayed(plant, delay, order=DELAY_ORDER)
+
+    def closed(self, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> control.StateSpace:
+        """A closed-loop transfer function of the nominal loop."""
+        return control.StateSpace(*closed_loop(self.G, self.K, outputs, inputs), self.dt)
+
+    def plant(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) response of G."""
+        return response(self.short, omega) * np.exp(-1j * omega * self.shift)
+
+    def terms(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """S, a and b at omega (`robust.loop.worst_terms`), from the responses of the parts."""
+        return worst_terms(self.form, response(self.weight, omega), self.plant(omega), response(self.K, omega))
+
+    def rs(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |b|: one perturbation of the set destabilises the loop where it reaches one."""
+        return np.abs(self.terms(np.atleast_1d(omega))[2])
+
+    def nominal(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |w_P S|; nan without w_P."""
+        if self.w_P is None:
+            return np.full(np.size(omega), np.nan)
+        return np.abs(response(self.w_P, np.atleast_1d(omega)) * self.terms(np.atleast_1d(omega))[0])
+
+    def rp(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |w_P| max |S_p|; nan without w_P."""
+        omega = np.atleast_1d(omega)
+        if self.w_P is None:
+            return np.full(omega.size, np.nan)
+        worst = worst_sensitivity(*self.terms(omega))
+        size = np.abs(response(self.w_P, omega))
+        return np.where(np.isinf(worst), np.inf, size * np.where(np.isinf(worst), 1.0, worst))
+
+    def folded(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) rs with what perturbations above the Nyquist frequency add by folding down; inf where unbounded.
+
+        A perturbation of the continuous plant acts on every alias of a frequency, hold and all. Each alias fills a
+        disc; the sampled plant fills the sum of the discs.
+        """
+        G, T, total = self.unsampled, self.dt, np.zeros(omega.size)
+        if self.weight.D[0, 0] != 0 and (self.form == "additive" or G.D[0, 0] != 0):
+            return np.full(omega.size, np.inf)  # what does not roll off, over all aliases
+        for k in range(1, N_ALIASES + 1):
+            before = total.copy()
+            for alias in (2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega):
+                hold = np.abs(2 * np.sin(omega * T / 2) / (alias * T))
+                size, w = np.abs(response(G, alias)), np.abs(response(self.weight, alias))
+                if self.form.startswith("inverse"):
+                    w = w * size if self.form == "inverse-additive" else w
+                    total += np.where(w < 1, size * hold * w / np.maximum(1 - w, 1e-12), np.inf)
+                else:
+                    total += hold * w * (1.0 if self.form == "additive" else size)
+        # from there on at least as 1/k^2, whose sum is k times its last term
+        total += N_ALIASES * np.subtract(total, before, out=np.zeros(omega.size), where=np.isfinite(total))
+        return self.rs(omega) + np.abs(response(self.K, omega) * self.terms(omega)[0]) * total
+
+    def half_disk(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) |S - 1/2|, whose largest value is the inverse of the symmetric disk margin."""
+        return np.abs(self.terms(np.atleast_1d(omega))[0] - 0.5)
+
+    def grid(self, lines: np.ndarray) -> np.ndarray:
+        """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
+        features = [np.abs(lines)]
+        A = closed_loop(self.G, self.K, ("e",), ("r",))[0]
+        loop_poles = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
+        roots = [in_s(loop_poles, self.dt)]
+        for system in (self.G, self.K, self.weight, self.w_P):
+            if system is not None and system.nstates:
+                roots += [in_s(poles(system), timebase(system)), in_s(zeros(system), timebase(system))]
+        s = np.concatenate(roots)
+        s = s[np.isfinite(s) & (np.abs(s) > 0)]
+        features.append(np.abs(s))
+        size = np.concatenate(features)
+        centre = np.median(size)
+        size = size[(size > 1e-9 * centre) & (size < 1e9 * centre)]
+        low, high = size.min() / 100, min(size.max() * 100, self.top)
+        sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
+        near = sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.tan(np.linspace(-1.4, 1.4, 41))
+        keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
+        omega = np.unique(np.concatenate([keep, np.geomspace(low, high, 500), near.ravel()]))
+        return omega[(omega >= low) & (omega <= min(high, self.top * (1 - 1e-9)))]
+
+    def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
+        """Largest value of a curve and where: on the grid, far outside it, and refined.
+
+        Where the curve is flat, the place is the one nearest to the band.
+        """
+        far = [omega[0] * 1e-5, min(omega[-1] * 1e5, self.top * (1 - 1e-12))]
+        points = np.unique(np.concatenate([omega, far]))
+        values = curve(points)
+        values = np.where(np.isnan(values), np.inf, values)
+        best, where = float(values.max()), float(points[values.argmax()])
+        inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
+        inner = inner[np.argsort(-values[inner])][:5]
+        low, high = np.log(points[inner - 1]), np.log(points[inner + 1])
+        for _ in range(6 if inner.size else 0):  # all maxima at once, ten times closer each time
+            near = low[:, None] + np.linspace(0, 1, 21) * (high - low)[:, None]
+            zoom = curve(np.exp(near.ravel())).reshape(near.shape)
+            zoom = np.where(np.isnan(zoom), np.inf, zoom)
+            top = zoom.argmax(axis=1)
+            each = np.arange(inner.size)
+            if zoom.max() > best:
+                best, where = float(zoom.max()), float(np.exp(near.flat[zoom.argmax()]))
+            low, high = near[each, np.maximum(top - 1, 0)], near[each, np.minimum(top + 1, 20)]
+        flat = points[values >= best * (1 - 1e-4)]
+        if flat.size:
+            away = np.abs(np.log(np.clip(flat, *band) / flat))
+            if away.min() < abs(np.log(np.clip(where, *band) / where)):
+                where = float(flat[away.argmin()])
+        return best, where
+
+    def weight_bound(self, system: control.StateSpace) -> Any:
+        """f(x_low, x_high) bounding |system| over an interval of the axis the loop is proved on."""
+        bound: Magnitude = magnitude(system)
+        if self.dt and not timebase(system) and not constant(system):
+            # a continuous weight over a sampled loop: x = tan(omega dt/2) is the axis of the loop
+            return lambda low, high: bound.upper(2 / self.dt * np.arctan(low), 2 / self.dt * np.arctan(high))
+        return bound.upper
+
+    def omega_of(self, x: Any) -> Any:
+        """Frequency [rad/s] of a point of the axis the loop is proved on."""
+        return 2 / self.dt * np.arctan(x) if self.dt else x
+
+    def x_of(self, omega: np.ndarray) -> np.ndarray:
+        """The way back from `omega_of`."""
+        return np.tan(np.minimum(omega * self.dt / 2, np.pi / 2 * (1 - 1e-12))) if self.dt else omega
+
+    def ports(self) -> tuple[str, str]:
+        """Where the perturbation reads and where it acts."""
+        return PORTS[self.form]
+
+
+def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembly:
+    """Put plant and controller on one time base, or refuse what does not fit together."""
+    K = state_space("K", K)
+    delay = nonnegative("delay", delay)
+    G = model.nominal
+    dt_G, dt_K = timebase(G), timebase(K)
+    dt = dt_G or dt_K
+    if G.nstates + K.nstates + (delay / dt if dt else 0) > MOST_STATES:
+        raise ValueError(
+            f"delay must leave at most {MOST_STATES} states in the loop, got {delay:g} s"
+            + (f" of {dt:g} s each sample" if dt else "")
+            + f" around {G.nstates + K.nstates} states. A slower sampling time has a shorter delay line."
+        )
+    pade_delay, unsampled = 0.0, None
+    if dt_G:
+        if not constant(K) and abs(dt_K - dt_G) > 1e-9 * dt_G:
+            raise ValueError(
+                f"K must have the sampling time of the nominal model, {dt_G:g} s, "
+                + (f"got {dt_K:g} s" if dt_K else "got a continuous controller")
+            )
+        dt = dt_G
+        short, shift = G, delay_samples("delay", delay, dt) * dt
+        G = delayed(G, shift, order=0)
+    elif dt_K:
+        dt, unsampled = dt_K, G
+        shift = np.floor(delay / dt + 1e-9) * dt
+        short, G = sampled(G, dt, max(delay - shift, 0.0)), sampled(G, dt, delay)
+    else:
+        dt, pade_delay = 0.0, delay
+        short, shift = G, delay
+        G = delayed(G, delay, order=DELAY_ORDER)
+    K = control.StateSpace(K.A, K.B, K.C, K.D, dt)
+    if w_P is not None:
+        w_P = stable_weight("w_P", w_P, dt)
+    closed_loop(G, K, ("e",), ("r",))  # refuses a loop without a solution
+    return Assembly(
+        G=G,
+        K=K,
+        dt=dt,
+        form=model.form,
+        weight=model.weight,
+        w_P=w_P,
+        pade_delay=pade_delay,
+        unsampled=unsampled,
+        short=short,
+        shift=float(shift),
+    )
+
+
+def nominal_instability(loop: Assembly) -> str:
+    """Empty where every pole of the loop, hidden modes included, is stable beyond rounding; else what is wrong.
+
+    A delay in a continuous loop is taken as it is, not by its approximation.
+    """
+    waiting = loop.pade_delay > 0
+    poles, moved = certain_poles((loop.with_plant(loop.short) if waiting else loop).closed(("e",), ("r",)))
+    excess = np.abs(poles) - 1 if loop.dt else poles.real
+    unstable = excess > moved
+    if unstable.any() and not waiting:
+        return f"unstable: the nominal loop has a pole at {poles[int(np.argmax(excess))]:.4g}"
+    if np.any(excess[~unstable] >= -moved[~unstable]):
+        worst = int(np.argmax(np.where(unstable, -np.inf, excess + moved)))
+        where = f"at {poles[worst]:.4g}" + (" without its delay" if waiting else "")
+        return f"undecided: a pole of the nominal loop {where} cannot be told from the stability boundary"
+    if not waiting:
+        return ""
+    total = unstable.sum() + moved_out(in_series(loop.K, loop.short), loop.pade_delay)
+    if np.isnan(total):
+        return "undecided: with its delay the nominal loop cannot be told from one on the stability boundary"
+    return f"unstable: the nominal loop with its delay has {total:g} unstable poles" if total else ""
+
+
+def weighted(assembly: Assembly) -> control.StateSpace:
+    """The function whose norm decides robust stability, as one system; the weight runs on the time base of the loop."""
+    out, into = assembly.ports()
+    return in_series(assembly.closed((out,), (into,)), assembly.weight, dt=assembly.dt)
+
+
+def performance_margin(loop: Assembly, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
+    """Largest factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited."""
+    if loop.w_P is None:
+        return np.nan, np.nan
+    peak, where = loop.peak(loop.nominal, omega, band)
+    if peak >= 1:
+        return 0.0, where
+
+    def inverse(points: np.ndarray) -> np.ndarray:
+        S, a, b = loop.terms(points)
+        return 1 / factor_allowed(np.abs(response(loop.w_P, points)) * np.abs(S), a, b)
+
+    largest, where = loop.peak(inverse, omega, band)
+    return 1 / largest if largest > 0 else np.inf, where

@@ -1,0 +1,126 @@
+"""Proofs about an assembled loop: robust stability and robust performance at every frequency."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from nlfrf.shared.wording import hertz
+from robust.analysis.loop import Assembly, weighted
+from robust.certificates.bounded_real import certify_norm
+from robust.certificates.certificate import Certificate, refused
+from robust.certificates.intervals import Outcome, around, prove
+from robust.certificates.single_loop import Loop, product, prove_loop
+from robust.systems.bilinear import Matrices, continuous_image
+from robust.systems.closed_loop import closed_loop
+from robust.systems.lti import constant, evaluate, on_axis, response, timebase
+from robust.systems.norms import well_conditioned
+
+__all__ = ["prove_performance", "prove_stability"]
+
+
+BUDGET = 3.0  # seconds for each proof by intervals
+
+
+def prove_stability(loop: Assembly, omega: np.ndarray, solver: str) -> Certificate:
+    """|b| < 1 at every frequency: by a linear matrix inequality, else interval by interval."""
+    subject = "robust stability"
+    before = ""
+    if not loop.pade_delay and (constant(loop.weight) or timebase(loop.weight) == loop.dt):
+        certificate = certify_norm(weighted(loop), 1.0, solver=solver, subject=subject)
+        if certificate.holds:
+            return certificate
+        before = certificate.reason
+    outcome = prove_loop(parts(loop, performance=False), omega[[0, -1]], loop.top, time_cap=BUDGET)
+    return as_certificate(subject, outcome, "interval by interval", before)
+
+
+def parts(loop: Assembly, *, performance: bool) -> Loop:
+    """The loop as `prove_loop` takes it."""
+    G, K, w, tau = loop.short, loop.K, loop.weight, loop.shift
+    q, relative = {
+        "multiplicative": (product(w, G, K, delay=tau), product(w)),
+        "additive": (product(w, K), product(w, over=(G,), delay=-tau)),
+        "inverse-multiplicative": (product(w), product(w, over=(G, K), delay=-tau)),
+        "inverse-additive": (product(w, G, delay=tau), product(w, over=(K,))),
+    }[loop.form]
+    return Loop(
+        L=product(G, K, delay=tau),
+        q=q,
+        relative=relative,
+        w_P=product(loop.w_P) if performance else None,
+        inverse=loop.form.startswith("inverse"),
+    )
+
+
+def prove_performance(loop: Assembly, omega: np.ndarray, *, one_scaling: bool) -> Certificate:
+    """|w_P| max |S_p| < 1 at every frequency, interval by interval.
+
+    For an operator perturbation it is the norm of the two-block loop under one scaling that holds at all frequencies.
+    """
+    subject = "robust performance"
+    if not one_scaling:
+        outcome = prove_loop(parts(loop, performance=True), omega[[0, -1]], loop.top, time_cap=BUDGET)
+        return as_certificate(subject, outcome, "interval by interval")
+    if loop.pade_delay:
+        return refused(subject, 1.0, "not attempted for operators with a delay in a continuous loop")
+    out, into = loop.ports()
+    A, B, C, D = well_conditioned(continuous_image(loop.closed((out, "e"), (into, "r"))))
+    bound, bound_P = loop.weight_bound(loop.weight), loop.weight_bound(loop.w_P)
+    d = best_constant(loop, omega)
+
+    def frozen(low: float, high: float) -> Matrices:
+        rows, cols = np.array([[bound(low, high)], [bound_P(low, high) / d]]), np.array([[1.0, d]])
+        return A, B * cols, C * rows, D * rows * cols
+
+    def exact(x: float) -> float:
+        matrix = loop_matrix(loop, np.array([loop.omega_of(x)]))[0] * np.array([[1.0, d], [1 / d, 1.0]])
+        return float(np.linalg.norm(matrix, 2))
+
+    outcome = prove(frozen, exact, starting_points(loop, A, omega), np.inf, time_cap=BUDGET)
+    return as_certificate(subject, in_omega(loop, outcome), "Hamiltonian with one scaling, interval by interval")
+
+
+def loop_matrix(loop: Assembly, omega: np.ndarray) -> np.ndarray:
+    """(W, 2, 2) weighted response from (perturbation, r) to (perturbation, e)."""
+    out, into = loop.ports()
+    matrices = closed_loop(loop.G, loop.K, (out, "e"), (into, "r"))
+    rows = np.stack([response(loop.weight, omega), response(loop.w_P, omega)], axis=1)
+    return evaluate(*matrices, on_axis(omega, loop.dt)) * rows[:, :, None]
+
+
+def best_constant(loop: Assembly, omega: np.ndarray) -> float:
+    """The one scaling d that keeps the largest singular value lowest over the grid (convex in log d)."""
+    matrices = loop_matrix(loop, omega)
+
+    def largest(log: float) -> float:
+        d = np.exp(log)
+        return float(np.linalg.svd(matrices * np.array([[1.0, d], [1 / d, 1.0]]), compute_uv=False)[:, 0].max())
+
+    start = np.sqrt(np.abs(matrices[:, 1, 0]).max() / np.abs(matrices[:, 0, 1]).max())
+    return float(np.exp(minimize_scalar(largest, bracket=(np.log(start) - 1, np.log(start) + 1)).x))
+
+
+def starting_points(loop: Assembly, A: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Where to cut the axis first: around the resonances of the loop."""
+    size = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
+    size = size[(size > 0) & np.isfinite(size)]
+    return around(np.concatenate([size, loop.x_of(omega[[0, omega.size // 2, -1]])]))
+
+
+def in_omega(loop: Assembly, outcome: Outcome) -> Outcome:
+    """An outcome on the axis of `prove`, in rad/s."""
+    return replace(outcome, intervals=loop.omega_of(outcome.intervals), violated_at=loop.omega_of(outcome.violated_at))
+
+
+def as_certificate(subject: str, outcome: Outcome, method: str, before: str = "") -> Certificate:
+    """The outcome of a proof by intervals as a certificate."""
+    if outcome.holds:
+        return Certificate(
+            subject=subject, holds=True, level=1.0, method=method, intervals=outcome.intervals, reason=""
+        )
+    if np.isfinite(outcome.violated_at):
+        return refused(subject, 1.0, f"violated at {hertz(outcome.violated_at)}: {outcome.reason}")
+    return refused(subject, 1.0, "; ".join(part for part in (before, f"{method}: {outcome.reason}") if part))

@@ -1,0 +1,176 @@
+"""What a result means and what to do next, in words a test engineer can act on."""
+
+from __future__ import annotations
+
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.wording import hertz
+from robust.analysis.loop import Assembly
+from robust.certificates.certificate import Certificate
+from robust.systems.lti import poles, response
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["VERDICTS", "advice", "context", "factor", "judge", "paragraph", "sentences"]
+
+
+CURES = {
+    "noise": "noise: average more periods",
+    "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
+    "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
+    "misfit": "misfit of the nominal model: give it more poles or a delay",
+    "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
+    "systematic": "the allowance for the systematic part: measure at a second level instead",
+}
+
+
+def advice(model: Any, omega_rs: float) -> str:
+    """What limits the stability margin and what to measure or change next."""
+    if not np.isfinite(omega_rs):
+        return ""
+    low, high = model.omega[0], model.omega[-1]
+    at = f"The margin is limited at {hertz(omega_rs)}"
+    if omega_rs > high * 1.001 or omega_rs < low * 0.999:
+        side = "above" if omega_rs > high else "below"
+        return f"{at}, {side} the measured band, where the radius is assumed ({model.extrapolation}): measure there."
+    parts = model.budget()
+    k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
+    total = sum(float(part[k]) for part in parts.values() if np.isfinite(part[k]))
+    if not parts or not total > 0:
+        return f"{at}; the model does not say what its radius is made of there."
+    shares = sorted(((float(part[k]) / total, name) for name, part in parts.items() if part[k] > 0), reverse=True)
+    listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
+    spare = (
+        f" The weight lies {20 * np.log10(excess(model, k)):.1f} dB over the radius there."
+        if excess(model, k) > 1.26
+        else ""
+    )
+    return f"{at}, where the radius is {listed}. {CURES[shares[0][1]].capitalize()}.{spare}"
+
+
+def excess(model: Any, k: int) -> float:
+    """|weight| over the radius at line k."""
+    return float(np.abs(response(model.weight, model.omega[k : k + 1]))[0] / model.radius[k])
+
+
+def described(model: Any) -> str:
+    """The set, in words."""
+    if model.perturbation == "LTI":
+        return f"every stable LTI perturbation inside the {model.form} weight"
+    if model.perturbation == "operator":
+        return f"every causal perturbation, nonlinear ones included, with the gain of the {model.form} weight"
+    return f"every linear plant inside the {model.form} weight"
+
+
+def claim(model: Any) -> str:
+    """The confidence behind the set, in words; empty where none is claimed."""
+    if np.isnan(model.confidence):
+        return ""
+    percent = f"{100 * model.confidence:.4g} %"
+    if model.simultaneous:
+        return f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
+    return f"each line of another realisation lies in the set with {percent} probability"
+
+
+def sentences(model: Any, loop: Any, omega: np.ndarray, stable: bool, performance: bool) -> tuple[str, str]:
+    """What was proved and what was not, one sentence each."""
+    where = "at all frequencies" if not loop.dt else f"at all frequencies up to Nyquist ({0.5 / loop.dt:.4g} Hz)"
+    if not stable:
+        proved = "Only that the nominal loop is stable."
+        return proved, "Anything about the set around it."
+    what = "stability and the performance demand" if performance else "stability"
+    proved = f"{what.capitalize()} with {described(model)}, {where}."
+    missing = []
+    if model.perturbation == "statistical":
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+        if claim(model):
+            missing.append(f"more than the confidence of the set ({claim(model)})")
+    if loop.w_P is not None and not performance:
+        missing.append("the performance demand for the whole set")
+    if loop.unsampled is not None:
+        missing.append(folding(loop, omega))
+    missing.append(f"anything about the plant outside the measured band beyond the assumption ({model.extrapolation})")
+    text = "; ".join(missing)
+    return proved, text[0].upper() + text[1:] + "."
+
+
+def folding(loop: Any, omega: np.ndarray) -> str:
+    """What perturbations above the Nyquist frequency could do, which the sampled set does not hold."""
+    # where rs is large, and where modes above Nyquist come down to
+    step, nyquist = 2 * np.pi / loop.dt, np.pi / loop.dt
+    modes = np.abs((poles(loop.unsampled).imag + nyquist) % step - nyquist)
+    some = np.concatenate([omega[:: max(1, omega.size // 100)], omega[np.argsort(-loop.rs(omega))[:20]], modes])
+    peak = float(np.max(loop.folded(np.unique(np.clip(some, omega[0], omega[-1])))))
+    text = "perturbations above the Nyquist frequency, which fold down"
+    if np.isinf(peak):
+        return f"{text} without a bound under this weight"
+    if peak >= 1:
+        cure = "sample faster, or filter before sampling"
+        return f"{text} and could destabilise: with them max rs would be {peak:.3g} ({cure})"
+    return f"{text}: with them max rs would be {peak:.3g}"
+
+
+def context(model: Any, loop: Any) -> str:
+    """The loop in one line."""
+    kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
+    held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
+    band = f"{hertz(model.omega[0])} to {hertz(model.omega[-1])}"
+    return (
+        f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
+        f"{model.weight.nstates}, perturbations {model.perturbation}, measured {band}"
+    )
+
+
+def judge(
+    model: UncertaintyModel,
+    loop: Assembly,
+    peak: float,
+    omega_rs: float,
+    violation: bool,
+    certify: bool,
+    certificates: list[Certificate],
+    robustly_stable: bool,
+) -> tuple[str, str]:
+    """The verdict on stability and why."""
+    if violation:
+        how = certificates[0].reason if certificates else f"rs = {peak:.4g} at {hertz(omega_rs)}"
+        return "not robust", f"a plant of the set is unstable in this loop: {how}"
+    if robustly_stable:
+        kind = {
+            "LTI": ("robust", "every linear time-invariant perturbation of the set leaves the loop stable"),
+            "operator": ("robust", "every perturbation of the set, nonlinear ones included, leaves the loop stable"),
+            "statistical": ("statistically robust", "the loop is stable with every linear plant of the set"),
+        }
+        verdict, reason = kind[model.perturbation]
+        return verdict, reason + (
+            "; those above the Nyquist frequency are left out" if loop.unsampled is not None else ""
+        )
+    if not certify:
+        return "not certified", f"rs stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
+    return "not certified", f"rs stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
+
+
+#: Every verdict, and what it means.
+VERDICTS = {
+    "robust": "proved for every perturbation of the set",
+    "statistically robust": "holds for the whole set at its confidence; no stability proof for the nonlinear plant",
+    "not robust": "fails for a plant of the set, or for the nominal one",
+    "not certified": "neither proved nor disproved",
+}
+
+
+def paragraph(label: str, text: str) -> list[str]:
+    """A labelled paragraph that fits a screen 100 wide."""
+    rows = wrap(text, 86) or [""]
+    return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
+
+
+def factor(margin: float) -> str:
+    """A margin on the uncertainty, in words."""
+    if margin > 1:
+        return f"the uncertainty may grow by a factor {margin:.3g}"
+    return f"the uncertainty would have to shrink to {100 * margin:.3g} %"

@@ -1,0 +1,160 @@
+"""The worst plant of a set, as a system to replay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.values import value
+from robust.analysis.loop import Assembly, assemble, nominal_instability
+from robust.systems.closed_loop import worst_perturbation, worst_sensitivity
+from robust.systems.lti import response, timebase
+from robust.systems.sampling import sampled
+from robust.uncertain.model import UncertaintyModel
+from robust.uncertain.perturbations import perturbed, with_phase
+
+__all__ = ["WorstCase", "in_loop", "sensitivity", "stable_with", "worst_case"]
+
+
+@value
+class WorstCase:
+    """The largest sensitivity over a set, and a plant of the set that has it.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    gain : (W,) ndarray
+        Largest |S_p| over the set (|w_P S_p| with w_P); inf where a plant of the set puts a pole on the boundary.
+    omega_worst : float
+        Where it is largest, or where a perturbation destabilises the loop [rad/s].
+    plant : control.StateSpace
+        A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K.
+    delta : complex
+        The perturbation there; of modulus below one where less suffices to destabilise.
+    achieved : float
+        |S_p| (|w_P S_p|) of the loop with that plant at omega_worst, recomputed.
+    stable : bool
+        Whether the loop with that plant is stable.
+
+    References
+    ----------
+    SP 7.6.3.
+
+    Examples
+    --------
+    >>> from robust import UncertaintyModel
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> worst = worst_case(model, 2.0)
+    >>> worst.stable, bool(abs(worst.achieved - worst.gain.max()) < 1e-3)
+    (True, True)
+    """
+
+    omega: np.ndarray
+    gain: np.ndarray
+    omega_worst: float
+    plant: control.StateSpace
+    delta: complex
+    achieved: float
+    stable: bool
+
+
+def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float = 0.0) -> WorstCase:
+    """The plant of the set that hurts a controller most, to replay it in a simulation.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        With a parametric nominal.
+    K : control.StateSpace, TransferFunction or float
+        Controller, continuous or discrete, negative feedback.
+    w_P : control.StateSpace or TransferFunction, optional
+        Performance weight on S; 1 when not given.
+    delay : float
+        Computation delay [s].
+
+    Returns
+    -------
+    WorstCase
+
+    Raises
+    ------
+    ValueError
+        A nominal loop that is not stable, or parts that do not fit each other.
+
+    References
+    ----------
+    SP 7.6.3 (worst-case plants), 8.10.3.
+
+    Examples
+    --------
+    >>> from robust import UncertaintyModel
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> worst = worst_case(model, 2.0)
+    >>> bool(np.all(model.distance(worst.plant) <= 1 + 1e-9))             # a plant of the set
+    True
+    """
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError("model must be an UncertaintyModel with a parametric nominal to make plants of")
+    loop = assemble(model, K, w_P, delay)
+    wrong = nominal_instability(loop)
+    if wrong:
+        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {wrong}")
+    omega = loop.grid(model.omega)
+
+    def curve(points: np.ndarray) -> np.ndarray:
+        worst = worst_sensitivity(*loop.terms(points))
+        return worst if loop.w_P is None else np.where(np.isinf(worst), worst, 0) + loop.rp(points)
+
+    band = (float(model.omega[0]), float(model.omega[-1]))
+    peak_b, where = loop.peak(loop.rs, omega, band)
+    if peak_b < 1:
+        where = loop.peak(curve, omega, band)[1]
+    _, a, b = (term[0] for term in loop.terms(np.array([where])))
+    delta = complex(-1 / b) if peak_b >= 1 else complex(worst_perturbation(np.array([a]), np.array([b]))[0])
+    delta *= np.exp(1j * where * lead_of(loop, delay)) / max(1.0, abs(delta))
+    # the weight brings its own phase, which the perturbation is relative to
+    Delta = with_phase(where, delta, timebase(model.weight))
+    plant = perturbed(model.form, model.nominal, model.weight, Delta)
+    seen = in_loop(plant, loop, delay)
+    at = np.array([where])
+    S = sensitivity(plant, seen, loop, at)
+    achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
+    return WorstCase(
+        omega=omega,
+        gain=curve(omega),
+        omega_worst=where,
+        plant=plant,
+        delta=delta,
+        achieved=float(achieved),
+        stable=stable_with(plant, seen, loop),
+    )
+
+
+def lead_of(loop: Assembly, delay: float) -> float:
+    """Time [s] by which Delta leads what the terms call Delta: they put it behind delay and hold, the plant before."""
+    lag = delay + (loop.dt / 2 if loop.unsampled is not None else 0.0)
+    return {"additive": lag, "inverse-additive": -lag}.get(loop.form, 0.0)
+
+
+def in_loop(plant: control.StateSpace, loop: Assembly, delay: float) -> control.StateSpace:
+    """A plant as the controller of the loop sees it."""
+    if loop.dt and not timebase(plant):
+        return sampled(plant, loop.dt, delay)
+    return loop.behind_delay(plant, delay)
+
+
+def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Assembly, omega: np.ndarray) -> np.ndarray:
+    """(W,) S with another plant; in a continuous loop behind the delay itself, not its approximation."""
+    around = replace(loop.with_plant(plant), shift=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
+    return around.terms(omega)[0]
+
+
+def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Assembly) -> bool:
+    """Whether the loop is stable with another plant, `seen` as its controller sees it."""
+    return not nominal_instability(replace(loop, G=seen, short=plant if loop.pade_delay else seen))

@@ -1,0 +1,149 @@
+"""Models and controllers for MATLAB: a file of plain structs, and a loader beside it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+from scipy.io import savemat
+
+from nlfrf.shared.whole_files import write_text, write_whole
+from robust.files.biquads import controller_sections, roots_and_gain
+from robust.files.models import CONTROLLER_SCHEMA, MODEL_SCHEMA, PathLike
+from robust.systems.lti import timebase
+from robust.systems.realisation import state_space
+from robust.uncertain.forms import PARTS
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["export_matlab"]
+
+
+def export_matlab(content: Any, path: PathLike) -> None:
+    """Write a model or a controller for MATLAB: a ``.mat`` file of plain structs and a ``.m`` file that loads it.
+
+    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
+
+    Parameters
+    ----------
+    content : UncertaintyModel, or a controller
+        What to write.
+    path : path
+        The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
+
+    Raises
+    ------
+    ValueError
+        A path that does not end in .mat.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> export_matlab(control.tf([1, -0.5], [1, -0.9], 0.01), f"{folder.name}/K.mat")
+    >>> sorted(os.listdir(folder.name))
+    ['K.mat', 'load_K.m']
+    >>> folder.cleanup()
+    """
+    path = Path(path)
+    if path.suffix != ".mat":
+        raise ValueError(f"path must end in .mat, got {str(path)!r}")
+    name = re.sub(r"\W", "_", path.stem)
+    if isinstance(content, UncertaintyModel):
+        struct, loader = model_struct(content), MODEL_LOADER
+    else:
+        K = state_space("content", content)
+        struct, loader = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K)}, CONTROLLER_LOADER
+        if K.dt:
+            struct["sections"] = controller_sections(K)
+
+    def write_mat(beside: Path) -> None:
+        savemat(beside, {"content": struct}, oned_as="column")
+
+    write_whole(path, write_mat)
+    text = loader.replace("NAME", f"load_{name}").replace("FILE", path.name)
+    write_text(path.with_name(f"load_{name}.m"), text)
+
+
+def model_struct(model: UncertaintyModel) -> dict[str, Any]:
+    """A model as a struct of numbers and text."""
+    struct = {
+        "kind": MODEL_SCHEMA,
+        "freq": model.omega,
+        "freq_unit": "rad/s",
+        "response": model.at(model.omega),
+        "radius": model.radius,
+        "weight": matlab_system(model.weight),
+        "Ts": timebase(model.weight),
+        "form": model.form,
+        "class": model.perturbation,
+        "confidence": model.confidence,
+        "simultaneous": model.simultaneous,
+        "delay": model.delay,
+        "extrapolation": model.extrapolation,
+        "source": model.source,
+    }
+    struct |= {f"radius_{part}": getattr(model, f"radius_{part}") for part in PARTS}
+    if not model.measured_only:
+        struct["nominal"] = matlab_system(model.nominal)
+    return struct
+
+
+def matlab_system(system: control.StateSpace) -> dict[str, Any]:
+    """A system as a struct: A, B, C, D, num, den, Ts."""
+    z, p, gain = roots_and_gain(system)
+    return {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"} | {
+        "num": gain * np.poly(z).real,
+        "den": np.poly(p).real,
+        "Ts": timebase(system),
+    }
+
+
+MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)
+%NAME  Uncertain plant from FILE (frequencies in rad/s, times in s).
+%   Gu     the uncertain plant: nominal, weight and ultidyn('Delta', [1 1])
+%   G, W   nominal (ss where there is one, else frd) and weight
+%   model  everything that was written, as a struct
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+model = data.content;
+w = model.weight;
+W = ss(w.A, w.B, w.C, w.D, w.Ts);
+if isfield(model, 'nominal')
+    n = model.nominal;
+    G = ss(n.A, n.B, n.C, n.D, n.Ts);
+else
+    G = frd(reshape(model.response, 1, 1, []), model.freq, model.Ts);
+end
+Delta = ultidyn('Delta', [1 1]);
+switch model.form
+    case 'multiplicative'
+        Gu = G * (1 + W * Delta);
+    case 'additive'
+        Gu = G + W * Delta;
+    case 'inverse-multiplicative'
+        Gu = G * feedback(1, W * Delta);
+    case 'inverse-additive'
+        Gu = feedback(G, W * Delta);
+end
+end
+"""
+CONTROLLER_LOADER = """function [K, content] = NAME(file)
+%NAME  Controller from FILE, negative feedback u = K (r - y).
+%   K        ss
+%   content  everything that was written; content.sections for sosfilt where it is discrete
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+content = data.content;
+k = content.K;
+K = ss(k.A, k.B, k.C, k.D, k.Ts);
+end
+"""

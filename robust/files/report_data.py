@@ -1,0 +1,179 @@
+"""The sections of the report page on what was measured and modelled."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import nlfrf
+from nlfrf import Bla, Record
+from nlfrf.shared.axes import db, finished
+from robust.files import report_parts as parts
+from robust.files.report_parts import Section, counted, rows_of
+from robust.files.report_words import roots_text, system_text
+from robust.modelling.nominal import NominalFit
+from robust.plot.colours import COLOR
+from robust.systems.lti import poles, timebase, zeros
+from robust.uncertain.model import UncertaintyModel
+from robust.uncertain.validation import validate
+
+__all__ = ["bla_section", "excitation_section", "nominal_section", "opinion_section", "set_section"]
+
+
+def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
+    """What was played, and what was measured."""
+    from nlfrf import plot
+
+    facts, pictures = [], []
+    for i, record in enumerate(records):
+        which = f" of record {i + 1}" if len(records) > 1 else ""
+        grid, u = record.lines, record.u[0, -1]
+        kind = blas[i].grid if i < len(blas) else "given"
+        facts += [
+            (
+                f"excitation{which}",
+                f"{kind} grid, {grid.excited.size} excited lines from {grid.excited[0] * record.f0:g} to "
+                f"{grid.excited[-1] * record.f0:g} Hz, {grid.odd.size} odd and {grid.even.size} even detection lines; "
+                f"rms {u.std():.4g}, crest factor {np.abs(u).max() / np.sqrt(np.mean(u**2)):.3g}",
+            ),
+            (
+                f"record{which}",
+                f"{counted(record.n_realizations, 'realisation')} of {counted(record.n_periods, 'period')} of "
+                f"{record.n_samples} samples at {record.fs:g} Hz: {record.u.size / record.fs:.4g} s, "
+                f"resolution {record.f0:.4g} Hz",
+            ),
+        ]
+        pictures += [
+            parts.picture(plot.plot_input, record, caption=f"Input spectrum{which}: energy where none was to be."),
+            parts.picture(plot.plot_samples, record, caption=f"Input{which} in time, all periods over one another."),
+            parts.picture(
+                plot.plot_samples, record, signal="y", caption=f"Output{which} in time, the last period in black."
+            ),
+        ]
+    if not records:
+        facts = [("record", "was not handed over with this report")]
+    return Section(
+        name="record",
+        title="Excitation and record",
+        lead="Periods that lie over one another say that the machine was in steady state and the channels were alive.",
+        facts=tuple(facts),
+        pictures=tuple(pictures),
+    )
+
+
+def bla_section(blas: list[Bla]) -> Section:
+    """The best linear approximation, its levels and its bound."""
+    from nlfrf import plot
+
+    facts, pictures = [], []
+    for i, bla in enumerate(blas):
+        which = f" of record {i + 1}" if len(blas) > 1 else ""
+        facts.append((f"BLA{which}", rows_of(bla)))
+        pictures += [
+            parts.picture(plot.plot_bla, bla, caption=f"Best linear approximation{which} with its 95 % bound."),
+            parts.picture(plot.plot_levels, bla, caption=f"Output{which} by kind of line: linear, distortion, noise."),
+            parts.picture(plot.plot_phase, bla, caption=f"Phase{which}."),
+        ]
+    return Section(
+        name="bla",
+        title="Best linear approximation",
+        lead="The bound holds the best linear approximation, line by line, with 95 % probability; it is for this "
+        "excitation, at this level, and says nothing about other levels.",
+        facts=tuple(facts) or (("BLA", "was not handed over with this report"),),
+        pictures=tuple(pictures),
+    )
+
+
+def opinion_section(records: list[Record]) -> Section:
+    """The distortion level read a second time, by means that fail for other reasons."""
+    from nlfrf import plot
+
+    facts, pictures = [], []
+    for i, record in enumerate(records):
+        which = f" on record {i + 1}" if len(records) > 1 else ""
+        opinion = nlfrf.second_opinion(record)
+        facts.append((f"opinion{which}", rows_of(opinion).removeprefix("second opinion: ")))
+        pictures.append(parts.picture(plot.plot_opinion, opinion, caption=f"The distortion level read twice{which}."))
+    return Section(
+        name="opinion",
+        title="Second opinion",
+        lead="The lines that were not excited and the roughness of the FRF over the excited ones fail for different "
+        "reasons: where both agree the level can be believed.",
+        facts=tuple(facts) or (("opinion", "needs the record, which was not handed over"),),
+        pictures=tuple(pictures),
+    )
+
+
+def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: list[Bla]) -> Section:
+    """The model in the middle against the measured lines."""
+    from robust import plot
+
+    facts: list[tuple[str, str]] = []
+    if model.measured_only:
+        facts.append(("nominal plant", f"the measured FRF itself, on {np.size(model.nominal.omega)} lines"))
+    else:
+        facts.append(("nominal plant", system_text(model.nominal)))
+        facts.append(("poles", roots_text(poles(model.nominal), timebase(model.nominal))))
+        facts.append(("zeros", roots_text(zeros(model.nominal), timebase(model.nominal))))
+    if nominal is not None:
+        facts.append(("fit", str(nominal).removeprefix("nominal model: ")))
+    for i, bla in enumerate(blas):
+        if not np.isnan(model.confidence):
+            seen = validate(model, bla)
+            which = f", record {i + 1}" if len(blas) > 1 else ""
+            facts.append(
+                (
+                    f"lines in the set{which}",
+                    f"{seen.n_outside} of {seen.n_lines} lines of the BLA lie outside; {seen.n_expected:.3g} of a new "
+                    "realisation would be expected there",
+                )
+            )
+
+    def with_measured(model: UncertaintyModel, *, ax: Any) -> None:
+        plot.plot_nominal(model, ax=ax)
+        for bla in blas:
+            ax.plot(bla.f, db(np.abs(bla.G)), ".", ms=3, color=COLOR["limit"], label="measured lines")
+        finished(ax)
+
+    pictures = [
+        parts.picture(with_measured, model, caption="Nominal plant and its set, with the lines that were measured.")
+    ]
+    if nominal is not None:
+        pictures.append(
+            parts.picture(plot.plot_fit, nominal, caption="Measured lines, model, and what is left between them.")
+        )
+    return Section(
+        name="nominal",
+        title="Nominal fit",
+        lead="What the fit leaves is not lost: it goes into the radius of the set as misfit.",
+        facts=tuple(facts),
+        pictures=tuple(pictures),
+    )
+
+
+def set_section(model: UncertaintyModel) -> Section:
+    """The uncertainty and its weight."""
+    from robust import plot
+
+    facts = [
+        ("set", str(model)),
+        ("class of perturbations", model.perturbation),
+        ("confidence", "none claimed" if np.isnan(model.confidence) else f"{100 * model.confidence:g} %"),
+        ("outside the measured band", f"nothing was measured; assumed: {model.extrapolation}"),
+        ("source", model.source),
+    ]
+    pictures = [
+        parts.picture(plot.plot_weight, model, caption="Radius on the lines, its parts, and the weight over it.")
+    ]
+    if model.budget():
+        pictures.append(
+            parts.picture(plot.plot_budget, model, caption="What the radius is made of: what to measure next.")
+        )
+    return Section(
+        name="set",
+        title="Uncertainty and weight",
+        lead="Every plant between the nominal and the weight is in the set; grey is where the weight is an assumption.",
+        facts=tuple(facts),
+        pictures=tuple(pictures),
+    )

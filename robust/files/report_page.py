@@ -1,0 +1,134 @@
+"""The report to hand over: a whole run, from the record to the verdict, in one HTML file that asks nobody for anything.
+
+The file holds its pictures, its style and a small script that enlarges them. Its content security policy forbids the
+browser every request, so that it reads the same in ten years, and on paper.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from datetime import datetime
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import nlfrf
+from nlfrf import Bla, Record
+from nlfrf.shared.whole_files import write_text
+from nlfrf.shared.wording import shown
+from robust.analysis.check import check
+from robust.analysis.report import RobustnessReport
+from robust.analysis.verdict import VERDICTS
+from robust.files.report_data import bla_section, excitation_section, nominal_section, opinion_section, set_section
+from robust.files.report_sections import check_section, loop_section, settings_section, verdict_section, worst_section
+from robust.modelling.nominal import NominalFit
+from robust.systems.realisation import state_space
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["write_report"]
+
+
+def write_report(
+    path: str | os.PathLike[str],
+    model: UncertaintyModel,
+    K: Any,
+    *,
+    bla: Bla | Sequence[Bla] | None = None,
+    record: Record | Sequence[Record] | None = None,
+    nominal: NominalFit | None = None,
+    w_P: Any = None,
+    delay: float = 0.0,
+    report: RobustnessReport | None = None,
+    title: str = "Controller report",
+    notes: str = "",
+) -> RobustnessReport:
+    """Write a whole run as one HTML file to hand to a colleague: what was measured, designed, and proved.
+
+    Parameters
+    ----------
+    path : path
+        The ``.html`` file; written whole or not at all.
+    model : UncertaintyModel
+        The plant and the set around it.
+    K : control.StateSpace, TransferFunction or float
+        The controller, negative feedback u = K (r - y).
+    bla : nlfrf.Bla or list of them, optional
+        What the model was made from; identified from the record when not given.
+    record : nlfrf.Record or list of them, optional
+        What was measured.
+    nominal : NominalFit, optional
+        The fit behind the nominal plant, for its cost.
+    w_P : control.StateSpace or TransferFunction, optional
+        Performance weight asked of the loop.
+    delay : float
+        Computation delay [s], as in `check`.
+    report : RobustnessReport, optional
+        The check, where it was done already; it is done here when not given.
+    title, notes : str
+        Heading, and what else the reader should know.
+
+    Returns
+    -------
+    RobustnessReport
+        The check that the file tells about.
+
+    Raises
+    ------
+    ValueError
+        A path that does not end in .html, or parts that `check` refuses.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import control
+    >>> import numpy as np
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.05]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     report = write_report(Path(folder, "report.html"), model, 2.0)
+    ...     text = Path(folder, "report.html").read_text(encoding="utf-8")
+    >>> report.verdict in text, "http" in text.replace("http-equiv", "")
+    (True, False)
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"path must end in .html, got {path.name!r}")
+    if not isinstance(model, UncertaintyModel):
+        raise ValueError(f"model must be an UncertaintyModel, got {shown(model)}")
+    K, records = state_space("K", K), several(record)
+    blas = several(bla) or [nlfrf.identify(one) for one in records]
+    if report is None:
+        report = check(model, K, w_P=w_P, delay=delay)
+    sections = [
+        verdict_section(report),
+        excitation_section(records, blas),
+        bla_section(blas),
+        opinion_section(records),
+        nominal_section(model, nominal, blas),
+        set_section(model),
+        loop_section(report, K),
+        check_section(report),
+        worst_section(model, K, report, delay),
+        settings_section(model, K, w_P, delay),
+    ]
+    text = page(title=title, notes=notes, report=report, sections=sections)
+    write_text(path, text)
+    return report
+
+
+def page(**content: Any) -> str:
+    """The HTML text."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = files("robust.files").joinpath("report_page.html.jinja").read_text(encoding="utf-8")
+    written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
+    return environment.from_string(template).render(**content, meaning=VERDICTS, written=written)
+
+
+def several(thing: Any) -> list[Any]:
+    """One thing or many, as a list."""
+    return [] if thing is None else list(thing) if isinstance(thing, (list, tuple)) else [thing]

@@ -1,0 +1,181 @@
+"""The sections of the report to hand over: what each says, its table, its pictures."""
+
+from __future__ import annotations
+
+import platform
+from importlib.metadata import version
+from typing import Any
+
+import control
+import numpy as np
+
+import nlfrf
+from nlfrf.shared.wording import hertz
+from robust.analysis.family import sample_loops
+from robust.analysis.report import RobustnessReport
+from robust.analysis.verdict import factor
+from robust.analysis.worst_case import worst_case
+from robust.files import report_parts as parts
+from robust.files.biquads import controller_sections
+from robust.files.report_parts import Section, counted
+from robust.files.report_words import demand_text, roots_text, system_text
+from robust.systems.lti import poles, timebase, zeros
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["check_section", "loop_section", "settings_section", "verdict_section", "worst_section"]
+
+
+PACKAGES = ("nlfrf", "numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba")
+N_PLANTS = 25  # of the set, drawn around the worst case
+
+
+def verdict_section(report: RobustnessReport) -> Section:
+    """What the reader came for."""
+    return Section(
+        name="verdict",
+        title="Verdict",
+        lead="What may be said of this controller on this machine, and what may not.",
+        facts=(
+            ("because", report.reason),
+            ("margins", margins_text(report)),
+            ("proved", report.proved),
+            ("not proved", report.not_proved),
+            ("what to do next", report.advice),
+        ),
+    )
+
+
+def margins_text(report: RobustnessReport) -> str:
+    """How far the loop is from trouble, in one line; nothing where it is in trouble."""
+    said = []
+    if report.nominally_stable and np.isfinite(report.margin_rs):
+        said.append(factor(report.margin_rs))
+    if report.nominally_stable and np.isfinite(report.disk_margin):
+        gain, phase = 20 * np.log10(report.gain_margin), np.degrees(report.phase_margin)
+        said.append(f"the nominal loop bears {gain:.1f} dB of gain and {phase:.0f} deg of phase at once")
+    return "; ".join(said)
+
+
+def loop_section(report: RobustnessReport, K: control.StateSpace) -> Section:
+    """The controller and the loop it makes."""
+    from robust import plot
+
+    dt = timebase(K)
+    facts = [
+        ("controller", system_text(K)),
+        ("poles", roots_text(poles(K), dt)),
+        ("zeros", roots_text(zeros(K), dt)),
+        ("loop", report.context),
+    ]
+    table: list[tuple[str, ...]] = []
+    if dt:
+        try:
+            rows = controller_sections(K).tolist()
+            table = [("b0", "b1", "b2", "a0", "a1", "a2"), *(tuple(f"{c:.12g}" for c in row) for row in rows)]
+        except ValueError as error:
+            facts.append(("sections", f"none: {error}"))
+    return Section(
+        name="loop",
+        title="Controller and loop",
+        lead="u = K (r - y). The rows below, where there are any, are second-order sections, run one after the other.",
+        facts=tuple(facts),
+        table=tuple(table),
+        pictures=(
+            parts.picture(plot.plot_loop, report, caption="Loop gain and sensitivities of the nominal loop."),
+            parts.picture(
+                plot.plot_nyquist, report, square=True, caption="L in the complex plane, with the discs of the set."
+            ),
+        ),
+    )
+
+
+def check_section(report: RobustnessReport) -> Section:
+    """The numbers behind the verdict, and what was proved at all frequencies."""
+    from robust import plot
+
+    facts = [("nominal loop", "stable" if report.nominally_stable else "not stable: no margin is given")]
+    if report.nominally_stable and np.isfinite(report.margin_rs):
+        where = hertz(report.omega_rs)
+        facts.append(("stability of the set", f"max {1 / report.margin_rs:.3f} at {where}; {factor(report.margin_rs)}"))
+    if report.nominally_stable and np.isfinite(report.margin_rp):
+        met = "met" if report.robust_performance else "not met"
+        facts.append(
+            (
+                "performance",
+                f"nominal max |w_P S| {np.max(report.np_):.3f}, worst case {np.max(report.rp):.3f} at "
+                f"{hertz(report.omega_rp)}: demand {met} by the whole set",
+            )
+        )
+    if report.nominally_stable and np.isfinite(report.disk_margin):
+        facts.append(
+            (
+                "disk margin",
+                f"{report.disk_margin:.3f} at {hertz(report.omega_disk)}: gain "
+                f"{20 * np.log10(report.gain_margin):.2f} dB, phase {np.degrees(report.phase_margin):.1f} deg, at once",
+            )
+        )
+    table = [("subject", "bound", "proved at all frequencies", "how, or why not")]
+    for c in report.certificates:
+        how = f"{c.method}, {counted(len(c.intervals), 'interval')}" if c.holds else c.reason
+        table.append((c.subject, f"{c.level:g}", "yes" if c.holds else "no", how))
+    return Section(
+        name="check",
+        title="Check and proof",
+        lead="Curves on a grid prove nothing between its points. A certificate is judged by its own numbers, never by "
+        "the word of the solver that proposed it.",
+        facts=tuple(facts),
+        table=tuple(table) if report.certificates else (),
+        pictures=(
+            parts.picture(plot.plot_check, report, caption="Stability and performance; each must stay below one."),
+        ),
+    )
+
+
+def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, delay: float) -> Section:
+    """The plant of the set that hurts most."""
+    from robust import plot
+
+    name, title = "worst", "Worst case"
+    if model.measured_only or not report.nominally_stable:
+        why = (
+            "the nominal loop is not stable" if not report.nominally_stable else "the plant is known on its lines only"
+        )
+        return Section(name=name, title=title, lead=f"None can be given: {why}.")
+    worst = worst_case(model, K, delay=delay)
+    peak = f"|S| = {worst.achieved:.3g}" if worst.stable else "an unstable loop"
+    facts = [
+        ("worst plant", f"{peak} at {hertz(worst.omega_worst)}, with |Delta| = {abs(worst.delta):.3g} there"),
+        ("its poles", roots_text(poles(worst.plant), timebase(worst.plant))),
+    ]
+    family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)
+    lost = int(np.sum(~family.stable))
+    facts.append(("random plants", f"{family.stable.size} of the set, {lost} of them unstable in this loop"))
+    return Section(
+        name=name,
+        title=title,
+        lead="One plant of the set reaches the worst case; robust.worst_case returns it to replay in a simulation.",
+        facts=tuple(facts),
+        pictures=(
+            parts.picture(plot.plot_family, family, caption="Sensitivity with plants of the set, and the worst case."),
+        ),
+    )
+
+
+def settings_section(model: UncertaintyModel, K: control.StateSpace, w_P: Any, delay: float) -> Section:
+    """What is needed to repeat the run."""
+    facts = [
+        ("weight", system_text(model.weight)),
+        ("performance weight", "none asked for" if w_P is None else demand_text(w_P)),
+        ("computation delay", f"{1e3 * delay:g} ms, and {1e3 * model.delay:.4g} ms inside the nominal plant"),
+        ("sampling of the controller", f"{1 / K.dt:g} Hz" if timebase(K) else "continuous"),
+        ("versions", ", ".join(f"{name} {installed(name)}" for name in PACKAGES)),
+        ("machine", f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"),
+    ]
+    return Section(
+        name="settings", title="Versions and settings", lead="What is needed to repeat this run.", facts=tuple(facts)
+    )
+
+
+def installed(package: str) -> str:
+    """Its version."""
+    return nlfrf.__version__ if package == "nlfrf" else version(package)

@@ -1,0 +1,10 @@
+"""Controllers of given structure (PID, lead, order n) straight from the FRF, by convex programs.
+
+design_frf      the door: what is asked, and what came out of it
+structures      K = X/Y, linear in its parameters
+plants          the plants, line by line
+demands         what is asked of the loop, line by line, as a convex program takes it
+starts          a stabilising controller to begin from
+convex_concave  the iteration, from there to one that no step improves
+cone_program    one convex step, in second-order cones
+"""

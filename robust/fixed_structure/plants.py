@@ -1,0 +1,143 @@
+"""Plants line by line, as the demands on a loop see them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import hertz
+from robust.analysis.loop import Assembly, assemble
+from robust.systems.lti import in_s, poles, response, timebase, zeros
+from robust.systems.nyquist import continued, integrators, slope_at_start
+from robust.systems.realisation import state_space
+from robust.uncertain.measured import as_seen, on_lines
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["Seen", "joined", "see"]
+
+
+#: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
+LARGEST_DISC = 0.98
+
+
+@value
+class Seen:
+    """One plant as the controller sees it, hold and delay inside.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    G, centre : (W,) complex ndarray
+        Nominal response; centre of the disc of plants.
+    radius : (W,) ndarray
+        Radius of that disc; zero without uncertainty.
+    outside : (W,) ndarray
+        |w| where an inverse form comes near |w| = 1 or passes it, so that the set is no disc; zero elsewhere.
+    inverse : (W,) ndarray
+        |w| of an inverse form on S, zero for the other forms.
+    loop : Assembly or None
+        The parametric plant, where there is one: then stability is a matter of poles.
+    n_integrators : int
+        Integrators of the plant; of an FRF by the slope of its first lines.
+    known : (W,) ndarray of bool
+        False on frequencies above the last line of an FRF, where it is taken to be no larger than there.
+    lowest : float
+        First measured line [rad/s]: an FRF is carried on below it as its integrators.
+    """
+
+    omega: np.ndarray
+    G: np.ndarray
+    centre: np.ndarray
+    radius: np.ndarray
+    outside: np.ndarray
+    inverse: np.ndarray
+    loop: Assembly | None
+    n_integrators: int
+    known: np.ndarray
+    lowest: float
+
+
+def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...]) -> Seen:
+    """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere."""
+    if isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
+        omega, G, form, w, _ = on_lines(plant)
+        w = np.nan_to_num(np.abs(w))
+        if dt and omega[-1] * dt >= np.pi:
+            raise ValueError(f"dt must put Nyquist above the lines, up to {hertz(omega[-1])}, got {dt:g} s")
+        G = as_seen(plant, omega, G, dt, delay)
+        loop, n_integrators, lowest = None, slope_at_start(omega, G), float(omega[0])
+        n = omega.size
+        omega, G = continued(omega, G, n_integrators, decades=3.0, points=60)
+        w = np.concatenate([np.full(omega.size - n, w[0]) * (np.abs(G[:-n] / G[-n]) if form == "additive" else 1.0), w])
+        above = omega[-1] * np.geomspace(1.2, 100, 14)
+        above = above[above * dt < 0.99 * np.pi]
+        known = np.arange(omega.size + above.size) < omega.size
+        omega = np.concatenate([omega, above])
+        G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
+    else:
+        if not isinstance(plant, UncertaintyModel):
+            G_ss = state_space("plant", plant)
+            nothing = control.StateSpace([], [], [], [[0.0]], timebase(G_ss))
+            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form="multiplicative", omega=np.zeros(0))
+        step = timebase(plant.nominal)
+        if step and dt and abs(step / dt - 1) > 1e-9:
+            raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
+        loop = assemble(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
+        lines, form = plant.omega, plant.form
+        omega = grid(loop, lines, extra, weights)
+        G, w = loop.plant(omega), np.abs(response(loop.weight, omega))
+        n_integrators, lowest = integrators(loop.G, loop.dt), float(omega[0])
+        known = np.ones(omega.size, dtype=bool)
+    size = np.abs(G)
+    inverse = form.startswith("inverse")
+    w = w * size if form == "inverse-additive" else w / np.maximum(size, 1e-300) if form == "additive" else w
+    disc = w < LARGEST_DISC
+    outside = np.where(inverse & ~disc, w, 0.0)
+    shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
+    radius = np.where(outside > 0, 0.0, size * w * shrink)
+    return Seen(
+        omega=omega,
+        G=G,
+        centre=G * shrink,
+        radius=radius,
+        outside=outside,
+        inverse=np.where(inverse, w, 0.0),
+        loop=loop,
+        n_integrators=n_integrators,
+        known=known,
+        lowest=lowest,
+    )
+
+
+def grid(loop: Assembly, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...]) -> np.ndarray:
+    """Frequencies [rad/s] to look at a parametric plant: where it, its weight or a demand has features."""
+    if not lines.size:
+        lines = np.array(extra) if extra else np.array([0.1 / loop.dt if loop.dt else 1.0])
+        if loop.G.nstates:
+            s = in_s(np.concatenate([poles(loop.G), zeros(loop.G)]), loop.dt)
+            size = np.abs(s[np.isfinite(s) & (np.abs(s) > 0)])
+            lines = size[size < loop.top * 0.999] if np.any(size < loop.top * 0.999) else lines
+        lines = np.unique(lines)
+    grids = [np.array(extra)]
+    for w in (None, *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction)))):
+        w = None if w is None else state_space("weight", w)
+        grids.append(replace(loop, w_P=w).grid(lines) if w is None or w.nstates else np.zeros(0))
+    omega = np.unique(np.concatenate(grids))
+    omega = omega[(omega > 0) & (omega < loop.top * (1 - 1e-9))]
+    return omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])]
+
+
+def joined(seen: list[Seen]) -> Seen:
+    """All plants of a family, one after the other."""
+    parts: dict[str, Any] = {
+        name: np.concatenate([getattr(s, name) for s in seen])
+        for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
+    }
+    return Seen(**parts, loop=None, n_integrators=0, lowest=max(s.lowest for s in seen))

@@ -1,0 +1,235 @@
+"""Fixed controller structures K = X/Y, linear in their parameters: PID and its parts, lead, lead-lag, any order.
+
+X and Y are polynomials in s over (s + a)^n, with integrators as factors of Y: K = F x(s) / (s^m y(s)), F a known
+factor. Sampled controllers are the same in the plane of the bilinear map, s = 2/T (z - 1)/(z + 1).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.arguments import nonnegative
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
+from robust.systems.lti import in_series, response
+from robust.systems.realisation import from_roots
+
+__all__ = ["FASTEST", "FASTEST_SAMPLED", "Basis", "structure_of"]
+
+
+#: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
+FASTEST, FASTEST_SAMPLED = 10.0, 5.0
+LARGEST_ORDER = 12
+# zeros, integrators, other poles
+NAMED = {
+    "P": (0, 0, 0),
+    "I": (0, 1, 0),
+    "PI": (1, 1, 0),
+    "PD": (1, 0, 1),
+    "PID": (2, 1, 1),
+    "lead": (1, 0, 1),
+    "lead-lag": (2, 0, 2),
+}
+
+
+@value
+class Structure:
+    """Degrees and signs of a controller structure.
+
+    Fields
+    ------
+    name : str
+        As it was asked for.
+    n_zeros, n_integrators, n_poles : int
+        Degree of x, of the factor s in the denominator, and of y.
+    filter_time : float
+        Time constant [s] of the one pole of y where it is given; nan where y is free.
+    real : bool
+        Every zero and pole real and stable (lead, lead-lag).
+    """
+
+    name: str
+    n_zeros: int
+    n_integrators: int
+    n_poles: int
+    filter_time: float = float("nan")
+    real: bool = False
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return self.n_integrators + self.n_poles
+
+    @property
+    def free(self) -> bool:
+        """Whether y has anything to choose."""
+        return self.n_poles > 0 and bool(np.isnan(self.filter_time))
+
+
+def structure_of(name: Any, integrators: int, filter_time: float | None) -> Structure:
+    """The structure asked for by a word or an order, or a refusal."""
+    text = str(name)
+    if isinstance(name, (int, np.integer)) and not isinstance(name, bool):
+        text = f"order-{name}"
+    if text.startswith("order-") and text[6:].isdigit():
+        n = int(text[6:])
+        if n > LARGEST_ORDER or integrators > n:
+            raise ValueError(
+                f"structure must have an order from {integrators} (its integrators) to {LARGEST_ORDER}, got {n}"
+            )
+        found = Structure(name=text, n_zeros=n, n_integrators=integrators, n_poles=n - integrators)
+    elif text in NAMED:
+        if integrators:
+            raise ValueError(f'integrators must only be given with "order-n", got {integrators} with {text!r}')
+        found = Structure(
+            name=text,
+            **dict(zip(("n_zeros", "n_integrators", "n_poles"), NAMED[text], strict=True)),
+            real=text.startswith("lead"),
+        )
+    else:
+        raise ValueError(f'structure must be one of {", ".join(NAMED)} or "order-n", got {shown(name)}')
+    if filter_time is None:
+        return found
+    if text not in ("PD", "PID"):
+        raise ValueError(f"filter_time must only be given with PD or PID, got it with {text!r}")
+    tau = nonnegative("filter_time", filter_time)
+    if tau == 0:
+        raise ValueError("filter_time must be positive [s]: a derivative needs a filter, got 0")
+    return Structure(name=text, n_zeros=found.n_zeros, n_integrators=found.n_integrators, n_poles=1, filter_time=tau)
+
+
+@value
+class Basis:
+    """A structure on a time base: parameters theta = (y, x) to Y, X and K.
+
+    Fields
+    ------
+    structure : Structure
+    a : float
+        Pole of the basis [rad/s], in the middle of the band.
+    dt : float
+        Sampling time [s]; 0 for continuous.
+    slowest, fastest : float
+        Smallest and largest |pole| of a free denominator [rad/s], in the plane of the bilinear map where sampled.
+    fixed : control.StateSpace
+        The known factor F, on the same time base.
+    """
+
+    structure: Structure
+    a: float
+    dt: float
+    slowest: float
+    fastest: float
+    fixed: control.StateSpace
+
+    @property
+    def n_y(self) -> int:
+        """Parameters of Y: its scale where it is fixed."""
+        return self.structure.n_poles + 1 if self.structure.free else 1
+
+    @property
+    def n_x(self) -> int:
+        """Parameters of X."""
+        return self.structure.n_zeros + 1
+
+    def plane(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) j omega, or its image under the bilinear map."""
+        return 1j * (2 / self.dt * np.tan(np.asarray(omega) * self.dt / 2) if self.dt else np.asarray(omega))
+
+    def Y(self, s: np.ndarray) -> np.ndarray:
+        """(W, n_y) columns of y(s) s^m / (s + a)^(order), without the integrators' s^m / (s + a)^m: see `integrals`."""
+        if self.structure.free:
+            return self.powers(s, self.structure.n_poles)
+        tau = self.structure.filter_time
+        return np.ones((s.size, 1), complex) if np.isnan(tau) else ((tau * s + 1) * self.a / (s + self.a))[:, None]
+
+    def integrals(self, s: np.ndarray) -> np.ndarray:
+        """(W,) (s / (s + a))^m."""
+        return (s / (s + self.a)) ** self.structure.n_integrators
+
+    def X(self, s: np.ndarray) -> np.ndarray:
+        """(W, n_x) columns of x(s) / (s + a)^order."""
+        spare = self.structure.order - self.structure.n_zeros
+        return self.powers(s, self.structure.n_zeros) * ((self.a / (s + self.a)) ** spare)[:, None]
+
+    def columns(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(W, n) columns of Y and of F X over all of theta, on the axis."""
+        s = self.plane(omega)
+        Y, X = self.Y(s) * self.integrals(s)[:, None], self.X(s) * response(self.fixed, omega)[:, None]
+        return np.hstack([Y, np.zeros_like(X)]), np.hstack([np.zeros_like(Y), X])
+
+    def powers(self, s: np.ndarray, degree: int) -> np.ndarray:
+        """(W, degree + 1) powers of q = (s - a)/(s + a): of modulus one on the axis, so no column is lost."""
+        return np.power(((s - self.a) / (s + self.a))[:, None], np.arange(degree + 1))
+
+    def unscaled(self, s: np.ndarray, degree: int) -> np.ndarray:
+        """(W, degree + 1) the same columns times (s + a)^degree: polynomials in s, finite anywhere."""
+        k = np.arange(degree + 1)
+        return ((s[:, None] - self.a) / self.a) ** k * ((s[:, None] + self.a) / self.a) ** (degree - k)
+
+    def zero_frequency(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) rows of Y without its integrators and of X at zero frequency."""
+        zero = np.zeros(1, complex)
+        y, x = self.Y(zero)[0].real, self.X(zero)[0].real
+        return np.concatenate([y, 0 * x]), np.concatenate([0 * y, x])
+
+    def coefficients(self, roots: np.ndarray) -> np.ndarray:
+        """(N, degree + 1) parameters of prod (s - roots) / (s + a)^degree, scaled, for (N, degree) roots."""
+        degree = roots.shape[1]
+        q = np.exp(2j * np.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+        s = self.a * (1 + q) / (1 - q) if degree else np.ones(1, complex)
+        factors = (s[:, None, None] - roots) / (s[:, None, None] + self.a) / (1 + np.abs(roots) / self.a)
+        values = np.prod(factors, axis=-1)
+        return np.linalg.solve(np.power(q[:, None], np.arange(degree + 1)), values).real.T
+
+    def polynomial(self, part: np.ndarray) -> np.ndarray:
+        """(degree + 1,) coefficients in s/a, highest power first, of what a part of theta stands for."""
+        total = np.zeros(part.size)
+        for k, c in enumerate(part):
+            up, down = np.poly(np.ones(k)), np.poly(-np.ones(part.size - 1 - k))
+            total = total + c * np.polymul(up, down)
+        return total
+
+    def roots(self, part: np.ndarray) -> np.ndarray:
+        """Roots in s of a part of theta; those at infinity left out."""
+        found = np.roots(part[::-1]) if np.any(part) else np.zeros(0)
+        missing = part.size - 1 - found.size  # at q = infinity
+        far = np.abs(1 - found) < 1e-7
+        s = self.a * (1 + found[~far]) / (1 - found[~far])
+        return np.concatenate([s, np.full(missing, -self.a)])
+
+    def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Zeros and poles of K without its known factor, in the s plane."""
+        tau = self.structure.filter_time
+        y = self.roots(theta[: self.n_y]) if self.structure.free else np.full(self.structure.n_poles, -1 / tau)
+        return self.roots(theta[self.n_y :]), np.concatenate([np.zeros(self.structure.n_integrators), y])
+
+    def controller(self, theta: np.ndarray) -> control.StateSpace:
+        """K = F X / Y, realised section by section."""
+        x, y = self.zeros_and_poles(theta)
+        s0 = self.plane(np.array([self.omega_mid]))
+        wanted = (self.X(s0) @ theta[self.n_y :] / (self.Y(s0) @ theta[: self.n_y] * self.integrals(s0)))[0]
+        if self.dt:
+            h = self.dt / 2
+            x = np.concatenate([(1 + x * h) / (1 - x * h), np.full(y.size - x.size, -1.0)])
+            y = (1 + y * h) / (1 - y * h)
+        K = from_roots(conjugated(x), conjugated(y), 1.0, self.dt)
+        ratio = wanted / response(K, np.array([self.omega_mid]))[0]
+        K = control.StateSpace(K.A, K.B, K.C * ratio.real, K.D * ratio.real, self.dt)
+        return in_series(K, self.fixed, dt=self.dt)
+
+    @property
+    def omega_mid(self) -> float:
+        """The frequency [rad/s] that the basis pole stands for."""
+        return 2 / self.dt * float(np.arctan(self.a * self.dt / 2)) if self.dt else self.a
+
+
+def conjugated(roots: np.ndarray) -> np.ndarray:
+    """Roots of a real polynomial, with pairs made exactly conjugate."""
+    roots = np.asarray(roots, dtype=complex)
+    real = np.abs(roots.imag) <= 1e-9 * np.abs(roots)
+    upper = roots[~real & (roots.imag > 0)]
+    return np.concatenate([roots[real].real, upper, upper.conj()])

@@ -1,0 +1,6 @@
+"""A loop shaped by hand.
+
+compensators  lead, lag, notch, roll-off, PID, to be multiplied
+bounds        where |L| must not be, whatever its phase
+picture       |L| between its bounds, redrawn as the controller changes
+"""

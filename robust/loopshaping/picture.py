@@ -1,0 +1,144 @@
+"""A picture to shape a loop in: |L| between its bounds, redrawn as the controller changes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nlfrf.shared.axes import axes, db, finished
+from nlfrf.shared.wording import hertz
+from robust.analysis.check import check
+from robust.loopshaping.bounds import loop_bounds
+from robust.plot.colours import COLOR, hz
+from robust.uncertain.model import UncertaintyModel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["LoopPicture", "plot_loop_bounds"]
+
+
+class LoopPicture:
+    """|L| of the controller at hand between the bounds of `loop_bounds`, and what the check says of it.
+
+    Made by `plot_loop_bounds`. `update` takes the next controller, in a script or in a notebook, where a cell that ends
+    in it shows the picture again.
+
+    Fields
+    ------
+    ax : matplotlib Axes
+        What it is drawn on.
+    low, high : (W,) ndarray
+        Bounds on |L|, on the lines of the model.
+    report : RobustnessReport or None
+        Of the last controller, without proofs.
+    violations : (W,) ndarray of bool
+        Lines on which the last |L| is beyond a bound.
+    """
+
+    def __init__(self, model: UncertaintyModel, w_P: Any, delay: float, ax: Any) -> None:
+        self.model, self.w_P, self.delay, self.ax = model, w_P, delay, ax
+        self.low, self.high = loop_bounds(model, w_P)
+        self.report: Any = None
+        self.violations = np.zeros(model.omega.size, dtype=bool)
+        f = hz(model.omega)
+        ax.axhline(0, color="0.5", lw=0.8)
+        self.forbidden: list[Any] = []
+        (self.before,) = ax.plot([], [], "-", lw=1.0, color=COLOR["noise"], label="|L| before")
+        (self.line,) = ax.plot([], [], "-", lw=1.8, color=COLOR["radius"], label="|L|")
+        (self.dots,) = ax.plot([], [], "o", ms=4, color=COLOR["limit"], label="beyond a bound")
+        ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|L| [dB]", xlim=(f[0], f[-1]))
+        self.fitted(np.ones(f.size))
+        finished(ax)
+        self.before.set_visible(False)
+
+    def update(self, K: Any) -> LoopPicture:
+        """Draw |L| with another controller, the last one in grey; the title says what the check says.
+
+        Parameters
+        ----------
+        K : control.StateSpace, TransferFunction or float
+            Controller, continuous or sampled, negative feedback.
+
+        Returns
+        -------
+        LoopPicture
+            Itself.
+        """
+        omega = self.model.omega
+        report = check(self.model, K, w_P=self.w_P, delay=self.delay, certify=False)
+        known = np.log(np.abs(report.G * report.K))
+        L = np.exp(np.interp(np.log(omega), np.log(report.omega), known, right=np.nan))  # nan above Nyquist
+        self.violations = (self.low > L) | (self.high < L)
+        self.before.set_data(*self.line.get_data())
+        self.before.set_visible(self.report is not None)
+        self.line.set_data(hz(omega), db(L))
+        self.dots.set_data(hz(omega[self.violations]), db(L[self.violations]))
+        self.report = report
+        self.fitted(L)
+        self.ax.set_title(self.sentence(), fontsize="medium")
+        self.ax.figure.canvas.draw_idle()
+        return self
+
+    def sentence(self) -> str:
+        """Stability, worst demand and crossover in a line."""
+        report = self.report
+        if not report.nominally_stable:
+            return "unstable" if "unstable" in report.reason else "stability cannot be told"
+        over = np.flatnonzero(np.abs(report.G * report.K) > 1)
+        crossover = f", crossover {hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
+        return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"
+
+    def fitted(self, L: np.ndarray) -> None:
+        """The view around |L| and the bounds, and the forbidden regions up to its edges."""
+        shown = np.concatenate([L, self.low[(self.low > 0) & (self.low < np.inf)], self.high[self.high < np.inf]])
+        shown = shown[(shown > 0) & np.isfinite(shown)]
+        floor, ceiling = max(float(db(shown.min())) - 10, -120.0), min(float(db(shown.max())) + 10, 120.0)
+        low = np.where(self.low > 0, np.clip(db(np.where(self.low > 0, self.low, 1.0)), floor, ceiling), floor)
+        high = np.where(self.high < np.inf, db(np.where(self.high > 0, self.high, 1e-300)), ceiling)
+        f = hz(self.model.omega)
+        for patch in self.forbidden:
+            patch.remove()
+        self.forbidden = [
+            self.ax.fill_between(f, bottom, top, color=COLOR[color], alpha=0.3, lw=0, label=label)
+            for bottom, top, color, label in (
+                (floor, low, "loop", "too low for performance"),
+                (np.clip(high, floor, ceiling), ceiling, "limit", "too high for the uncertainty"),
+            )
+        ]
+        self.ax.set_ylim(floor, ceiling)
+
+    def _repr_png_(self) -> bytes:
+        """The picture, for a notebook."""
+        from io import BytesIO
+
+        out = BytesIO()
+        self.ax.figure.savefig(out, format="png", dpi=100)
+        return out.getvalue()
+
+
+def plot_loop_bounds(
+    model: UncertaintyModel, w_P: Any, K: Any = None, *, delay: float = 0.0, ax: Axes | None = None
+) -> LoopPicture:
+    """|L| between its bounds, to shape it by hand: change the controller, `update`, look.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        The set.
+    w_P : control.StateSpace or TransferFunction
+        Performance weight.
+    K : control.StateSpace, TransferFunction or float, optional
+        Controller to begin with; 1 when not given.
+    delay : float
+        Computation delay [s].
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    LoopPicture
+        With `update(K)`, `ax`, `report` and `violations`.
+    """
+    return LoopPicture(model, w_P, delay, axes(ax)).update(1.0 if K is None else K)

@@ -1,0 +1,13 @@
+"""Functions that stand for data or for demands, with the order you ask for.
+
+nominal          the nominal model: a rational function through a measured FRF
+orders           how many poles the FRF asks for
+rational         vector fitting: rational functions through complex data
+refinement       the same, refined by its roots
+weights          weights that cover a radius, with as little above it as the order allows
+overbound        the search behind them: from where to start, and what to keep
+excess           how far |W| lies above a target, as a function of its roots
+descent          Newton steps on those roots
+weight_formulas  weights by formula: what is asked of S and K S, what a delay may do
+design_warning   `DesignWarning`: usable but suspicious
+"""

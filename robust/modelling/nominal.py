@@ -1,0 +1,354 @@
+"""The nominal model: a rational function through a measured FRF, every line weighted by its own variance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf.shared.arguments import integer, nonnegative, real_array
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
+from robust.modelling.rational import Roots, numerator, starting_poles, to_plane, vector_fit
+from robust.modelling.refinement import refine
+from robust.systems.realisation import from_roots, in_order
+from robust.systems.sampling import delay_samples
+
+__all__ = ["NominalFit", "fit_nominal", "frd"]
+
+
+MAX_POLES = 40
+
+
+@value
+class NominalFit:
+    """A parametric model of a measured FRF, and how well it explains the lines.
+
+    Fields
+    ------
+    G : control.StateSpace
+        The model without its delay, continuous (dt = 0) or discrete.
+    delay : float
+        Delay [s] in series with G.
+    omega : (F,) ndarray
+        The lines it was fitted to [rad/s]; those of several records one after the other.
+    response : (F,) complex ndarray
+        Response of the model there, delay included.
+    residual : (F,) complex ndarray
+        Measured minus response.
+    std : (F,) ndarray
+        Standard deviation of each line that the fit was weighted by; nan where no variance was given.
+    cost : float
+        Sum of |residual|^2 / var.
+    expected_cost : float
+        What the cost would be if the model were right and only scatter were left; nan where no variance was
+        given. A cost well above it means undermodelling: `uncertainty` puts what is missing into the radius.
+    n_parameters : int
+        Free real parameters.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 9 and 11 (cost and its expectation).
+
+    Examples
+    --------
+    >>> omega = np.linspace(1, 20, 30)
+    >>> fit = fit_nominal(control.FrequencyResponseData(1 / (1j * omega + 3), omega), n_poles=1)
+    >>> fit.G.poles().real.round(9).tolist(), bool(np.abs(fit.residual).max() < 1e-9)
+    ([-3.0], True)
+    """
+
+    G: control.StateSpace
+    delay: float
+    omega: np.ndarray
+    response: np.ndarray
+    residual: np.ndarray
+    std: np.ndarray
+    cost: float
+    expected_cost: float
+    n_parameters: int
+
+    def __str__(self) -> str:
+        ratio = self.cost / self.expected_cost
+        kind = f"sampled at {1 / self.G.dt:g} Hz" if self.G.dt else "continuous"
+        return (
+            f"nominal model: {self.G.nstates} poles, {kind}, delay {self.delay * 1e3:.3g} ms; "
+            f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
+        )
+
+
+@value
+class Lines:
+    """Measured lines of one or several records, one after the other: omega (F,), G (F,), variance (F,), dof (F,)."""
+
+    omega: np.ndarray
+    G: np.ndarray
+    var: np.ndarray
+    dof: np.ndarray
+
+
+def frd(bla: Bla) -> control.FrequencyResponseData:
+    """The best linear approximation as a python-control FRF, to plot, multiply and compare with models.
+
+    Parameters
+    ----------
+    bla : nlfrf.Bla
+        A measured BLA.
+
+    Returns
+    -------
+    control.FrequencyResponseData
+        One input, one output, at the excited lines [rad/s].
+
+    Raises
+    ------
+    ValueError
+        Anything that is not a Bla.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> measured = frd(nlfrf.identify(record))
+    >>> bool(np.allclose(measured.omega, 2 * np.pi * ms.f))
+    True
+    """
+    if not isinstance(bla, Bla):
+        raise ValueError(f"bla must be an nlfrf.Bla, got {shown(bla)}")
+    return control.FrequencyResponseData(bla.G, bla.omega)
+
+
+def fit_nominal(
+    bla: Any,
+    *,
+    n_poles: int,
+    n_zeros: int | None = None,
+    delay: float | str = 0.0,
+    dt: float = 0,
+    stable: bool = True,
+    std: np.ndarray | None = None,
+) -> NominalFit:
+    """Fit a transfer function to a measured FRF: the model a controller is designed on.
+
+    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k. Vector fitting from two sets of starting poles, then
+    Levenberg-Marquardt over second-order sections in scaled frequency, where every section keeps its digits.
+
+    Parameters
+    ----------
+    bla : nlfrf.Bla, list of them, or control.FrequencyResponseData
+        What was measured. A list is a plant at several levels or days: one model for all.
+    n_poles : int
+        Number of poles. `scan_orders` helps to choose.
+    n_zeros : int, optional
+        Number of zeros, n_poles - 1 when not given.
+    delay : float or "estimate"
+        Delay [s] in series; in discrete time a whole number of samples.
+    dt : float
+        0 for a continuous model, otherwise the sampling time [s] of a discrete one.
+    stable : bool
+        Keep every pole strictly stable. Set to False for a plant measured in closed loop that is not.
+    std : (F,) ndarray, optional
+        Standard deviation of each line of a FrequencyResponseData (a Bla brings its own). Without it, lines
+        are weighted by 1/|G| and no cost is expected.
+
+    Returns
+    -------
+    NominalFit
+
+    Raises
+    ------
+    ValueError
+        Orders that do not fit each other or the number of lines, a line where G is zero without `std`, a delay that is
+        not a whole number of samples, lines beyond the Nyquist frequency of `dt`.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 9; Gustavsen & Semlyen 1999 (starting values).
+
+    Examples
+    --------
+    >>> omega = np.linspace(1, 100, 60)
+    >>> measured = control.FrequencyResponseData(50**2 / ((1j * omega)**2 + 2j * omega + 50**2), omega)
+    >>> fit = fit_nominal(measured, n_poles=2, n_zeros=0)
+    >>> np.abs(fit.G.poles()).round(9).tolist()
+    [50.0, 50.0]
+    """
+    lines = measured(bla, std)
+    n_poles = integer("n_poles", n_poles, least=0)
+    n_zeros = integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
+    dt = nonnegative("dt", dt)
+    if n_poles > MAX_POLES:
+        raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
+    if n_zeros > n_poles:
+        raise ValueError(f"n_zeros must be at most n_poles = {n_poles}, got {n_zeros}: the model must be proper")
+    n_parameters = n_poles + n_zeros + 1 + (delay == "estimate")
+    if n_parameters > 2 * lines.omega.size:
+        raise ValueError(
+            f"n_poles and n_zeros must leave at most {2 * lines.omega.size} parameters, twice the number of lines, "
+            f"got {n_parameters}"
+        )
+    if dt and lines.omega.max() * dt >= np.pi:
+        raise ValueError(
+            f"dt must put the Nyquist frequency above the last line, {lines.omega.max() / 2 / np.pi:g} Hz, "
+            f"got dt = {dt:g} s with Nyquist {0.5 / dt:g} Hz"
+        )
+    orders = (n_poles, n_zeros)
+    if isinstance(delay, str):
+        if delay != "estimate":
+            raise ValueError(f'delay must be a number [s] or "estimate", got {shown(delay)}')
+        found = estimate_delay(lines, orders, dt, stable)
+    else:
+        delay = nonnegative("delay", delay)
+        if dt:
+            delay = delay_samples("delay", delay, dt) * dt
+        found = best_fit(lines, orders, dt, stable, delay)
+    zeros, poles, gain, delay, _ = found
+    G = from_roots(*to_plane(zeros, poles, gain, dt, n_poles - n_zeros), dt)
+    model = zpk_response(lines.omega, zeros, poles, gain, delay, dt, n_poles - n_zeros)
+    residual = lines.G - model
+    expected = lines.dof / np.maximum(lines.dof - 1, np.finfo(float).tiny)
+    return NominalFit(
+        G=G,
+        delay=float(delay),
+        omega=lines.omega,
+        response=model,
+        residual=residual,
+        std=np.where(np.isnan(lines.dof), np.nan, np.sqrt(lines.var)),
+        cost=float(np.sum(np.abs(residual) ** 2 / lines.var)),
+        expected_cost=float(np.sum(expected) * (1 - n_parameters / (2 * lines.omega.size))),
+        n_parameters=n_parameters,
+    )
+
+
+def measured(bla: Any, std: np.ndarray | None) -> Lines:
+    """Lines, variances and degrees of freedom behind whatever was given."""
+    if isinstance(bla, control.FrequencyResponseData):
+        if (bla.ninputs, bla.noutputs) != (1, 1):
+            raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
+        G = np.asarray(bla.frdata[0, 0], dtype=complex)
+        if std is None:
+            if np.any(G) and not np.all(G):
+                at = float(np.asarray(bla.omega)[np.argmin(np.abs(G))])
+                raise ValueError(
+                    f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s"
+                )
+            var, dof = np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
+        else:
+            var, dof = real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)
+            if var.shape != G.shape or np.any(var <= 0):
+                raise ValueError(f"std must hold one positive number per line ({G.size}), got {shown(std)}")
+        omega = np.asarray(bla.omega, dtype=float)
+    else:
+        many = list(bla) if isinstance(bla, Sequence) else [bla]
+        if not many or not all(isinstance(b, Bla) for b in many):
+            raise ValueError(
+                f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {shown(bla)}"
+            )
+        if std is not None:
+            raise ValueError("std must only be given with a FrequencyResponseData, got it with a Bla")
+        omega = np.concatenate([b.omega for b in many])
+        G = np.concatenate([b.G for b in many])
+        var = np.concatenate([b.var_bound for b in many])
+        dof = np.concatenate([b.dof for b in many])
+    if not (np.isfinite(G).all() and np.any(G)):
+        raise ValueError("bla must hold a finite FRF that is not zero everywhere")
+    if np.any(omega <= 0):
+        raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
+    # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
+    floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
+    return Lines(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof))
+
+
+def best_fit(
+    lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, *, free_delay: bool = False
+) -> Roots:
+    """The best of the refined fits from three sets of starting poles."""
+    candidates = [started(lines, orders, dt, stable, delay, spacing) for spacing in ("log", "linear", "peaks")]
+    s, excess = s_points(lines.omega, dt), orders[0] - orders[1]
+
+    def factor(tau: float) -> np.ndarray:
+        return known_factor(lines.omega, tau, dt, excess)
+
+    refined = [
+        refine(
+            s, lines.G, 1 / np.sqrt(lines.var), start, factor, omega=lines.omega if free_delay else None, stable=stable
+        )
+        for start in candidates
+    ]
+    return min(refined, key=lambda roots: roots[4])
+
+
+def s_points(omega: np.ndarray, dt: float) -> np.ndarray:
+    """j omega, or its bilinear image j 2/dt tan(omega dt/2): both kinds of model are fitted in the s plane."""
+    return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
+
+
+def known_factor(omega: np.ndarray, delay: float, dt: float, excess: int) -> np.ndarray:
+    """What the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
+    q = np.exp(-1j * omega * delay)
+    return q * (1 - s_points(omega, dt) * dt / 2) ** excess if dt else q
+
+
+def zpk_response(
+    omega: np.ndarray, zeros: np.ndarray, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
+) -> np.ndarray:
+    """(F,) response of the model at the lines."""
+    s = s_points(omega, dt)[:, None]
+    out = gain * known_factor(omega, delay, dt, excess)
+    # pole by zero, so that high orders neither overflow nor underflow
+    for k in range(poles.size):
+        out = out / (s[:, 0] - poles[k]) * ((s[:, 0] - zeros[k]) if k < zeros.size else 1.0)
+    return out
+
+
+def started(lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, spacing: str) -> Roots:
+    """Zeros and poles to refine from: by vector fitting, or poles on the peaks, from which it can be led astray."""
+    n_poles, n_zeros = orders
+    s = s_points(lines.omega, dt)
+    q = known_factor(lines.omega, delay, dt, n_poles - n_zeros)
+    data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
+    low, high = np.abs(s).min(), np.abs(s).max()
+    poles = on_peaks(s, data, n_poles) if spacing == "peaks" else starting_poles(n_poles, low, high, spacing=spacing)
+    if n_poles and spacing != "peaks":
+        # a wild variance ratio stalls the relocation; the refinement works with the true one
+        tame = np.maximum(weight, 1e-3 * weight.max())
+        poles = vector_fit(s, data, tame, poles, stable=stable)
+        poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
+    zeros, gain = numerator(s, data, weight, poles, n_zeros)
+    model = zpk_response(lines.omega, zeros, poles, gain, delay, dt, n_poles - n_zeros)
+    return zeros, poles, gain, delay, float(np.sum(np.abs(lines.G - model) ** 2 / lines.var))
+
+
+def on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
+    """(n,) lightly damped poles on the highest peaks, a fifth of their frequency apart or more."""
+    x, size = np.abs(s), np.abs(data)
+    poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
+    while len(poles) < n:
+        peak = x[np.argmax(size)]
+        poles += [peak * (-0.05 + 1j), peak * (-0.05 - 1j)]
+        size = np.where(np.abs(x - peak) < 0.2 * peak, size * 1e-6, size)
+    return in_order(np.array(poles))
+
+
+def estimate_delay(lines: Lines, orders: tuple[int, int], dt: float, stable: bool) -> Roots:
+    """The delay that explains the phase best: a scan, then refined together with the rest (continuous time)."""
+    order = np.argsort(lines.omega, kind="stable")
+    phase = np.unwrap(np.angle(lines.G[order]))
+    omega = lines.omega[order]
+    slope = max(0.0, -np.polyfit(omega, phase, 1)[0])
+    longest = max(2 * slope, 2 * np.pi / omega[-1])
+    if dt:
+        trials = np.arange(int(np.ceil(longest / dt)) + 1) * dt
+        trials = trials[:: max(1, trials.size // 60)]
+    else:
+        trials = np.linspace(0.0, longest, 41)
+    costs = np.array([started(lines, orders, dt, stable, tau, "log")[4] for tau in trials])
+    best = trials[np.argsort(costs)[:3]]
+    return min(
+        (best_fit(lines, orders, dt, stable, tau, free_delay=not dt) for tau in best), key=lambda roots: roots[4]
+    )

@@ -1,0 +1,132 @@
+"""How a perturbation is made up of blocks, and the scalings that commute with it.
+
+N is cut as Delta^T is: a block (rows, cols) reads `rows` outputs of N and drives `cols` inputs of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
+
+__all__ = ["KINDS", "Structure", "fitting", "structure"]
+
+
+KINDS = ("full", "repeated", "real")
+
+
+@value(copy=False)
+class Structure:
+    """Blocks of a perturbation along the diagonal.
+
+    Fields
+    ------
+    kinds : tuple of str
+        "full" (any complex matrix), "repeated" (a complex number times the identity), "real" (a real one).
+    rows, cols : tuple of slice
+        Outputs of N each block reads, inputs of N each block drives.
+    left, right : (K, ., .) ndarray
+        Basis of the Hermitian scalings that commute with the blocks, on the outputs and the inputs of N.
+    skew : (L, n_cols, n_rows) ndarray
+        Basis of the Hermitian G of the real blocks.
+    """
+
+    kinds: tuple[str, ...]
+    rows: tuple[slice, ...]
+    cols: tuple[slice, ...]
+    left: np.ndarray
+    right: np.ndarray
+    skew: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Outputs and inputs of N that belong to the perturbation."""
+        return self.rows[-1].stop, self.cols[-1].stop
+
+    @property
+    def scalar(self) -> bool:
+        """Whether one number per block is all the scaling there is."""
+        return all(kind == "full" or r.stop - r.start == 1 for kind, r in zip(self.kinds, self.rows, strict=True))
+
+
+def structure(name: str, blocks: Any) -> Structure:
+    """The blocks, checked, with the bases of their scalings."""
+    if not isinstance(blocks, Sequence) or isinstance(blocks, str) or not len(blocks):
+        raise ValueError(f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')")
+    kinds, rows, cols, r, c = [], [], [], 0, 0
+    for k, block in enumerate(blocks):
+        n, m, kind = checked_block(f"{name}[{k}]", block)
+        kinds.append(kind)
+        rows.append(slice(r, r + n))
+        cols.append(slice(c, c + m))
+        r, c = r + n, c + m
+    left, right, skew = [], [], []
+    for kind, row, col in zip(kinds, rows, cols, strict=True):
+        n = row.stop - row.start
+        if kind == "full":
+            left.append(placed(np.eye(n), (r, r), row, row))
+            right.append(placed(np.eye(col.stop - col.start), (c, c), col, col))
+            continue
+        for H in hermitian_basis(n):
+            left.append(placed(H, (r, r), row, row))
+            right.append(placed(H, (c, c), col, col))
+            if kind == "real":
+                skew.append(placed(H, (c, r), col, row))
+    return Structure(
+        kinds=tuple(kinds),
+        rows=tuple(rows),
+        cols=tuple(cols),
+        left=np.array(left),
+        right=np.array(right),
+        skew=np.array(skew) if skew else np.zeros((0, c, r), complex),
+    )
+
+
+def checked_block(name: str, block: Any) -> tuple[int, int, str]:
+    """Rows, columns and kind of one block, or a refusal."""
+    fine = isinstance(block, (tuple, list)) and len(block) in (2, 3)
+    if not fine or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in block[:2]):
+        raise ValueError(f"{name} must be (rows, cols) with whole numbers of at least 1, got {shown(block)}")
+    kind = block[2] if len(block) == 3 else "full"
+    if kind not in KINDS:
+        raise ValueError(f"{name} must be of the kind 'full', 'repeated' or 'real', got {shown(kind)}")
+    if kind != "full" and block[0] != block[1]:
+        raise ValueError(f"{name} must be square to be {kind}, got {block[0]} rows and {block[1]} columns")
+    if kind == "repeated" and block[0] == 1:
+        kind = "full"  # one complex number is a full block too
+    return int(block[0]), int(block[1]), kind
+
+
+def fitting(name: str, blocks: Any, shape: tuple[int, int], *, of: str = "N") -> Structure:
+    """The structure, or a refusal where it does not add up to the outputs and inputs it has to fit."""
+    found = structure(name, blocks)
+    if found.shape != tuple(shape):
+        raise ValueError(
+            f"{name} must add up to the {shape[0]} outputs and {shape[1]} inputs of {of}, "
+            f"got {found.shape[0]} rows and {found.shape[1]} columns. A block is (rows, cols) as {of} is cut: "
+            "the outputs it reads, the inputs it drives."
+        )
+    return found
+
+
+def placed(block: np.ndarray, shape: tuple[int, int], row: slice, col: slice) -> np.ndarray:
+    """A block in a matrix of zeros."""
+    out = np.zeros(shape, complex)
+    out[row, col] = block
+    return out
+
+
+def hermitian_basis(n: int) -> list[np.ndarray]:
+    """n^2 Hermitian matrices of norm one; the diagonal ones first."""
+    basis = [np.diag(row).astype(complex) for row in np.eye(n)]
+    for i in range(n):
+        for k in range(i + 1, n):
+            for entry in (1.0, 1j):
+                H = np.zeros((n, n), complex)
+                H[i, k], H[k, i] = entry, np.conj(entry)
+                basis.append(H / np.sqrt(2))
+    return basis

@@ -1,0 +1,316 @@
+"""Upper bounds on the structured singular value: scalings found by Newton's method, the bound recomputed from them.
+
+For a perturbation u = Delta y of structure `blocks` and size under 1/beta, det(I - N Delta) = 0 is impossible where
+
+    N^H X_L N + j (G N - N^H G^H) < beta^2 X_R,       X > 0 commuting with Delta, G Hermitian on the real blocks.
+
+For complex blocks, with X = D^H D, this is sigma(D_L N D_R^-1) < beta (Doyle 1982; with G: Fan, Tits & Doyle 1991).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
+from robust.mu.blocks import Structure, fitting
+from robust.systems.lti import along
+from robust.systems.norms import EPS
+
+__all__ = [
+    "MuBound",
+    "bound",
+    "bounded",
+    "hermitian",
+    "mu_upper",
+    "osborne",
+    "recomputed",
+    "refined",
+    "response_matrices",
+    "scalings",
+]
+
+
+MOST_STEPS = 80
+MOST_STEPS_REAL = 200
+GAP = 1e-9
+SPRING = 0.1
+
+
+@value(copy=False)
+class MuBound:
+    """A bound on the structured singular value at every frequency, with what shows it.
+
+    Fields
+    ------
+    value : (W,) ndarray
+        The bound, recomputed from the scaling or from the perturbation.
+    scaling : (D_L, D_R, G) or None
+        For an upper bound: (n_out, n_out, W), (n_in, n_in, W) and (n_in, n_out, W); G of D_L N D_R^-1.
+    delta : (n_in, n_out, W) ndarray or None
+        For a lower bound: the perturbation of size 1/value with det(I - N Delta) = 0; nan where none was found.
+
+    References
+    ----------
+    SP 8.8 and 8.12.
+
+    Examples
+    --------
+    SP Example 8.5: with one full block the structured singular value is the largest singular value.
+
+    >>> M = np.array([[2.0, 2.0], [-1.0, -1.0]])[..., None]
+    >>> round(float(mu_upper(M, [(2, 2)]).value[0]), 3), round(float(mu_upper(M, [(1, 1), (1, 1)]).value[0]), 3)
+    (3.162, 3.0)
+    """
+
+    value: np.ndarray
+    scaling: Any = None
+    delta: Any = None
+
+
+def mu_upper(N: np.ndarray, blocks: Any) -> MuBound:
+    """How large a structured perturbation has to be, at least, to make a loop singular: 1 over this bound.
+
+    Parameters
+    ----------
+    N : (n_out, n_in, W) ndarray
+        Complex response that the perturbation closes; one matrix is N[:, :, None].
+    blocks : list
+        (rows, cols) a full complex block, (n, n, "repeated") a complex number times the identity, (n, n, "real") a real
+        one; rows and cols as N is cut: the outputs of N it reads, the inputs of N it drives.
+
+    Returns
+    -------
+    MuBound
+        value : largest singular value of D_L N D_R^-1 at the scaling found, by SVD (with real blocks: the root of the
+        largest eigenvalue of N^H X_L N + j (G N - N^H G^H) relative to X_R, rounding added). A bound whatever the
+        scaling is. For up to three full blocks it is mu itself.
+
+    Raises
+    ------
+    ValueError
+        Blocks that do not add up to N, numbers that are not finite.
+
+    References
+    ----------
+    SP 8.8.3, eq. 8.87 (with the definition 8.76); Young, Newlin & Doyle 1991 (real blocks); Boyd & El Ghaoui 1993 (the
+    method of centres).
+
+    Examples
+    --------
+    SP Example 8.5: one full block 3.162, two of one by one 3, the same number in both 1.
+
+    >>> M = np.array([[2, 2], [-1, -1]])[:, :, None]
+    >>> [round(float(mu_upper(M, b).value[0]), 3) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
+    [3.162, 3.0, 1.0]
+    """
+    return bounded(response_matrices("N", N), blocks)
+
+
+def bounded(M: np.ndarray, blocks: Any, target: float = 0.0) -> MuBound:
+    """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it."""
+    s = fitting("blocks", blocks, M.shape[1:])
+    size = np.linalg.norm(M, axis=(1, 2))
+    scale = np.where(size > 0, size, 1.0)
+    M = M / scale[:, None, None]
+    D_L, D_R, G = scalings(M, s, target / scale)
+    one_L, one_R = (np.broadcast_to(np.eye(n, dtype=complex), (M.shape[0], n, n)) for n in s.shape)
+    best = recomputed(M, D_L, D_R, G)
+    best = np.where(best * scale < target, 0.0, best)  # good enough: no other is looked at
+    for others in ((D_L, D_R, 0 * G), (one_L, one_R, 0 * G)):
+        other = recomputed(M, *others)
+        D_L, D_R, G = (
+            np.where((other < best)[:, None, None], new, old) for new, old in zip(others, (D_L, D_R, G), strict=True)
+        )
+        best = np.minimum(best, other)
+    best = np.where(best == 0, recomputed(M, D_L, D_R, G), best)
+    scaling = (np.moveaxis(m, 0, 2) for m in (D_L, D_R, G * scale[:, None, None]))
+    return MuBound(value=best * scale, scaling=tuple(scaling))
+
+
+def response_matrices(name: str, N: Any) -> np.ndarray:
+    """(W, n_out, n_in) from (n_out, n_in, W), or a refusal."""
+    N = np.asarray(N)
+    if N.ndim != 3 or N.dtype.kind not in "fciu":
+        raise ValueError(
+            f"{name} must be an array (outputs, inputs, frequencies), got {shown(N)}. One matrix: N[:, :, None]."
+        )
+    if not np.isfinite(N).all():
+        raise ValueError(f"{name} must be finite, got {np.count_nonzero(~np.isfinite(N))} nan or infinite numbers")
+    return np.ascontiguousarray(np.moveaxis(N, 2, 0), dtype=complex)
+
+
+def recomputed(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """(W,) the bound that these scalings prove; inf where they are not fit to prove any."""
+    with np.errstate(all="ignore"):
+        scaled = D_L @ N @ np.linalg.inv(D_R)
+        fine = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(G).all(axis=(1, 2))
+    scaled = np.where(fine[:, None, None], scaled, 0)
+    if not G.any():
+        bound = np.linalg.svd(scaled, compute_uv=False)[:, 0]
+        return np.where(fine, bound, np.inf)
+    G = np.where(fine[:, None, None], G, 0)
+    skew = 1j * G @ scaled
+    square = hermitian(scaled) @ scaled
+    rounding = 20 * N.shape[-1] * EPS * (np.linalg.norm(square, axis=(1, 2)) + np.linalg.norm(skew, axis=(1, 2)))
+    largest = np.linalg.eigvalsh(square + skew + hermitian(skew))[:, -1] + rounding
+    return np.where(fine, np.sqrt(np.maximum(largest, 0.0)), np.inf)
+
+
+def hermitian(M: np.ndarray) -> np.ndarray:
+    """Conjugate transpose of every matrix."""
+    return M.conj().swapaxes(-1, -2)
+
+
+def osborne(N: np.ndarray, s: Structure, n_steps: int = 12) -> np.ndarray:
+    """(W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik / d_k."""
+    sizes = np.stack(
+        [np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1) for r in s.rows], axis=1
+    )
+    sizes = sizes**2 * (1 - np.eye(len(s.rows)))
+    floor = 1e-40 * (sizes.sum(axis=(1, 2)) + 1e-200)  # a block that nothing leads to, or from
+    d2 = np.ones((N.shape[0], len(s.rows)))
+    for _ in range(n_steps):
+        for i in range(len(s.rows)):
+            row = (sizes[:, i] / d2).sum(axis=1) + floor  # over the columns k, d_i apart
+            column = (sizes[:, :, i] * d2).sum(axis=1) + floor
+            d2[:, i] = np.sqrt(column / row)
+        d2 /= d2[:, -1:]
+    return np.sqrt(d2)
+
+
+def scalings(
+    N: np.ndarray, s: Structure, target: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
+
+    With a target, the centre of the scalings that prove it, where it can be reached: the ones with most room.
+    """
+    W = N.shape[0]
+    target = np.broadcast_to(np.square(target), W)
+    d = osborne(N, s)
+    D_L, D_R = (
+        np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(complex)
+        for parts in (s.rows, s.cols)
+    )
+    G = np.zeros((W, *s.skew.shape[1:]), complex)
+    todo = np.arange(W)
+    M, L, R, g = D_L @ N @ np.linalg.inv(D_R), D_L.copy(), D_R.copy(), G.copy()
+    bound = top_eigenvalue(M, g)
+    best = bound.copy()
+    alpha = np.where(bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9))
+    for _ in range(MOST_STEPS_REAL if s.skew.size else MOST_STEPS):
+        M, L, R, g, near, lost = centred(M, L, R, g, alpha, s)
+        bound = top_eigenvalue(M, g)
+        goal = target[todo]
+        better = (bound < best[todo]) | (alpha == goal)
+        at = todo[better]
+        D_L[at], D_R[at], G[at], best[at] = L[better], R[better], g[better], bound[better]
+        # far from the centre alpha waits; near it, it goes down towards the bound reached
+        gap = alpha - bound
+        done = lost | (gap <= GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
+        alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
+        keep = ~done & np.isfinite(bound)
+        todo, M, L, R, g, alpha = todo[keep], M[keep], L[keep], R[keep], g[keep], alpha[keep]
+        if not todo.size:
+            break
+    return D_L, D_R, G
+
+
+def top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """(W,) largest eigenvalue of M^H M + j (G M - M^H G^H)."""
+    A = hermitian(M) @ M
+    if G.any():
+        skew = 1j * G @ M
+        A = A + skew + hermitian(skew)
+    return np.linalg.eigvalsh(A)[:, -1]
+
+
+def centred(
+    M: np.ndarray, L: np.ndarray, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: Structure
+) -> tuple[np.ndarray, ...]:
+    """One Newton step from X = I towards the centre of the scalings that prove alpha; whether it was near, or lost.
+
+    The centre minimises -log det(alpha X_R - A(X, G)) - log det X at constant trace; the barrier is self-concordant,
+    so a step damped by its decrement stays inside.
+    """
+    W, n = M.shape[0], M.shape[2]
+    K = s.left.shape[0]
+    F = alpha[:, None, None, None] * s.right - hermitian(M)[:, None] @ s.left @ M[:, None]
+    if s.skew.size:
+        skew = 1j * s.skew @ M[:, None]
+        F = np.concatenate([F, -(skew + hermitian(skew))], axis=1)
+    A = hermitian(M) @ M
+    if s.skew.size:
+        now = 1j * G @ M
+        A = A + now + hermitian(now)
+    inverse = np.linalg.inv(alpha[:, None, None] * np.eye(n) - A)
+    P = inverse[:, None] @ F
+    flat = P.reshape(W, -1, n * n)
+    turned = P.swapaxes(-1, -2).reshape(W, -1, n * n)
+    H = (flat @ turned.swapaxes(-1, -2)).real
+    trace = np.einsum("kii->k", s.left).real
+    gram = np.einsum("kij,lji->kl", s.left, s.left).real
+    H[:, :K, :K] += gram
+    gradient = -np.einsum("wkii->wk", P).real
+    gradient[:, :K] -= trace
+    size = H.shape[1]
+    # a spring on G, which the barrier alone may let run away, weaker as the bound is approached
+    spring = SPRING * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
+    gradient[:, K:] += spring[:, None] * np.einsum("lij,wij->wl", s.skew.conj(), G).real
+    H[:, K:, K:] += spring[:, None, None] * np.einsum("lij,kij->lk", s.skew.conj(), s.skew).real
+    H = H + 1e-13 * np.einsum("wkk->w", H)[:, None, None] * np.eye(size) / size
+    border = np.zeros((W, size, 2))
+    border[:, :K, 0], border[:, :, 1] = trace, gradient
+    try:
+        solved = np.linalg.solve(H, border)
+    except np.linalg.LinAlgError:  # one of them has a flat direction
+        solved = np.linalg.pinv(H, hermitian=True) @ border
+    multiplier = (trace @ solved[:, :K, 1:])[:, 0] / (trace @ solved[:, :K, :1])[:, 0]
+    step = multiplier[:, None] * solved[:, :, 0] - solved[:, :, 1]
+    decrement = np.sqrt(np.maximum(-(gradient * step).sum(axis=1), 0.0))
+    near = decrement < 0.5
+    step = step * np.where(near, 1.0, 1 / (1 + decrement))[:, None]
+    if s.scalar and not s.skew.size:
+        # every X is diagonal: roots and quotients do
+        left, right = (1 + step @ np.einsum("kii->ki", basis).real for basis in (s.left, s.right))
+        lost = ~(np.minimum(left.min(axis=1), right.min(axis=1)) > 1e-9)
+        left, right = (np.sqrt(np.where(lost[:, None], 1.0, x))[:, :, None] for x in (left, right))
+        return left * M / right.swapaxes(1, 2), left * L, right * R, G, near, lost
+    X_L = np.eye(M.shape[1]) + np.tensordot(step[:, :K], s.left, 1)
+    X_R = np.eye(n) + np.tensordot(step[:, :K], s.right, 1)
+    least = np.minimum(np.linalg.eigvalsh(X_L)[:, 0], np.linalg.eigvalsh(X_R)[:, 0])
+    lost = ~(least > 1e-9)  # rounding has taken over: stay
+    X_L[lost], X_R[lost] = np.eye(M.shape[1]), np.eye(n)
+    if s.skew.size:
+        G = G + np.where(lost[:, None, None], 0, np.tensordot(step[:, K:], s.skew, 1))
+    C_L, C_R = np.linalg.cholesky(X_L), np.linalg.cholesky(X_R)
+    into = np.linalg.inv(hermitian(C_R))
+    if s.skew.size:
+        G = hermitian(into) @ G @ np.linalg.inv(hermitian(C_L))
+    return hermitian(C_L) @ M @ into, hermitian(C_L) @ L, hermitian(C_R) @ R, G, near, lost
+
+
+ZOOMS = 4
+
+
+def bound(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> np.ndarray:
+    """(W,) upper bound at omega."""
+    return np.asarray(mu_upper(along(N, omega), blocks).value)
+
+
+def refined(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies with more of them around the peak, and the bound there."""
+    mu = bound(N, blocks, omega)
+    for _ in range(ZOOMS):  # around the largest, five times closer each time
+        k = int(mu.argmax())
+        low = omega[k - 1] if k > 1 else omega[1] / 10
+        more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]
+        more = np.setdiff1d(more, omega)
+        both = np.concatenate([omega, more])
+        order = np.argsort(both)
+        omega, mu = both[order], np.concatenate([mu, bound(N, blocks, more)])[order]
+    return omega, mu

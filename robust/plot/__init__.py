@@ -1,0 +1,32 @@
+"""Pictures. They compute nothing beyond units; the curves come from the values.
+
+    models   the nominal, its set, what the radius is made of
+    loops    a loop, its check, its family
+    colours  colours and units that they share
+
+The pictures are handed on from here: `from robust.plot import plot_check`.
+"""
+
+from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist
+from robust.plot.models import (
+    plot_budget,
+    plot_fit,
+    plot_nominal,
+    plot_orders,
+    plot_validation,
+    plot_weight,
+)
+
+__all__ = [
+    "plot_bounds",
+    "plot_budget",
+    "plot_check",
+    "plot_family",
+    "plot_fit",
+    "plot_loop",
+    "plot_nominal",
+    "plot_nyquist",
+    "plot_orders",
+    "plot_validation",
+    "plot_weight",
+]

@@ -1,0 +1,203 @@
+"""Pictures of loops and verdicts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nlfrf.shared.axes import axes, db, finished
+from robust.analysis.family import LoopFamily
+from robust.analysis.report import RobustnessReport
+from robust.plot.colours import COLOR, hz
+from robust.systems.lti import response
+from robust.systems.realisation import state_space
+from robust.uncertain.model import UncertaintyModel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_bounds", "plot_check", "plot_family", "plot_loop", "plot_nyquist"]
+
+
+def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
+    """Loop gain, sensitivity and complementary sensitivity of the nominal loop.
+
+    Parameters
+    ----------
+    report : RobustnessReport
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f = hz(report.omega)
+    ax.plot(f, db(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
+    ax.plot(f, db(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
+    ax.plot(f, db(np.abs(report.T)), "-", lw=1.4, color=COLOR["limit"], label="|T|")
+    if report.w_P is not None:
+        ax.plot(f, -db(report.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
+    ax.axhline(0, color="0.5", lw=0.8)
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop", ylim=(-80, 60))
+    return finished(ax)
+
+
+def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
+    """Robust stability, nominal and robust performance over frequency, all to stay below one.
+
+    Arguments as in `plot_loop`.
+    """
+    ax = axes(ax)
+    f = hz(report.omega)
+    curves = (
+        (report.rs, "robust stability", COLOR["limit"], "-"),
+        (report.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
+        (report.rp, "robust performance", COLOR["radius"], "-"),
+    )
+    drawn = np.concatenate([c[np.isfinite(c) & (c > 0)] for c, *_ in curves])
+    for curve, label, color, style in curves:
+        if np.isfinite(curve).any():
+            ax.plot(f, curve, style, lw=1.6, color=color, label=label)
+    if np.isfinite(report.margin_rs) and report.margin_rs > 0:
+        ax.plot(
+            hz(report.omega_rs), 1 / report.margin_rs, "o", color=COLOR["limit"], label="limits the stability margin"
+        )
+    ax.axhline(1, color="0.3", lw=1, ls=":")
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="must stay below 1",
+        title=f"Verdict on stability: {report.verdict}",
+    )
+    if drawn.size:  # what matters happens around one; curves run out of the picture below
+        ax.set_ylim(max(1e-3, drawn.min() * 0.8), float(np.clip(1.5 * drawn.max(), 2.0, 1e2)))
+    else:
+        ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
+    return finished(ax)
+
+
+def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None = None) -> Axes:
+    """The nominal L in the complex plane, with the disc of the set at some frequencies around the crossover.
+
+    Parameters
+    ----------
+    report : RobustnessReport
+    n_discs : int
+        How many discs to draw.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    from matplotlib.patches import Circle
+
+    ax = axes(ax)
+    L = report.G * report.K
+    reach = 2.5
+    ax.plot(L.real, L.imag, "-", lw=1.6, color=COLOR["radius"], label="nominal L")
+    ax.plot(L.real, -L.imag, "-", lw=0.7, color=COLOR["noise"])
+    centre, radius = report.discs
+    near = np.flatnonzero((np.abs(L + 1) < reach) & np.isfinite(radius) & (radius > 0))
+    if near.size:
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(L[near])))])
+        for k in near[np.unique(np.searchsorted(path, np.linspace(0, path[-1], n_discs)).clip(0, near.size - 1))]:
+            touched = abs(centre[k] + 1) <= radius[k]
+            color = COLOR["limit"] if touched else COLOR["weight"]
+            ax.add_patch(Circle((centre[k].real, centre[k].imag), radius[k], fill=False, lw=0.8, color=color))
+        ax.plot([], [], "o", ms=9, mfc="none", color=COLOR["weight"], label="discs of the set")
+        if np.any(np.abs(centre[near] + 1) <= radius[near]):
+            ax.plot([], [], "o", ms=9, mfc="none", color=COLOR["limit"], label="discs over -1")
+    ax.plot([-1], [0], "+", ms=12, mew=2, color=COLOR["limit"], label="-1")
+    ax.set(
+        xlim=(-1 - reach, reach - 1),
+        ylim=(-reach, reach),
+        aspect="equal",
+        xlabel="Re L",
+        ylabel="Im L",
+        title="L with the discs of the set",
+    )
+    return finished(ax)
+
+
+def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
+    """Sensitivities of loops with sampled plants, under the worst case of the set.
+
+    Parameters
+    ----------
+    family : LoopFamily
+        From `sample_loops`.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f = hz(family.omega)
+    for k, (S, stable) in enumerate(zip(family.S, family.stable, strict=True)):
+        color = COLOR["noise"] if stable else COLOR["limit"]
+        ax.plot(f, db(np.abs(S)), "-", lw=0.5, color=color, alpha=0.6, label="plants of the set" if k == 0 else None)
+    ax.plot(f, db(np.abs(family.nominal)), "-", lw=1.8, color=COLOR["radius"], label="nominal |S|")
+    ax.plot(
+        f,
+        db(np.where(np.isfinite(family.worst), family.worst, np.nan)),
+        "--",
+        lw=1.4,
+        color=COLOR["limit"],
+        label="worst case of the set",
+    )
+    unstable = int(np.sum(~family.stable))
+    title = (
+        f"{family.stable.size} plants of the set, {unstable} of them unstable"
+        if unstable
+        else f"{family.stable.size} plants of the set"
+    )
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
+    return finished(ax)
+
+
+def plot_bounds(
+    model: UncertaintyModel, K: Any, bounds: tuple[np.ndarray, np.ndarray], *, ax: Axes | None = None
+) -> Axes:
+    """|L| between the bounds of `loop_bounds`, on the lines of the model.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+    K : control.StateSpace or TransferFunction
+        Controller.
+    bounds : (low, high)
+        From `loop_bounds`.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    ax = axes(ax)
+    f, (low, high) = hz(model.omega), bounds
+    L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
+    ax.plot(f, db(L), "-", lw=1.8, color=COLOR["radius"], label="|L|")
+    floor, ceiling = db(L.min()) - 20, db(L.max()) + 20
+    if np.any(low > 0):
+        edge = np.where(low > 0, db(low), floor)
+        ax.fill_between(f, floor, edge, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance")
+    if np.any(np.isfinite(high)):
+        edge = np.where(np.isfinite(high), db(high), ceiling)
+        ax.fill_between(f, edge, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty")
+    ax.set(
+        xscale="log",
+        ylim=(floor, ceiling),
+        xlabel="frequency [Hz]",
+        ylabel="|L| [dB]",
+        title="Loop gain and its bounds",
+    )
+    return finished(ax)

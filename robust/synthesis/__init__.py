@@ -1,0 +1,10 @@
+"""Controllers from Riccati equations: the least closed-loop norm (H-infinity).
+
+design             `Design`: a controller and the level it reaches
+ncfsyn             loop shaping by Glover and McFarlane
+mixsyn             weighted S, K S and T made small together
+hinfsyn            any generalised plant
+dk                 D-K iteration: several uncertainties and a performance
+generalised_plant  the plant in the form the equations ask for, and the way back
+central            the two equations at one level, and the controller from them
+"""

@@ -1,0 +1,48 @@
+"""``Design``: a controller, and the level it reaches."""
+
+from __future__ import annotations
+
+import control
+
+from nlfrf.shared.values import value
+
+__all__ = ["Design"]
+
+
+@value
+class Design:
+    """A controller and how good it is by its own measure.
+
+    Fields
+    ------
+    K : control.StateSpace
+        Controller for the unweighted plant, negative feedback: u = K (r - y).
+    gamma : float
+        Achieved norm, recomputed from the closed loop; inf where the loop is not stable.
+    gamma_min : float
+        Smallest norm any controller could reach; nan where it is not known.
+    met : bool
+        Whether every demand that had to be met is met by K, recomputed.
+    reason : str
+        Why the design ended, or which demand is in the way and where.
+    history : tuple of float
+        gamma, or the worst demand while one was not met, after every iteration.
+
+    References
+    ----------
+    SP 9.4.1.
+
+    Examples
+    --------
+    >>> from robust import ncfsyn
+    >>> design = ncfsyn(control.tf([1], [1, 1]), 10)
+    >>> bool(design.gamma_min < design.gamma < 4)
+    True
+    """
+
+    K: control.StateSpace
+    gamma: float
+    gamma_min: float = float("nan")
+    met: bool = True
+    reason: str = ""
+    history: tuple[float, ...] = ()

@@ -1,0 +1,227 @@
+"""D-K iteration: a controller for several uncertainties and a performance, by synthesis and scalings in turn.
+
+Each round synthesises for D_L P D_R^-1, finds the scalings of least bound for the loop with that controller, and fits
+them by stable, minimum-phase functions of limited order. Neither half worsens the bound, both together may end in a
+local optimum; what is returned is the best loop seen, judged by mu with the structure as it is.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.arguments import integer, positive
+from nlfrf.shared.values import value
+from robust.certificates.certificate import Certificate
+from robust.modelling.weights import minimum_phase
+from robust.mu.blocks import Structure, fitting
+from robust.mu.certify import certify_mu
+from robust.mu.upper import mu_upper
+from robust.synthesis.hinfsyn import hinfsyn
+from robust.systems.grids import grid
+from robust.systems.lft import joined, lower
+from robust.systems.lti import along, response, timebase
+from robust.systems.realisation import multivariable
+from robust.systems.stability import instability
+
+__all__ = ["DkDesign", "dk_iteration"]
+
+
+CLOSE = 1.02  # peak of the fitted scalings over mu that is good enough for a lower order
+
+
+@value
+class DkDesign:
+    """What D-K iteration found.
+
+    Fields
+    ------
+    K : control.StateSpace
+        u = K y, positive feedback through P; zero where no controller was found.
+    mu : float
+        Peak of the upper bound over omega with this controller; inf without one.
+    omega, curve : (W,) ndarray
+        Frequencies [rad/s] and the bound there.
+    history : tuple of (float, float, int)
+        For each round the norm of the synthesis, the peak of mu, and the order of the scalings it was made with.
+    certificate : Certificate
+        mu proved at all frequencies, one per cent above its peak; or why not.
+    reason : str
+        Why the iteration ended.
+
+    References
+    ----------
+    SP 8.12.
+
+    Examples
+    --------
+    A lag with half its gain unknown, and an error that is to stay under two everywhere:
+
+    >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
+    >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    >>> found = dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1)
+    >>> bool(found.mu < 1), found.K.nstates > 0
+    (True, True)
+    """
+
+    K: control.StateSpace
+    mu: float
+    omega: np.ndarray
+    curve: np.ndarray
+    history: tuple[tuple[float, float, int], ...]
+    certificate: Any
+    reason: str
+
+
+def dk_iteration(
+    P: Any,
+    blocks: Any,
+    n_y: int,
+    n_u: int,
+    *,
+    order: int = 4,
+    n_rounds: int = 6,
+    omega: Any = None,
+    time_cap: float = 60.0,
+) -> DkDesign:
+    """Synthesise a controller that keeps mu small.
+
+    Parameters
+    ----------
+    P : control.StateSpace
+        From (what the perturbations and the performance drive, u) to (what they read, y).
+    blocks : list
+        As for `mu_upper`, the performance being a full block. Repeated and real blocks are designed for as full complex
+        ones, and judged as what they are.
+    n_y, n_u : int
+        How many of the last outputs are measured, of the last inputs controlled.
+    order : int
+        Largest order of a scaling; lower ones are taken where they come close.
+    n_rounds : int
+        Most rounds.
+    omega : (W,) ndarray, optional
+        Frequencies [rad/s] for mu; chosen from the poles of the loop when not given.
+    time_cap : float
+        Seconds; the best found by then is returned.
+
+    Returns
+    -------
+    DkDesign
+
+    Raises
+    ------
+    ValueError
+        Blocks that do not add up to P, a plant that no controller can stabilise.
+
+    References
+    ----------
+    SP 8.12; Doyle 1982, 1985; Balas, Doyle, Glover, Packard & Smith, *mu-Analysis and Synthesis Toolbox*.
+
+    Examples
+    --------
+    >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
+    >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    >>> bool(dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1).mu < 1)
+    True
+
+    Notes
+    -----
+    Without omega the frequencies are those of the poles of the loop of each round. Of the distillation column of
+    SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower) it makes 1.19, 1.05, 1.045, ...
+    """
+    P = multivariable("P", P)
+    n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
+    order, n_rounds = integer("order", order, least=0), integer("n_rounds", n_rounds, least=1)
+    deadline = time.monotonic() + positive("time_cap", time_cap)
+    s = fitting("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
+    dt = timebase(P)
+    nothing = control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt)
+    best = DkDesign(
+        K=nothing,
+        mu=np.inf,
+        omega=np.zeros(0),
+        curve=np.zeros(0),
+        history=(),
+        certificate=None,
+        reason="no controller was found",
+    )
+    scaling, used, history, reason = [one(dt)] * len(s.kinds), 0, [], f"{n_rounds} rounds were made"
+    for _ in range(n_rounds):
+        left, right = scaled_by(scaling, s, dt)
+        within = max(deadline - time.monotonic(), 0.1)
+        found = hinfsyn(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=within)
+        if not found.found:
+            reason = f"synthesis found nothing: {found.reason}"
+            break
+        N = lower(P, found.K)
+        if instability(N):
+            reason = f"the loop without its scalings is {instability(N)}"
+            break
+        at = grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
+        bound = mu_upper(along(N, at), blocks)
+        peak = float(bound.value.max())
+        history.append((found.gamma, peak, used))
+        improved = peak < best.mu * (1 - 1e-3)
+        if peak < best.mu:
+            best = DkDesign(K=found.K, mu=peak, omega=at, curve=bound.value, history=(), certificate=None, reason="")
+        if time.monotonic() > deadline:
+            reason = "the time cap was reached"
+            break
+        if not improved:
+            reason = "mu did not fall any more"
+            break
+        full = [(r.stop - r.start, c.stop - c.start) for r, c in zip(s.rows, s.cols, strict=True)]
+        scaling, used = fitted(along(N, at), full, s, at, dt, order)
+    certificate: Certificate | None = None
+    if np.isfinite(best.mu):
+        certificate = certify_mu(lower(P, best.K), blocks, 1.01 * best.mu)
+    return DkDesign(
+        K=best.K,
+        mu=best.mu,
+        omega=best.omega,
+        curve=best.curve,
+        history=tuple(history),
+        certificate=certificate,
+        reason=reason,
+    )
+
+
+def one(dt: float) -> control.StateSpace:
+    """The scaling to begin with."""
+    return control.StateSpace([], [], [], [[1.0]], dt)
+
+
+def scaled_by(scaling: list[Any], s: Structure, dt: float) -> tuple[control.StateSpace, control.StateSpace]:
+    """D_L and D_R^-1 from one function per block (given with its inverse where it has states)."""
+    pairs = [d if isinstance(d, tuple) else (d, d) for d in scaling]
+    left = [d for (d, _), row in zip(pairs, s.rows, strict=True) for _ in range(row.stop - row.start)]
+    right = [d for (_, d), col in zip(pairs, s.cols, strict=True) for _ in range(col.stop - col.start)]
+    return joined(left, dt), joined(right, dt)
+
+
+def padded(system: control.StateSpace, n: int, dt: float) -> control.StateSpace:
+    """The system beside n signals that pass."""
+    return joined([system, control.StateSpace([], [], [], np.eye(n), dt)], dt)
+
+
+def fitted(
+    response_: np.ndarray, full: list[tuple[int, int]], s: Structure, omega: np.ndarray, dt: float, order: int
+) -> tuple[list[Any], int]:
+    """Functions of the lowest order whose scaled loop comes close to mu, the last block unscaled; and that order."""
+    bound = mu_upper(response_, full)
+    D_L = bound.scaling[0]
+    d = np.array([np.abs(D_L[row.start, row.start]) for row in s.rows])
+    d = d / d[-1]
+    n = min(order, 12)
+    for k in range(n + 1):
+        fits = [minimum_phase(omega, each, dt, k) for each in d[:-1]] + [(one(dt), one(dt))]
+        sizes = np.array([np.abs(response(D, omega)) for D, _ in fits])
+        left, right = (np.repeat(sizes, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols))
+        scaled = left[:, None] * response_ / right[None]
+        peak = np.linalg.norm(np.moveaxis(scaled, 2, 0), 2, axis=(1, 2)).max()
+        if peak <= CLOSE * bound.value.max() or k == n:
+            return fits, k
+    raise AssertionError("an order is always returned")

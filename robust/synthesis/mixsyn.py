@@ -1,0 +1,146 @@
+"""Mixed-sensitivity synthesis: the controller that makes weighted S, K S and T as small as they can be together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.arguments import nonnegative, positive
+from robust.synthesis.design import Design
+from robust.synthesis.hinfsyn import hinfsyn
+from robust.systems.lti import constant, timebase
+from robust.systems.realisation import stable_weight, state_space
+from robust.systems.sampling import delayed, discretize, sampled
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["mixsyn"]
+
+
+PADE_ORDER = 4
+
+
+def mixsyn(
+    model: Any,
+    w_P: Any,
+    *,
+    w_u: Any = None,
+    w_T: Any = None,
+    dt: float = 0.0,
+    delay: float = 0.0,
+    factor: float = 1.01,
+    time_cap: float = 2.0,
+) -> Design:
+    """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
+
+    Under 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|. With a model, its weight takes the
+    place of w_T (or joins S or K S, by its form), so that gamma < 1 includes stability of the whole set.
+
+    Parameters
+    ----------
+    model : UncertaintyModel, control.StateSpace, TransferFunction
+        Plant, continuous or discrete.
+    w_P : control system or float
+        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator.
+    w_u : control system or float, optional
+        Weight on K S (`control_weight`).
+    w_T : control system or float, optional
+        Weight on T, on top of what the model asks for.
+    dt : float
+        Sampling time [s] of the controller for a continuous plant, which is then designed for as the controller sees
+        it, hold and delay inside; weights go through the bilinear map. 0: the time base of the plant.
+    delay : float
+        Computation delay [s]; by a Padé approximation in continuous time.
+    factor : float
+        gamma asked for over the least one, at least 1.
+    time_cap : float
+        Seconds; the best found by then is returned.
+
+    Returns
+    -------
+    Design
+        gamma recomputed from the closed loop; inf, and the reason, where no controller was found.
+
+    Raises
+    ------
+    ValueError
+        An unstable or improper weight, sampling times that differ, a plant that no controller can stabilise.
+
+    References
+    ----------
+    SP 2.8.3 and 9.3.6; Zhou, Doyle & Glover 1996, 17.
+
+    Examples
+    --------
+    SP Example 2.17.
+
+    >>> from robust import performance_weight
+    >>> G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+    >>> design = mixsyn(G, performance_weight(10, M_S=1.5, A=1e-4), w_u=1)
+    >>> round(design.gamma_min, 3), bool(design.gamma < 1.38)
+    (1.366, True)
+    """
+    dt, delay, time_cap = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_cap", time_cap)
+    G = state_space("model", model.nominal if is_model(model) else model)
+    step = timebase(G)
+    if step and dt and abs(step / dt - 1) > 1e-9:
+        raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
+    G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=PADE_ORDER)
+    dt = step or dt
+    weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
+    if is_model(model):
+        place = {"multiplicative": "w_T", "additive": "w_u", "inverse-multiplicative": "w_P"}
+        if model.form not in place:
+            raise ValueError(f"model must be of the form {', '.join(place)}, got {model.form}")
+        weights[place[model.form]].append(model.weight)
+    stacked = [(name, on_time_base(name, w, dt)) for name, many in weights.items() for w in many if w is not None]
+    found = hinfsyn(weighted_plant(G, stacked, dt), 1, 1, factor=factor, time_cap=0.8 * time_cap)
+    K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
+    reason = found.reason if found.found else f"not found: {found.reason}"
+    return Design(K=K, gamma=found.gamma, gamma_min=found.gamma_min, met=found.found, reason=reason)
+
+
+def is_model(model: Any) -> bool:
+    """Whether it is a model with a parametric nominal; refused where it has none."""
+    if isinstance(model, UncertaintyModel) and model.measured_only:
+        raise ValueError("model must have a parametric nominal to synthesise for, got an FRF: see design_frf")
+    return isinstance(model, UncertaintyModel)
+
+
+def on_time_base(name: str, w: Any, dt: float) -> control.StateSpace:
+    """A stable weight on the time base of the loop."""
+    w = stable_weight(name, w, dt)
+    if dt and not timebase(w) and not constant(w):
+        w = discretize(w, dt)
+    return control.StateSpace(w.A, w.B, w.C, w.D, dt)
+
+
+def weighted_plant(
+    G: control.StateSpace, stacked: list[tuple[str, control.StateSpace]], dt: float
+) -> control.StateSpace:
+    """From (r, u) to (weighted e, u and y, one row a weight; e): e = r - G u, as hinfsyn takes it."""
+    n, zero = G.nstates, np.zeros((G.nstates, 1))
+    # what the weights read, from x and (r, u)
+    read = {
+        "w_P": (-G.C, [[1.0, -G.D[0, 0]]]),
+        "w_u": (np.zeros((1, n)), [[0.0, 1.0]]),
+        "w_T": (G.C, [[0.0, G.D[0, 0]]]),
+    }
+    m = n + sum(w.nstates for _, w in stacked)
+    A, B = np.zeros((m, m)), np.zeros((m, 2))
+    A[:n, :n], B[:n] = G.A, np.hstack([zero, G.B])
+    rows, direct = [], []
+    at = n
+    for name, w in stacked:
+        C, D = read[name]
+        own = slice(at, at + w.nstates)
+        A[own, :n], A[own, own], B[own] = w.B @ C, w.A, w.B @ D
+        row = np.zeros((1, m))
+        row[:, :n], row[:, own] = w.D @ C, w.C
+        rows.append(row)
+        direct.append(w.D @ D)
+        at += w.nstates
+    C, D = read["w_P"]
+    rows.append(np.hstack([C, np.zeros((1, m - n))]))
+    return control.StateSpace(A, B, np.vstack(rows), np.vstack([*direct, D]), dt)

@@ -1,0 +1,148 @@
+"""Controllers by H-infinity loop shaping (Glover & McFarlane): a shaped loop, robustly stabilised."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import solve_continuous_are
+
+from nlfrf.shared.arguments import positive, real
+from robust.synthesis.design import Design
+from robust.systems.bilinear import to_continuous, to_discrete
+from robust.systems.closed_loop import closed_loop
+from robust.systems.lti import constant, in_series, response, timebase
+from robust.systems.norms import hinf_norm
+from robust.systems.realisation import from_roots, state_space
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["crossover_weight", "ncfsyn"]
+
+
+def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
+    """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime factors.
+
+    Shape the loop first: choose W1 (usually gain and integral action) so that |W2 G W1| is high where errors must
+    be small and low where the plant is unknown. The controller keeps that shape; gamma_min under about 4 says
+    that it could.
+
+    Parameters
+    ----------
+    G : control.StateSpace, TransferFunction or UncertaintyModel
+        Plant, continuous or discrete. For a sampled controller give the plant it sees (`robust.sampled`).
+    W1, W2 : control.StateSpace, TransferFunction or float
+        Shaping functions at the input and output of the plant.
+    factor : float
+        gamma asked for over gamma_min, above 1: at gamma_min itself the loop may be unstable.
+
+    Returns
+    -------
+    Design
+        K = W1 K_inf W2. A loop that turns out unstable is a result: gamma = inf.
+
+    Raises
+    ------
+    ValueError
+        Sampling times that differ, or a shaped plant with an unstable mode that cannot be stabilised.
+
+    References
+    ----------
+    McFarlane & Glover 1992; SP 9.4.1, eq. 9.62 to 9.67, there with positive feedback.
+
+    Examples
+    --------
+    SP Example 9.3: gamma_min = 2.34.
+
+    >>> G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+    >>> design = ncfsyn(G, control.tf([1, 2], [1, 0]))
+    >>> round(design.gamma_min, 3), bool(design.gamma <= 1.1 * design.gamma_min)
+    (2.339, True)
+    """
+    factor = real("factor", factor)
+    if factor <= 1:
+        raise ValueError(f"factor must be above 1, got {factor:g}")
+    if isinstance(G, UncertaintyModel):
+        G = G.nominal
+    G, W1, W2 = state_space("G", G), state_space("W1", W1), state_space("W2", W2)
+    dt = timebase(G)
+    for name, W in (("W1", W1), ("W2", W2)):
+        if not constant(W) and timebase(W) != dt:
+            raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
+    shaped = in_series(W1, G, W2, dt=dt)
+    matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
+    A, B, C, D = to_continuous(*matrices) if dt else matrices
+    n = A.shape[0]
+    S, R = np.eye(1) + D.T @ D, np.eye(1) + D @ D.T
+    drift = A - B @ np.linalg.solve(S, D.T @ C)
+    try:
+        X = solve_continuous_are(drift, B, C.T @ np.linalg.solve(R, C), S)
+        Z = solve_continuous_are(drift.T, C.T, B @ np.linalg.solve(S, B.T), R)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise ValueError(
+            "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations have no solution "
+            f"({error}). Does W1 or W2 cancel an unstable or undamped mode?"
+        ) from None
+    gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
+    gamma = factor * gamma_min
+    L = (1 - gamma**2) * np.eye(n) + X @ Z
+    F = -np.linalg.solve(S, D.T @ C + B.T @ X)
+    Bk = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
+    Ak = A + B @ F + Bk @ (C + D @ F)
+    central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
+    K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
+    achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
+    return Design(K=in_series(W2, K_inf, W1, dt=dt), gamma=achieved, gamma_min=gamma_min)
+
+
+def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
+    """A first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
+
+    Where the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade through the
+    crossover; where the plant falls by itself, W1 = k (s + omega_c/5) / s.
+
+    Parameters
+    ----------
+    G : control.StateSpace, TransferFunction or UncertaintyModel
+        Plant, continuous or discrete (then as the sampled controller sees it).
+    omega_c : float
+        Crossover |G W1| = 1 asked for [rad/s].
+
+    Returns
+    -------
+    control.StateSpace
+        On the time base of G (by the bilinear map where discrete).
+
+    Raises
+    ------
+    ValueError
+        A crossover beyond Nyquist, or where the plant has no gain.
+
+    References
+    ----------
+    SP 9.4.2 (choice of the shaping functions); the integrator of this weight is the usual first choice.
+
+    Examples
+    --------
+    >>> W1 = crossover_weight(control.tf([2], [1, 10]), 1.0)
+    >>> round(float(abs(W1(1j) * 2 / (1j + 10))), 12)
+    1.0
+    """
+    G = state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+    omega_c, dt = positive("omega_c", omega_c), timebase(G)
+    if dt and omega_c * dt > np.pi / 2:
+        raise ValueError(
+            f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s, got {omega_c:g}"
+        )
+    around = np.abs(response(G, omega_c * np.array([0.9, 1.0, 1.1])))
+    if not np.all((around > 0) & np.isfinite(around)):
+        raise ValueError(f"omega_c must lie where the plant has gain, got |G| = {around[1]:g} at {omega_c:g} rad/s")
+    flat = np.log(around[2] / around[0]) / np.log(1.1 / 0.9) > -0.5
+    zeros = np.zeros(0) if flat else np.array([-omega_c / 5])
+    W = from_roots(zeros, np.zeros(1), 1.0, 0.0)
+    if dt:
+        # the map scaled so that it is exact at omega_c
+        scale = omega_c / np.tan(omega_c * dt / 2)
+        W = control.StateSpace(*to_discrete(W.A / scale, W.B / scale, W.C, W.D), dt)
+    gain = 1 / (around[1] * np.abs(response(W, np.array([omega_c])))[0])
+    return control.StateSpace(W.A, W.B, W.C * gain, W.D * gain, W.dt)

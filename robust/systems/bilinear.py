@@ -1,0 +1,47 @@
+"""The bilinear map between the circle and the axis: z = (1 + s T/2)/(1 - s T/2)."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+
+from robust.systems.lti import timebase
+
+__all__ = ["Matrices", "continuous_image", "to_continuous", "to_discrete"]
+
+
+def to_continuous(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Bilinear image z = (1 + s)/(1 - s): keeps stability and norms; omega maps to tan(omega dt / 2)."""
+    n = A.shape[0]
+    inverse = inverted(A + np.eye(n), "z = -1 (the Nyquist frequency)")
+    return inverse @ (A - np.eye(n)), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D - C @ inverse @ B
+
+
+def to_discrete(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The way back from `to_continuous`: s = (z - 1)/(z + 1)."""
+    n = A.shape[0]
+    inverse = inverted(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
+    return inverse @ (np.eye(n) + A), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D + C @ inverse @ B
+
+
+def inverted(A: np.ndarray, place: str) -> np.ndarray:
+    """The inverse a bilinear map needs, or a refusal that names the pole in its way."""
+    try:
+        return np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        raise np.linalg.LinAlgError(
+            f"system must have no pole at {place}, got one: the bilinear map would send it to infinity"
+        ) from None
+
+
+Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def continuous_image(system: control.StateSpace) -> Matrices:
+    """The matrices in continuous time; discrete systems through the bilinear map, which keeps the norm."""
+    matrices = (system.A, system.B, system.C, system.D)
+    return to_continuous(*matrices) if timebase(system) else matrices

@@ -1,0 +1,145 @@
+"""Linear systems as this package takes them in: one single-loop state space, its response, its roots."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+from scipy.linalg import eig, matrix_balance, schur
+
+__all__ = [
+    "along",
+    "constant",
+    "evaluate",
+    "in_s",
+    "in_series",
+    "on_axis",
+    "poles",
+    "response",
+    "scaled_states",
+    "stable",
+    "timebase",
+    "zeros",
+]
+
+
+MANY_STATES = 40
+
+
+def timebase(system: control.StateSpace) -> float:
+    """Sampling time [s], zero for continuous time; a system without a stated one counts as continuous."""
+    return 0.0 if system.dt is None else float(system.dt)
+
+
+def constant(system: control.StateSpace) -> bool:
+    """Whether the system is a gain that fits any sampling time."""
+    return system.nstates == 0
+
+
+def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """(W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
+    return evaluate(system.A, system.B, system.C, system.D, on_axis(omega, timebase(system)))[:, 0, 0]
+
+
+def on_axis(omega: np.ndarray, dt: float) -> np.ndarray:
+    """s = j omega, or z on the unit circle where sampled."""
+    return np.exp(1j * omega * dt) if dt else 1j * omega
+
+
+def scaled_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same dynamics with each state in a unit of its own, by powers of two: rows and columns of A alike in size."""
+    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
+    return A, B / weights[:, None], C * weights
+
+
+def evaluate(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
+    points = np.atleast_1d(np.asarray(points, dtype=complex))
+    out = np.empty((points.size, *D.shape), dtype=complex)
+    out[:] = D
+    n = A.shape[0]
+    if n == 0:
+        return out
+    A, B, C = scaled_states(A, B, C)
+    finite = np.isfinite(points)
+    if n > MANY_STATES and points.size > 4:
+        out[finite] += by_schur(A, B, C, points[finite])
+        return out
+    for part in np.array_split(np.flatnonzero(finite), max(1, points.size * n * n // 400_000)):
+        pencil = points[part, None, None] * np.eye(n) - A
+        try:
+            out[part] += C @ np.linalg.solve(pencil, np.broadcast_to(B, (part.size, *B.shape)))
+        except np.linalg.LinAlgError:
+            for i, k in enumerate(part):
+                try:
+                    out[k] += C @ np.linalg.solve(pencil[i], B)
+                except np.linalg.LinAlgError:
+                    out[k] = np.inf
+    return out
+
+
+def by_schur(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(W, n_out, n_in) C (s I - A)^-1 B by one Schur form and back substitution at all points at once.
+
+    For long delay lines; solving point by point keeps more digits where modes lie decades apart.
+    """
+    T, Q = schur(A.astype(complex), output="complex")
+    right, left = Q.conj().T @ B, C @ Q
+    x = np.zeros((A.shape[0], right.shape[1], points.size), dtype=complex)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for k in range(A.shape[0] - 1, -1, -1):
+            x[k] = (right[k, :, None] + np.tensordot(T[k, k + 1 :], x[k + 1 :], 1)) / (points - T[k, k])
+    return np.moveaxis(np.tensordot(left, x, 1), 2, 0)
+
+
+def poles(system: control.StateSpace) -> np.ndarray:
+    """Eigenvalues of A."""
+    return np.linalg.eigvals(system.A) if system.nstates else np.zeros(0, complex)
+
+
+def zeros(system: control.StateSpace) -> np.ndarray:
+    """Finite invariant zeros of a single-loop system."""
+    n = system.nstates
+    if n == 0:
+        return np.zeros(0, complex)
+    d = system.D[0, 0]
+    A, B, C = scaled_states(system.A, system.B, system.C)
+    if abs(d) * (1 + np.linalg.norm(A)) > 1e-8 * np.linalg.norm(C) * np.linalg.norm(B):
+        return np.linalg.eigvals(A - B @ C / d)
+    top = np.block([[A, B], [C, np.atleast_2d(d)]])
+    bottom = np.zeros((n + 1, n + 1))
+    bottom[:n, :n] = np.eye(n)
+    found = eig(top, bottom, right=False, homogeneous_eigvals=True)
+    finite = np.abs(found[1]) > 1e-12 * (np.abs(found[0]) / max(1.0, np.linalg.norm(A)) + np.abs(found[1]))
+    return found[0][finite] / found[1][finite]
+
+
+def in_s(roots: np.ndarray, dt: float) -> np.ndarray:
+    """Roots in the s plane: by the logarithm where they are discrete."""
+    if not dt:
+        return roots
+    with np.errstate(divide="ignore"):
+        return np.log(np.where(roots == 0, 1e-300, roots).astype(complex)) / dt
+
+
+def stable(system: control.StateSpace) -> bool:
+    """Whether every pole lies strictly inside the stability region."""
+    p = poles(system)
+    return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
+
+
+def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.StateSpace:
+    """First system first: the output of each drives the next; all states are kept."""
+    total = systems[0]
+    for system in systems[1:]:
+        nt, ns = total.nstates, system.nstates
+        A = np.block([[total.A, np.zeros((nt, ns))], [system.B @ total.C, system.A]])
+        B = np.vstack([total.B, system.B @ total.D])
+        C = np.hstack([system.D @ total.C, system.C])
+        step = total.dt if constant(system) or total.dt is not None else system.dt
+        total = control.StateSpace(A, B, C, system.D @ total.D, system.dt if constant(total) else step)
+    return total if dt is None else control.StateSpace(total.A, total.B, total.C, total.D, dt)
+
+
+def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """(n_out, n_in, W) response."""
+    return np.moveaxis(evaluate(N.A, N.B, N.C, N.D, on_axis(omega, timebase(N))), 0, 2)

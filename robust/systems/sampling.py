@@ -1,0 +1,175 @@
+"""What a controller with a clock sees: plants behind hold and delay, and controllers made discrete."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import expm
+
+from nlfrf.shared.arguments import nonnegative, positive
+from robust.systems.bilinear import to_discrete
+from robust.systems.lti import in_series, timebase
+from robust.systems.realisation import state_space
+
+__all__ = ["delay_samples", "delayed", "discretize", "sampled"]
+
+
+def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> control.StateSpace:
+    """What a sampled controller sees of a continuous plant: zero-order hold, computation delay, sampler. Exact.
+
+    The delay [s] need not be a whole number of samples. With delay = d dt + rest, the plant input changes
+    inside the sampling interval from u[k-d-1] to u[k-d] (Åström & Wittenmark, *Computer-Controlled Systems*,
+    3rd ed., 2.3).
+
+    Parameters
+    ----------
+    system : control.StateSpace
+        Continuous plant.
+    dt : float
+        Sampling time [s] of the controller.
+    delay : float
+        Computation delay [s].
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete, with the sampling time dt.
+
+    Raises
+    ------
+    ValueError
+        A sampling time that is not positive, a negative delay.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3.
+
+    Examples
+    --------
+    >>> plant = sampled(control.ss(control.tf([1], [1, 0])), 0.1)            # an integrator: 0.1/(z - 1)
+    >>> round(float(plant.poles()[0].real), 9), plant.dt
+    (1.0, 0.1)
+    """
+    positive("dt", dt)
+    delay = nonnegative("delay", delay)
+    whole = int(np.floor(delay / dt + 1e-9))
+    rest = max(0.0, delay - whole * dt)
+    rest = 0.0 if rest < 1e-9 * dt else rest
+    A, B, C, D = system.A, system.B, system.C, system.D
+    n = A.shape[0]
+
+    def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
+        both = np.zeros((n + 1, n + 1))
+        both[:n, :n], both[:n, n:] = A, B
+        both = expm(both * duration)
+        return both[:n, :n], both[:n, n:]
+
+    Phi, _ = held(dt)
+    after, late = held(dt - rest)
+    _, early = held(rest)
+    n_memory = whole + (rest > 0)
+    if n_memory == 0:
+        return control.StateSpace(Phi, late, C, D, dt)
+    # states: x, then u[k-1], u[k-2], ..., u[k-n_memory]
+    size = n + n_memory
+    Ad, Bd, Cd = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size))
+    Ad[:n, :n] = Phi
+    Bd[n, 0] = 1.0
+    Ad[n + 1 :, n:-1] = np.eye(n_memory - 1)
+    Cd[:, :n] = C
+    newest = late if rest > 0 else held(dt)[1]
+    if whole == 0:
+        Bd[:n] = newest
+    else:
+        Ad[:n, n + whole - 1 : n + whole] = newest
+    if rest > 0:
+        Ad[:n, n + whole : n + whole + 1] = after @ early
+    Cd[:, n + n_memory - 1] = D[:, 0]
+    return control.StateSpace(Ad, Bd, Cd, np.zeros((1, 1)), dt)
+
+
+def delay_samples(name: str, delay: float, dt: float) -> int:
+    """The delay as a whole number of samples, or a refusal."""
+    whole = round(delay / dt)
+    if abs(delay / dt - whole) > 1e-6:
+        raise ValueError(
+            f"{name} must be a whole number of samples of {dt:g} s in discrete time, got {delay:g} s. "
+            "A continuous model takes any delay."
+        )
+    return whole
+
+
+def delayed(system: control.StateSpace, delay: float, *, order: int) -> control.StateSpace:
+    """The system behind its delay [s]: z^-d in discrete time, a Padé approximation of that order otherwise."""
+    if delay == 0:
+        return system
+    dt = timebase(system)
+    if dt:
+        whole = delay_samples("delay", delay, dt)
+        if whole == 0:
+            return system
+        shift = control.StateSpace(np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt)
+        return in_series(shift, system)
+    return in_series(pade(delay, order), system)
+
+
+def pade(delay: float, order: int) -> control.StateSpace:
+    """All-pass Padé approximation of exp(-s delay) of equal degrees, realised section by section.
+
+    Its poles are the roots of sum_k (2n-k)!/(k! (n-k)!) (s delay)^k; the zeros are their mirror images.
+    """
+    k = np.arange(order + 1)
+    # coefficient ratios c_{k+1}/c_k = (n-k) / ((2n-k)(k+1)), from c_0 = 1: no factorial overflows
+    ratio = (order - k[:-1]) / ((2 * order - k[:-1]) * (k[:-1] + 1.0))
+    roots = np.roots(np.concatenate([[1.0], np.cumprod(ratio)])[::-1]) / delay
+    parts = []
+    for root in roots[roots.imag > 1e-9 * abs(roots)]:
+        wn, damping = abs(root), -2 * root.real
+        A = np.array([[-damping, -wn], [wn, 0.0]])
+        parts.append(control.StateSpace(A, [[1.0], [0.0]], [[-2 * damping, 0.0]], [[1.0]], 0))
+    for root in roots[np.abs(roots.imag) <= 1e-9 * abs(roots)].real:
+        parts.append(control.StateSpace([[root]], [[1.0]], [[-2 * root]], [[-1.0]], 0))
+    return in_series(*parts)
+
+
+def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
+    """A continuous controller for a sampling time, by the bilinear map (Tustin), exact at one frequency if asked.
+
+    Parameters
+    ----------
+    K : control.StateSpace, TransferFunction or float
+        Continuous controller.
+    dt : float
+        Sampling time [s].
+    prewarp : float
+        Frequency [rad/s] at which the response is kept exactly; 0 keeps it at zero frequency.
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete; check it with `check`, which adds hold and delay. Designing on `sampled` is better.
+
+    Raises
+    ------
+    ValueError
+        A controller that is discrete already, a prewarp frequency beyond Nyquist, a pole at 2/dt.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 8.2.
+
+    Examples
+    --------
+    >>> K = discretize(control.tf([1, 2], [1, 0]), 0.1)
+    >>> round(float(K.poles()[0].real), 9), round(float(K.zeros()[0].real), 9)
+    (1.0, 0.818181818)
+    """
+    K, dt, prewarp = state_space("K", K), positive("dt", dt), nonnegative("prewarp", prewarp)
+    if timebase(K):
+        raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")
+    if prewarp * dt >= np.pi:
+        raise ValueError(f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g} rad/s")
+    scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
+    return control.StateSpace(*to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D), dt)

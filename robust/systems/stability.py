@@ -1,0 +1,85 @@
+"""Whether a loop is stable, counted exactly: its poles beyond rounding, and what a delay does to them."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+from scipy.linalg import eig, matrix_balance
+from scipy.sparse.csgraph import connected_components
+
+from robust.systems.lti import response, timebase
+from robust.systems.norms import EPS, crossings
+
+__all__ = ["certain_poles", "instability", "moved_out"]
+
+
+def moved_out(L: control.StateSpace, delay: float) -> float:
+    """How many poles of 1 + L exp(-s delay) the delay [s] moves out of the left half plane, less those it moves in.
+
+    inf where |L| > 1 at infinite frequency, nan where rounding decides.
+
+    >>> moved_out(control.ss(control.tf([5], [1, 1])), 0.36), moved_out(control.ss(control.tf([5], [1, 1])), 0.37)
+    (0.0, 2.0)
+    """
+    direct = abs(float(L.D[0, 0]))
+    found = crossings((L.A, L.B, L.C, L.D), 1.0)
+    if direct > 1 or found is None:
+        return np.inf if direct > 1 + 1e-9 else np.nan
+    clusters = apart(*found)
+    if not clusters:
+        return 0.0
+    low, high = np.array(clusters).T
+    between = np.concatenate([[low[0] / 2], np.sqrt(high[:-1] * low[1:]), [2 * high[-1]]])
+    above = np.abs(response(L, between)) > 1
+    total = 0.0
+    for k, ends in enumerate(np.column_stack([np.maximum(low, high * 1e-9), high])):
+        turned = (np.angle(response(L, ends)) + np.pi) % (2 * np.pi)
+        passed = np.floor((ends * delay - turned) / (2 * np.pi)) + 1
+        if passed[0] != passed[1]:
+            return np.nan
+        if low[k] > 0:
+            total += 2 * passed[0] * (int(above[k]) - int(above[k + 1]))
+        elif passed[0] > 0:
+            return np.nan
+    return float(total)
+
+
+def apart(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
+    """Intervals in which the crossings lie, those that overlap put together."""
+    out: list[tuple[float, float]] = []
+    for k in np.argsort(omega - moved):
+        low, high = max(0.0, float(omega[k] - moved[k])), float(omega[k] + moved[k])
+        if out and low <= out[-1][1]:
+            out[-1] = (out[-1][0], max(high, out[-1][1]))
+        elif high > 0:
+            out.append((low, high))
+    return out
+
+
+def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
+    """Poles, hidden modes included, and how far rounding may have moved each.
+
+    States that no path leads back to (a weight outside the loop) are looked at apart: their poles are exact.
+    """
+    n_parts, part = connected_components(system.A != 0, connection="strong") if system.nstates else (0, np.zeros(0))
+    poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
+    for k in range(n_parts):
+        A = matrix_balance(system.A[np.ix_(part == k, part == k)], permute=False)[0]
+        found, left, right = eig(A, left=True, right=True)
+        cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+        poles.append(found)
+        alone = A.shape[0] == 1
+        moved.append(0.0 * cosine if alone else 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS)))
+    return np.concatenate(poles), np.concatenate(moved)
+
+
+def instability(system: control.StateSpace) -> str:
+    """Empty where every pole is stable beyond rounding, else what is wrong."""
+    poles, moved = certain_poles(system)
+    excess = np.abs(poles) - 1 if timebase(system) else poles.real
+    if not poles.size or np.all(excess < -moved):
+        return ""
+    worst = int(np.argmax(excess + moved))
+    if excess[worst] > moved[worst]:
+        return f"unstable: a pole at {poles[worst]:.4g}"
+    return f"undecided: a pole at {poles[worst]:.4g} cannot be told from the stability boundary"

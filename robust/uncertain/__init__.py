@@ -1,0 +1,10 @@
+"""Sets of plants: a nominal G, a weight w, and every stable Delta of gain one between them.
+
+forms            the four ways Delta enters, in one table
+model            `UncertaintyModel`: the set, and how it is made from measurements
+radius           how large the disc about the nominal has to be, and what it is made of
+measured         a plant known on measured lines only
+perturbations    plants of the set
+validation       a second record held against the set
+interconnection  several uncertainties, joined by the names of their signals
+"""

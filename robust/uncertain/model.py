@@ -1,0 +1,356 @@
+"""``UncertaintyModel``: a nominal and a disc around it at every frequency, with what the disc is made of and means.
+
+    form                    set of plants, |Delta| <= 1      radius from a disc r about G on the lines
+    multiplicative          G (1 + w Delta)                  r / |G|
+    additive                G + w Delta                      r
+    inverse-multiplicative  G / (1 + w Delta)                r / (|G| - r)
+    inverse-additive        G / (1 + w G Delta)              r / (|G| (|G| - r))
+
+(SP 7.4 and 8.2.3.) A disc from the spread of a measured FRF is *statistical*: it says where the FRF of another
+realisation lies, with a probability; the perturbation that caused it is a nonlinear one, and no theorem turns that
+into stability. "LTI" and "operator" are claims about the perturbation that only the user can make.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf.shared.arguments import integer, nonnegative, one_of, probability, real, real_array
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
+from robust.modelling.nominal import NominalFit
+from robust.modelling.weights import fit_weight
+from robust.systems.lti import response, stable, timebase
+from robust.systems.realisation import frequency_response, least_stable, state_space
+from robust.systems.sampling import delayed
+from robust.uncertain.forms import FORMS, PARTS, PERTURBATIONS, absolute_to_form, perturbed_response
+from robust.uncertain.perturbations import perturbed, random_perturbation
+from robust.uncertain.radius import DECADES_ABOVE, extrapolated, family, nominal_response, total_of
+
+__all__ = ["UncertaintyModel", "uncertainty"]
+
+
+PADE_ORDER = 4
+
+
+@value(kw_only=False)
+class UncertaintyModel:
+    """A nominal model, a radius around it on the measured lines, and a weight that covers the radius everywhere.
+
+    Fields
+    ------
+    nominal : control.StateSpace or control.FrequencyResponseData
+        Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise.
+    weight : control.StateSpace
+        Stable and proper; |weight| >= radius on every line.
+    form : str
+        "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive".
+    omega : (W,) ndarray
+        Frequencies of the radius [rad/s].
+    radius : (W,) ndarray
+        What the weight covers, in the unit of the form.
+    confidence : float
+        Probability with which a line of another realisation lies in its disc; nan where none is claimed.
+    perturbation : str
+        "LTI": Delta is any stable linear time-invariant system of gain at most one. "statistical": the discs
+        hold measured FRFs with the stated confidence. "operator": Delta is any causal operator, nonlinear
+        included, of gain at most one.
+    simultaneous : bool
+        Whether the confidence holds for all lines together.
+    radius_noise, radius_odd, radius_even, radius_misfit, radius_level, radius_systematic : (W,) ndarray
+        The budget: parts that add up to the radius; nan where unknown. The three statistical parts share their
+        common radius in proportion to their variances. Level: how much of it only appears because the plant
+        changes with the level.
+    delay : float
+        The part of the nominal that is a delay [s], for information; it is inside `nominal` already.
+    extrapolation : str
+        In words, what was assumed outside the measured band.
+    source : str
+        In words, what was measured.
+
+    Raises
+    ------
+    ValueError
+        A weight that is unstable or does not cover the radius, arrays that do not fit each other, sampling times that
+        differ, a form or class that does not exist.
+
+    References
+    ----------
+    SP 7.4 and 8.2.3.
+
+    Examples
+    --------
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> model.contains(1.1 * G), model.contains(1.3 * G)
+    (True, False)
+    """
+
+    nominal: Any
+    weight: Any
+    form: str
+    omega: np.ndarray
+    radius: np.ndarray
+    confidence: float = float("nan")
+    perturbation: str = "statistical"
+    simultaneous: bool = False
+    radius_noise: Any = None
+    radius_odd: Any = None
+    radius_even: Any = None
+    radius_misfit: Any = None
+    radius_level: Any = None
+    radius_systematic: Any = None
+    delay: float = 0.0
+    extrapolation: str = "not stated"
+    source: str = "not stated"
+
+    def __post_init__(self) -> None:
+        one_of("form", self.form, FORMS)
+        one_of("perturbation", self.perturbation, PERTURBATIONS)
+        omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=1)
+        if omega.shape != radius.shape or omega.size == 0:
+            raise ValueError(f"radius must have one value per frequency ({omega.size}), got {radius.size}")
+        if np.any(np.diff(omega) <= 0) or omega[0] <= 0:
+            raise ValueError("omega must be positive and increasing")
+        if np.any(radius <= 0):
+            raise ValueError(f"radius must be positive, got {radius.min():g} at {omega[radius.argmin()]:g} rad/s")
+        if not np.isnan(self.confidence):
+            probability("confidence", self.confidence)
+        nominal, weight = self.nominal, state_space("weight", self.weight)
+        if not isinstance(nominal, control.FrequencyResponseData):
+            nominal = state_space("nominal", nominal)
+            if weight.nstates and timebase(weight) != timebase(nominal):
+                raise ValueError(
+                    f"weight must have the sampling time of the nominal, {timebase(nominal):g} s, "
+                    f"got {timebase(weight):g} s"
+                )
+            dt = timebase(nominal)
+            if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
+                raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
+        if not stable(weight):
+            raise ValueError(f"weight must be stable, got a pole at {least_stable(weight):.4g}")
+        cover = np.abs(response(weight, omega)) / radius
+        if cover.min() < 1 - 1e-6:
+            raise ValueError(
+                f"weight must cover the radius, |weight| >= radius, got a ratio of {cover.min():g} "
+                f"at {omega[cover.argmin()]:g} rad/s"
+            )
+        object.__setattr__(self, "nominal", nominal)
+        object.__setattr__(self, "weight", weight)
+        for name in PARTS:
+            part = getattr(self, f"radius_{name}")
+            part = np.full(omega.size, np.nan) if part is None else np.asarray(part, dtype=float).copy()
+            if part.shape != omega.shape:
+                raise ValueError(f"radius_{name} must have one value per frequency ({omega.size}), got {part.size}")
+            part.flags.writeable = False
+            object.__setattr__(self, f"radius_{name}", part)
+
+    def __str__(self) -> str:
+        kind = "an FRF" if self.measured_only else f"{self.nominal.nstates} states"
+        percent = "" if np.isnan(self.confidence) else f", {100 * self.confidence:g} % "
+        if percent:
+            percent += "for all lines together" if self.simultaneous else "per line"
+        k = int(np.argmax(self.radius))
+        return (
+            f"{self.form} uncertainty, {self.perturbation}{percent}: nominal {kind}, weight of order "
+            f"{self.weight.nstates}, radius {self.radius.min():.3g} to {self.radius[k]:.3g} "
+            f"(at {self.omega[k] / 2 / np.pi:.4g} Hz) over {self.omega[0] / 2 / np.pi:.4g} to "
+            f"{self.omega[-1] / 2 / np.pi:.4g} Hz; {self.extrapolation}"
+        )
+
+    @property
+    def measured_only(self) -> bool:
+        """Whether the nominal is an FRF: nothing can be said between and outside its lines."""
+        return isinstance(self.nominal, control.FrequencyResponseData)
+
+    def budget(self) -> dict[str, np.ndarray]:
+        """Name of each known part of the radius -> (W,) its share there."""
+        parts = {name: getattr(self, f"radius_{name}") for name in PARTS}
+        return {name: part for name, part in parts.items() if np.isfinite(part).any()}
+
+    def distance(self, plant: Any) -> np.ndarray:
+        """(.,) smallest |Delta| that turns the nominal into the given FRF, at its own frequencies.
+
+        plant : control.FrequencyResponseData, or a system, which is then taken at `omega`.
+        """
+        omega, G = frequency_response("plant", plant, self.omega)
+        nominal = self.at(omega)
+        deviation = {
+            "multiplicative": lambda: (G - nominal) / nominal,
+            "additive": lambda: G - nominal,
+            "inverse-multiplicative": lambda: (nominal - G) / G,
+            "inverse-additive": lambda: (nominal - G) / (nominal * G),
+        }[self.form]()
+        return np.abs(deviation) / np.abs(response(self.weight, omega))
+
+    def at(self, omega: np.ndarray) -> np.ndarray:
+        """(.,) complex response of the nominal."""
+        if not self.measured_only:
+            return response(self.nominal, omega)
+        known = np.asarray(self.nominal.omega)
+        place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
+        place = np.where(
+            (place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place
+        )
+        if np.any(np.abs(known[place] - omega) > 1e-6 * omega):
+            raise ValueError(
+                "omega must consist of lines of the nominal FRF, got others: it is known on its lines only"
+            )
+        return np.asarray(self.nominal.frdata[0, 0])[place]
+
+    def contains(self, plant: Any) -> bool:
+        """Whether an FRF (or a system, looked at on the lines) lies in the set at every one of its frequencies."""
+        return bool(np.all(self.distance(plant) <= 1 + 1e-9))
+
+    def sample(self, n: int, rng: np.random.Generator | int | None = None) -> list[Any]:
+        """n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
+        rng = np.random.default_rng(rng)
+        plants: list[Any] = []
+        for _ in range(20 * integer("n", n, least=0)):
+            if len(plants) == n:
+                break
+            Delta = random_perturbation(rng, self.omega[0], self.omega[-1], timebase(self.weight))
+            if self.measured_only:
+                deviated = perturbed_response(
+                    self.form, *(self.at(self.omega), response(self.weight, self.omega)), response(Delta, self.omega)
+                )
+                plant: Any = control.FrequencyResponseData(deviated, self.omega)
+            else:
+                plant = perturbed(self.form, self.nominal, self.weight, Delta)
+            # rounding in the realisation must not carry a plant out of the set it is said to be from
+            if np.all(self.distance(plant) <= 1 + 1e-7):
+                plants.append(plant)
+        if len(plants) < n:
+            raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
+        return plants
+
+
+def uncertainty(
+    bla: Bla | Sequence[Bla],
+    nominal: Any,
+    *,
+    form: str = "multiplicative",
+    order: int = 4,
+    confidence: float = 0.95,
+    simultaneous: bool = False,
+    even: bool = True,
+    systematic: float | None = None,
+    below: str | float = "flat",
+    above: str | float = 20.0,
+    perturbation: str = "statistical",
+) -> UncertaintyModel:
+    """Turn a measured BLA with its levels into a set of plants around a nominal model.
+
+    On each line the disc about the nominal holds the FRF of a new realisation with the stated confidence: radius =
+    misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)). The raw residual
+    of a line contains scatter already, so the misfit is what is left of it after the variance is taken off. For a
+    fitted nominal this errs on the wide side: the fit averages the variance of G that is counted here.
+
+    Parameters
+    ----------
+    bla : nlfrf.Bla or list of them
+        What was measured; several levels, offsets or days make a plant family, with the largest radius of all.
+    nominal : NominalFit, control system or control.FrequencyResponseData
+        The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
+    form : str
+        "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive".
+    order : int
+        Order of the weight.
+    confidence : float
+        Probability per line (or for all lines together when `simultaneous`).
+    simultaneous : bool
+        False: about one line in twenty of another record lies outside at 95 %.
+    even : bool
+        Add the even distortion level: in closed loop the machine sees signals that are not odd.
+    systematic : float, optional
+        Decibels above the odd level added to the radius for the systematic part (8 in the paper); None leaves it out.
+    below, above : "flat" or float
+        What is assumed outside the measured band: the radius stays flat, or rises away from the band with that
+        many dB per decade, over two decades, flat beyond.
+    perturbation : str
+        The class; "LTI" and "operator" are claims of the user about the plant.
+
+    Returns
+    -------
+    UncertaintyModel
+
+    Raises
+    ------
+    ValueError
+        A form or class that does not exist, an inverse form where the radius reaches |G|, an order too low.
+
+    References
+    ----------
+    SP 7.4 and 8.2.3; Pintelon & Schoukens, 2nd ed., 4.3.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> u = ms.u[None]
+    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0)
+    >>> model.form, model.perturbation, bool(np.all(model.radius < 0.2))
+    ('multiplicative', 'statistical', True)
+    """
+    many = list(bla) if isinstance(bla, Sequence) else [bla]
+    if not many or not all(isinstance(b, Bla) for b in many):
+        raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
+    one_of("form", form, FORMS)
+    p = probability("confidence", confidence)
+    below, above = slope("below", below), slope("above", above)
+    delay = 0.0
+    if isinstance(nominal, NominalFit):
+        delay = nominal.delay
+        nominal = delayed(nominal.G, delay, order=PADE_ORDER)
+    if not isinstance(nominal, control.FrequencyResponseData):
+        nominal = state_space("nominal", nominal)
+    systematic = None if systematic is None else real("systematic", systematic)
+    omega, discs = family(many, nominal, p, simultaneous, even, systematic)
+    center = np.abs(nominal_response(nominal, omega))
+    absolute = total_of(discs)
+    factor = absolute_to_form(form, omega, absolute, center)
+    radius = absolute * factor
+    dt = 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
+    if dt:
+        inside = omega * dt < np.pi * (1 - 1e-9)
+        omega, radius, factor = omega[inside], radius[inside], factor[inside]
+        discs = {name: part[inside] for name, part in discs.items()}
+    weight = fit_weight(*extrapolated(omega, radius, below, above, dt), order=order, dt=dt).W
+    return UncertaintyModel(
+        nominal=nominal,
+        weight=weight,
+        form=form,
+        omega=omega,
+        radius=radius,
+        confidence=p,
+        perturbation=perturbation,
+        simultaneous=bool(simultaneous),
+        **{f"radius_{name}": part * factor for name, part in discs.items()},
+        delay=delay,
+        extrapolation=f"below the band {worded(below)}, above it {worded(above)}",
+        source="; ".join(measured_as(b) for b in many),
+    )
+
+
+def measured_as(bla: Bla) -> str:
+    """A record in words."""
+    return (
+        f"{bla.grid} multisine, {bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz, {bla.n_realizations} realisations "
+        f"x {bla.n_periods} periods, level from {bla.level_source}"
+    )
+
+
+def slope(name: str, rule: Any) -> float:
+    """dB per decade away from the band."""
+    return 0.0 if isinstance(rule, str) and one_of(name, rule, ("flat",)) else nonnegative(name, rule)
+
+
+def worded(rule: float) -> str:
+    """The extrapolation rule in words."""
+    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
