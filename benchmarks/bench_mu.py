@@ -18,8 +18,8 @@ from benchmarks.timing import best
 from robust import certify_mu, dk_iteration, hinfsyn, mu_lower, mu_upper
 from robust.systems.lft import lower
 from robust.systems.lti import evaluate
-from tests.distillation import WITH_PERFORMANCE, controller, plant
-from tests.test_hinfsyn import random_plant
+from tests.robust.synthesis.test_hinfsyn import random_plant
+from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
 #: Runs in the other interpreter: reads N (61, 4, 4) and writes seconds and values of each peer it finds.
 PEER = """

@@ -15,8 +15,8 @@ import numpy as np
 
 from benchmarks.timing import best
 from robust import UncertaintyModel, check, fit_weight, performance_weight
-from tests.random_loops import closed_loop_poles, dense_grid, random_case, roots, tf_response, zpk
-from tests.test_weights import LINES, OMEGA, SHAPES
+from tests.robust.modelling.test_weights import LINES, OMEGA, SHAPES
+from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, roots, tf_response, zpk
 
 
 def weights():

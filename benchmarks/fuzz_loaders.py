@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import resource
-import sys
 import tempfile
 import time
 import warnings
@@ -16,9 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import nlfrf
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from test_io import FORMATS, fuzz_loader  # the same fuzz as in the tests, longer
+from tests.nlfrf.files.test_files import FORMATS, fuzz_loader  # the same fuzz as in the tests, longer
 
 
 def main():

@@ -1,0 +1,115 @@
+"""Every public name says in numpydoc sections what it takes, in which shape and unit, what it refuses, its source."""
+
+import dataclasses
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+from docs.api import pictures, things
+
+ROOT = Path(__file__).parents[2]
+
+#: What can only refuse what Python refuses.
+NEVER_REFUSES = {"nlfrf.paper_rig"}
+
+#: Files, containers and our own bookkeeping: nothing in them comes from a book.
+OWN = {
+    *("nlfrf.DataWarning", "nlfrf.LineGrid", "nlfrf.LoopResponse", "nlfrf.Motion", "nlfrf.Record", "nlfrf.drive"),
+    *("nlfrf.export_csv", "nlfrf.load_bla", "nlfrf.load_multisine", "nlfrf.load_record", "nlfrf.record_from_samples"),
+    *("nlfrf.run", "nlfrf.save_bla", "nlfrf.save_multisine", "nlfrf.save_record", "nlfrf.simulate"),
+    *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),
+    *("robust.load_controller", "robust.load_model", "robust.save_controller", "robust.save_model"),
+    *("robust.write_report", "nlfrf.hysteresis.Linear", "nlfrf.hysteresis.Table"),
+}
+
+#: Names that always carry the same unit, wherever they are documented with a type of numbers.
+UNITS = {
+    **dict.fromkeys(("fs", "f", "f0", "f_min", "f_max", "f_excited"), "[Hz]"),
+    **dict.fromkeys(("omega", "omega_B", "omega_rs", "omega_rp", "omega_worst", "omega_outside"), "[rad/s]"),
+    **dict.fromkeys(("delay", "dt", "t"), "[s]"),
+    **dict.fromkeys(("Fs", "Fc", "force", "friction"), "[N]"),
+    **dict.fromkeys(("vs", "v"), "[m/s]"),
+    **dict.fromkeys(("x", "z"), "[m]"),
+    **dict.fromkeys(("mass",), "[kg]"),
+    **dict.fromkeys(("stiffness", "sigma0", "K0"), "[N/m]"),
+    **dict.fromkeys(("sigma1", "sigma2", "damping"), "[Ns/m]"),
+    "phase": "[rad]",
+}
+NUMBERS = re.compile(r"float|ndarray|callable|number")
+
+
+def sections(thing):
+    """Heading -> text of the numpydoc sections of a docstring, the summary under ''."""
+    text = inspect.getdoc(thing) or ""
+    parts = re.split(r"(?:^|\n)([A-Z][a-z]+)\n-{3,}\n", text)
+    return {"": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
+
+
+def entries(text):
+    """(names, type, description) of a Parameters or Fields section."""
+    found = []
+    for line in text.splitlines():
+        if line and not line.startswith(" "):
+            names, _, kind = line.partition(" : ")
+            found.append([[name.strip().lstrip("*") for name in names.split(",")], kind, ""])
+        elif found:
+            found[-1][2] += line.strip() + " "
+    return found
+
+
+ALL = [(f"{module}.{name}", thing) for module, name, thing in things()]
+
+
+@pytest.mark.parametrize(("name", "thing"), ALL, ids=[name for name, _ in ALL])
+def test_docstring(name, thing):
+    said = sections(thing)
+    summary = said[""].split("\n\n")[0].split("\n>>>")[0].rstrip()
+    assert summary, "no summary"
+    assert summary.endswith((".", ":", ")")), f"the summary does not end: {summary!r}"
+    assert name in OWN or "References" in said, "no source"
+    assert ">>>" in inspect.getdoc(thing), "no doctest"
+    if inspect.isclass(thing) and issubclass(thing, Warning):
+        return
+    if inspect.isclass(thing):
+        wanted = [field.name for field in dataclasses.fields(thing) if field.init]
+        for member, value in vars(thing).items():
+            if not member.startswith("_") and (inspect.isfunction(value) or isinstance(value, property)):
+                assert inspect.getdoc(value), f"{member} says nothing"
+    else:
+        signature = inspect.signature(thing)
+        wanted = list(signature.parameters)
+        assert signature.return_annotation in (None, "None") or "Returns" in said, "no Returns"
+        assert name in NEVER_REFUSES or "Raises" in said, "no Raises"
+    documented = entries(said.get("Parameters", "")) + entries(said.get("Fields", ""))
+    missing = set(wanted) - {one for names, _, _ in documented for one in names}
+    assert not missing, f"not documented: {sorted(missing)}"
+    for names, kind, description in documented:
+        if "ndarray" in kind:
+            assert "(" in kind, f"{names} has no shape: {kind}"
+        for one in names:
+            if one in UNITS and NUMBERS.search(kind):
+                assert UNITS[one] in description, f"{one} : {kind} without its unit {UNITS[one]}: {description}"
+
+
+@pytest.mark.parametrize(("module", "name", "thing"), pictures(), ids=[f"{m}.{n}" for m, n, _ in pictures()])
+def test_pictures_say_what_they_show(module, name, thing):
+    said = sections(thing)
+    assert said[""].strip(), "no summary"
+    if "Parameters" in said:
+        documented = {one for names, _, _ in entries(said["Parameters"]) for one in names}
+        assert set(inspect.signature(thing).parameters) <= documented
+    else:
+        assert re.search(r"[Aa]rguments as in `\w+`", inspect.getdoc(thing)), "no Parameters, and not said as in which"
+
+
+def test_the_nomenclature_has_every_symbol():
+    text = (ROOT / "docs" / "guide" / "nomenclature.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([A-Za-z_0-9.]+)(?:\(.*?\))?`", text))
+    named |= {name.rpartition(".")[2] for name in named}
+    for module, _, thing in things():
+        if not dataclasses.is_dataclass(thing) or module == "nlfrf.hysteresis":  # the curves say it on their own pages
+            continue
+        missing = {field.name for field in dataclasses.fields(thing)} - named
+        assert not missing, f"{thing.__name__}: {missing}"

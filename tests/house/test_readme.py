@@ -1,0 +1,75 @@
+"""The README, followed word by word: its script, its commands, its links, and that each figure has its command."""
+
+import re
+import sys
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+import nlfrf.cli
+import robust.cli
+from robust.files import report_parts
+
+matplotlib.use("Agg")
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+CLIS = {"nlfrf": nlfrf.cli, "robust": robust.cli}
+
+
+def section(heading):
+    """The text under a heading."""
+    return re.search(rf"^## {heading}\n(.*?)(?=^## )", README, re.DOTALL | re.MULTILINE).group(1)
+
+
+@pytest.fixture(autouse=True)
+def undrawn(monkeypatch):
+    """The pictures of reports are looked at elsewhere."""
+    monkeypatch.setattr(
+        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+    )
+
+
+def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):
+    script = re.search(r"```python\n(.*?)```", section("In a script"), re.DOTALL).group(1)
+    code = [line for line in script.splitlines() if line.strip()]
+    assert 15 <= len(code) <= 20
+    monkeypatch.chdir(tmp_path)
+    exec(compile(script, "README.md", "exec"), {})
+    said = capsys.readouterr().out
+    assert "BLA on 148 lines" in said
+    assert "STATISTICALLY ROBUST" in said
+    assert {path.name for path in tmp_path.iterdir()} == {"plant.mat", "load_plant.m", "report.html"}
+
+
+def test_the_commands_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    indented = [line for line in section("On the command line").splitlines() if line.startswith("    ")]
+    commands = [line.partition("#")[0].split() for line in indented if "reproduce" not in line]  # it has its own tests
+    assert len(commands) == 8
+    for words in commands:
+        monkeypatch.setattr(sys, "argv", words)
+        with pytest.raises(SystemExit) as stop:
+            CLIS[words[0]].main()
+        said = capsys.readouterr()
+        assert not stop.value.code, (words, said.err)
+    assert "STATISTICALLY ROBUST" in said.out or "statistically robust" in said.out
+    assert (tmp_path / "report.html").is_file()
+
+
+def test_links_and_commands_exist():
+    for target in re.findall(r"\]\(([^)]+)\)", README):
+        assert target.startswith("https://") or (ROOT / target).exists(), target
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for name in re.findall(r"python -m (benchmarks\.\w+)", README):
+        assert name in makefile, f"make bench does not print what {name} prints"
+        assert (ROOT / f"{name.replace('.', '/')}.py").is_file()
+    for name in re.findall(r"\bmake (\w+)", README):
+        assert re.search(rf"^{name}:", makefile, re.MULTILINE), name
+    for name in re.findall(r"examples/(\w+\.py)", README):
+        assert (ROOT / "examples" / name).is_file()
+
+
+def test_the_citation_names_this_version():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert re.search(r"^version: (.*)$", citation, re.MULTILINE).group(1) == nlfrf.__version__

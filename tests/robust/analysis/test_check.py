@@ -1,0 +1,364 @@
+"""The check: closed forms against brute force, published numbers, every kind of verdict, every refusal."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import UncertaintyModel, check, fit_nominal, frd, performance_weight, uncertainty
+from robust.systems.closed_loop import factor_allowed, worst_perturbation, worst_sensitivity
+from robust.systems.lti import response
+from robust.systems.sampling import sampled
+from robust.uncertain.forms import worst_terms
+from tests.support.bla import make_bla
+
+FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")
+LINES = np.array([0.1, 1.0, 10.0])
+LAG = control.tf([1], [1, 1])
+
+
+def simple(weight=0.3, form="multiplicative", nominal=LAG, perturbation="LTI", **more):
+    radius = 0.999 * np.abs(
+        response(control.ss(weight) if not np.isscalar(weight) else control.ss(0, 0, 0, weight), LINES)
+    )
+    return UncertaintyModel(nominal, weight, form, LINES, radius, perturbation=perturbation, **more)
+
+
+def perturbed(form, G, w, Delta):
+    """The four plant families, written out once more."""
+    return {
+        "multiplicative": G * (1 + w * Delta),
+        "additive": G + w * Delta,
+        "inverse-multiplicative": G / (1 + w * Delta),
+        "inverse-additive": G / (1 + w * G * Delta),
+    }[form]
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_worst_case_is_exact_over_the_disc(form):
+    """max |S_p| in closed form against 400 x 40 perturbations of the disc, and the one that reaches it."""
+    rng = np.random.default_rng(4)
+    n = 300
+    G, K, w = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(3))
+    w *= rng.uniform(0.05, 0.9, n) / np.abs(worst_terms(form, w, G, K)[2])
+    S, a, b = worst_terms(form, w, G, K)
+    worst = worst_sensitivity(S, a, b)
+    disc = (np.linspace(0.025, 1, 40)[:, None] * np.exp(1j * np.linspace(0, 2 * np.pi, 400, endpoint=False))).ravel()
+    brute = np.max(np.abs(1 / (1 + K * perturbed(form, G, w, disc[:, None]))), axis=0)
+    assert np.all(brute <= worst * (1 + 1e-12))
+    assert np.all(brute >= worst * (1 - 2e-2))
+    Delta = worst_perturbation(a, b)
+    assert np.abs(Delta) == pytest.approx(1.0)
+    assert np.abs(1 / (1 + K * perturbed(form, G, w, Delta))) == pytest.approx(worst, rel=1e-9)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_margin_on_the_uncertainty_alone(form):
+    rng = np.random.default_rng(6)
+    n = 200
+    G, K, w = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(3))
+    S, a, b = worst_terms(form, w, G, K)
+    nominal = rng.uniform(0.05, 0.95, n)
+    x = factor_allowed(nominal, a, b)
+    assert nominal / np.abs(S) * worst_sensitivity(S, x * a, x * b) == pytest.approx(1.0, rel=1e-6)
+    assert np.all(x * np.abs(b) < 1)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_curves_of_the_report(form):
+    G, K, w = control.tf([2], [1, 1]), control.tf([3], [1, 2]), control.tf([0.1, 0.05], [0.2, 1])
+    w_P = performance_weight(0.5, M_S=3.0, A=0.1)
+    report = check(simple(w, form, G), K, w_P=w_P)
+    s = 1j * report.omega
+    g, k, size = 2 / (s + 1), 3 / (s + 2), (0.1 * s + 0.05) / (0.2 * s + 1)
+    S = 1 / (1 + g * k)
+    rs = {"multiplicative": g * k, "additive": k, "inverse-multiplicative": 1, "inverse-additive": g}[form] * size * S
+    assert pytest.approx(S, rel=1e-9) == report.S
+    assert pytest.approx(1 - S, rel=1e-9) == report.T
+    assert report.rs == pytest.approx(np.abs(rs), rel=1e-9)
+    assert report.np_ == pytest.approx(np.abs(response(w_P, report.omega) * S), rel=1e-9)
+    if form == "multiplicative":  # SP eq. 7.61: |w_P S|/(1 - |w T|)
+        assert report.rp == pytest.approx(report.np_ / (1 - report.rs), rel=1e-9)
+    assert report.margin_rs == pytest.approx(1 / report.rs.max(), rel=1e-4)
+    assert report.margin_rs <= 1 / report.rs.max() * (1 + 1e-12)
+    assert report.verdict == "robust"
+
+
+def test_disk_margin_of_the_published_example():
+    """L = 25/(s^3 + 10 s^2 + 10 s + 10): 0.458, 4.05 dB, 25.8 deg at 1.94 rad/s."""
+    report = check(simple(1e-3, nominal=control.tf([25], [1, 10, 10, 10])), 1.0)
+    assert report.disk_margin == pytest.approx(0.458, abs=1e-3)
+    assert 20 * np.log10(report.gain_margin) == pytest.approx(4.05, abs=0.01)
+    assert np.degrees(report.phase_margin) == pytest.approx(25.8, abs=0.05)
+    assert report.omega_disk == pytest.approx(1.94, abs=0.02)
+
+
+def test_sp_distillation_column_in_one_loop():
+    """SP 8.11.3 has T = 0.7/(s + 0.7) in each channel: NP 0.5 and RS 0.526 are those of one of them."""
+    w_I, w_P = control.tf([1, 0.2], [0.5, 1]), control.tf([0.5, 0.05], [1, 1e-7])
+    report = check(simple(w_I, nominal=control.tf([1], [75, 1])), 0.7 * control.tf([75, 1], [1, 0]), w_P=w_P)
+    assert report.np_.max() == pytest.approx(0.5, abs=1e-3)
+    assert report.rs.max() == pytest.approx(0.526, abs=1e-3)
+
+
+def test_verdict_follows_the_class():
+    for perturbation, verdict in (("LTI", "robust"), ("operator", "robust"), ("statistical", "statistically robust")):
+        report = check(simple(perturbation=perturbation), 2.0)
+        assert report.verdict == verdict
+        assert report.robustly_stable
+        assert report.perturbation == perturbation
+    assert "no theorem applies" in report.not_proved
+
+
+def test_an_unstable_loop_has_no_margins():
+    report = check(simple(nominal=control.tf([1], [1, -1])), 0.5, w_P=performance_weight(1.0))
+    assert report.verdict == "not robust"
+    assert not report.nominally_stable
+    assert not report.robustly_stable
+    assert not report.robust_performance
+    for number in (report.margin_rs, report.margin_rp, report.disk_margin, report.omega_rs):
+        assert np.isnan(number)
+    assert np.isnan(report.rs).all()
+    assert np.isnan(report.rp).all()
+    assert "pole" in report.reason
+    assert "disk margin" not in str(report)
+
+
+def test_a_set_too_large_is_not_robust_and_says_where():
+    report = check(simple(control.tf([2, 0.2], [1, 1])), 2.0)
+    assert report.verdict == "not robust"
+    assert report.margin_rs < 1
+    assert f"{report.omega_rs / 2 / np.pi:.3g}"[:3] in report.reason
+    assert "shrink" in str(report)
+
+
+def test_without_a_proof_nothing_is_certified():
+    report = check(simple(), 2.0, certify=False)
+    assert report.verdict == "not certified"
+    assert "certify=False" in report.reason
+    assert not report.robustly_stable
+    assert report.margin_rs > 1
+    assert report.certificates == ()
+
+
+def test_performance_has_its_own_field():
+    hard = check(simple(), 2.0, w_P=performance_weight(50.0))
+    assert hard.verdict == "robust"
+    assert not hard.robust_performance
+    assert hard.margin_rp == 0.0
+    easy = check(simple(), 2.0, w_P=performance_weight(0.1, A=0.9))
+    assert easy.robust_performance
+    assert easy.margin_rp > 1
+
+
+def test_margin_rp_is_where_rp_reaches_one():
+    w, w_P = control.tf([0.3, 0.1], [0.5, 1]), performance_weight(0.3, A=0.6)
+    x = check(simple(w), 2.0, w_P=w_P).margin_rp
+    assert np.max(check(simple(w * x), 2.0, w_P=w_P).rp) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_operator_performance_needs_one_scaling_for_all_frequencies():
+    """The same loop and weights: promised for linear perturbations, not for nonlinear ones."""
+    w, w_P = control.tf([0.5, 0.1], [0.3, 1]), performance_weight(0.5, M_S=2.0, A=0.5)
+    scale = 0.97 / np.max(check(simple(w), 2.0, w_P=w_P).rp)
+    for factor, nonlinear in ((0.3, True), (1.0, False)):
+        demand = w_P * (scale * factor)
+        assert check(simple(w), 2.0, w_P=demand).robust_performance
+        report = check(simple(w, perturbation="operator"), 2.0, w_P=demand)
+        assert report.verdict == "robust"
+        assert report.robust_performance == nonlinear
+
+
+def test_sampled_controller_sees_hold_and_delay():
+    """Phase lost by hold and delay: (1/2 + d/T) omega T, against the continuous loop."""
+    T, K = 0.05, control.ss([], [], [], [[3.0]], 0.05)
+    report = check(simple(), K, delay=T)
+    L = report.G * report.K
+    at = np.argmin(np.abs(report.omega - 3.0))
+    omega = report.omega[at]
+    lost = np.angle(3 / (1j * omega + 1)) - np.angle(L[at])
+    assert lost == pytest.approx(1.5 * omega * T, rel=0.01)
+    assert report.omega.max() <= np.pi / T
+    assert check(simple(), control.ss([], [], [], [[60.0]], T), delay=T).verdict == "not robust"
+    assert check(simple(), 60.0).verdict == "robust"
+
+
+def test_advice_names_the_part_that_limits():
+    f = np.arange(1, 60, 2) * 0.05
+
+    def G(s):
+        return 1 / (s + 1)
+
+    size = np.abs(G(2j * np.pi * f))
+    for part, word in (
+        ("noise", "average more periods"),
+        ("distortion", "more periods will not help"),
+        ("even", "asymmetry"),
+    ):
+        bla = make_bla(G, f, f0=0.05, **{f"sigma_{part}": 0.1 * size})
+        if part == "even":
+            bla = make_bla(G, f, f0=0.05, sigma_even=0.1 * size, sigma_noise=0.01 * size)
+        text = str(check(uncertainty(bla, fit_nominal(bla, n_poles=1, n_zeros=0), order=1), control.tf([8], [1, 0])))
+        assert word in " ".join(text.split())
+
+
+def test_the_report_fits_a_screen():
+    f = np.arange(1, 60, 2) * 0.05
+    bla = make_bla(lambda s: 1 / (s + 1), f, f0=0.05, sigma_distortion=0.02)
+    model = uncertainty(bla, fit_nominal(bla, n_poles=1, n_zeros=0), order=2)
+    text = str(check(model, control.ss([], [], [], [[1.0]], 0.1), w_P=performance_weight(0.1, A=0.9), delay=0.02))
+    assert len(text.splitlines()) <= 40
+    assert max(map(len, text.splitlines())) <= 100
+    for word in ("STATISTICALLY ROBUST", "proved:", "not proved:", "95 %", "disk margin", "next:"):
+        assert word in text
+
+
+class TestMeasuredLinesOnly:
+    """A plant that is an FRF: the winding number, and never more than "on the measured lines only"."""
+
+    OMEGA = np.geomspace(0.01, 100, 400)
+
+    def frf(self, system, omega=None):
+        omega = self.OMEGA if omega is None else omega
+        return control.FrequencyResponseData(response(control.ss(system), omega), omega)
+
+    def test_never_certified(self):
+        report = check(self.frf(LAG), 2.0)
+        assert report.nominally_stable
+        assert report.verdict == "not certified"
+        assert "on the measured lines only" in report.reason
+        assert np.isnan(report.margin_rs)
+        model = UncertaintyModel(self.frf(LAG), 0.3, "multiplicative", LINES, np.full(3, 0.3), perturbation="LTI")
+        # the lines of the radius must be lines of the FRF
+        omega = self.OMEGA[::7]
+        model = UncertaintyModel(
+            self.frf(LAG), 0.3, "multiplicative", omega, np.full(omega.size, 0.3), perturbation="LTI"
+        )
+        report = check(model, 2.0)
+        assert report.verdict == "not certified"
+        assert "on the measured lines only" in report.reason
+        assert report.margin_rs == pytest.approx(1 / (0.3 * 2 / 3), rel=1e-3)
+
+    @pytest.mark.parametrize(
+        ("system", "K", "n_unstable", "stable"),
+        [
+            (LAG, 5.0, 0, True),
+            (control.tf([1], [1, 3, 3, 1]), 7.5, 0, True),
+            (control.tf([1], [1, 3, 3, 1]), 8.5, 0, False),
+            (control.tf([1], [1, -1]), 2.0, 1, True),
+            (control.tf([1], [1, -1]), 0.5, 1, False),
+            (control.tf([1], [1, 3, 3, 1]), control.tf([0.3], [1, 0]), 0, True),
+            (control.tf([1], [1, 3, 3, 1]), control.tf([3.0], [1, 0]), 0, False),
+            (control.tf([1], [1, 0.02, 1]), control.tf([1, 2, 1], [1, 20, 100]), 0, True),
+            (control.tf([-1], [1, 1]), 1.5, 0, False),
+        ],
+    )
+    def test_winding_number_agrees_with_the_poles(self, system, K, n_unstable, stable):
+        loop = control.feedback(control.ss(system) * (control.ss(K) if not np.isscalar(K) else K), 1)
+        assert np.all(loop.poles().real < 0) == stable
+        report = check(self.frf(system), K, n_unstable=n_unstable)
+        assert report.nominally_stable == stable
+        assert report.verdict == ("not certified" if stable else "not robust")
+
+    def test_lines_too_far_apart_decide_nothing(self):
+        sparse = np.geomspace(0.01, 100, 4)
+        report = check(self.frf(control.tf([1], [1, 3, 3, 1]), sparse), 8.5)
+        assert not report.nominally_stable
+        assert report.verdict == "not certified"
+
+    @pytest.mark.parametrize(
+        ("system", "K", "omega"),
+        [
+            # a linear grid whose first lines leap over a mode: the drop looks like integrators, of which there is none
+            (control.tf([0.002], np.polymul([1, 0.07, 0.04], [1, 0.4, 0.3])), 0.05, np.linspace(0.066, 377, 200)),
+            # an integrator under a light mode: the slope of the first lines looks like none
+            (control.tf([1], [1, 0.25, 1, 0]), 0.1, np.linspace(0.33, 250, 1000)),
+            # the unstable pole of the controller lies above the last line
+            (LAG, control.tf([0.5], [1, -300]), np.geomspace(0.01, 100, 400)),
+        ],
+    )
+    def test_lines_that_do_not_show_what_decides(self, system, K, omega):
+        """What the lines cannot tell is called undecided, neither stable nor unstable."""
+        report = check(self.frf(system, omega), K)
+        assert not report.nominally_stable
+        assert report.verdict == "not certified"
+        assert "too far apart, or end too early" in report.reason
+
+    def test_a_loop_above_one_on_its_last_line_is_undecided(self):
+        """A sampled gain of 100 that becomes unstable between the last line and Nyquist."""
+        G, T = sampled(control.ss(control.tf([8000], [1, 12, 8000])), 0.0123), 0.0123
+        K = control.ss([], [], [], [[70.0]], T)
+        omega = np.linspace(0.3, 64, 200)
+        assert np.abs(control.feedback(G * K, 1).poles()).max() > 1
+        report = check(control.FrequencyResponseData(response(G, omega), omega, T), K)
+        assert report.verdict == "not certified"
+        assert not report.nominally_stable
+
+    def test_first_lines_around_a_corner_show_no_integrator(self):
+        omega = np.arange(1, 300) * 0.3
+        assert check(self.frf(control.tf([1], [1, 2, 1]), omega), 0.2).nominally_stable
+
+    def test_a_line_at_zero_frequency_is_refused(self):
+        with pytest.raises(ValueError, match="model must have an FRF on positive frequencies, got a line at 0"):
+            check(self.frf(LAG, np.linspace(0, 10, 50)), 1.0)
+
+    def test_a_bla_brings_its_own_radius(self):
+        f = np.arange(1, 200, 2) * 0.02
+        bla = make_bla(lambda s: 1 / (s + 1), f, f0=0.02, sigma_distortion=0.01)
+        report = check(bla, 2.0)
+        assert report.perturbation == "statistical"
+        radius = bla.bound(of="realization") / np.abs(bla.G)
+        assert report.rs == pytest.approx(radius * np.abs(report.T), rel=1e-9)
+        assert check(frd(bla), 2.0).disk_margin == pytest.approx(report.disk_margin)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: check("model.json", 1.0), "model must be an UncertaintyModel"),
+        (lambda: check(simple(), "K"), "K must be a control.StateSpace"),
+        (lambda: check(simple(), control.tf([1, 0, 0], [1, 1])), "K must be proper"),
+        (lambda: check(simple(), np.eye(2)), "K must have one input and one output"),
+        (lambda: check(simple(), 1.0, delay=-1.0), "delay must be zero or positive"),
+        (
+            lambda: check(simple(), control.ss([], [], [], [[0.5]], 1e-4), delay=1.0),
+            "delay must leave at most 600 states in the loop, got 1 s",
+        ),
+        (
+            lambda: check(control.FrequencyResponseData([1.0, np.nan, 1.0], [1.0, 2.0, 3.0]), 1.0),
+            "model must have a finite FRF on every line, got .nan.* at 0.3183 Hz",
+        ),
+        (lambda: simple(control.tf([1], [1, -1])), r"weight must be stable, got a pole at 1"),
+        (lambda: check(simple(), 1.0, solver="MOSEK"), "solver must be one of"),
+        (lambda: check(simple(), 1.0, w_P=control.tf([1], [1, 0])), "w_P must be stable"),
+        (lambda: check(simple(), 1.0, w_P=control.tf([1, 1, 1], [1, 2])), "w_P must be proper"),
+        (lambda: check(simple(), control.tf([1.0], [1, 0.5], True)), "K must state its sampling time"),
+        (lambda: check(simple(nominal=control.tf([1, 2], [1, 1])), -1.0), "K must leave the loop well posed"),
+        (
+            lambda: check(simple(0.1, nominal=control.tf([0.1], [1, -0.9], 0.1)), control.tf([1.0], [1, 0.5], 0.2)),
+            "K must have the sampling time of the nominal model, 0.1 s, got 0.2 s",
+        ),
+        (
+            lambda: check(simple(0.1, nominal=control.tf([0.1], [1, -0.9], 0.1)), control.tf([1.0], [1, 0.5])),
+            "got a continuous controller",
+        ),
+        (
+            lambda: check(simple(0.1, nominal=control.tf([0.1], [1, -0.9], 0.1)), 1.0, delay=0.05),
+            "delay must be a whole number of samples",
+        ),
+        (
+            lambda: check(simple(), control.tf([0.1], [1, -0.9], 0.1), w_P=control.tf([0.1], [1, -0.9], 0.2)),
+            "w_P must be continuous or have the sampling time of the loop",
+        ),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_an_inverse_weight_above_one_beyond_nyquist_folds_down_without_a_bound():
+    lag, w = control.tf([1], [1, 1]), control.tf([0.2, 0.02], [0.01, 1])  # 20 at high frequencies, 0.6 at Nyquist
+    model = UncertaintyModel(lag, w, "inverse-multiplicative", np.array([1.0]), np.array([0.2]), perturbation="LTI")
+    report = check(model, control.ss([], [], [], [[0.5]], 1.0))
+    assert report.robustly_stable
+    assert "fold down without a bound" in report.not_proved

@@ -1,0 +1,227 @@
+"""The worst plant of a set really is in it and really is that bad; weights by formula; order scan; loop bounds."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import (
+    UncertaintyModel,
+    check,
+    control_weight,
+    delay_weight,
+    discretize,
+    loop_bounds,
+    nu_gap,
+    performance_weight,
+    sample_loops,
+    scan_orders,
+    worst_case,
+)
+from robust.systems.lti import response
+from robust.uncertain.forms import perturbed_response
+from robust.uncertain.perturbations import all_pass, perturbed, random_perturbation, with_phase
+from tests.support.bla import make_bla
+
+FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")
+LINES = np.array([0.1, 1.0, 10.0])
+LAG = control.ss(control.tf([2], [1, 1]))
+W = control.ss(control.tf([0.1, 0.05], [0.2, 1]))
+
+
+def model(form="multiplicative", scale=1.0, nominal=LAG, weight=W):
+    weight = control.StateSpace(weight.A, weight.B, weight.C * scale, weight.D * scale, weight.dt)
+    radius = 0.999 * np.abs(response(weight, LINES))
+    return UncertaintyModel(nominal, weight, form, LINES, radius, perturbation="LTI")
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("kind", ["continuous", "discrete", "sampled"])
+def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
+    T = 0.02
+    nominal, weight, K = LAG, W, control.tf([3], [1, 2])
+    if kind == "discrete":
+        nominal, weight, K = (control.ss(control.sample_system(control.ss(x), T, "bilinear")) for x in (LAG, W, K))
+    if kind == "sampled":
+        K = control.sample_system(control.ss(K), T, "bilinear")
+    set_ = model(form, nominal=nominal, weight=weight)
+    w_P = performance_weight(1.0, M_S=2.0, A=0.1)
+    worst = worst_case(set_, K, w_P)
+    report = check(set_, K, w_P=w_P)
+    assert report.verdict == "robust"
+    assert worst.stable
+    assert set_.contains(worst.plant)
+    assert abs(worst.delta) == pytest.approx(1.0)
+    # a sampled loop also sees what folds down: a little, and so not exactly what the discrete set says
+    assert worst.achieved == pytest.approx(np.max(report.rp), rel=2e-3 if kind == "sampled" else 2e-4)
+    assert np.max(worst.gain) == pytest.approx(worst.achieved, rel=2e-3)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("T", [0.0, 0.02])
+@pytest.mark.parametrize("scale", [1.0, 40.0], ids=["robust", "not robust"])
+def test_the_worst_plant_is_as_bad_as_said_behind_a_delay(form, T, scale):
+    K = control.ss(control.tf([3], [1, 2]))
+    nominal, weight = LAG, control.ss(control.tf([0.1], [0.5, 1]))
+    if T:
+        nominal, weight, K = (control.sample_system(x, T, "bilinear") for x in (nominal, weight, K))
+    worst = worst_case(model(form, scale, nominal, weight), K, delay=0.1)
+    assert abs(worst.delta) <= 1 + 1e-12
+    assert np.isinf(worst.gain.max()) == (scale > 1)
+    if scale > 1:  # on the stability boundary: a pole on the axis where the sensitivity is looked at
+        assert worst.achieved > 1e3
+    else:
+        assert worst.achieved == pytest.approx(worst.gain.max(), rel=1e-4)
+    at = np.array([worst.omega_worst])
+    L = response(worst.plant, at) * response(K, at) * np.exp(-0.1j * at)
+    assert worst.achieved == pytest.approx(np.abs(1 / (1 + L))[0], rel=1e-6 if scale == 1 else 0.5)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_where_the_set_is_too_large_a_plant_destabilises(form):
+    K = control.tf([3], [1, 2])
+    margin = check(model(form), K).margin_rs
+    for scale, stable in ((0.98 * margin, True), (1.02 * margin, False)):
+        worst = worst_case(model(form, scale), K)
+        assert np.isinf(worst.gain).any() != stable
+        if not stable:
+            # the smallest perturbation that reaches the boundary, then a little more
+            assert abs(worst.delta) == pytest.approx(1 / 1.02, rel=1e-3)
+            assert worst.achieved > 1e3
+
+
+def test_worst_case_refuses_an_unstable_loop():
+    with pytest.raises(ValueError, match="K must stabilise the nominal plant"):
+        worst_case(model(), -5.0)
+    with pytest.raises(ValueError, match="model must be an UncertaintyModel"):
+        worst_case(LAG, 1.0)
+
+
+def test_sampled_loops_have_the_delay_itself():
+    """At w delay = 40 an approximation has lost the phase, and with it the bound of the whole set."""
+    family = sample_loops(model("multiplicative"), control.tf([0.4], [0.01, 1]), 10, delay=4.0, rng=0)
+    assert family.stable.all()
+    assert np.all(np.abs(family.S) <= family.worst * (1 + 1e-6))
+
+
+@pytest.mark.parametrize("T", [0.0, 0.02])
+def test_sampled_loops_stay_under_the_worst_case(T):
+    K = control.ss([], [], [], [[1.5]], T) if T else 1.5
+    family = sample_loops(model(), K, 40, delay=T, rng=3)
+    assert family.stable.all()
+    assert family.S.shape == (40, family.omega.size)
+    slack = 1.005 if T else 1 + 1e-9
+    assert np.all(np.abs(family.S) <= family.worst * slack)
+    assert np.max(np.abs(family.S) / family.worst) > 0.9
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.01])
+def test_perturbations_have_the_gain_and_the_value_asked_for(dt):
+    rng = np.random.default_rng(1)
+    omega = np.geomspace(0.1, 300, 200)
+    for _ in range(50):
+        Delta = random_perturbation(rng, 1, 300, dt)
+        size = np.abs(response(Delta, omega))
+        assert np.ptp(size) < 1e-9
+        assert size.max() <= 1 + 1e-9
+        value = np.exp(1j * rng.uniform(-np.pi, np.pi)) * rng.uniform(0.1, 1)
+        at = rng.uniform(1, 300)
+        assert abs(response(with_phase(at, value, dt), np.array([at]))[0] - value) < 1e-6
+    assert np.abs(response(all_pass(np.array([-2.0 + 3j, -2.0 - 3j]), 1.0, dt), omega)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_perturbed_systems_are_what_the_formula_says(form):
+    G = control.ss([[-1.0, 0], [1, -2]], [[1.0], [0]], [[0, 3.0]], [[0.5]])
+    Delta = random_perturbation(np.random.default_rng(0), 1, 100, 0)
+    omega = np.geomspace(0.1, 100, 30)
+    wanted = perturbed_response(form, *(response(s, omega) for s in (G, W, Delta)))
+    assert response(perturbed(form, G, W, Delta), omega) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_loop_bounds_are_sufficient(form):
+    """Any L above low or below high meets |w_P| max |S_p| <= 1, whatever its phase."""
+    from robust.systems.closed_loop import worst_sensitivity
+    from robust.uncertain.forms import worst_terms
+
+    set_, w_P = model(form, 2.0), performance_weight(2.0, M_S=2.0, A=1e-2)
+    low, high = loop_bounds(set_, w_P)
+    G, w, p = response(LAG, LINES), response(set_.weight, LINES), np.abs(response(w_P, LINES))
+    assert np.isfinite(low[low > 0]).all()
+    assert (low > 0).any() or np.isfinite(high).any()
+    for angle in np.linspace(0, 2 * np.pi, 37):
+        for k, (least, most) in enumerate(zip(low, high, strict=True)):
+            size = least * 1.0001 if least > 0 else most * 0.9999 if np.isfinite(most) else None
+            if size:
+                K = size * np.exp(1j * angle) / G[k : k + 1]
+                terms = worst_terms(form, w[k : k + 1], G[k : k + 1], K)
+                assert p[k] * worst_sensitivity(*terms)[0] <= 1
+
+
+def test_delay_weight_covers_every_delay_and_gain():
+    omega = np.geomspace(1e-2, 1e5, 3000)
+    for gain in (0.0, 0.2):
+        for order, most in ((1, 1.3), (3, 1.06)):
+            size = np.abs(response(delay_weight(0.01, gain=gain, order=order), omega))
+            for theta in np.linspace(0, 0.01, 21):
+                for k in (1 - gain, 1 + gain):
+                    assert np.all(size >= np.abs(k * np.exp(-1j * omega * theta) - 1) * (1 - 1e-9))
+            radius = np.max(
+                [np.abs((1 + gain) * np.exp(-1j * omega * t) - 1) for t in np.linspace(0, 0.01, 2001)], axis=0
+            )
+            assert np.max(size / radius) < most
+
+
+def test_control_weight():
+    for order in (1, 2):
+        size = np.abs(response(control_weight(50.0, M_u=4.0, A=0.01, order=order), np.array([1e-6, 1e9])))
+        assert size == pytest.approx([0.25, 100.0], rel=1e-4)
+
+
+def test_discretize():
+    K = control.tf([1, 2], [0.05, 1])
+    for prewarp in (0.0, 30.0):
+        Kd = discretize(K, 0.02, prewarp=prewarp)
+        at = np.array([prewarp or 1e-6])
+        assert response(Kd, at) == pytest.approx(response(control.ss(K), at), rel=1e-9)
+    ours, theirs = discretize(K, 0.02), control.sample_system(control.ss(K), 0.02, "bilinear")
+    omega = np.linspace(1, 150, 20)
+    assert response(ours, omega) == pytest.approx(response(theirs, omega), rel=1e-9)
+
+
+def test_the_order_scan_finds_the_order():
+    f = np.arange(1, 200, 2) * 0.5
+
+    def plant(s):
+        return 1e4 / (s * s + 3 * s + 8e3) + 4e4 / (s * s + 8 * s + 9e4)
+
+    found = []
+    for seed in range(5):
+        bla = make_bla(plant, f, f0=0.5, sigma_noise=0.01 * np.abs(plant(2j * np.pi * f)), rng=seed)
+        scan = scan_orders(bla, n_poles=range(2, 8), relative_degree=2)
+        found.append(scan.best)
+        assert scan.fit.G.nstates == scan.best
+        assert scan.cost[0] > 100 * scan.cost[2]
+    assert np.median(found) == 4
+    assert "<-" in str(scan)
+    with pytest.raises(ValueError, match="n_poles must be at least the relative degree 3"):
+        scan_orders(bla, n_poles=[2, 4], relative_degree=3)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: control_weight(-1.0), "omega_bc must be positive"),
+        (lambda: control_weight(1.0, A=2.0), "A must be below M_u"),
+        (lambda: delay_weight(0.0), "delay must be positive"),
+        (lambda: delay_weight(1.0, gain=1.0), "gain must be below 1"),
+        (lambda: delay_weight(1.0, order=2), "order must be 1 or 3"),
+        (lambda: discretize(control.tf([1], [1, 0.5], 0.1), 0.1), "K must be continuous"),
+        (lambda: discretize(1.0, 0.1, prewarp=40.0), "prewarp must lie below the Nyquist"),
+        (lambda: discretize(control.tf([1], [1, -20.0]), 0.1), "must have no pole at s = 2/dt"),
+        (lambda: nu_gap(control.tf([1], [1, 1], 0.1), control.tf([1], [1, 0.5], 0.1)), "must have no pole at z = -1"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,224 @@
+"""Files: exact to the bit, versioned, whole or not at all, and readable by others."""
+
+import json
+import re
+
+import control
+import numpy as np
+import pytest
+from scipy.io import loadmat
+from scipy.signal import sosfilt
+
+from robust import (
+    UncertaintyModel,
+    controller_sections,
+    export_matlab,
+    fit_nominal,
+    frd,
+    load_controller,
+    load_model,
+    save_controller,
+    save_model,
+    uncertainty,
+)
+from robust.systems.lti import response
+from tests.support.bla import make_bla
+
+F = np.arange(1, 80, 2) * 0.3
+
+
+def plant(s):
+    return 200 / (s * s + 3 * s + 900)
+
+
+BLA = make_bla(plant, F, f0=0.3, sigma_noise=1e-3, sigma_distortion=0.01, sigma_even=2e-3, rng=0)
+
+
+def some_models():
+    fit = fit_nominal(BLA, n_poles=2, n_zeros=0)
+    discrete = fit_nominal(BLA, n_poles=2, n_zeros=1, dt=0.01, delay=0.02)
+    yield "continuous", uncertainty(BLA, fit, order=3)
+    yield "discrete with delay", uncertainty(BLA, discrete, form="additive", order=2, simultaneous=True)
+    yield "FRF", uncertainty(BLA, frd(BLA), order=1, below=10.0)
+    yield (
+        "made directly",
+        UncertaintyModel(
+            control.tf([1.0], [1, 1 / 3]),
+            0.1,
+            "inverse-additive",
+            np.array([0.1, 0.3]),
+            np.array([0.05, 0.1]),
+            np.nan,
+            "LTI",
+        ),
+    )
+
+
+MODELS = dict(some_models())
+
+
+def same(a, b):
+    """Equal to the bit, nan included."""
+    return np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True)
+
+
+def assert_same_system(a, b):
+    assert a.dt == b.dt
+    if isinstance(a, control.FrequencyResponseData):
+        assert same(a.frdata, b.frdata)
+        assert same(a.omega, b.omega)
+    else:
+        assert all(same(getattr(a, m), getattr(b, m)) and getattr(a, m).shape == getattr(b, m).shape for m in "ABCD")
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_comes_back_to_the_bit(name, tmp_path):
+    model = MODELS[name]
+    save_model(model, tmp_path / "m.json")
+    back = load_model(tmp_path / "m.json")
+    assert_same_system(back.nominal, model.nominal)
+    assert_same_system(back.weight, model.weight)
+    for field in (
+        "omega",
+        "radius",
+        "confidence",
+        *(f"radius_{p}" for p in ("noise", "odd", "even", "misfit", "level")),
+    ):
+        assert same(getattr(back, field), getattr(model, field)), field
+    for field in ("form", "perturbation", "simultaneous", "delay", "extrapolation", "source"):
+        assert getattr(back, field) == getattr(model, field), field
+    save_model(back, tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
+
+
+def test_the_file_says_what_it_is(tmp_path):
+    save_model(MODELS["FRF"], tmp_path / "m.json")
+    content = json.loads((tmp_path / "m.json").read_text())
+    assert content["schema"] == "robust-model"
+    assert content["version"] == 1
+    assert content["units"]["omega"] == "rad/s"
+    first = content["nominal"]["G"][0]
+    assert first == [BLA.G[0].real, BLA.G[0].imag]
+
+
+@pytest.mark.parametrize(
+    "K",
+    [
+        control.ss(control.tf([1.0, 0.1, 1 / 3], [1, 0.7, 0.1])),
+        control.tf([0.5, -0.4], [1, -1], 0.01),
+        2.5,
+        control.ss([], [], [], [[-0.1]], 0.02),
+    ],
+)
+def test_a_controller_comes_back_to_the_bit(K, tmp_path):
+    save_controller(K, tmp_path / "K.json")
+    back = load_controller(tmp_path / "K.json")
+    save_controller(back, tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "K.json").read_bytes()
+    omega = np.array([0.1, 1.0, 10.0])
+    wanted = (
+        np.full(3, 2.5) if isinstance(K, float) else np.squeeze(K(np.exp(1j * omega * K.dt) if K.dt else 1j * omega))
+    )
+    assert response(back, omega) == pytest.approx(wanted, rel=1e-12)
+
+
+def damaged(text):
+    content = json.loads(text)
+    yield "truncated", text[: len(text) // 2], "must be a whole JSON file"
+    yield "empty", "", "must be a whole JSON file"
+    yield "another schema", json.dumps(content | {"schema": "nlfrf-bla"}), "must hold a robust-model file"
+    yield "newer", json.dumps(content | {"version": 2}), "must hold version 1"
+    yield "no weight", json.dumps({k: v for k, v in content.items() if k != "weight"}), "must hold a whole robust-model"
+    yield "a list", "[1, 2]", "must hold a robust-model file"
+    yield "wrong shapes", json.dumps(content | {"radius": [1.0]}), "radius must have one value per frequency"
+    yield "text for numbers", json.dumps(content | {"omega": "many"}), "path must hold numbers"
+    yield "no matrix", json.dumps(content | {"weight": {"kind": "ss", "dt": 0}}), "must hold a whole robust-model"
+    yield (
+        "ragged",
+        json.dumps(content | {"nominal": content["nominal"] | {"A": [[1.0], [1.0, 2.0]]}}),
+        "path must hold numbers",
+    )
+    yield "nested without end", "[" * 100_000, "must be a whole JSON file"
+    yield "no such kind", json.dumps(content | {"nominal": content["nominal"] | {"kind": "zpk"}}), "of the kind"
+    yield "no truth value", json.dumps(content | {"simultaneous": "no"}), "true or false for simultaneous"
+    yield "no system", json.dumps(content | {"nominal": 3}), "with other things where its numbers and systems are"
+
+
+@pytest.mark.parametrize("case", range(14))
+def test_damaged_files_are_refused_in_one_line(case, tmp_path):
+    save_model(MODELS["continuous"], tmp_path / "m.json")
+    _, text, message = list(damaged((tmp_path / "m.json").read_text()))[case]
+    (tmp_path / "bad.json").write_text(text)
+    with pytest.raises(ValueError, match=message) as refusal:
+        load_model(tmp_path / "bad.json")
+    assert "\n" not in str(refusal.value)
+    with pytest.raises(ValueError, match=r"robust-controller|JSON"):
+        load_controller(tmp_path / "bad.json")
+
+
+def test_binary_rubbish_and_missing_files(tmp_path):
+    (tmp_path / "x.json").write_bytes(bytes(range(256)) * 10)
+    with pytest.raises(ValueError, match="must be a whole JSON file"):
+        load_model(tmp_path / "x.json")
+    with pytest.raises(FileNotFoundError):
+        load_model(tmp_path / "nothing.json")
+
+
+def test_nothing_is_left_of_a_file_that_could_not_be_written(tmp_path, monkeypatch):
+    save_model(MODELS["continuous"], tmp_path / "m.json")
+    before = (tmp_path / "m.json").read_bytes()
+    monkeypatch.setattr("pathlib.Path.write_text", lambda *a, **k: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        save_model(MODELS["FRF"], tmp_path / "m.json")
+    assert (tmp_path / "m.json").read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["m.json"]
+
+
+def test_sections_run_like_the_controller():
+    rng = np.random.default_rng(0)
+    K = control.ss(
+        control.tf(
+            np.poly([0.9, 0.5 + 0.3j, 0.5 - 0.3j]).real * 0.7, np.poly([1.0, 0.95, 0.8 + 0.5j, 0.8 - 0.5j]).real, 0.01
+        )
+    )
+    u = rng.normal(size=300)
+    t = np.arange(300) * 0.01
+    y = control.forced_response(K, t, u).outputs
+    assert sosfilt(controller_sections(K), u) == pytest.approx(y, rel=1e-8, abs=1e-8)
+    assert controller_sections(control.ss([], [], [], [[3.0]], 0.1)).tolist() == [[3, 0, 0, 1, 0, 0]]
+    with pytest.raises(ValueError, match="K must be discrete to have sections"):
+        controller_sections(control.tf([1], [1, 1]))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_matlab_gets_plain_structs_to_the_bit(name, tmp_path):
+    model = MODELS[name]
+    export_matlab(model, tmp_path / "my model.mat")
+    content = loadmat(tmp_path / "my model.mat", squeeze_me=False, struct_as_record=False)["content"][0, 0]
+    assert same(content.freq[:, 0], model.omega)
+    assert same(content.radius[:, 0], model.radius)
+    assert same(content.response[:, 0], model.at(model.omega))
+    assert content.form[0] == model.form
+    assert getattr(content, "class")[0] == model.perturbation
+    weight = content.weight[0, 0]
+    for m in "ABCD":
+        assert same(np.reshape(getattr(weight, m), getattr(model.weight, m).shape), getattr(model.weight, m))
+    s = np.exp(1j * model.omega * model.weight.dt) if model.weight.dt else 1j * model.omega
+    ratio = np.polyval(weight.num.ravel(), s) / np.polyval(weight.den.ravel(), s)
+    assert ratio == pytest.approx(response(model.weight, model.omega), rel=1e-6)
+    loader = (tmp_path / "load_my_model.m").read_text()
+    assert "function [Gu, G, W, model] = load_my_model(file)" in loader
+    assert "'my model.mat'" in loader
+    assert "ultidyn('Delta', [1 1])" in loader
+    assert not re.search("NAME|FILE", loader)
+
+
+def test_matlab_gets_controllers_too(tmp_path):
+    K = control.tf([0.5, -0.4], [1, -1], 0.01)
+    export_matlab(K, tmp_path / "K.mat")
+    content = loadmat(tmp_path / "K.mat", struct_as_record=False)["content"][0, 0]
+    assert content.K[0, 0].Ts[0, 0] == 0.01
+    assert same(content.sections, controller_sections(K))
+    assert "load_K" in (tmp_path / "load_K.m").read_text()
+    with pytest.raises(ValueError, match=r"path must end in \.mat"):
+        export_matlab(K, tmp_path / "K.m")

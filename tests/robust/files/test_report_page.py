@@ -1,0 +1,234 @@
+"""The report to hand over: what was found, in one file that asks nobody for anything, and that a browser shows."""
+
+import base64
+import re
+import sys
+from html import unescape
+from html.parser import HTMLParser
+
+import control
+import numpy as np
+import pytest
+
+from nlfrf import Record, identify, multisine, save_record
+from robust import (
+    UncertaintyModel,
+    check,
+    cli,
+    crossover_weight,
+    fit_nominal,
+    frd,
+    ncfsyn,
+    performance_weight,
+    sampled,
+    save_controller,
+    save_model,
+    uncertainty,
+    write_report,
+)
+from robust.files import report_parts, report_sections
+from tests.support.browser import browser
+
+SECTIONS = ["verdict", "record", "bla", "opinion", "nominal", "set", "loop", "check", "worst", "settings"]
+
+
+def recorded(level=1.0):
+    """A resonance behind a cube, with noise, two periods."""
+    ms = multisine(fs=512, n_samples=1024, f_min=0.5, f_max=60, rms=level, rng=3)
+    w = 2 * np.pi * 20
+    s = 2j * np.pi * np.fft.rfftfreq(1024, 1 / 512)
+    G = w**2 / (s**2 + 0.1 * w * s + w**2)
+    u = ms.u[0]
+    y = np.fft.irfft(np.fft.rfft(u + 0.02 * u**3) * G, 1024)
+    y = np.stack([y, y]) + 1e-3 * np.random.default_rng(4).standard_normal((2, 1024))
+    return Record(u=np.stack([u, u])[None], y=y[None], fs=512, lines=ms.lines)
+
+
+RECORD = recorded()
+BLA = identify(RECORD)
+FIT = fit_nominal(BLA, n_poles=2, n_zeros=0)
+MODEL = uncertainty(BLA, FIT, order=3)
+PLANT = sampled(MODEL.nominal, 1 / 512)
+K = ncfsyn(PLANT, crossover_weight(PLANT, 2 * np.pi * 2)).K
+W_P = performance_weight(2 * np.pi * 0.3, M_S=2.5, A=1e-2)
+
+
+class Reader(HTMLParser):
+    """Text, ids, pictures and every address a page names."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.words, self.ids, self.images, self.addresses, self.open = [], [], [], [], []
+        self.feed(text)
+        assert not self.open, f"not closed: {self.open}"
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        if tag not in ("meta", "img", "br", "link"):
+            self.open.append(tag)
+        if "id" in attrs:
+            self.ids.append(attrs["id"])
+        if tag == "img" and "src" in attrs:
+            self.images.append(attrs)
+        self.addresses += [attrs[a] for a in ("src", "href", "action", "data", "srcset") if a in attrs]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, text):
+        if self.open and self.open[-1] not in ("style", "script"):
+            self.words.append(text)
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.words).split())
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A report of a whole run, made once."""
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    report = write_report(
+        path, MODEL, K, bla=BLA, record=RECORD, nominal=FIT, w_P=W_P, title="A <bench> & its loop", notes="Second try"
+    )
+    return path, report
+
+
+def test_it_tells_the_whole_run(whole):
+    path, report = whole
+    page = Reader(path.read_text(encoding="utf-8"))
+    assert page.ids == SECTIONS
+    assert "A <bench> & its loop" in page.text  # escaped where it must be
+    assert "Second try" in page.text
+    for said in (report.reason, report.proved, report.not_proved, report.advice, report.context, str(MODEL)):
+        assert " ".join(said.split()) in page.text
+    for number in (f"{report.disk_margin:.3f}", f"{1 / report.margin_rs:.3f}", f"{np.max(report.rp):.3f}"):
+        assert number in page.text
+    for certificate in report.certificates:
+        assert certificate.method in page.text
+    assert f"numpy {np.__version__}" in page.text
+    assert "rms 1, crest factor" in page.text
+    assert "512 Hz" in page.text
+
+
+def test_no_address_leaves_the_file(whole):
+    page = Reader(whole[0].read_text(encoding="utf-8"))
+    assert len(page.images) >= 14
+    assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
+    for image in page.images:
+        svg = base64.b64decode(image["src"].partition(",")[2]).decode("utf-8")
+        assert svg.lstrip().startswith("<?xml")
+        assert not re.search(r'(xlink:)?href="(?!#)', svg), "a picture points out of itself"
+        assert image["alt"]
+    assert [a for a in page.addresses if a.startswith("#")] == [f"#{name}" for name in SECTIONS]
+
+
+def test_the_same_run_gives_the_same_pictures(whole):
+    again = report_sections.loop_section(whole[1], K)
+    images = [image["src"] for image in Reader(whole[0].read_text(encoding="utf-8")).images]
+    assert [picture.source for picture in again.pictures] == images[-4:-2]
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Reports whose words are looked at and whose pictures are not."""
+    monkeypatch.setattr(
+        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+    )
+
+
+def test_a_browser_shows_it(whole, tmp_path):
+    with browser(tmp_path / "profile") as page:
+        page.open(whole[0])
+        assert page.errors == []
+        assert [url for url in page.requests if not url.startswith(("file://", "data:"))] == []
+        assert [url for url in page.requests if url.startswith("file://")] == [whole[0].resolve().as_uri()]
+        shown = page.run(
+            "[...document.querySelectorAll('main img')].map(i => {const b = i.getBoundingClientRect();"
+            " return [i.complete, i.naturalWidth, b.width, b.height]})"
+        )
+        assert len(shown) >= 14
+        for complete, natural, width, height in shown:
+            assert complete
+            assert natural > 200
+            assert width > 200
+            assert height > 100
+        # nothing is cut off at the side, on a desk or on a telephone
+        for width in (1300, 390):
+            page.screenshot(tmp_path / f"{width}.png", width=width)
+            assert page.run("document.documentElement.scrollWidth <= innerWidth + 1"), width
+        # a picture is enlarged by a click, zoomed by keys, and put away
+        page.run("document.querySelector('button.zoom').click()")
+        assert page.run("document.querySelector('dialog').open")
+        for _ in range(2):
+            page.run("document.querySelector('dialog').dispatchEvent(new KeyboardEvent('keydown', {key: '+'}))")
+        assert "scale(1.96)" in page.run("document.querySelector('dialog img').style.transform")
+        page.run("document.querySelector('dialog button').click()")
+        assert not page.run("document.querySelector('dialog').open")
+        pdf = page.pdf()
+        assert pdf.startswith(b"%PDF")
+        assert 4 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 14
+        # the page itself forbids what would leave it
+        page.run("fetch('https://localhost/').catch(() => 0)")
+        assert any("Content Security Policy" in error for error in page.errors)
+
+
+def test_parts_that_are_not_there_are_named(undrawn, tmp_path):
+    lti = UncertaintyModel(
+        control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", np.array([1.0, 2.0]), np.array([0.05, 0.05])
+    )
+    report = write_report(tmp_path / "r.html", lti, 2.0)
+    text = Reader((tmp_path / "r.html").read_text(encoding="utf-8")).text
+    assert report.verdict in text
+    assert "was not handed over with this report" in text
+    assert "none claimed" in text
+
+
+@pytest.mark.parametrize(
+    ("model", "K", "words"),
+    [
+        (MODEL, 1e4 * K, "not stable: no margin is given"),
+        (uncertainty(BLA, frd(BLA), order=2), 0.05, "the plant is known on its lines only"),
+    ],
+)
+def test_bad_controllers_and_bare_frfs_are_reported_too(undrawn, model, K, words, tmp_path):
+    write_report(tmp_path / "r.html", model, K, bla=BLA)
+    assert words in unescape((tmp_path / "r.html").read_text(encoding="utf-8"))
+
+
+def test_a_family_of_records(undrawn, tmp_path):
+    records = [RECORD, recorded(1.5)]
+    blas = [identify(record) for record in records]
+    model = uncertainty(blas, fit_nominal(blas, n_poles=2, n_zeros=0), order=3)
+    write_report(tmp_path / "r.html", model, K, record=records)
+    text = Reader((tmp_path / "r.html").read_text(encoding="utf-8")).text
+    assert "BLA of record 1" in text
+    assert "excitation of record 2" in text
+    assert "lines in the set, record 2" in text
+
+
+def test_refusals_leave_no_file(undrawn, tmp_path):
+    with pytest.raises(ValueError, match=r"path must end in \.html, got 'report\.pdf'"):
+        write_report(tmp_path / "report.pdf", MODEL, K)
+    with pytest.raises(ValueError, match="model must be an UncertaintyModel"):
+        write_report(tmp_path / "report.html", BLA, K)
+    with pytest.raises(FileNotFoundError, match="existing folder"):
+        write_report(tmp_path / "nowhere" / "report.html", MODEL, 2.0, report=check(MODEL, 0.01))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command(undrawn, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    save_model(MODEL, "m.json")
+    save_controller(K, "K.json")
+    save_record(RECORD, "record.npz")
+    command = "robust report m.json K.json --record record.npz --bandwidth 0.3 --peak 2.5 -o r.html --title Bench"
+    monkeypatch.setattr(sys, "argv", command.split())
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    said = capsys.readouterr()
+    assert not stop.value.code, said.err
+    assert "verdict: statistically robust" in said.out
+    text = Reader((tmp_path / "r.html").read_text(encoding="utf-8")).text
+    assert "Bench: statistically robust" in text
+    assert "level from detection" in text

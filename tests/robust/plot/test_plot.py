@@ -1,0 +1,144 @@
+"""Pictures: each draws on the axes it was given, and shows what the value holds."""
+
+import control
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+from robust import check, frd, loop_bounds, ncfsyn, performance_weight, sample_loops, scan_orders, uncertainty, validate
+from robust import plot as pictures
+from robust.systems.lti import response
+from tests.support.bla import make_bla
+
+F = np.arange(1, 120, 2) * 0.25
+
+
+def plant(s):
+    return 900 / (s * s + 6 * s + 900)
+
+
+SIZE = np.abs(plant(2j * np.pi * F))
+BLA = make_bla(plant, F, f0=0.25, sigma_noise=5e-3 * SIZE, sigma_distortion=0.05 * SIZE, sigma_even=0.01 * SIZE, rng=0)
+SCAN = scan_orders(BLA, n_poles=range(2, 5), relative_degree=2)
+MODEL = uncertainty(BLA, SCAN.fit, order=3)
+K = ncfsyn(MODEL, control.tf([4.0], [1, 0])).K
+W_P = performance_weight(1.0, A=0.1)
+REPORT = check(MODEL, K, w_P=W_P)
+
+
+@pytest.fixture
+def ax():
+    figure, ax = plt.subplots()
+    yield ax
+    plt.close(figure)
+
+
+def labels(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def curve(ax, label):
+    (line,) = [line for line in ax.get_lines() if line.get_label() == label]
+    return line.get_xdata(), line.get_ydata()
+
+
+def test_weight_lies_over_the_radius(ax):
+    assert pictures.plot_weight(MODEL, ax=ax) is ax
+    f, weight = curve(ax, "|weight|")
+    on_lines, radius = curve(ax, "radius on the lines")
+    assert np.all(np.interp(on_lines, f, weight) >= radius - 1e-6)
+    assert f.min() < F[0] < F[-1] < f.max()
+    assert "part: odd" in labels(ax)
+    assert MODEL.extrapolation in ax.get_title()
+
+
+def test_budget_adds_up_to_a_hundred(ax):
+    pictures.plot_budget(MODEL, ax=ax)
+    top = max(path.vertices[:, 1].max() for patch in ax.collections for path in patch.get_paths())
+    assert top == pytest.approx(100)
+    assert {"noise", "odd", "even"} <= set(labels(ax))
+
+
+def test_loop_and_check(ax):
+    pictures.plot_loop(REPORT, ax=ax)
+    f, L = curve(ax, "|L| = |G K|")
+    wanted = response(MODEL.nominal, 2 * np.pi * f) * response(K, 2 * np.pi * f)
+    assert pytest.approx(20 * np.log10(np.abs(wanted)), abs=1e-6) == L
+    figure, other = plt.subplots()
+    pictures.plot_check(REPORT, ax=other)
+    assert REPORT.verdict in other.get_title()
+    assert curve(other, "robust stability")[1].max() == pytest.approx(REPORT.rs.max())
+    plt.close(figure)
+
+
+def test_curves_leave_the_picture_below_without_a_plateau(ax):
+    pictures.plot_check(REPORT, ax=ax)
+    for label, curve_ in (("robust stability", REPORT.rs), ("robust performance", REPORT.rp)):
+        assert np.array_equal(curve(ax, label)[1], curve_)
+    low, high = ax.get_ylim()
+    assert low >= 1e-3
+    assert high >= 2
+
+
+def test_validation_shows_every_line(ax):
+    validation = validate(MODEL, make_bla(lambda s: 1.1 * plant(s), F, f0=0.25, sigma_distortion=0.05 * SIZE, rng=3))
+    assert 0 < validation.n_outside < validation.n_lines == F.size
+    pictures.plot_validation(validation, ax=ax)
+    assert curve(ax, "outside")[1].size == validation.n_outside
+    assert np.array_equal(curve(ax, "outside")[0], validation.omega_outside / 2 / np.pi)
+    assert curve(ax, "inside")[1].max() <= 1
+    assert f"{validation.n_outside} of {F.size} lines outside" in ax.get_title()
+
+
+def test_an_unstable_loop_is_drawn_without_curves(ax):
+    report = check(MODEL, 1e4 * K)
+    assert not report.nominally_stable
+    pictures.plot_check(report, ax=ax)
+    assert "not robust" in ax.get_title()
+    assert any("unstable" in text.get_text() for text in ax.texts)
+
+
+@pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])
+def test_nyquist_discs_touch_minus_one_where_rs_says_so(form, ax):
+    model = uncertainty(BLA, SCAN.fit, form=form, order=3)
+    report = check(model, K)
+    centre, radius = report.discs
+    fine = np.isfinite(centre)
+    # |1 + centre| <= radius where some L of the set passes through -1, and there rs is at least one
+    assert np.array_equal(np.abs(1 + centre[fine]) <= radius[fine], report.rs[fine] >= 1)
+    for angle in np.linspace(0, 2 * np.pi, 13):
+        Delta = np.exp(1j * angle)
+        G, w = report.G, response(model.weight, report.omega)
+        plants = {
+            "multiplicative": G * (1 + w * Delta),
+            "additive": G + w * Delta,
+            "inverse-multiplicative": G / (1 + w * Delta),
+            "inverse-additive": G / (1 + w * G * Delta),
+        }[form]
+        rim = np.abs(plants * report.K - centre) / radius
+        assert rim[fine & (radius > 1e-9)] == pytest.approx(1.0, rel=1e-6)
+    pictures.plot_nyquist(report, ax=ax)
+    assert len(ax.patches) > 3
+    assert ax.get_aspect() == 1.0
+
+
+def test_family_orders_fit_nominal_bounds(ax):
+    family = sample_loops(MODEL, K, 12, rng=0)
+    pictures.plot_family(family, ax=ax)
+    assert len(ax.get_lines()) == 14
+    for draw, content in (
+        (pictures.plot_orders, SCAN),
+        (pictures.plot_fit, SCAN.fit),
+        (pictures.plot_nominal, MODEL),
+        (pictures.plot_nominal, uncertainty(BLA, frd(BLA), order=2)),
+    ):
+        axes = draw(content)
+        assert axes.get_xlabel()
+        assert axes.get_ylabel()
+        plt.close(axes.figure)
+    axes = pictures.plot_bounds(MODEL, K, loop_bounds(MODEL, W_P))
+    assert "|L|" in labels(axes)
+    plt.close(axes.figure)

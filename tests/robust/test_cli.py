@@ -1,0 +1,131 @@
+"""The command robust: from a BLA to a verdict by files; bad input is one line and exit code 2."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from nlfrf import save_bla
+from robust import cli, load_controller, load_model
+from tests.support.bla import make_bla
+
+F = np.sort(np.concatenate([8 * np.arange(30) + 1, 8 * np.arange(30) + 3])) * 0.5
+
+
+def plant(s):
+    w = 2 * np.pi * 59
+    return w * w / (s * s + 0.08 * w * s + w * w)
+
+
+@pytest.fixture
+def robust_command(monkeypatch, capsys, tmp_path):
+    """Run the command in a folder with bla.npz; gives exit code, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+    size = np.abs(plant(2j * np.pi * F))
+    for name, seed in (("bla.npz", 0), ("bla2.npz", 1)):
+        bla = make_bla(plant, F, f0=0.5, sigma_noise=0.01 * size, sigma_distortion=0.05 * size, rng=seed, fs=1000)
+        save_bla(bla, name)
+
+    def run(command):
+        monkeypatch.setattr(sys, "argv", ["robust", *command.split()])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        said = capsys.readouterr()
+        return stop.value.code or 0, said.out, said.err
+
+    return run
+
+
+def test_the_whole_way(robust_command, tmp_path):
+    steps = [
+        ("orders bla.npz --relative-degree 2 --most 4 --picture orders.png", "<-"),
+        ("model bla.npz --poles 2 --zeros 0 --order 3 -o m.json --picture m.png", "multiplicative uncertainty"),
+        ("design m.json --bandwidth 6 --sample-time 0.001 --delay 0.001 -o K.json", "controller of order"),
+        ("check m.json K.json --delay 0.001 --bandwidth 1 -o r.txt --picture c.pdf", "STATISTICALLY ROBUST"),
+        ("export m.json -o m.mat", "wrote m.mat"),
+        ("export K.json -o K.mat", "wrote K.mat"),
+        ("export K.json -o K.csv", "wrote K.csv"),
+        (
+            "model bla.npz bla2.npz --poles 2 --zeros 0 --form additive --simultaneous --above flat -o f.json",
+            "additive",
+        ),
+        ("model bla.npz --poles 2 --delay estimate --sample-time 0.001 -o d.json", "sampled at 1000 Hz"),
+        ("design d.json --bandwidth 6 -o Kd.json", "sampled at 1000 Hz"),
+        ("design m.json --method mixsyn --bandwidth 1 --sample-time 0.001 -o Km.json", "gamma 0."),
+        ("check m.json Km.json --no-certify", "NOT CERTIFIED"),
+        ("design bla.npz --method pid --sample-time 0.001 --peak 1.8 -o Kp.json", "every limit met"),
+        (
+            "design m.json --method pid --structure PI --bandwidth 0.5 --sample-time 0.001 -o Kp2.json",
+            "every limit met",
+        ),
+        ("check d.json Kd.json --no-certify", "NOT CERTIFIED"),
+    ]
+    for command, word in steps:
+        code, out, err = robust_command(command)
+        assert code == 0, (command, err)
+        assert word in out, command
+    assert load_model(tmp_path / "m.json").form == "multiplicative"
+    assert load_controller(tmp_path / "K.json").dt == 0.001
+    assert (tmp_path / "r.txt").read_text().startswith("verdict")
+    assert (tmp_path / "K.csv").read_text().startswith("b0,b1,b2,a0,a1,a2\n")
+    for name, magic in (("m.png", b"\x89PNG"), ("c.pdf", b"%PDF"), ("orders.png", b"\x89PNG")):
+        assert (tmp_path / name).read_bytes().startswith(magic)
+    assert (tmp_path / "load_m.m").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("model nothing.npz --poles 2 -o m.json", "nothing.npz"),
+        ("model bla.npz --poles 2 --zeros 3 -o m.json", "n_zeros must be at most"),
+        ("model bla.npz --poles 2 --delay soon -o m.json", "delay must be a number"),
+        ("model bla.npz --poles 2 --form cubic -o m.json", "form must be one of"),
+        ("model bla.npz --poles 2 --above steep -o m.json", "above must be a number"),
+        ("model bla.npz --poles 2 -o nowhere/m.json", "existing folder"),
+        ("model bla.npz --poles 2 -o m.json --picture m.xyz", "picture must be a file that matplotlib writes"),
+        ("design bla.npz --bandwidth 5 -o K.json", "path must be a whole JSON file"),
+        ("check m.json nothing.json", "nothing.json"),
+        ("check K.json K.json", "must hold a robust-model file"),
+        ("check m.json m.json", "must hold a robust-controller file"),
+        ("check m.json K.json --solver MOSEK", "solver must be one of"),
+        ("check m.json K.json --delay -1", "delay must be zero or positive"),
+        ("check m.json K.json --bandwidth 0", "omega_B must be positive"),
+        ("design m.json --bandwidth 900 --sample-time 0.001 -o K2.json", "half the Nyquist frequency"),
+        ("design m.json -o K2.json", "bandwidth must be given"),
+        ("design m.json --method lqg -o K2.json", "method must be one of"),
+        ("design m.json --method pid --structure PIDD -o K2.json", "structure must be one of"),
+        ("export m.json -o m.xyz", "out must end in .mat or .csv"),
+        ("export m.json -o m.csv", "file must be a controller"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_two(robust_command, command, message, tmp_path):
+    robust_command("model bla.npz --poles 2 --zeros 0 --order 2 -o m.json")
+    robust_command("design m.json --bandwidth 6 --sample-time 0.001 -o K.json")
+    before = sorted(p.name for p in tmp_path.iterdir())
+    code, _, err = robust_command(command)
+    assert code == 2
+    lines = [line for line in err.strip().splitlines() if line.startswith("robust:")]
+    assert len(lines) == 1
+    assert message in lines[0]
+    assert "Traceback" not in err
+    assert sorted(p.name for p in tmp_path.iterdir()) == before
+
+
+def test_help_everywhere(robust_command):
+    for command in ("", "model ", "design ", "check ", "export ", "orders "):
+        code, out, _ = robust_command(f"{command}--help")
+        assert code == 0
+        assert "Usage" in out
+
+
+def test_a_missing_file_is_named(robust_command):
+    code, _, err = robust_command("check nowhere.json K.json")
+    assert code == 2
+    assert err == "robust: nowhere.json could not be opened: no such file or directory\n"
+
+
+def test_export_says_what_is_wrong_with_a_controller(robust_command, tmp_path):
+    (tmp_path / "newer.json").write_text('{"schema": "robust-controller", "version": 2}')
+    code, _, err = robust_command("export newer.json -o K.mat")
+    assert code == 2
+    assert "version 1 of robust-controller" in err
