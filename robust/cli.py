@@ -15,6 +15,7 @@ import robust
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.command import Version, run
 from nlfrf.shared.whole_files import write_text, write_whole
+from robust.uncertain.forms import RELATIVE
 
 app = typer.Typer(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
@@ -44,7 +45,7 @@ def model(
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
         str, typer.Option(help="multiplicative, additive, inverse-multiplicative or inverse-additive.")
-    ] = "multiplicative",
+    ] = RELATIVE,
     order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
     confidence: Annotated[
         float, typer.Option(help="Probability that a line of another realisation is covered.")

@@ -12,11 +12,12 @@ from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.values import value
 from robust.certificates.intervals import Magnitude, magnitude
 from robust.systems.closed_loop import closed_loop, factor_allowed, worst_sensitivity
-from robust.systems.lti import constant, in_s, in_series, poles, response, timebase, zeros
+from robust.systems.connections import in_series
+from robust.systems.lti import constant, in_s, poles, response, timebase, zeros
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import certain_poles, moved_out
-from robust.uncertain.forms import PORTS, worst_terms
+from robust.uncertain.forms import FORMS, worst_terms
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["Assembly", "assemble", "nominal_instability", "performance_margin", "weighted"]
@@ -113,19 +114,20 @@ class Assembly:
         A perturbation of the continuous plant acts on every alias of a frequency, hold and all. Each alias fills a
         disc; the sampled plant fills the sum of the discs.
         """
+        form = FORMS[self.form]
         G, T, total = self.unsampled, self.dt, np.zeros(omega.size)
-        if self.weight.D[0, 0] != 0 and (self.form == "additive" or G.D[0, 0] != 0):
+        if self.weight.D[0, 0] != 0 and (not form.through or G.D[0, 0] != 0):
             return np.full(omega.size, np.inf)  # what does not roll off, over all aliases
         for k in range(1, N_ALIASES + 1):
             before = total.copy()
             for alias in (2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega):
                 hold = np.abs(2 * np.sin(omega * T / 2) / (alias * T))
                 size, w = np.abs(response(G, alias)), np.abs(response(self.weight, alias))
-                if self.form.startswith("inverse"):
-                    w = w * size if self.form == "inverse-additive" else w
+                if form.inverse:
+                    w = form.relative(w, size)
                     total += np.where(w < 1, size * hold * w / np.maximum(1 - w, 1e-12), np.inf)
                 else:
-                    total += hold * w * (1.0 if self.form == "additive" else size)
+                    total += hold * form.spread(w, size, np.ones(1))
         # from there on at least as 1/k^2, whose sum is k times its last term
         total += N_ALIASES * np.subtract(total, before, out=np.zeros(omega.size), where=np.isfinite(total))
         return self.rs(omega) + np.abs(response(self.K, omega) * self.terms(omega)[0]) * total
@@ -203,7 +205,7 @@ class Assembly:
 
     def ports(self) -> tuple[str, str]:
         """Where the perturbation reads and where it acts."""
-        return PORTS[self.form]
+        return FORMS[self.form].ports
 
 
 def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembly:

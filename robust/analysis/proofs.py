@@ -17,6 +17,7 @@ from robust.systems.bilinear import Matrices, continuous_image
 from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import constant, evaluate, on_axis, response, timebase
 from robust.systems.norms import well_conditioned
+from robust.uncertain.forms import FORMS
 
 __all__ = ["prove_performance", "prove_stability"]
 
@@ -40,18 +41,14 @@ def prove_stability(loop: Assembly, omega: np.ndarray, solver: str) -> Certifica
 def parts(loop: Assembly, *, performance: bool) -> Loop:
     """The loop as `prove_loop` takes it."""
     G, K, w, tau = loop.short, loop.K, loop.weight, loop.shift
-    q, relative = {
-        "multiplicative": (product(w, G, K, delay=tau), product(w)),
-        "additive": (product(w, K), product(w, over=(G,), delay=-tau)),
-        "inverse-multiplicative": (product(w), product(w, over=(G, K), delay=-tau)),
-        "inverse-additive": (product(w, G, delay=tau), product(w, over=(K,))),
-    }[loop.form]
+    form, named = FORMS[loop.form], {"w": w, "G": G, "K": K}
+    read, beside = [named[name] for name in form.read], tuple(named[name] for name in form.beside)
     return Loop(
         L=product(G, K, delay=tau),
-        q=q,
-        relative=relative,
+        q=product(*read, delay=tau if "G" in form.read else 0.0),
+        relative=product(w, over=beside, delay=-tau if "G" in form.beside else 0.0),
         w_P=product(loop.w_P) if performance else None,
-        inverse=loop.form.startswith("inverse"),
+        inverse=form.inverse,
     )
 
 

@@ -13,6 +13,7 @@ from robust.analysis.loop import Assembly, assemble, nominal_instability
 from robust.systems.closed_loop import worst_perturbation, worst_sensitivity
 from robust.systems.lti import response, timebase
 from robust.systems.sampling import sampled
+from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.perturbations import perturbed, with_phase
 
@@ -139,7 +140,7 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
 def lead_of(loop: Assembly, delay: float) -> float:
     """Time [s] by which Delta leads what the terms call Delta: they put it behind delay and hold, the plant before."""
     lag = delay + (loop.dt / 2 if loop.unsampled is not None else 0.0)
-    return {"additive": lag, "inverse-additive": -lag}.get(loop.form, 0.0)
+    return FORMS[loop.form].lead * lag
 
 
 def in_loop(plant: control.StateSpace, loop: Assembly, delay: float) -> control.StateSpace:

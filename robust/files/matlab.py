@@ -15,8 +15,9 @@ from robust.files.biquads import controller_sections, roots_and_gain
 from robust.files.models import CONTROLLER_SCHEMA, MODEL_SCHEMA, PathLike
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
-from robust.uncertain.forms import PARTS
+from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
+from robust.uncertain.radius import PARTS
 
 __all__ = ["export_matlab"]
 
@@ -123,17 +124,10 @@ else
 end
 Delta = ultidyn('Delta', [1 1]);
 switch model.form
-    case 'multiplicative'
-        Gu = G * (1 + W * Delta);
-    case 'additive'
-        Gu = G + W * Delta;
-    case 'inverse-multiplicative'
-        Gu = G * feedback(1, W * Delta);
-    case 'inverse-additive'
-        Gu = feedback(G, W * Delta);
+CASES
 end
 end
-"""
+""".replace("CASES", "\n".join(f"    case '{form.name}'\n        Gu = {form.matlab};" for form in FORMS.values()))
 CONTROLLER_LOADER = """function [K, content] = NAME(file)
 %NAME  Controller from FILE, negative feedback u = K (r - y).
 %   K        ss

@@ -18,8 +18,8 @@ from nlfrf.shared.whole_files import write_text
 from nlfrf.shared.wording import shown
 from robust.files.biquads import controller_sections
 from robust.systems.realisation import state_space
-from robust.uncertain.forms import PARTS
 from robust.uncertain.model import UncertaintyModel
+from robust.uncertain.radius import PARTS
 
 __all__ = [
     "CONTROLLER_SCHEMA",

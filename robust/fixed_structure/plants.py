@@ -16,6 +16,7 @@ from robust.analysis.loop import Assembly, assemble
 from robust.systems.lti import in_s, poles, response, timebase, zeros
 from robust.systems.nyquist import continued, integrators, slope_at_start
 from robust.systems.realisation import state_space
+from robust.uncertain.forms import FORMS, RELATIVE
 from robust.uncertain.measured import as_seen, on_lines
 from robust.uncertain.model import UncertaintyModel
 
@@ -75,7 +76,8 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         loop, n_integrators, lowest = None, slope_at_start(omega, G), float(omega[0])
         n = omega.size
         omega, G = continued(omega, G, n_integrators, decades=3.0, points=60)
-        w = np.concatenate([np.full(omega.size - n, w[0]) * (np.abs(G[:-n] / G[-n]) if form == "additive" else 1.0), w])
+        below = np.ones(omega.size - n) if FORMS[form].through else np.abs(G[:-n] / G[-n])
+        w = np.concatenate([w[0] * below, w])
         above = omega[-1] * np.geomspace(1.2, 100, 14)
         above = above[above * dt < 0.99 * np.pi]
         known = np.arange(omega.size + above.size) < omega.size
@@ -85,7 +87,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         if not isinstance(plant, UncertaintyModel):
             G_ss = state_space("plant", plant)
             nothing = control.StateSpace([], [], [], [[0.0]], timebase(G_ss))
-            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form="multiplicative", omega=np.zeros(0))
+            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=RELATIVE, omega=np.zeros(0))
         step = timebase(plant.nominal)
         if step and dt and abs(step / dt - 1) > 1e-9:
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
@@ -96,8 +98,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         n_integrators, lowest = integrators(loop.G, loop.dt), float(omega[0])
         known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)
-    inverse = form.startswith("inverse")
-    w = w * size if form == "inverse-additive" else w / np.maximum(size, 1e-300) if form == "additive" else w
+    inverse, w = FORMS[form].inverse, FORMS[form].relative(w, size)
     disc = w < LARGEST_DISC
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)

@@ -14,7 +14,8 @@ import numpy as np
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
-from robust.systems.lti import in_series, response
+from robust.systems.connections import in_series
+from robust.systems.lti import response
 from robust.systems.realisation import from_roots
 
 __all__ = ["FASTEST", "FASTEST_SAMPLED", "Basis", "structure_of"]

@@ -8,6 +8,7 @@ import numpy as np
 
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
+from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["loop_bounds"]
@@ -54,9 +55,9 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     omega = model.omega
     p = np.abs(response(state_space("w_P", w_P), omega))
     w, size = np.abs(response(model.weight, omega)), np.abs(model.at(omega))
-    w = w / size if model.form == "additive" else w * size if model.form == "inverse-additive" else w
+    w = FORMS[model.form].relative(w, size)
     with np.errstate(divide="ignore", invalid="ignore"):
-        if model.form.startswith("inverse"):
+        if FORMS[model.form].inverse:
             # |1 + w Delta| runs from 1 - w to 1 + w: p |1 + w Delta| <= ||L| - |1 + w Delta|| for all of them
             least, most = (1 + w) * (1 + p), (1 - w) * (1 - p)
             hopeless = np.zeros(omega.size, dtype=bool)

@@ -6,7 +6,8 @@ import control
 import numpy as np
 
 from nlfrf.shared.arguments import integer, nonnegative, positive
-from robust.systems.lti import in_series, response
+from robust.systems.connections import in_series
+from robust.systems.lti import response
 from robust.systems.realisation import from_roots
 
 __all__ = ["control_weight", "delay_weight", "performance_weight"]

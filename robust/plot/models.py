@@ -11,6 +11,7 @@ from robust.modelling.nominal import NominalFit
 from robust.modelling.orders import OrderScan
 from robust.plot.colours import COLOR, hz
 from robust.systems.lti import response
+from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.validation import Validation
 
@@ -60,15 +61,7 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     G = model.at(omega)
     w = np.abs(response(model.weight, omega))
     size = np.abs(G)
-    low, high = {
-        "multiplicative": lambda: (size * (1 - w), size * (1 + w)),
-        "additive": lambda: (size - w, size + w),
-        "inverse-multiplicative": lambda: (size / (1 + w), np.where(w < 1, size / np.abs(1 - w), np.inf)),
-        "inverse-additive": lambda: (
-            size / (1 + w * size),
-            np.where(w * size < 1, size / np.abs(1 - w * size), np.inf),
-        ),
-    }[model.form]()
+    low, high = FORMS[model.form].gains(w, size)
     floor, ceiling = size.min() * 1e-2, size.max() * 1e2
     band = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
     ax.fill_between(hz(omega), *band, color=COLOR["weight"], alpha=0.25, lw=0, label="gains of the set")

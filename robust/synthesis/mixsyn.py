@@ -13,6 +13,7 @@ from robust.synthesis.hinfsyn import hinfsyn
 from robust.systems.lti import constant, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delayed, discretize, sampled
+from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["mixsyn"]
@@ -90,10 +91,11 @@ def mixsyn(
     dt = step or dt
     weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
     if is_model(model):
-        place = {"multiplicative": "w_T", "additive": "w_u", "inverse-multiplicative": "w_P"}
-        if model.form not in place:
-            raise ValueError(f"model must be of the form {', '.join(place)}, got {model.form}")
-        weights[place[model.form]].append(model.weight)
+        place = FORMS[model.form].tames
+        if not place:
+            possible = ", ".join(name for name, form in FORMS.items() if form.tames)
+            raise ValueError(f"model must be of the form {possible}, got {model.form}")
+        weights[place].append(model.weight)
     stacked = [(name, on_time_base(name, w, dt)) for name, many in weights.items() for w in many if w is not None]
     found = hinfsyn(weighted_plant(G, stacked, dt), 1, 1, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)

@@ -12,7 +12,8 @@ from nlfrf.shared.arguments import positive, real
 from robust.synthesis.design import Design
 from robust.systems.bilinear import to_continuous, to_discrete
 from robust.systems.closed_loop import closed_loop
-from robust.systems.lti import constant, in_series, response, timebase
+from robust.systems.connections import in_series
+from robust.systems.lti import constant, response, timebase
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import from_roots, state_space
 from robust.uncertain.model import UncertaintyModel

@@ -5,8 +5,9 @@ r --->(+)-- e -->[ K ]-- u -->[ G ]---+--> y        L = G K,  S = 1/(1 + L),  T 
        +------------------------------+
 
 realisation  whatever a user calls a system, as one state space
-lti          response, poles, zeros, series
+lti          response, poles, zeros
 closed_loop  the loop above as one state space, with the ports of an uncertainty
+connections  systems in series, in parallel, in a loop of their own
 lft          systems closed through one another (linear fractional transformations)
 sampling     plants as a sampled controller sees them; controllers made discrete
 bilinear     the map between the circle and the axis

@@ -11,7 +11,6 @@ __all__ = [
     "constant",
     "evaluate",
     "in_s",
-    "in_series",
     "on_axis",
     "poles",
     "response",
@@ -125,19 +124,6 @@ def stable(system: control.StateSpace) -> bool:
     """Whether every pole lies strictly inside the stability region."""
     p = poles(system)
     return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
-
-
-def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.StateSpace:
-    """First system first: the output of each drives the next; all states are kept."""
-    total = systems[0]
-    for system in systems[1:]:
-        nt, ns = total.nstates, system.nstates
-        A = np.block([[total.A, np.zeros((nt, ns))], [system.B @ total.C, system.A]])
-        B = np.vstack([total.B, system.B @ total.D])
-        C = np.hstack([system.D @ total.C, system.C])
-        step = total.dt if constant(system) or total.dt is not None else system.dt
-        total = control.StateSpace(A, B, C, system.D @ total.D, system.dt if constant(total) else step)
-    return total if dt is None else control.StateSpace(total.A, total.B, total.C, total.D, dt)
 
 
 def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:

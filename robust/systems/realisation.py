@@ -9,7 +9,8 @@ import control
 import numpy as np
 
 from nlfrf.shared.wording import shown
-from robust.systems.lti import constant, in_series, poles, response, scaled_states, stable, timebase
+from robust.systems.connections import in_series
+from robust.systems.lti import constant, poles, response, scaled_states, stable, timebase
 
 __all__ = [
     "frequency_response",

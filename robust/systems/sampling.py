@@ -10,7 +10,8 @@ from scipy.linalg import expm
 
 from nlfrf.shared.arguments import nonnegative, positive
 from robust.systems.bilinear import to_discrete
-from robust.systems.lti import in_series, timebase
+from robust.systems.connections import in_series
+from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
 
 __all__ = ["delay_samples", "delayed", "discretize", "sampled"]

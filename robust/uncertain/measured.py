@@ -11,6 +11,7 @@ from nlfrf import Bla
 from nlfrf.shared.wording import shown
 from robust.modelling.nominal import frd
 from robust.systems.lti import response
+from robust.uncertain.forms import RELATIVE
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import record_disc, total_of
 
@@ -38,11 +39,11 @@ def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str]:
     """Frequencies, plant, form, weight (nan: none) and class of whatever FRF was given."""
     if isinstance(model, Bla):
         disc = total_of(record_disc(model, frd(model), 0.95, False, True, None))
-        return model.omega, model.G, "multiplicative", disc / np.abs(model.G) + 0j, "statistical"
+        return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical"
     if isinstance(model, control.FrequencyResponseData):
         if (model.ninputs, model.noutputs) != (1, 1):
             raise ValueError(f"model must have one input and one output, got {shown(model)}")
         omega = np.asarray(model.omega, dtype=float)
-        return omega, np.asarray(model.frdata[0, 0]), "multiplicative", np.full(omega.size, np.nan + 0j), "LTI"
+        return omega, np.asarray(model.frdata[0, 0]), RELATIVE, np.full(omega.size, np.nan + 0j), "LTI"
     weight = response(model.weight, model.omega)
     return model.omega, model.at(model.omega), model.form, weight, model.perturbation

@@ -28,9 +28,9 @@ from robust.modelling.weights import fit_weight
 from robust.systems.lti import response, stable, timebase
 from robust.systems.realisation import frequency_response, least_stable, state_space
 from robust.systems.sampling import delayed
-from robust.uncertain.forms import FORMS, PARTS, PERTURBATIONS, absolute_to_form, perturbed_response
+from robust.uncertain.forms import FORMS, PERTURBATIONS, RELATIVE
 from robust.uncertain.perturbations import perturbed, random_perturbation
-from robust.uncertain.radius import DECADES_ABOVE, extrapolated, family, nominal_response, total_of
+from robust.uncertain.radius import DECADES_ABOVE, PARTS, extrapolated, family, nominal_response, total_of
 
 __all__ = ["UncertaintyModel", "uncertainty"]
 
@@ -110,7 +110,7 @@ class UncertaintyModel:
     source: str = "not stated"
 
     def __post_init__(self) -> None:
-        one_of("form", self.form, FORMS)
+        one_of("form", self.form, tuple(FORMS))
         one_of("perturbation", self.perturbation, PERTURBATIONS)
         omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=1)
         if omega.shape != radius.shape or omega.size == 0:
@@ -180,12 +180,7 @@ class UncertaintyModel:
         """
         omega, G = frequency_response("plant", plant, self.omega)
         nominal = self.at(omega)
-        deviation = {
-            "multiplicative": lambda: (G - nominal) / nominal,
-            "additive": lambda: G - nominal,
-            "inverse-multiplicative": lambda: (nominal - G) / G,
-            "inverse-additive": lambda: (nominal - G) / (nominal * G),
-        }[self.form]()
+        deviation = FORMS[self.form].deviation(G, nominal)
         return np.abs(deviation) / np.abs(response(self.weight, omega))
 
     def at(self, omega: np.ndarray) -> np.ndarray:
@@ -216,9 +211,8 @@ class UncertaintyModel:
                 break
             Delta = random_perturbation(rng, self.omega[0], self.omega[-1], timebase(self.weight))
             if self.measured_only:
-                deviated = perturbed_response(
-                    self.form, *(self.at(self.omega), response(self.weight, self.omega)), response(Delta, self.omega)
-                )
+                w, D = response(self.weight, self.omega), response(Delta, self.omega)
+                deviated = FORMS[self.form].perturbed(self.at(self.omega), w, D)
                 plant: Any = control.FrequencyResponseData(deviated, self.omega)
             else:
                 plant = perturbed(self.form, self.nominal, self.weight, Delta)
@@ -234,7 +228,7 @@ def uncertainty(
     bla: Bla | Sequence[Bla],
     nominal: Any,
     *,
-    form: str = "multiplicative",
+    form: str = RELATIVE,
     order: int = 4,
     confidence: float = 0.95,
     simultaneous: bool = False,
@@ -301,7 +295,7 @@ def uncertainty(
     many = list(bla) if isinstance(bla, Sequence) else [bla]
     if not many or not all(isinstance(b, Bla) for b in many):
         raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
-    one_of("form", form, FORMS)
+    one_of("form", form, tuple(FORMS))
     p = probability("confidence", confidence)
     below, above = slope("below", below), slope("above", above)
     delay = 0.0
@@ -314,7 +308,7 @@ def uncertainty(
     omega, discs = family(many, nominal, p, simultaneous, even, systematic)
     center = np.abs(nominal_response(nominal, omega))
     absolute = total_of(discs)
-    factor = absolute_to_form(form, omega, absolute, center)
+    factor = FORMS[form].radius_factor(omega, absolute, center)
     radius = absolute * factor
     dt = 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
     if dt:

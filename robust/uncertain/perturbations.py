@@ -1,50 +1,20 @@
-"""Plants of a set: perturbations of gain at most one, and what they make of a nominal."""
+"""Plants of a set, from perturbations of gain at most one."""
 
 from __future__ import annotations
 
 import control
 import numpy as np
 
-from robust.systems.lti import in_series
+from robust.systems.connections import in_series
 from robust.systems.realisation import from_roots
+from robust.uncertain.forms import FORMS
 
 __all__ = ["perturbed", "random_perturbation", "with_phase"]
 
 
 def perturbed(form: str, G: control.StateSpace, w: control.StateSpace, Delta: control.StateSpace) -> control.StateSpace:
     """The perturbed plant as a system."""
-    X = in_series(Delta, w)
-    if form == "multiplicative":
-        return in_series(one_plus(X), G)
-    if form == "inverse-multiplicative":
-        return in_series(inverse(one_plus(X)), G)
-    n, m = G.nstates, X.nstates
-    if form == "additive":
-        A = np.block([[G.A, np.zeros((n, m))], [np.zeros((m, n)), X.A]])
-        return control.StateSpace(A, np.vstack([G.B, X.B]), np.hstack([G.C, X.C]), G.D + X.D, G.dt)
-    # y = G (u - X y): the two direct terms close a loop of their own
-    k = 1 / (1 + G.D[0, 0] * X.D[0, 0])
-    A = np.block(
-        [
-            [G.A - k * X.D[0, 0] * G.B @ G.C, -G.B @ X.C * k],
-            [k * X.B @ G.C, X.A - k * G.D[0, 0] * X.B @ X.C],
-        ]
-    )
-    B = np.vstack([k * G.B, k * G.D[0, 0] * X.B])
-    return control.StateSpace(A, B, np.hstack([k * G.C, -k * G.D[0, 0] * X.C]), k * G.D, G.dt)
-
-
-def one_plus(X: control.StateSpace) -> control.StateSpace:
-    """1 + X."""
-    return control.StateSpace(X.A, X.B, X.C, X.D + 1, X.dt)
-
-
-def inverse(X: control.StateSpace) -> control.StateSpace:
-    """1 / X for a biproper X."""
-    d = X.D[0, 0]
-    if abs(d) < 1e-9:
-        raise ValueError("form must leave the perturbed plant proper, got 1 + weight Delta = 0 at infinite frequency")
-    return control.StateSpace(X.A - X.B @ X.C / d, X.B / d, -X.C / d, [[1 / d]], X.dt)
+    return FORMS[form].system(G, in_series(Delta, w))
 
 
 def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:

@@ -11,11 +11,12 @@ from scipy.stats import f as fisher
 from nlfrf import Bla
 from robust.systems.lti import response
 from robust.systems.realisation import frequency_response
-from robust.uncertain.forms import PARTS
 
-__all__ = ["DECADES_ABOVE", "extrapolated", "family", "nominal_response", "record_disc", "total_of"]
+__all__ = ["DECADES_ABOVE", "PARTS", "extrapolated", "family", "nominal_response", "record_disc", "total_of"]
 
 
+#: What a radius is made of.
+PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 MISFIT_WINDOW = 9
 DECADES_ABOVE = 2.0
 

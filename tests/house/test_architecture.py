@@ -262,3 +262,13 @@ def test_the_library_never_prints():
         if not name.endswith(".cli"):
             calls = [n for n in ast.walk(tree) if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "print"]
             assert not calls, f"{name} prints"
+
+
+def test_forms_are_named_in_one_room():
+    """A further form of uncertainty is one row of the table: no other room asks for a form by its name."""
+    from robust.uncertain.forms import FORMS
+
+    for name, tree in ROOMS.items():
+        if name != "robust.uncertain.forms":
+            named = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and n.value in tuple(FORMS)}
+            assert not named, f"{name} asks for {named}"

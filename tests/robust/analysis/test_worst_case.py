@@ -18,7 +18,7 @@ from robust import (
     worst_case,
 )
 from robust.systems.lti import response
-from robust.uncertain.forms import perturbed_response
+from robust.uncertain import forms
 from robust.uncertain.perturbations import all_pass, perturbed, random_perturbation, with_phase
 from tests.support.bla import make_bla
 
@@ -134,7 +134,7 @@ def test_perturbed_systems_are_what_the_formula_says(form):
     G = control.ss([[-1.0, 0], [1, -2]], [[1.0], [0]], [[0, 3.0]], [[0.5]])
     Delta = random_perturbation(np.random.default_rng(0), 1, 100, 0)
     omega = np.geomspace(0.1, 100, 30)
-    wanted = perturbed_response(form, *(response(s, omega) for s in (G, W, Delta)))
+    wanted = forms.FORMS[form].perturbed(*(response(s, omega) for s in (G, W, Delta)))
     assert response(perturbed(form, G, W, Delta), omega) == pytest.approx(wanted, rel=1e-9)
 
 
