@@ -18,7 +18,7 @@ from nlfrf.identification.leastsquares import power, two_unknowns
 from nlfrf.identification.neighbours import KEPT, nearest
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
+__all__ = ["LEAST", "LocalFit", "NOISE_LINES", "fit_locally"]
 
 
 ORDER = 2

@@ -23,7 +23,7 @@ from nlfrf import Bla
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.wording import shown
 from robust.analysis.check_lines import check_lines
-from robust.analysis.loop import Assembly, assemble, nominal_instability, performance_margin
+from robust.analysis.loop import Loop, assemble, nominal_instability, performance_margin
 from robust.analysis.proofs import prove_performance, prove_stability
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import advice, context, judge, sentences
@@ -148,7 +148,7 @@ def check(
     )
 
 
-def responses(loop: Assembly, omega: np.ndarray) -> dict[str, Any]:
+def responses(loop: Loop, omega: np.ndarray) -> dict[str, Any]:
     """What the loop is made of, on the grid of the report."""
     return {
         "G": loop.plant(omega),
@@ -157,7 +157,7 @@ def responses(loop: Assembly, omega: np.ndarray) -> dict[str, Any]:
     }
 
 
-def unstable(model: UncertaintyModel, loop: Assembly, omega: np.ndarray, reason: str) -> RobustnessReport:
+def unstable(model: UncertaintyModel, loop: Loop, omega: np.ndarray, reason: str) -> RobustnessReport:
     """The report on a loop that is not stable to begin with: no margins."""
     nothing = np.full(omega.size, np.nan)
     S = loop.terms(omega)[0]

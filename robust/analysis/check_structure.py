@@ -17,7 +17,7 @@ from robust.mu.certify import certify_mu
 from robust.mu.lower import mu_lower
 from robust.mu.real_parameters import Crossing, crossing
 from robust.mu.upper import bound, mu_upper, refined
-from robust.systems.grids import grid
+from robust.systems.grids import structure_grid
 from robust.systems.lti import along
 from robust.systems.stability import instability
 from robust.uncertain.interconnection import UncertainSystem
@@ -147,7 +147,7 @@ def check_structure(system: UncertainSystem, *, certify: bool = True) -> Structu
         raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {shown(system)}")
     if not system.blocks:
         raise ValueError("system must have at least one block to check, got none")
-    omega = grid(system.N)
+    omega = structure_grid(system.N)
     wrong = instability(system.N)
     if wrong:
         nothing = np.full(omega.size, np.nan)

@@ -10,7 +10,7 @@ import numpy as np
 from nlfrf.shared.arguments import integer, real
 from nlfrf.shared.values import value
 from robust.mu.upper import mu_upper, refined
-from robust.systems.grids import grid
+from robust.systems.grids import structure_grid
 from robust.systems.lft import lower
 from robust.systems.nyquist import winding
 from robust.systems.realisation import multivariable
@@ -139,7 +139,7 @@ def of_system(L: Any, skew: float) -> tuple[float, float, str]:
         return np.nan, np.nan, f"the loop is {unstable}"
 
     M = control.StateSpace(S.A, S.B, S.C, S.D + (skew - 1) / 2 * one, S.dt)
-    omega, found = refined(M, [(1, 1)] * n, grid(M))
+    omega, found = refined(M, [(1, 1)] * n, structure_grid(M))
     return limit(omega, found)
 
 

@@ -13,14 +13,15 @@ from nlfrf.shared.values import value
 from robust.certificates.intervals import Magnitude, magnitude
 from robust.systems.closed_loop import closed_loop, factor_allowed, worst_sensitivity
 from robust.systems.connections import in_series
-from robust.systems.lti import constant, in_s, poles, response, timebase, zeros
+from robust.systems.grids import highest, loop_grid
+from robust.systems.lti import constant, response, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import certain_poles, moved_out
 from robust.uncertain.forms import FORMS, worst_terms
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["Assembly", "assemble", "nominal_instability", "performance_margin", "weighted"]
+__all__ = ["Loop", "assemble", "nominal_instability", "performance_margin", "weighted"]
 
 
 DELAY_ORDER = 8
@@ -29,7 +30,7 @@ N_ALIASES = 30
 
 
 @value
-class Assembly:
+class Loop:
     """A loop ready to be judged.
 
     Fields
@@ -69,7 +70,7 @@ class Assembly:
         """Highest frequency that means anything [rad/s]."""
         return np.pi / self.dt if self.dt else np.inf
 
-    def with_plant(self, G: control.StateSpace) -> Assembly:
+    def with_plant(self, G: control.StateSpace) -> Loop:
         """The same loop around another plant, as the controller sees it."""
         return replace(self, G=G, short=G, shift=0.0)
 
@@ -138,54 +139,13 @@ class Assembly:
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
-        features = [np.abs(lines)]
         A = closed_loop(self.G, self.K, ("e",), ("r",))[0]
-        loop_poles = np.linalg.eigvals(A) if A.size else np.zeros(0, complex)
-        roots = [in_s(loop_poles, self.dt)]
-        for system in (self.G, self.K, self.weight, self.w_P):
-            if system is not None and system.nstates:
-                roots += [in_s(poles(system), timebase(system)), in_s(zeros(system), timebase(system))]
-        s = np.concatenate(roots)
-        s = s[np.isfinite(s) & (np.abs(s) > 0)]
-        features.append(np.abs(s))
-        size = np.concatenate(features)
-        centre = np.median(size)
-        size = size[(size > 1e-9 * centre) & (size < 1e9 * centre)]
-        low, high = size.min() / 100, min(size.max() * 100, self.top)
-        sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
-        near = sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.tan(np.linspace(-1.4, 1.4, 41))
-        keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
-        omega = np.unique(np.concatenate([keep, np.geomspace(low, high, 500), near.ravel()]))
-        return omega[(omega >= low) & (omega <= min(high, self.top * (1 - 1e-9)))]
+        parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
+        return loop_grid(lines, np.linalg.eigvals(A) if A.size else np.zeros(0, complex), parts, self.dt)
 
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
-        """Largest value of a curve and where: on the grid, far outside it, and refined.
-
-        Where the curve is flat, the place is the one nearest to the band.
-        """
-        far = [omega[0] * 1e-5, min(omega[-1] * 1e5, self.top * (1 - 1e-12))]
-        points = np.unique(np.concatenate([omega, far]))
-        values = curve(points)
-        values = np.where(np.isnan(values), np.inf, values)
-        best, where = float(values.max()), float(points[values.argmax()])
-        inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
-        inner = inner[np.argsort(-values[inner])][:5]
-        low, high = np.log(points[inner - 1]), np.log(points[inner + 1])
-        for _ in range(6 if inner.size else 0):  # all maxima at once, ten times closer each time
-            near = low[:, None] + np.linspace(0, 1, 21) * (high - low)[:, None]
-            zoom = curve(np.exp(near.ravel())).reshape(near.shape)
-            zoom = np.where(np.isnan(zoom), np.inf, zoom)
-            top = zoom.argmax(axis=1)
-            each = np.arange(inner.size)
-            if zoom.max() > best:
-                best, where = float(zoom.max()), float(np.exp(near.flat[zoom.argmax()]))
-            low, high = near[each, np.maximum(top - 1, 0)], near[each, np.minimum(top + 1, 20)]
-        flat = points[values >= best * (1 - 1e-4)]
-        if flat.size:
-            away = np.abs(np.log(np.clip(flat, *band) / flat))
-            if away.min() < abs(np.log(np.clip(where, *band) / where)):
-                where = float(flat[away.argmin()])
-        return best, where
+        """Largest value of a curve of this loop and where (`systems.grids.highest`)."""
+        return highest(curve, omega, band, self.top)
 
     def weight_bound(self, system: control.StateSpace) -> Any:
         """f(x_low, x_high) bounding |system| over an interval of the axis the loop is proved on."""
@@ -208,7 +168,7 @@ class Assembly:
         return FORMS[self.form].ports
 
 
-def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembly:
+def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
     """Put plant and controller on one time base, or refuse what does not fit together."""
     K = state_space("K", K)
     delay = nonnegative("delay", delay)
@@ -243,7 +203,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembl
     if w_P is not None:
         w_P = stable_weight("w_P", w_P, dt)
     closed_loop(G, K, ("e",), ("r",))  # refuses a loop without a solution
-    return Assembly(
+    return Loop(
         G=G,
         K=K,
         dt=dt,
@@ -257,7 +217,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Assembl
     )
 
 
-def nominal_instability(loop: Assembly) -> str:
+def nominal_instability(loop: Loop) -> str:
     """Empty where every pole of the loop, hidden modes included, is stable beyond rounding; else what is wrong.
 
     A delay in a continuous loop is taken as it is, not by its approximation.
@@ -280,13 +240,13 @@ def nominal_instability(loop: Assembly) -> str:
     return f"unstable: the nominal loop with its delay has {total:g} unstable poles" if total else ""
 
 
-def weighted(assembly: Assembly) -> control.StateSpace:
+def weighted(loop: Loop) -> control.StateSpace:
     """The function whose norm decides robust stability, as one system; the weight runs on the time base of the loop."""
-    out, into = assembly.ports()
-    return in_series(assembly.closed((out,), (into,)), assembly.weight, dt=assembly.dt)
+    out, into = loop.ports()
+    return in_series(loop.closed((out,), (into,)), loop.weight, dt=loop.dt)
 
 
-def performance_margin(loop: Assembly, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
+def performance_margin(loop: Loop, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
     """Largest factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited."""
     if loop.w_P is None:
         return np.nan, np.nan

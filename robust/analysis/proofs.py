@@ -1,4 +1,4 @@
-"""Proofs about an assembled loop: robust stability and robust performance at every frequency."""
+"""Proofs about a loop: robust stability and robust performance at every frequency."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from nlfrf.shared.wording import hertz
-from robust.analysis.loop import Assembly, weighted
+from robust.analysis.loop import Loop, weighted
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.intervals import Outcome, around, prove
-from robust.certificates.single_loop import Loop, product, prove_loop
+from robust.certificates.single_loop import LoopFactors, product, prove_loop
 from robust.systems.bilinear import Matrices, continuous_image
 from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import constant, evaluate, on_axis, response, timebase
@@ -25,7 +25,7 @@ __all__ = ["prove_performance", "prove_stability"]
 BUDGET = 3.0  # seconds for each proof by intervals
 
 
-def prove_stability(loop: Assembly, omega: np.ndarray, solver: str) -> Certificate:
+def prove_stability(loop: Loop, omega: np.ndarray, solver: str) -> Certificate:
     """|b| < 1 at every frequency: by a linear matrix inequality, else interval by interval."""
     subject = "robust stability"
     before = ""
@@ -38,12 +38,12 @@ def prove_stability(loop: Assembly, omega: np.ndarray, solver: str) -> Certifica
     return as_certificate(subject, outcome, "interval by interval", before)
 
 
-def parts(loop: Assembly, *, performance: bool) -> Loop:
+def parts(loop: Loop, *, performance: bool) -> LoopFactors:
     """The loop as `prove_loop` takes it."""
     G, K, w, tau = loop.short, loop.K, loop.weight, loop.shift
     form, named = FORMS[loop.form], {"w": w, "G": G, "K": K}
     read, beside = [named[name] for name in form.read], tuple(named[name] for name in form.beside)
-    return Loop(
+    return LoopFactors(
         L=product(G, K, delay=tau),
         q=product(*read, delay=tau if "G" in form.read else 0.0),
         relative=product(w, over=beside, delay=-tau if "G" in form.beside else 0.0),
@@ -52,7 +52,7 @@ def parts(loop: Assembly, *, performance: bool) -> Loop:
     )
 
 
-def prove_performance(loop: Assembly, omega: np.ndarray, *, one_scaling: bool) -> Certificate:
+def prove_performance(loop: Loop, omega: np.ndarray, *, one_scaling: bool) -> Certificate:
     """|w_P| max |S_p| < 1 at every frequency, interval by interval.
 
     For an operator perturbation it is the norm of the two-block loop under one scaling that holds at all frequencies.
@@ -80,7 +80,7 @@ def prove_performance(loop: Assembly, omega: np.ndarray, *, one_scaling: bool) -
     return as_certificate(subject, in_omega(loop, outcome), "Hamiltonian with one scaling, interval by interval")
 
 
-def loop_matrix(loop: Assembly, omega: np.ndarray) -> np.ndarray:
+def loop_matrix(loop: Loop, omega: np.ndarray) -> np.ndarray:
     """(W, 2, 2) weighted response from (perturbation, r) to (perturbation, e)."""
     out, into = loop.ports()
     matrices = closed_loop(loop.G, loop.K, (out, "e"), (into, "r"))
@@ -88,7 +88,7 @@ def loop_matrix(loop: Assembly, omega: np.ndarray) -> np.ndarray:
     return evaluate(*matrices, on_axis(omega, loop.dt)) * rows[:, :, None]
 
 
-def best_constant(loop: Assembly, omega: np.ndarray) -> float:
+def best_constant(loop: Loop, omega: np.ndarray) -> float:
     """The one scaling d that keeps the largest singular value lowest over the grid (convex in log d)."""
     matrices = loop_matrix(loop, omega)
 
@@ -100,14 +100,14 @@ def best_constant(loop: Assembly, omega: np.ndarray) -> float:
     return float(np.exp(minimize_scalar(largest, bracket=(np.log(start) - 1, np.log(start) + 1)).x))
 
 
-def starting_points(loop: Assembly, A: np.ndarray, omega: np.ndarray) -> np.ndarray:
+def starting_points(loop: Loop, A: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Where to cut the axis first: around the resonances of the loop."""
     size = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     size = size[(size > 0) & np.isfinite(size)]
     return around(np.concatenate([size, loop.x_of(omega[[0, omega.size // 2, -1]])]))
 
 
-def in_omega(loop: Assembly, outcome: Outcome) -> Outcome:
+def in_omega(loop: Loop, outcome: Outcome) -> Outcome:
     """An outcome on the axis of `prove`, in rad/s."""
     return replace(outcome, intervals=loop.omega_of(outcome.intervals), violated_at=loop.omega_of(outcome.violated_at))
 

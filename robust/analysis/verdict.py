@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.shared.wording import hertz
-from robust.analysis.loop import Assembly
+from robust.analysis.loop import Loop
 from robust.certificates.certificate import Certificate
 from robust.systems.lti import poles, response
 from robust.uncertain.model import UncertaintyModel
@@ -127,7 +127,7 @@ def context(model: Any, loop: Any) -> str:
 
 def judge(
     model: UncertaintyModel,
-    loop: Assembly,
+    loop: Loop,
     peak: float,
     omega_rs: float,
     violation: bool,

@@ -113,7 +113,7 @@ def certify_norm(
             reasons.append(said)
             continue
         # judged in the coordinates of the proposal: there rounding is smallest
-        failure = judged(*(to_discrete(*there) if dt else there), (X + X.T) / 2, discrete=bool(dt))
+        failure = judge_inequality(*(to_discrete(*there) if dt else there), (X + X.T) / 2, discrete=bool(dt))
         if not failure:
             return Certificate(
                 subject=subject, holds=True, level=level, method=method, intervals=np.array([[0.0, top]]), reason=""
@@ -171,7 +171,9 @@ def proposed(matrices: Matrices, solver: str, time_cap: float) -> tuple[np.ndarr
     return np.asarray(X.value, dtype=float), ""
 
 
-def judged(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, P: np.ndarray, *, discrete: bool) -> str:
+def judge_inequality(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, P: np.ndarray, *, discrete: bool
+) -> str:
     """Empty if P > 0 and the bounded-real inequality at level one hold by more than rounding, else what fails."""
     n, m = B.shape
     a, b, c, d, p = (np.abs(matrix) for matrix in (A, B, C, D, P))

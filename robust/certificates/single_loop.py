@@ -18,7 +18,7 @@ from robust.certificates.intervals import Outcome
 from robust.systems.closed_loop import worst_sensitivity
 from robust.systems.lti import in_s, on_axis, poles, response, timebase, zeros
 
-__all__ = ["Loop", "product", "prove_loop"]
+__all__ = ["LoopFactors", "product", "prove_loop"]
 
 
 MOST_INTERVALS = 300_000
@@ -113,7 +113,7 @@ def product(*systems: control.StateSpace, over: tuple[control.StateSpace, ...] =
 
 
 @value
-class Loop:
+class LoopFactors:
     """What a proof needs: L, q with b = q S, q / L, and the performance weight; for the inverse forms also a = q."""
 
     L: Product
@@ -163,7 +163,7 @@ class Loop:
             return np.where((b < 1) & ~np.isnan(found), found, np.inf)
 
 
-def prove_loop(loop: Loop, lines: np.ndarray, top: float, *, time_cap: float) -> Outcome:
+def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: float) -> Outcome:
     """Prove |b| < 1, or with w_P that |w_P| max |S_p| < 1, at every frequency up to top [rad/s].
 
     lines : frequencies [rad/s] to cut at first.

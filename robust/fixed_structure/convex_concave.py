@@ -14,13 +14,13 @@ import numpy as np
 
 from nlfrf.shared.values import value
 from robust.fixed_structure.cone_program import Rows, Step, solve
-from robust.fixed_structure.demands import Row
-from robust.fixed_structure.plants import Seen
+from robust.fixed_structure.demands import Demand
+from robust.fixed_structure.plants import SeenPlant
 from robust.fixed_structure.starts import loops_stable
 from robust.fixed_structure.structures import Basis
 from robust.systems.nyquist import unstable_poles
 
-__all__ = ["Task", "iterate"]
+__all__ = ["DesignTask", "iterate"]
 
 
 WORKING_LINES = 80
@@ -29,14 +29,14 @@ STEP_GAIN = 1e-4
 
 
 @value
-class Task:
+class DesignTask:
     """All there is to a design: the lines, the demands, and the columns of Y and F X on the lines."""
 
     basis: Basis
-    seen: list[Seen]
-    at: Seen
-    rows: list[Row]
-    objective: Row | None
+    seen: list[SeenPlant]
+    at: SeenPlant
+    rows: list[Demand]
+    objective: Demand | None
     stable: bool
     n_unstable: int
     Y: np.ndarray
@@ -80,7 +80,7 @@ class Task:
         return loops_stable(K, self.seen, self.n_unstable)[1]
 
 
-def linear_rows(task: Task, theta: np.ndarray) -> np.ndarray:
+def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     """(Q, n) what keeps the controller proper, stable and, where asked for, its roots real: rows @ theta >= 0."""
     basis, n_y = task.basis, task.basis.n_y
     shape = basis.structure
@@ -116,7 +116,7 @@ def linear_rows(task: Task, theta: np.ndarray) -> np.ndarray:
     return np.vstack(rows)
 
 
-def working_lines(task: Task, theta: np.ndarray) -> np.ndarray:
+def working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     """(W,) bool: the lines the program begins with, spread over the band, with the peaks of every demand."""
     W = task.at.omega.size
     if W <= 1.5 * WORKING_LINES:
@@ -128,7 +128,7 @@ def working_lines(task: Task, theta: np.ndarray) -> np.ndarray:
     return mask | peaks(task, theta, 8)
 
 
-def peaks(task: Task, theta: np.ndarray, most: int) -> np.ndarray:
+def peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
     """(W,) bool: the largest local maxima of each demand, and every line of a demand on few lines."""
     mask = np.zeros(task.at.omega.size, dtype=bool)
     Y, X = task.split(theta)
@@ -143,7 +143,7 @@ def peaks(task: Task, theta: np.ndarray, most: int) -> np.ndarray:
     return mask
 
 
-def convex_step(task: Task, theta: np.ndarray, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
+def convex_step(task: DesignTask, theta: np.ndarray, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
     """The step about theta, and the way from eta back to theta.
 
     level: the demands themselves are what is minimised, as one of them is not met yet.
@@ -159,7 +159,7 @@ def convex_step(task: Task, theta: np.ndarray, mask: np.ndarray, level: bool) ->
         own = slice(first, first + (task.basis.n_x if first else task.basis.n_y))
         T[own, own] = orthonormal(part[:, own] * size[:, None])
 
-    def arrays(rows: list[Row]) -> Rows:
+    def arrays(rows: list[Demand]) -> Rows:
         parts = []
         for row in rows:
             on = mask[row.index]
@@ -199,7 +199,7 @@ def orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def iterate(
-    task: Task,
+    task: DesignTask,
     starts: list[np.ndarray],
     n_iterations: int,
     deadline: float,
@@ -211,7 +211,7 @@ def iterate(
 
 
 def improved(
-    task: Task,
+    task: DesignTask,
     theta: np.ndarray,
     n_iterations: int,
     deadline: float,
@@ -263,7 +263,7 @@ def better(after: tuple[float, float], before: tuple[float, float], by: float) -
     return after[1] < before[1] - by * abs(before[1])
 
 
-def chosen(task: Task, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
+def chosen(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
     """The best, with the same stability, on the way to the new iterate and beyond; and what stood in the way."""
     P_old, P = task.loop(old), task.loop(new)
     new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the way is a short one

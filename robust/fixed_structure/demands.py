@@ -22,11 +22,11 @@ import numpy as np
 from nlfrf.shared.arguments import real
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
-from robust.fixed_structure.plants import Seen
+from robust.fixed_structure.plants import SeenPlant
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
 
-__all__ = ["Row", "end_row", "limit_rows", "objective_row", "weight_rows"]
+__all__ = ["Demand", "end_row", "limit_rows", "objective_row", "weight_rows"]
 
 
 #: The set must stay this far inside stability, so that a check can prove it between the lines too.
@@ -34,7 +34,7 @@ BACK_OFF = 0.99
 
 
 @value
-class Row:
+class Demand:
     """One demand: sqrt((a |Y| + b |X|)^2 + (c |X|)^2) <= |y Y + x X| on the lines of `index`.
 
     Fields
@@ -55,12 +55,12 @@ class Row:
     y: np.ndarray
     x: np.ndarray
 
-    def on(self, mask: np.ndarray) -> Row:
+    def on(self, mask: np.ndarray) -> Demand:
         """The same demand on some of the lines, counted among those."""
         keep = mask[self.index]
         place = np.cumsum(mask) - 1
         parts = {name: getattr(self, name)[keep] for name in "abcyx"}
-        return Row(name=self.name, index=place[self.index[keep]], **parts)
+        return Demand(name=self.name, index=place[self.index[keep]], **parts)
 
     def measure(self, Y: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(..., R) left side over right side, from Y and X on all lines: at most one where the demand is met."""
@@ -82,7 +82,7 @@ def limit(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
     return out
 
 
-def objective_row(at: Seen, w_P: Any, w_T: Any, w_u: Any) -> Row | None:
+def objective_row(at: SeenPlant, w_P: Any, w_T: Any, w_u: Any) -> Demand | None:
     """[worst-case performance; w_T T; w_u K S] stacked, whose largest value over the lines is gamma."""
     if w_P is None and w_T is None and w_u is None:
         return None
@@ -98,7 +98,7 @@ def objective_row(at: Seen, w_P: Any, w_T: Any, w_u: Any) -> Row | None:
     return row("gamma", at, a, b, c)
 
 
-def weight_rows(at: Seen, *, w_P: Any, w_T: Any, w_u: Any) -> list[Row]:
+def weight_rows(at: SeenPlant, *, w_P: Any, w_T: Any, w_u: Any) -> list[Demand]:
     """The weights as demands of their own."""
     rows = []
     for name, w, said in (
@@ -112,23 +112,31 @@ def weight_rows(at: Seen, *, w_P: Any, w_T: Any, w_u: Any) -> list[Row]:
     return rows
 
 
-def worst(at: Seen, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def worst(at: SeenPlant, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, sufficient where the set is none."""
     return p * (1 + at.outside) + at.outside, at.radius
 
 
 def row(
-    name: str, at: Seen, a: Any, b: Any, c: Any = 0.0, *, y: Any = 1.0, x: Any = None, index: np.ndarray | None = None
-) -> Row:
+    name: str,
+    at: SeenPlant,
+    a: Any,
+    b: Any,
+    c: Any = 0.0,
+    *,
+    y: Any = 1.0,
+    x: Any = None,
+    index: np.ndarray | None = None,
+) -> Demand:
     """A row on all lines (or some), with the centre of the disc on its right side unless told otherwise."""
     W = at.omega.size
     index = np.flatnonzero(at.known) if index is None else index
     wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}
     right = dict(y=np.broadcast_to(y, W)[index] + 0j, x=(at.centre if x is None else np.broadcast_to(x, W))[index] + 0j)
-    return Row(name=name, index=index, **wide, **right)
+    return Demand(name=name, index=index, **wide, **right)
 
 
-def end_row(seen: list[Seen], at: Seen, most: float) -> list[Row]:
+def end_row(seen: list[SeenPlant], at: SeenPlant, most: float) -> list[Demand]:
     """|L| small from the last line of every FRF on, where the plant is taken to be no larger than there."""
     starts = np.cumsum([0, *(s.omega.size for s in seen)])
     lasts = [
@@ -143,7 +151,7 @@ def end_row(seen: list[Seen], at: Seen, most: float) -> list[Row]:
     return [row(name, at, 0.0, (np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
 
 
-def limit_rows(at: Seen, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: Any) -> list[Row]:
+def limit_rows(at: SeenPlant, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: Any) -> list[Demand]:
     """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them."""
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
@@ -169,7 +177,7 @@ def limit_rows(at: Seen, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: An
     return rows
 
 
-def peak_of_T(at: Seen, M: np.ndarray, name: str) -> Row:
+def peak_of_T(at: SeenPlant, M: np.ndarray, name: str) -> Demand:
     """|T| <= M over the set: exact for M > 1, where L must stay out of a circle; by the triangle below that."""
     big = M > 1 + 1e-6
     square = np.where(big, M**2 - 1, 1.0)
@@ -183,7 +191,7 @@ def peak_of_T(at: Seen, M: np.ndarray, name: str) -> Row:
     return row(name, at, a, b, x=x)
 
 
-def gain_row(at: Seen, name: str, omega: Any, least: Any) -> Row:
+def gain_row(at: SeenPlant, name: str, omega: Any, least: Any) -> Demand:
     """|L| of the nominal at least so large at a frequency."""
     least = real(name, least)
     if least <= 0:
@@ -192,7 +200,7 @@ def gain_row(at: Seen, name: str, omega: Any, least: Any) -> Row:
     return row(f"|L| >= {least:g} at {hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
 
 
-def nearest(at: Seen, name: str, omega: Any) -> np.ndarray:
+def nearest(at: SeenPlant, name: str, omega: Any) -> np.ndarray:
     """The lines nearest to a frequency, one for each plant, or a refusal outside the band."""
     omega = real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])

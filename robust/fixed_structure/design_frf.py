@@ -12,9 +12,9 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf.shared.arguments import integer, nonnegative, one_of, positive, real
 from nlfrf.shared.wording import hertz, shown
-from robust.fixed_structure.convex_concave import Task, iterate
-from robust.fixed_structure.demands import Row, end_row, limit_rows, objective_row, weight_rows
-from robust.fixed_structure.plants import Seen, joined, see
+from robust.fixed_structure.convex_concave import DesignTask, iterate
+from robust.fixed_structure.demands import Demand, end_row, limit_rows, objective_row, weight_rows
+from robust.fixed_structure.plants import SeenPlant, joined, see
 from robust.fixed_structure.starts import find_start, given_start, loops_stable
 from robust.fixed_structure.structures import FASTEST, FASTEST_SAMPLED, Basis, structure_of
 from robust.synthesis.design import Design
@@ -160,7 +160,7 @@ def design_frf(
     rows += end_row(seen, at, positive("end_gain", end_gain))
     basis = basis_for(shape, at, dt, fixed)
     Y, X = basis.columns(at.omega)
-    task = Task(
+    task = DesignTask(
         basis=basis,
         seen=seen,
         at=at,
@@ -228,7 +228,7 @@ def time_base(plants: list[Any], dt: float) -> float:
     return steps.pop() if steps else dt
 
 
-def basis_for(shape: Any, at: Seen, dt: float, fixed: Any) -> Basis:
+def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
     """The structure on the band of the lines."""
     F = state_space("fixed", fixed)
     if not constant(F) and timebase(F) != dt:
@@ -243,7 +243,9 @@ def basis_for(shape: Any, at: Seen, dt: float, fixed: Any) -> Basis:
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
-def finished(task: Task, theta: np.ndarray, history: tuple[float, ...], why: str, objective: Row | None) -> Design:
+def finished(
+    task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str, objective: Demand | None
+) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""
     K = task.basis.controller(theta)
     good, trouble = loops_stable(K, task.seen, task.n_unstable)

@@ -12,15 +12,16 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
-from robust.analysis.loop import Assembly, assemble
-from robust.systems.lti import in_s, poles, response, timebase, zeros
+from robust.analysis.loop import Loop, assemble
+from robust.systems.grids import plant_lines
+from robust.systems.lti import response, timebase
 from robust.systems.nyquist import continued, integrators, slope_at_start
 from robust.systems.realisation import state_space
 from robust.uncertain.forms import FORMS, RELATIVE
 from robust.uncertain.measured import as_seen, on_lines
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["Seen", "joined", "see"]
+__all__ = ["SeenPlant", "joined", "see"]
 
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
@@ -28,7 +29,7 @@ LARGEST_DISC = 0.98
 
 
 @value
-class Seen:
+class SeenPlant:
     """One plant as the controller sees it, hold and delay inside.
 
     Fields
@@ -43,7 +44,7 @@ class Seen:
         |w| where an inverse form comes near |w| = 1 or passes it, so that the set is no disc; zero elsewhere.
     inverse : (W,) ndarray
         |w| of an inverse form on S, zero for the other forms.
-    loop : Assembly or None
+    loop : Loop or None
         The parametric plant, where there is one: then stability is a matter of poles.
     n_integrators : int
         Integrators of the plant; of an FRF by the slope of its first lines.
@@ -59,13 +60,13 @@ class Seen:
     radius: np.ndarray
     outside: np.ndarray
     inverse: np.ndarray
-    loop: Assembly | None
+    loop: Loop | None
     n_integrators: int
     known: np.ndarray
     lowest: float
 
 
-def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...]) -> Seen:
+def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...]) -> SeenPlant:
     """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere."""
     if isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
         omega, G, form, w, _ = on_lines(plant)
@@ -93,7 +94,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
         loop = assemble(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
         lines, form = plant.omega, plant.form
-        omega = grid(loop, lines, extra, weights)
+        omega = design_grid(loop, lines, extra, weights)
         G, w = loop.plant(omega), np.abs(response(loop.weight, omega))
         n_integrators, lowest = integrators(loop.G, loop.dt), float(omega[0])
         known = np.ones(omega.size, dtype=bool)
@@ -103,7 +104,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
     radius = np.where(outside > 0, 0.0, size * w * shrink)
-    return Seen(
+    return SeenPlant(
         omega=omega,
         G=G,
         centre=G * shrink,
@@ -117,15 +118,9 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
     )
 
 
-def grid(loop: Assembly, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...]) -> np.ndarray:
+def design_grid(loop: Loop, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...]) -> np.ndarray:
     """Frequencies [rad/s] to look at a parametric plant: where it, its weight or a demand has features."""
-    if not lines.size:
-        lines = np.array(extra) if extra else np.array([0.1 / loop.dt if loop.dt else 1.0])
-        if loop.G.nstates:
-            s = in_s(np.concatenate([poles(loop.G), zeros(loop.G)]), loop.dt)
-            size = np.abs(s[np.isfinite(s) & (np.abs(s) > 0)])
-            lines = size[size < loop.top * 0.999] if np.any(size < loop.top * 0.999) else lines
-        lines = np.unique(lines)
+    lines = lines if lines.size else plant_lines(loop.G, loop.dt, extra)
     grids = [np.array(extra)]
     for w in (None, *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction)))):
         w = None if w is None else state_space("weight", w)
@@ -135,10 +130,10 @@ def grid(loop: Assembly, lines: np.ndarray, extra: tuple[float, ...], weights: t
     return omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])]
 
 
-def joined(seen: list[Seen]) -> Seen:
+def joined(seen: list[SeenPlant]) -> SeenPlant:
     """All plants of a family, one after the other."""
     parts: dict[str, Any] = {
         name: np.concatenate([getattr(s, name) for s in seen])
         for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
     }
-    return Seen(**parts, loop=None, n_integrators=0, lowest=max(s.lowest for s in seen))
+    return SeenPlant(**parts, loop=None, n_integrators=0, lowest=max(s.lowest for s in seen))

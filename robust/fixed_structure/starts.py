@@ -9,9 +9,9 @@ from typing import Any
 import control
 import numpy as np
 
-from robust.analysis.loop import Assembly, nominal_instability
-from robust.fixed_structure.demands import Row
-from robust.fixed_structure.plants import Seen
+from robust.analysis.loop import Loop, nominal_instability
+from robust.fixed_structure.demands import Demand
+from robust.fixed_structure.plants import SeenPlant
 from robust.fixed_structure.structures import Basis
 from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import response, timebase
@@ -26,7 +26,7 @@ LEAKS = (1e-4, 1e-2)
 MOST_LINES = 60
 
 
-def simple_controllers(basis: Basis, at: Seen) -> tuple[np.ndarray, np.ndarray]:
+def simple_controllers(basis: Basis, at: SeenPlant) -> tuple[np.ndarray, np.ndarray]:
     """(N, n) parameters and (N,) crossovers of PI-like, lead and mixed shapes with |L| = 1 all over the band."""
     shape = basis.structure
     sizes = np.abs(basis.plane(at.omega[at.known]))
@@ -69,7 +69,7 @@ def in_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.
     return theta if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0 else -theta
 
 
-def loops_stable(K: control.StateSpace, seen: list[Seen], n_unstable: int) -> tuple[bool, str]:
+def loops_stable(K: control.StateSpace, seen: list[SeenPlant], n_unstable: int) -> tuple[bool, str]:
     """Whether K stabilises every plant of the family, by poles or by winding number, and if not, what was found."""
     for i, at in enumerate(seen):
         who = f" of plant {i + 1}" if len(seen) > 1 else ""
@@ -90,7 +90,7 @@ def loops_stable(K: control.StateSpace, seen: list[Seen], n_unstable: int) -> tu
     return True, ""
 
 
-def stable_by_poles(loop: Assembly, K: control.StateSpace) -> tuple[bool, str]:
+def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[bool, str]:
     """Whether every pole of a parametric loop is stable beyond rounding."""
     closed = replace(loop, K=K)
     try:
@@ -103,10 +103,10 @@ def stable_by_poles(loop: Assembly, K: control.StateSpace) -> tuple[bool, str]:
 
 def find_start(
     basis: Basis,
-    seen: list[Seen],
-    at: Seen,
-    rows: list[Row],
-    aim: Row | None,
+    seen: list[SeenPlant],
+    at: SeenPlant,
+    rows: list[Demand],
+    aim: Demand | None,
     *,
     n_unstable: int,
     allow_unstable: bool,
@@ -155,7 +155,7 @@ def find_start(
     return found
 
 
-def likely(basis: Basis, theta: np.ndarray, seen: list[Seen], n_unstable: int) -> np.ndarray:
+def likely(basis: Basis, theta: np.ndarray, seen: list[SeenPlant], n_unstable: int) -> np.ndarray:
     """(N,) bool: whether 1 + L winds as it has to for each of many stable controllers, on the lines."""
     out = np.ones(theta.shape[0], dtype=bool)
     n_K = basis.structure.n_integrators + integrators(basis.fixed, basis.dt)
@@ -174,7 +174,7 @@ def likely(basis: Basis, theta: np.ndarray, seen: list[Seen], n_unstable: int) -
     return out
 
 
-def given_start(basis: Basis, start: Any, at: Seen) -> np.ndarray:
+def given_start(basis: Basis, start: Any, at: SeenPlant) -> np.ndarray:
     """Parameters of a controller the user gave, or a refusal when it does not have the structure."""
     K0 = state_space("start", start)
     if K0.nstates and timebase(K0) != basis.dt:

@@ -18,7 +18,7 @@ from robust.systems.connections import in_series
 from robust.systems.lti import response
 from robust.systems.realisation import from_roots
 
-__all__ = ["FASTEST", "FASTEST_SAMPLED", "Basis", "structure_of"]
+__all__ = ["Basis", "FASTEST", "FASTEST_SAMPLED", "structure_of"]
 
 
 #: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
@@ -37,7 +37,7 @@ NAMED = {
 
 
 @value
-class Structure:
+class ControllerStructure:
     """Degrees and signs of a controller structure.
 
     Fields
@@ -70,7 +70,7 @@ class Structure:
         return self.n_poles > 0 and bool(np.isnan(self.filter_time))
 
 
-def structure_of(name: Any, integrators: int, filter_time: float | None) -> Structure:
+def structure_of(name: Any, integrators: int, filter_time: float | None) -> ControllerStructure:
     """The structure asked for by a word or an order, or a refusal."""
     text = str(name)
     if isinstance(name, (int, np.integer)) and not isinstance(name, bool):
@@ -81,11 +81,11 @@ def structure_of(name: Any, integrators: int, filter_time: float | None) -> Stru
             raise ValueError(
                 f"structure must have an order from {integrators} (its integrators) to {LARGEST_ORDER}, got {n}"
             )
-        found = Structure(name=text, n_zeros=n, n_integrators=integrators, n_poles=n - integrators)
+        found = ControllerStructure(name=text, n_zeros=n, n_integrators=integrators, n_poles=n - integrators)
     elif text in NAMED:
         if integrators:
             raise ValueError(f'integrators must only be given with "order-n", got {integrators} with {text!r}')
-        found = Structure(
+        found = ControllerStructure(
             name=text,
             **dict(zip(("n_zeros", "n_integrators", "n_poles"), NAMED[text], strict=True)),
             real=text.startswith("lead"),
@@ -99,7 +99,9 @@ def structure_of(name: Any, integrators: int, filter_time: float | None) -> Stru
     tau = nonnegative("filter_time", filter_time)
     if tau == 0:
         raise ValueError("filter_time must be positive [s]: a derivative needs a filter, got 0")
-    return Structure(name=text, n_zeros=found.n_zeros, n_integrators=found.n_integrators, n_poles=1, filter_time=tau)
+    return ControllerStructure(
+        name=text, n_zeros=found.n_zeros, n_integrators=found.n_integrators, n_poles=1, filter_time=tau
+    )
 
 
 @value
@@ -108,7 +110,7 @@ class Basis:
 
     Fields
     ------
-    structure : Structure
+    structure : ControllerStructure
     a : float
         Pole of the basis [rad/s], in the middle of the band.
     dt : float
@@ -119,7 +121,7 @@ class Basis:
         The known factor F, on the same time base.
     """
 
-    structure: Structure
+    structure: ControllerStructure
     a: float
     dt: float
     slowest: float

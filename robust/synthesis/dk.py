@@ -21,7 +21,7 @@ from robust.mu.blocks import Structure, fitting
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
 from robust.synthesis.hinfsyn import hinfsyn
-from robust.systems.grids import grid
+from robust.systems.grids import structure_grid
 from robust.systems.lft import joined, lower
 from robust.systems.lti import along, response, timebase
 from robust.systems.realisation import multivariable
@@ -160,7 +160,7 @@ def dk_iteration(
         if instability(N):
             reason = f"the loop without its scalings is {instability(N)}"
             break
-        at = grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
+        at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
         bound = mu_upper(along(N, at), blocks)
         peak = float(bound.value.max())
         history.append((found.gamma, peak, used))

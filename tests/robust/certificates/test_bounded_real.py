@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robust import certify_norm
-from robust.certificates.bounded_real import judged
+from robust.certificates.bounded_real import judge_inequality
 from robust.certificates.intervals import magnitude
 from robust.modelling.rational import to_plane
 from robust.systems.lti import response
@@ -128,9 +128,9 @@ def test_the_judge_knows_a_wrong_matrix():
     A, B, C, D = (np.array([[x]]) for x in (-1.0, 0.5, 1.0, 0.0))
     low, high = 4 - np.sqrt(12), 4 + np.sqrt(12)
     for P in (low * 1.001, high * 0.999, 4.0):
-        assert judged(A, B, C, D, np.array([[P]]), discrete=False) == ""
+        assert judge_inequality(A, B, C, D, np.array([[P]]), discrete=False) == ""
     for P in (low * 0.999, high * 1.001, -1.0, 0.0, np.nan):
-        assert "does not hold" in judged(A, B, C, D, np.array([[P]]), discrete=False)
+        assert "does not hold" in judge_inequality(A, B, C, D, np.array([[P]]), discrete=False)
 
 
 def test_no_solver_warning_leaks_out():
