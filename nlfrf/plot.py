@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.identification.bla import Bla
-from nlfrf.identification.neighbours import layout
+from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.second_opinion import DISAGREE, SecondOpinion
 from nlfrf.identification.spectra import dft
 from nlfrf.records.record import Record
@@ -158,7 +158,7 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
     """Input spectrum by kind of line: what stands where nothing was to be excited; arguments as in `plot_bla`."""
     ax, grid = axes(ax), record.lines
-    lines = layout(grid).lines
+    lines = place_lines(grid).lines
     U = np.sqrt(np.mean(np.abs(dft(record.u, lines)) ** 2, axis=(0, 1)))
     top = np.nanmax(db(U))
     for kind, marker in (("excited", "."), ("odd", "x"), ("even", "+")):

@@ -144,16 +144,39 @@ class Bla:
         ----------
         Pintelon & Schoukens, 2nd ed., 2.4 and 4.3.
         """
-        p = probability("confidence", confidence)
+        quantile = self.f_quantile(confidence, simultaneous=simultaneous)
         one_of("of", of, ("bla", "realization"))
-        if simultaneous:
-            p = p ** (1 / self.f.size)
         variance = self.var_bound
         if of == "realization":
             noise = np.nan_to_num(self.var_noise)
             scatter = self.n_realizations * np.maximum(self.var_bound - noise, 0.0)
             variance = variance + (1 + SMOOTH * ("roughness" in self.level_source)) * scatter
-        return np.sqrt(f_quantile(p, self.dof) * variance)
+        return np.sqrt(quantile * variance)
+
+    def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
+        """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.
+
+        Parameters
+        ----------
+        confidence : float
+            Probability, strictly between 0 and 1.
+        simultaneous : bool
+            Whether it holds for all lines together.
+
+        Returns
+        -------
+        (F,) ndarray
+            From 3.00 for a known variance to 3.89 for six complex degrees of freedom, at 95 %.
+
+        References
+        ----------
+        Pintelon & Schoukens, 2nd ed., 2.4 and 4.3.
+        """
+        p = probability("confidence", confidence)
+        if simultaneous:
+            p = p ** (1 / self.f.size)
+        # L ((1 - p)^(-1/L) - 1), by expm1 so that large L do not cancel
+        return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
         """Order of magnitude of how far the BLA lies from the FRF of the linear part alone: not a bound.
@@ -205,16 +228,6 @@ class Bla:
             f"  transient: {self.transient}; level from {source}"
             + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
         )
-
-
-def f_quantile(p: float, dof: np.ndarray) -> np.ndarray:
-    """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.
-
-    >>> [round(float(np.sqrt(f_quantile(0.95, d))), 2) for d in (6, 1e9)]
-    [1.97, 1.73]
-    """
-    # L ((1 - p)^(-1/L) - 1), by expm1 so that large L do not cancel
-    return dof * np.expm1(-np.log1p(-p) / dof)
 
 
 @value

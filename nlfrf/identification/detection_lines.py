@@ -4,11 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["detected_power", "interpolate_frf"]
+from nlfrf.identification.frf import residual_variance
+from nlfrf.identification.spectra import Spectra
+from nlfrf.shared.values import value
+
+__all__ = ["Answer", "detected_power", "nonlinear_answer"]
 
 
 SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
 FEWEST = 4
+
+
+@value(copy=False)
+class Answer:
+    """The output of an experiment with its linear part taken off.
+
+    Fields
+    ------
+    G : (K,) complex ndarray
+        The FRF, locally fitted and interpolated to all lines, excited and not.
+    Yc : (M, K) complex ndarray
+        Y - G U: a real actuator, or a loop, puts some input on detection lines too.
+    noise : (K,) ndarray
+        Variance of Yc by noise, averaged over realisations; nan for one period.
+    """
+
+    G: np.ndarray
+    Yc: np.ndarray
+    noise: np.ndarray
+
+
+def nonlinear_answer(spectra: Spectra, smooth: np.ndarray) -> Answer:
+    """What is left of the output when the linear answer, of an FRF on the excited lines, is taken off."""
+    G = interpolate_frf(smooth, spectra.lines[spectra.where.excited], spectra.lines)
+    noise = residual_variance(G, spectra)
+    return Answer(G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(noise) / len(noise))
 
 
 def interpolate_frf(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:

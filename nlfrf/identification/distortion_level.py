@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.identification.calibration import LARGEST, grid_factor, variance_ratio
-from nlfrf.identification.detection_lines import detected_power, interpolate_frf
-from nlfrf.identification.frf import Frf, ratio_variance
-from nlfrf.identification.leastsquares import squared
+from nlfrf.identification.detection_lines import Answer, detected_power
+from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
-from nlfrf.identification.neighbours import detection_windows, layout, nearest
-from nlfrf.identification.spectra import Spectra, residual_variance
+from nlfrf.identification.spectra import Spectra
+from nlfrf.shared.arguments import DataWarning
+from nlfrf.shared.leastsquares import mean_power, rms, squared
 from nlfrf.shared.values import value
 
 __all__ = [
-    "ENOUGH",
-    "calibrates",
-    "even_variance",
+    "Level",
+    "choose_source",
     "fit_each",
     "level_from_detection",
     "level_from_roughness",
-    "mean_power",
-    "no_level",
-    "nonlinear_answer",
-    "rms",
-    "why_roughness",
+    "read_level",
+    "smooth_frf",
 ]
 
 
@@ -44,97 +42,96 @@ class Level:
         Complex degrees of freedom behind it.
     grid_factor : (F,) ndarray
         The calibration that was applied.
+    even : (F,) ndarray
+        The variance that the even lines tell, with its noise left in: an upper limit where there is nothing but noise.
+        nan without them.
     """
 
     variance: np.ndarray
     dof: np.ndarray
     grid_factor: np.ndarray
+    even: np.ndarray
 
 
-@value(copy=False)
-class Answer:
-    """The output of an experiment with its linear part taken off.
-
-    Fields
-    ------
-    G : (K,) complex ndarray
-        The FRF, locally fitted and interpolated to all lines, excited and not.
-    Yc : (M, K) complex ndarray
-        Y - G U: a real actuator, or a loop, puts some input on detection lines too.
-    noise : (K,) ndarray
-        Variance of Yc by noise, averaged over realisations; nan for one period.
-    """
-
-    G: np.ndarray
-    Yc: np.ndarray
-    noise: np.ndarray
+def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None, grid: LineGrid) -> Level:
+    """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight."""
+    if source == "detection":
+        return level_from_detection(excited, answer, grid)
+    even = even_variance(excited, answer)
+    if fit is None:
+        nothing = np.zeros(even.size)
+        return Level(variance=nothing, dof=nothing, grid_factor=np.ones(even.size), even=even)
+    return level_from_roughness(fit, even)
 
 
-def nonlinear_answer(
-    spectra: Spectra, frf: Frf, excited: Spectra, grid: LineGrid, fit: LocalFit | None = None
-) -> Answer:
-    """What is left of the output when the answer of the BLA, fitted locally (`fit_each` or here), is taken off."""
-    smooth = frf.G
-    if fit is not None:
-        smooth = fit.G.mean(axis=0)
-    elif excited.lines.size >= LEAST and excited.U.shape[0] < ENOUGH:  # with less scatter G whitens more evenly
-        smooth = fit_locally(frf.G[None], rms(excited.U)[None], grid).G[0]
-    G = interpolate_frf(smooth, excited.lines, spectra.lines)
-    noise = residual_variance(G, spectra)
-    return Answer(G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(noise) / len(noise))
-
-
-def level_from_detection(
-    excited: Spectra, answer: Answer, grid: LineGrid, n_detection: int
-) -> tuple[Level, np.ndarray]:
-    """From the odd lines that were not excited, scaled by what the grid makes of a cubic; and what the even ones say.
-
-    The second, (F,), has its noise left in: it is an upper limit where there is nothing but noise.
-    """
-    U = rms(excited.U)
-    factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, nearest(grid, "odd", n_detection))
-    kinds = ("odd", "even") if grid.even.size else ("odd",)
-    factors = np.ones((len(kinds), factor.size))
+def level_from_detection(excited: Spectra, answer: Answer, grid: LineGrid) -> Level:
+    """From the odd lines that were not excited, scaled by what the grid makes of a cubic."""
+    U, where = rms(excited.U), excited.where
+    factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, where.near_odd)
+    factors = np.ones((len(where.near_detection), factor.size))
     factors[0] = factor
-    variance, n_used = detected(U, answer, grid, kinds, factors, n_detection)
+    variance, n_used = read_detected(U, answer, where.excited, where.near_detection, factors)
     even = variance[1] if grid.even.size else np.full(factor.size, np.nan)
-    return Level(variance=variance[0], dof=n_used[0] * excited.U.shape[0], grid_factor=factor), even
+    return Level(variance=variance[0], dof=n_used[0] * excited.U.shape[0], grid_factor=factor, even=even)
 
 
-def even_variance(excited: Spectra, answer: Answer, grid: LineGrid, n_detection: int) -> np.ndarray:
+def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
     """(F,) what the even lines say where the odd ones are not read."""
-    if not grid.even.size:
+    where = excited.where
+    if not where.even.size:
         return np.full(excited.lines.size, np.nan)
-    return detected(rms(excited.U), answer, grid, ("even",), np.ones((1, 1)), n_detection)[0][0]
+    return read_detected(rms(excited.U), answer, where.excited, where.near_even, np.ones((1, 1)))[0][0]
 
 
-def detected(
-    U: np.ndarray, answer: Answer, grid: LineGrid, kinds: tuple[str, ...], factors: np.ndarray, n_detection: int
+def read_detected(
+    U: np.ndarray, answer: Answer, here: np.ndarray, windows: np.ndarray, factors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Variances (k, F) of one realisation's FRF, with inputs of amplitude U, that k kinds of lines tell; lines used."""
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
     power, gain = mean_power(answer.Yc), squared(answer.G)
-    here, window = layout(grid).excited, detection_windows(grid, kinds, n_detection)
-    distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], window)
+    distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], windows)
     return ratio * (factors * distortion + noise[here]) / U**2, n_used
 
 
-def fit_each(excited: Spectra, frf: Frf, grid: LineGrid) -> LocalFit:
+def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, LocalFit | None]:
+    """(F,) an FRF to take the linear answer off with; and the fit of each realisation where its roughness counts."""
+    if rough:
+        fit = fit_each(frf, excited)
+        return fit.G.mean(axis=0), fit
+    if excited.lines.size < LEAST or excited.U.shape[0] >= ENOUGH:
+        return frf.G, None
+    return fit_locally(frf.G[None], rms(excited.U)[None], excited.where).G[
+        0
+    ], None  # less scatter: it whitens more evenly
+
+
+def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
     """Each realisation's FRF, fitted over the excited lines: what remains is its roughness."""
-    noise = ratio_variance(frf.each, excited)
-    known = np.isfinite(noise).all()
-    return fit_locally(frf.each, np.abs(excited.U), grid, noise if known else None)
+    known = np.isfinite(frf.noise).all()
+    return fit_locally(frf.each, np.abs(excited.U), excited.where, frf.noise if known else None)
 
 
-def level_from_roughness(fit: LocalFit) -> Level:
+def level_from_roughness(fit: LocalFit, even: np.ndarray) -> Level:
     """From the roughness of each realisation's FRF over the excited lines."""
-    return Level(variance=fit.variance.mean(axis=0), dof=fit.dof.sum(axis=0), grid_factor=np.ones(fit.G.shape[1]))
+    return Level(variance=fit.variance.mean(axis=0), dof=fit.dof.sum(axis=0), grid_factor=np.ones(even.size), even=even)
 
 
-def no_level(n_lines: int) -> Level:
-    """None beside the scatter over realisations: it weighs nothing."""
-    return Level(variance=np.zeros(n_lines), dof=np.zeros(n_lines), grid_factor=np.ones(n_lines))
+def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
+    """Which source the level is taken from, with a warning where detection lines are passed over."""
+    if level_from == "detection" and grid.odd.size < n_detection:
+        raise ValueError(
+            f"lines must hold at least n_detection = {n_detection} odd detection lines for "
+            f'level_from="detection", got {grid.odd.size} on this {grid.kind} grid'
+        )
+    if level_from != "auto":
+        return level_from
+    if calibrates(excited, grid, n_detection):
+        return "detection"
+    if excited.U.shape[0] >= ENOUGH:
+        return "realizations"
+    warnings.warn(why_roughness(grid, n_detection), DataWarning, stacklevel=4)
+    return "roughness"
 
 
 def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
@@ -146,7 +143,7 @@ def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
         return True
     if np.any(grid.excited % 2 == 0):
         return False
-    ratio = variance_ratio(rms(excited.U), grid.excited, grid.odd, nearest(grid, "odd", n_detection))
+    ratio = variance_ratio(rms(excited.U), grid.excited, grid.odd, excited.where.near_odd)
     return bool(np.mean(ratio <= LARGEST) >= 0.95)
 
 
@@ -167,13 +164,3 @@ def why_roughness(grid: LineGrid, n_detection: int) -> str:
         f"{reason}; the level was taken from the roughness of the FRF, which reads too high where the FRF bends within "
         "a few lines. A special-odd or random-odd multisine gives a level that can be calibrated."
     )
-
-
-def mean_power(x: np.ndarray) -> np.ndarray:
-    """Mean squared modulus over realisations."""
-    return np.asarray(np.add.reduce(squared(x), axis=0) / x.shape[0])
-
-
-def rms(x: np.ndarray) -> np.ndarray:
-    """Root mean square modulus over realisations."""
-    return np.sqrt(mean_power(x))

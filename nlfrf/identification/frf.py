@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.identification.leastsquares import squared
-from nlfrf.identification.spectra import Spectra, residual_variance
+from nlfrf.identification.spectra import Spectra
+from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.values import value
 
-__all__ = ["Frf", "average_frf", "ratio_variance"]
+__all__ = ["Frf", "average_frf", "residual_variance"]
 
 
 @value(copy=False)
@@ -19,6 +19,8 @@ class Frf:
     ------
     each : (M, F) complex ndarray
         Y / U of each realisation.
+    noise : (M, F) ndarray
+        Variance of each by noise, to first order; nan for one period.
     G : (F,) complex ndarray
         Their average: the mean, or the ratio of averages where a reference was given.
     var_noise : (F,) ndarray
@@ -28,6 +30,7 @@ class Frf:
     """
 
     each: np.ndarray
+    noise: np.ndarray
     G: np.ndarray
     var_noise: np.ndarray
     var_total: np.ndarray
@@ -41,11 +44,12 @@ def average_frf(spectra: Spectra) -> Frf:
     """
     n = spectra.U.shape[0]
     each = spectra.Y / spectra.U
+    noise = residual_variance(each, spectra) / squared(spectra.U)
     if spectra.R is None:
         G = np.add.reduce(each, axis=0) / n
-        var_noise = np.add.reduce(ratio_variance(each, spectra)) / n**2
+        var_noise = np.add.reduce(noise) / n**2
         var_total = np.add.reduce(squared(each - G)) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
-        return Frf(each=each, G=G, var_noise=var_noise, var_total=var_total)
+        return Frf(each=each, noise=noise, G=G, var_noise=var_noise, var_total=var_total)
     turn = spectra.R.conj() / np.abs(spectra.R)
     U, Y = (spectra.U * turn).mean(axis=0), (spectra.Y * turn).mean(axis=0)
     G = Y / U
@@ -55,9 +59,12 @@ def average_frf(spectra: Spectra) -> Frf:
     if n > 1:
         deviation = (spectra.Y - G * spectra.U) * turn
         var_total = np.add.reduce(squared(deviation)) / (n * (n - 1)) / squared(U)
-    return Frf(each=each, G=G, var_noise=var_noise, var_total=var_total)
+    return Frf(each=each, noise=noise, G=G, var_noise=var_noise, var_total=var_total)
 
 
-def ratio_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
-    """Variance of Y/U by noise, to first order."""
-    return residual_variance(G, spectra) / squared(spectra.U)
+def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
+    """(M, K) variance of Y - G U by noise, E|dY - G dU|^2."""
+    if not spectra.var_U.any():  # an input that repeats exactly
+        return spectra.var_Y
+    variance = spectra.var_Y + squared(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
+    return np.maximum(variance, 0.0)

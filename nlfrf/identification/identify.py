@@ -6,37 +6,22 @@ method, which reads it from the scatter between realisations (Pintelon & Schouke
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import overload
 
 import numpy as np
 
-from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.identification.distortion_level import (
-    ENOUGH,
-    calibrates,
-    even_variance,
-    fit_each,
-    level_from_detection,
-    level_from_roughness,
-    no_level,
-    nonlinear_answer,
-    why_roughness,
-)
-from nlfrf.identification.frf import average_frf
-from nlfrf.identification.leastsquares import squared
-from nlfrf.identification.neighbours import layout
+from nlfrf.identification.detection_lines import Answer, nonlinear_answer
+from nlfrf.identification.distortion_level import Level, choose_source, read_level, smooth_frf
+from nlfrf.identification.frf import Frf, average_frf
+from nlfrf.identification.neighbours import place_lines
+from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
 from nlfrf.records.record import Record
-from nlfrf.shared.arguments import DataWarning, integer, one_of
+from nlfrf.shared.arguments import integer, one_of
 
 __all__ = ["identify"]
-
-
-N_PARTS = 8  # of the band, over which the input power of realisations is compared
-STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together
 
 
 @overload
@@ -104,36 +89,36 @@ def identify(
     one_of("level_from", level_from, ("auto", "detection", "roughness"))
     n_detection = integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):
-        return identified(record, None, transient, level_from, n_detection)
+        return identify_one(record, None, transient, level_from, n_detection)
     known: list[tuple[Record, np.ndarray]] = []
     blas = []
     for one in record:
         U = next((U for other, U in known if other.u is one.u and other.lines is one.lines), None)
         if U is None:
-            U = dft(one.u, layout(one.lines).lines)
+            U = dft(one.u, place_lines(one.lines, n_detection).lines)
             known.append((one, U))
-        blas.append(identified(one, U, transient, level_from, n_detection))
+        blas.append(identify_one(one, U, transient, level_from, n_detection))
     return blas
 
 
-def identified(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
+def identify_one(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
     """`identify` for one record, with the spectra of its input where they are known."""
-    spectra, treatment = period_spectra(record, transient, U)
-    grid, n = record.lines, record.n_realizations
-    where = layout(grid)
-    excited = spectra.at(where.excited)
-    refuse_unexcited(excited)
-    if n > 1:
-        refuse_strangers(excited)
+    spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
+    excited = spectra.on_excited()
+    check_realizations(excited)
     frf = average_frf(excited)
-    source = level_source(level_from, excited, grid, n_detection)
-    fit = fit_each(excited, frf, grid) if source == "roughness" else None
-    answer = nonlinear_answer(spectra, frf, excited, grid, fit)
-    if source == "detection":
-        level, var_even = level_from_detection(excited, answer, grid, n_detection)
-    else:
-        level = no_level(grid.excited.size) if fit is None else level_from_roughness(fit)
-        var_even = even_variance(excited, answer, grid, n_detection)
+    source = choose_source(level_from, excited, record.lines, n_detection)
+    smooth, fit = smooth_frf(frf, excited, source == "roughness")
+    answer = nonlinear_answer(spectra, smooth)
+    level = read_level(source, excited, answer, fit, record.lines)
+    return assemble_bla(record, treatment, source, excited, frf, answer, level)
+
+
+def assemble_bla(
+    record: Record, treatment: str, source: str, excited: Spectra, frf: Frf, answer: Answer, level: Level
+) -> Bla:
+    """What was found, with the level weighed against the scatter of the realisations."""
+    grid, n = record.lines, record.n_realizations
     if n == 1:
         var_total = var_bound = level.variance
         dof = level.dof
@@ -142,7 +127,6 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
         dof = n - 1 + level.dof
         var_bound = ((n - 1) * var_total + level.dof * level.variance / n) / dof
         source = source if source == "realizations" else f"realizations and {source}"
-    var_noise = frf.var_noise
     return Bla(
         f=grid.excited * record.f0,
         G=frf.G,
@@ -154,67 +138,29 @@ def identified(record: Record, U: np.ndarray | None, transient: str, level_from:
         n_periods=record.n_periods - (treatment == "discard"),
         transient=treatment,
         level_source=source,
-        var_noise=var_noise,
+        var_noise=frf.var_noise,
         var_total=var_total,
         # without periods to tell them apart, noise counts as distortion
-        var_distortion=n * np.maximum(var_total - np.nan_to_num(var_noise), 0.0),
-        var_even=var_even,
+        var_distortion=n * np.maximum(var_total - np.nan_to_num(frf.var_noise), 0.0),
+        var_even=level.even,
         dof=dof.astype(float),
         grid_factor=level.grid_factor if n == 1 else np.ones(grid.excited.size),
-        levels=DistortionLevels(
-            f_excited=grid.excited * record.f0,
-            f_odd=grid.odd * record.f0,
-            f_even=grid.even * record.f0,
-            excited=excited.Y,
-            odd=answer.Yc[:, where.odd],
-            even=answer.Yc[:, where.even],
-            noise_excited=np.sqrt(np.add.reduce(excited.var_Y) / n),
-            noise_odd=np.sqrt(answer.noise[where.odd]),
-            noise_even=np.sqrt(answer.noise[where.even]),
-        ),
+        levels=output_levels(record, excited, answer),
         var_bound=var_bound,
     )
 
 
-def refuse_unexcited(excited: Spectra) -> None:
-    """Refuse lines that carry no input, where G would be 0 / 0, or no reference, whose phase would be chance."""
-    for name, spectrum in (("input", excited.U), ("reference", excited.R)):
-        if spectrum is None:
-            continue
-        power = squared(spectrum)
-        silent = (power <= 1e-18 * power.max()).any(axis=0)
-        if silent.any():
-            k = int(excited.lines[np.argmax(silent)])
-            raise ValueError(f"lines must be excited by the {name}, got line {k} with no {name} on it")
-
-
-def refuse_strangers(excited: Spectra) -> None:
-    """Refuse realisations of another amplitude spectrum: their BLA is another one."""
-    known = excited.U if excited.R is None else excited.R
-    n_lines = known.shape[1]
-    power = np.add.reduceat(squared(known), np.arange(0, n_lines, max(1, n_lines // N_PARTS)), axis=1)
-    middle = np.sort(power, axis=0)[power.shape[0] // 2]
-    apart = np.abs(10 * np.log10(power / middle)).max(axis=1)
-    worst = int(np.argmax(apart))
-    if apart[worst] > STRANGE:
-        raise ValueError(
-            f"u must have the same amplitude spectrum in every realisation, got realisation {worst} up to "
-            f"{apart[worst]:.1f} dB apart from the others"
-        )
-
-
-def level_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
-    """Which source the level is taken from, with a warning where detection lines are passed over."""
-    if level_from == "detection" and grid.odd.size < n_detection:
-        raise ValueError(
-            f"lines must hold at least n_detection = {n_detection} odd detection lines for "
-            f'level_from="detection", got {grid.odd.size} on this {grid.kind} grid'
-        )
-    if level_from != "auto":
-        return level_from
-    if calibrates(excited, grid, n_detection):
-        return "detection"
-    if excited.U.shape[0] >= ENOUGH:
-        return "realizations"
-    warnings.warn(why_roughness(grid, n_detection), DataWarning, stacklevel=4)
-    return "roughness"
+def output_levels(record: Record, excited: Spectra, answer: Answer) -> DistortionLevels:
+    """What the output holds on each kind of line."""
+    grid, where = record.lines, excited.where
+    return DistortionLevels(
+        f_excited=grid.excited * record.f0,
+        f_odd=grid.odd * record.f0,
+        f_even=grid.even * record.f0,
+        excited=excited.Y,
+        odd=answer.Yc[:, where.odd],
+        even=answer.Yc[:, where.even],
+        noise_excited=np.sqrt(np.add.reduce(excited.var_Y) / len(excited.var_Y)),
+        noise_odd=np.sqrt(answer.noise[where.odd]),
+        noise_even=np.sqrt(answer.noise[where.even]),
+    )

@@ -1,4 +1,4 @@
-"""Small least-squares fits in many windows at once, and the local fit of an FRF over its excited lines.
+"""The FRF fitted locally over its excited lines: a smoother FRF, and the roughness that is left.
 
 The fit of an FRF serves twice. Its value is the FRF with less scatter. Its residual is a distortion level: random
 phases make the stochastic distortion rough over frequency where the FRF itself is smooth (Pintelon & Schoukens,
@@ -13,16 +13,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.identification.leastsquares import power, two_unknowns
-from nlfrf.identification.neighbours import KEPT, nearest
+from nlfrf.excitation.lines import local_mean
+from nlfrf.identification.neighbours import KEPT, Places
+from nlfrf.shared.leastsquares import power, two_unknowns
 from nlfrf.shared.values import value
 
 __all__ = ["LEAST", "LocalFit", "NOISE_LINES", "fit_locally"]
 
 
 ORDER = 2
-WIDTH = 9
 EARNED = 0.5  # the denominator has to earn its place: noise alone would be fitted by it now and then
 POOLED = 9  # neighbouring lines over which it is judged
 LEAST_NOISE = 0.5  # share of the known noise that a roughness shows at least
@@ -49,7 +48,7 @@ class LocalFit:
     dof: np.ndarray
 
 
-def fit_locally(G: np.ndarray, weight: np.ndarray, grid: LineGrid, noise: np.ndarray | None = None) -> LocalFit:
+def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndarray | None = None) -> LocalFit:
     """Fit each FRF at each line over the nine lines around it.
 
     Parameters
@@ -58,7 +57,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, grid: LineGrid, noise: np.nda
         FRF of each realisation.
     weight : (M, F) ndarray
         |U|: the variance of G is taken as a smooth variance at the output over |U|^2.
-    grid : LineGrid
+    where : Places
         Its excited lines are those of G.
     noise : (M, F) ndarray, optional
         Variance of each G by noise, where it is known: noise need not follow |G| as distortion does.
@@ -68,9 +67,9 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, grid: LineGrid, noise: np.nda
     ValueError
         Fewer than five excited lines.
     """
-    if grid.excited.size < LEAST:
-        raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {grid.excited.size}")
-    window, r, powers = local_powers(grid)
+    if where.excited.size < LEAST:
+        raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {where.excited.size}")
+    window, r, powers = local_powers(where)
     n = window.shape[1]
     w = weight[:, window]
     basis, at_zero = polynomials(r, w)
@@ -101,10 +100,10 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, grid: LineGrid, noise: np.nda
 
 
 @lru_cache(maxsize=KEPT)
-def local_powers(grid: LineGrid) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def local_powers(where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Windows of neighbours (F, n), distances r in them (F, n) from -1 to 1, and the columns of the fit (F, 3, n)."""
-    window = nearest(grid, "excited", WIDTH)
-    r = (grid.excited[window] - grid.excited[:, None]).astype(float)
+    window, lines = where.near_excited, where.lines[where.excited]
+    r = (lines[window] - lines[:, None]).astype(float)
     r /= np.abs(r).max(axis=1, keepdims=True)
     # b0 + b1 r + b2 r^2 = G, and (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: the residual of the second is weighted
     # by the denominator, that is by 1/|G| across a resonance, where the distortion follows |G|

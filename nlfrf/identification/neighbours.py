@@ -9,55 +9,62 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.shared.values import value
 
-__all__ = ["KEPT", "detection_windows", "layout", "nearest"]
+__all__ = ["KEPT", "Places", "place_lines"]
 
 
-KEPT = 16  # grids and windows that are remembered: those of one experiment, and of the next
+KEPT = 16  # grids that are remembered: those of one experiment, and of the next
+WIDTH = 9  # excited lines over which an FRF is fitted locally
 
 
 @value(copy=False)
-class Layout:
-    """The excited and detection lines of a grid in one row.
+class Places:
+    """The excited and detection lines of a grid in one row, and who is near whom; it travels with the spectra.
 
     Fields
     ------
     lines : (K,) int ndarray
-        All of them, increasing.
+        All lines, increasing.
     excited, odd, even : (F,), (O,), (E,) int ndarray
         Where each kind stands among them.
+    near_excited, near_odd : (F, n) int ndarray
+        For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds.
+    near_detection : (k, F, n) int ndarray
+        For each excited line the nearest odd and, where there are any, even lines, as places among all lines; -1 where
+        there are fewer.
+    near_even : (1, F, n) int ndarray
+        The even ones alone.
     """
 
     lines: np.ndarray
     excited: np.ndarray
     odd: np.ndarray
     even: np.ndarray
+    near_excited: np.ndarray
+    near_odd: np.ndarray
+    near_detection: np.ndarray
+    near_even: np.ndarray
 
 
 @lru_cache(maxsize=KEPT)
-def layout(grid: LineGrid) -> Layout:
-    """All lines of a grid in one row."""
+def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
+    """All lines of a grid in one row, with windows of `n_detection` detection lines."""
     lines = np.sort(np.concatenate([grid.excited, grid.odd, grid.even]))
     excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
-    return Layout(lines=lines, excited=excited, odd=odd, even=even)
-
-
-@lru_cache(maxsize=KEPT)
-def nearest(grid: LineGrid, kind: str, n: int) -> np.ndarray:
-    """(F, n) for each excited line the n nearest "excited", "odd" or "even" lines, as indices into those."""
-    window = nearest_lines(grid.excited, getattr(grid, kind), n)
-    window.flags.writeable = False
-    return window
-
-
-@lru_cache(maxsize=KEPT)
-def detection_windows(grid: LineGrid, kinds: tuple[str, ...], n: int) -> np.ndarray:
-    """(k, F, n) the same for several kinds of detection lines, as places among all lines; -1 where there are fewer."""
-    found = [getattr(layout(grid), kind)[nearest(grid, kind, n)] for kind in kinds]
-    windows = np.full((len(kinds), grid.excited.size, max(one.shape[1] for one in found)), -1)
-    for window, one in zip(windows, found, strict=True):
-        window[:, : one.shape[1]] = one
-    windows.flags.writeable = False
-    return windows
+    near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (grid.odd, grid.even))
+    windows = [odd[near_odd], even[near_even]] if even.size else [odd[near_odd]]
+    near_detection = np.full((len(windows), excited.size, max(one.shape[1] for one in windows)), -1)
+    for row, one in zip(near_detection, windows, strict=True):
+        row[:, : one.shape[1]] = one
+    return Places(
+        lines=lines,
+        excited=excited,
+        odd=odd,
+        even=even,
+        near_excited=nearest_lines(grid.excited, grid.excited, WIDTH),
+        near_odd=near_odd,
+        near_detection=near_detection,
+        near_even=even[near_even][None],
+    )
 
 
 def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:

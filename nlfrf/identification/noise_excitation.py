@@ -11,8 +11,8 @@ from scipy import fft
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.identification.leastsquares import power
 from nlfrf.shared.arguments import integer, one_of, positive, real_array
+from nlfrf.shared.leastsquares import power
 
 __all__ = ["identify_noise"]
 
@@ -70,23 +70,11 @@ def identify_noise(
     >>> bool(abs(bla.G.mean() - 3) < 0.1)
     True
     """
-    u, y = real_array("u", u, ndim=1), real_array("y", y, ndim=1)
-    if u.size != y.size:
-        raise ValueError(f"y must be as long as u, {u.size} samples, got {y.size}")
-    fs, f_min, f_max = positive("fs", fs), positive("f_min", f_min), positive("f_max", f_max)
-    n_samples = integer("n_samples", n_samples, least=16)
-    one_of("method", method, ("local", "welch"))
-    least = (8 if method == "welch" else 2) * n_samples
-    if u.size < least:
-        raise ValueError(f"u must hold at least {least} samples for method={method!r}, got {u.size}")
-    # both ends included, whatever the rounding of the frequencies
-    first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
-    lines = np.arange(max(1, first), last + 1)
-    if lines.size == 0 or 2 * lines[-1] >= n_samples:
-        raise ValueError(f"f_min and f_max must hold lines below Nyquist, got {f_min:g} to {f_max:g} Hz")
+    u, y = check_signals(u, y, n_samples, method)
+    fs, n_samples = positive("fs", fs), integer("n_samples", n_samples, least=16)
+    lines = band_of(positive("f_min", f_min), positive("f_max", f_max), fs, n_samples)
     estimate = welch if method == "welch" else local
     G, variance, dof, coherence, power_y = estimate(u - u.mean(), y - y.mean(), n_samples, lines)
-    nothing = np.empty((1, 0))
     nan = np.full(lines.size, np.nan)
     return Bla(
         f=lines * fs / n_samples,
@@ -105,19 +93,46 @@ def identify_noise(
         var_even=nan,
         dof=np.full(lines.size, float(dof)),
         grid_factor=np.ones(lines.size),
-        levels=DistortionLevels(
-            f_excited=lines * fs / n_samples,
-            f_odd=nothing[0],
-            f_even=nothing[0],
-            excited=np.sqrt(2 * power_y)[None].astype(complex),
-            odd=nothing.astype(complex),
-            even=nothing.astype(complex),
-            noise_excited=nan,
-            noise_odd=nothing[0],
-            noise_even=nothing[0],
-        ),
+        levels=output_level(lines * fs / n_samples, power_y),
         var_bound=variance,
         coherence=coherence,
+    )
+
+
+def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> tuple[np.ndarray, np.ndarray]:
+    """Input and output of one length, that is enough for the resolution."""
+    u, y = real_array("u", u, ndim=1), real_array("y", y, ndim=1)
+    if u.size != y.size:
+        raise ValueError(f"y must be as long as u, {u.size} samples, got {y.size}")
+    one_of("method", method, ("local", "welch"))
+    least = (8 if method == "welch" else 2) * integer("n_samples", n_samples, least=16)
+    if u.size < least:
+        raise ValueError(f"u must hold at least {least} samples for method={method!r}, got {u.size}")
+    return u, y
+
+
+def band_of(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndarray:
+    """(F,) lines of the band, both ends included whatever the rounding of the frequencies."""
+    first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
+    lines = np.arange(max(1, first), last + 1)
+    if lines.size == 0 or 2 * lines[-1] >= n_samples:
+        raise ValueError(f"f_min and f_max must hold lines below Nyquist, got {f_min:g} to {f_max:g} Hz")
+    return lines
+
+
+def output_level(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
+    """The output as amplitudes of cosines of its power in one line; there are no detection lines."""
+    nothing = np.empty((1, 0))
+    return DistortionLevels(
+        f_excited=f,
+        f_odd=nothing[0],
+        f_even=nothing[0],
+        excited=np.sqrt(2 * power_y)[None].astype(complex),
+        odd=nothing.astype(complex),
+        even=nothing.astype(complex),
+        noise_excited=np.full(f.size, np.nan),
+        noise_odd=nothing[0],
+        noise_even=nothing[0],
     )
 
 

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.identification.distortion_level import (
-    fit_each,
-    level_from_detection,
-    level_from_roughness,
-    mean_power,
-    nonlinear_answer,
-    rms,
-)
+from nlfrf.identification.detection_lines import nonlinear_answer
+from nlfrf.identification.distortion_level import fit_each, level_from_detection
 from nlfrf.identification.frf import average_frf
-from nlfrf.identification.neighbours import layout, nearest
+from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.spectra import period_spectra
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer
+from nlfrf.shared.leastsquares import mean_power, rms
 from nlfrf.shared.values import value
 
 __all__ = ["DISAGREE", "SecondOpinion", "second_opinion"]
@@ -122,17 +117,18 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     True
     """
     n_detection = integer("n_detection", n_detection, least=3)
-    spectra, _ = period_spectra(record, transient)
     grid = record.lines
-    excited = spectra.at(layout(grid).excited)
+    where = place_lines(grid, n_detection)
+    spectra, _ = period_spectra(record, where, transient)
+    excited = spectra.on_excited()
     frf = average_frf(excited)
-    fit = fit_each(excited, frf, grid)
-    rough = level_from_roughness(fit).variance
+    fit = fit_each(frf, excited)
+    rough = fit.variance.mean(axis=0)
     detected = np.full(rough.size, np.nan)
     if grid.odd.size >= n_detection:
-        answer = nonlinear_answer(spectra, frf, excited, grid, fit)
-        detected = level_from_detection(excited, answer, grid, n_detection)[0].variance
-    window = nearest(grid, "excited", 9)
+        answer = nonlinear_answer(spectra, fit.G.mean(axis=0))
+        detected = level_from_detection(excited, answer, grid).variance
+    window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = np.finfo(float).eps ** 2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
     floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2 + rounding

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import fft
 
-from nlfrf.identification.leastsquares import power, squared
-from nlfrf.identification.neighbours import layout
-from nlfrf.identification.transient import is_drift, is_transient, local_fit
+from nlfrf.identification.neighbours import Places
+from nlfrf.identification.transient import find_treatment, local_fit
 from nlfrf.records.record import Record
+from nlfrf.shared.leastsquares import power, squared
 from nlfrf.shared.values import value
 
-__all__ = ["Spectra", "dft", "period_spectra", "residual_variance"]
+__all__ = ["Spectra", "dft", "period_spectra"]
 
 
 WORKERS = os.cpu_count() or 1
@@ -38,6 +38,8 @@ class Spectra:
         Variance of those means by noise; nan for one period.
     cov_YU : (M, K) complex ndarray
         Covariance E[Y U*] of those means by noise; nan for one period.
+    where : Places
+        Where each kind of line stands among all lines of the grid, and its neighbours.
     """
 
     lines: np.ndarray
@@ -47,9 +49,11 @@ class Spectra:
     var_U: np.ndarray
     var_Y: np.ndarray
     cov_YU: np.ndarray
+    where: Places
 
-    def at(self, at: np.ndarray) -> Spectra:
-        """The spectra on some of the lines, given by their places."""
+    def on_excited(self) -> Spectra:
+        """The spectra on the excited lines alone."""
+        at = self.where.excited
         return Spectra(
             lines=self.lines[at],
             U=self.U.take(at, axis=1),
@@ -58,20 +62,25 @@ class Spectra:
             var_U=self.var_U.take(at, axis=1),
             var_Y=self.var_Y.take(at, axis=1),
             cov_YU=self.cov_YU.take(at, axis=1),
+            where=self.where,
         )
 
 
-def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None = None) -> tuple[Spectra, str]:
+def period_spectra(
+    record: Record, where: Places, transient: str = "none", U: np.ndarray | None = None
+) -> tuple[Spectra, str]:
     """Spectra of a record on all its excited and detection lines, and what was done about the transient.
 
     Parameters
     ----------
     record : Record
+    where : Places
+        Of the lines of its grid.
     transient : str
         "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
         periods agree but for noise, discard where that leaves periods that agree, else local.
     U : (M, P or 1, K) complex ndarray, optional
-        Spectra of the input on the lines of its `layout` (`dft`), where they are known already.
+        Spectra of the input on those lines (`dft`), where they are known already.
 
     Raises
     ------
@@ -81,31 +90,17 @@ def period_spectra(record: Record, transient: str = "none", U: np.ndarray | None
     n_periods = record.n_periods
     if transient in ("discard", "local") and n_periods < 2:
         raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
-    lines = layout(record.lines).lines
+    lines = where.lines
     U = dft(record.u, lines) if U is None else U
     Y = dft(record.y, lines)
     R = None if record.r is None else dft(record.r, lines)
     if transient == "auto":
-        transient = treatment(Y, record.y, lines)
+        transient = find_treatment(Y, record.y, lines)
     if transient == "discard":
         U, Y, R = after_first(U), after_first(Y), None if R is None else after_first(R)
         n_periods -= 1
-    spectra = averaged(lines, U, Y, None if R is None else R.mean(axis=1), n_periods)
-    return (without_transient(record, spectra) if transient == "local" else spectra), transient
-
-
-def treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
-    """What a signal y (M, P, N) and the spectra of its periods (M, P or 1, K) ask for: "none", "discard" or "local"."""
-    n_periods = Y.shape[1]
-
-    def settled(first: int) -> bool:
-        one, other = Y[:, first], Y[:, -1]
-        slope = (y[:, -1].mean(axis=1) - y[:, first].mean(axis=1)) / (n_periods - 1 - first)
-        return not (is_transient(one, other) or is_drift(one, other, slope, lines))
-
-    if n_periods < 2 or settled(0):
-        return "none"
-    return "discard" if n_periods > 2 and settled(1) else "local"
+    spectra = average_periods(where, U, Y, None if R is None else R.mean(axis=1), n_periods)
+    return (take_off_transient(record, spectra) if transient == "local" else spectra), transient
 
 
 def after_first(x: np.ndarray) -> np.ndarray:
@@ -136,7 +131,7 @@ def blocks(n: int, size: int) -> list[slice]:
     return [slice(first, first + step) for first in range(0, n, step)]
 
 
-def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None, n_periods: int) -> Spectra:
+def average_periods(where: Places, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None, n_periods: int) -> Spectra:
     """Means over the periods of U and Y (M, P or 1, K), and the sample (co)variances of those means."""
     n_realizations, n_lines = Y.shape[0], Y.shape[2]
     U_mean, Y_mean = (x[:, 0] if x.shape[1] == 1 else np.add.reduce(x, axis=1) / n_periods for x in (U, Y))
@@ -152,18 +147,10 @@ def averaged(lines: np.ndarray, U: np.ndarray, Y: np.ndarray, R: np.ndarray | No
                 dU = U[m] - U_mean[m, None]
                 var_U[m] = scale * np.add.reduce(squared(dU), axis=1)
                 cov_YU[m] = scale * np.add.reduce(dY * dU.conj(), axis=1)
-    return Spectra(lines=lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU)
+    return Spectra(lines=where.lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU, where=where)
 
 
-def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
-    """(M, K) variance of Y - G U by noise, E|dY - G dU|^2."""
-    if not spectra.var_U.any():  # an input that repeats exactly
-        return spectra.var_Y
-    variance = spectra.var_Y + squared(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
-    return np.maximum(variance, 0.0)
-
-
-def without_transient(record: Record, spectra: Spectra) -> Spectra:
+def take_off_transient(record: Record, spectra: Spectra) -> Spectra:
     """The same spectra with the transient taken off at every line, and the noise read between the harmonics."""
     T_U, residual_U, leverage_U = local_fit(record.u, spectra.lines)
     T_Y, residual_Y, leverage_Y = local_fit(record.y, spectra.lines)

@@ -13,9 +13,9 @@ from functools import cache
 import numpy as np
 from scipy import fft
 
-from nlfrf.identification.leastsquares import least_squares, power
+from nlfrf.shared.leastsquares import least_squares, power
 
-__all__ = ["is_drift", "is_transient", "local_fit"]
+__all__ = ["find_treatment", "local_fit"]
 
 
 SIDE = 6  # lines on either side of a harmonic used for one fit
@@ -23,6 +23,20 @@ N_POLYNOMIAL = 3
 ENOUGH = 1000  # windows that decide whether there is a transient; more would only take time
 EARNED = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
 WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
+
+
+def find_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
+    """What a signal y (M, P, N) and the spectra of its periods (M, P or 1, K) ask for: "none", "discard" or "local"."""
+    n_periods = Y.shape[1]
+
+    def settled(first: int) -> bool:
+        one, other = Y[:, first], Y[:, -1]
+        slope = (y[:, -1].mean(axis=1) - y[:, first].mean(axis=1)) / (n_periods - 1 - first)
+        return not (is_transient(one, other) or is_drift(one, other, slope, lines))
+
+    if n_periods < 2 or settled(0):
+        return "none"
+    return "discard" if n_periods > 2 and settled(1) else "local"
 
 
 def is_transient(first: np.ndarray, last: np.ndarray) -> bool:

@@ -120,8 +120,12 @@ def side_remarks(
     random = random_amplitudes(rig, m, rng, progress=shifted(len(SIGNALS) * m), **options)
     ensembles["random amplitudes"] = random
     difference = {s: normalised_difference(ensembles["multisine"], ensembles[s]) for s in SIGNALS[1:]}
-    same, amplitudes = {s: difference[s] for s in SIGNALS[1:3]}, normalised_difference(odd, random)
-    other = {s: difference[s] for s in SIGNALS[3:]}
+    return judge_remarks(difference, normalised_difference(odd, random)), ensembles
+
+
+def judge_remarks(difference: dict[str, float], amplitudes: float) -> list[Finding]:
+    """The findings S1 to S3 from the differences between the excitations."""
+    same, other = {s: difference[s] for s in SIGNALS[1:3]}, {s: difference[s] for s in SIGNALS[3:]}
     return [
         Finding(
             name="S1",
@@ -149,4 +153,4 @@ def side_remarks(
             criterion="between 0.7 and 1.3 (1 where they are the same)",
             holds=0.7 <= amplitudes <= 1.3,
         ),
-    ], ensembles
+    ]

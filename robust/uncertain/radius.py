@@ -6,7 +6,6 @@ from typing import Any
 
 import control
 import numpy as np
-from scipy.stats import f as fisher
 
 from nlfrf import Bla
 from robust.systems.lti import response
@@ -52,11 +51,6 @@ def family(
     return omega, parts
 
 
-def f_quantile(p: float, dof: np.ndarray) -> np.ndarray:
-    """Quantile of F(2, 2 dof): squared modulus of a complex normal over its estimated variance."""
-    return np.asarray(fisher.ppf(p, 2, 2 * np.minimum(dof, 1e9)))
-
-
 def total_of(parts: dict[str, np.ndarray]) -> np.ndarray:
     """The parts of a radius added up."""
     return np.sum(list(parts.values()), axis=0)
@@ -67,7 +61,7 @@ def record_disc(
 ) -> dict[str, np.ndarray]:
     """Parts (F,) of the absolute radius about the nominal that one record asks for."""
     F = bla.f.size
-    quantile = f_quantile(p ** (1 / F) if simultaneous else p, bla.dof)
+    quantile = bla.f_quantile(p, simultaneous=simultaneous)
     noise = np.nan_to_num(bla.var_noise)
     # of a new realisation: the error of G itself, plus the scatter of one realisation, which M does not reduce
     scatter = bla.bound(p, of="realization", simultaneous=simultaneous) ** 2 / quantile
@@ -105,7 +99,7 @@ def misfit(bla: Bla, model: np.ndarray) -> np.ndarray:
     first = np.clip(np.arange(F) - half, 0, max(F - 2 * half - 1, 0))
     last = np.minimum(first + 2 * half + 1, F)
     around = size * (sums[last] - sums[first]) / (last - first)
-    alone = np.where(square > f_quantile(0.95 ** (1 / F), bla.dof) * var, square - var, 0.0)
+    alone = np.where(square > bla.f_quantile(0.95, simultaneous=True) * var, square - var, 0.0)
     return np.sqrt(np.maximum(np.maximum(around, alone), 0.0))
 
 

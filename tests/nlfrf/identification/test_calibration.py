@@ -7,7 +7,7 @@ import pytest
 
 from nlfrf import multisine
 from nlfrf.identification.calibration import cubic_bla, cubic_variance, variance_ratio
-from nlfrf.identification.neighbours import nearest, nearest_lines
+from nlfrf.identification.neighbours import nearest_lines, place_lines
 
 LINES = np.array([1, 3, 9, 11, 17, 19])
 
@@ -47,7 +47,7 @@ def test_counts_equal_brute_force_over_all_triples():
 def test_narrow_band_special_odd_under_reads_by_three_and_odd_odd_without_limit():
     for kind, factor in (("special-odd", 3.0), ("odd-odd", np.inf)):
         grid = multisine(kind, fs=65536, n_samples=65536, f_min=15000, f_max=15400, rng=0).lines
-        window = nearest(grid, "odd", 6)
+        window = place_lines(grid).near_odd
         ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, grid.odd, window)
         middle = ratio[ratio.size // 3 : -ratio.size // 3]
         np.testing.assert_allclose(middle, factor, rtol=0.05)
@@ -55,7 +55,7 @@ def test_narrow_band_special_odd_under_reads_by_three_and_odd_odd_without_limit(
 
 def test_random_odd_needs_no_factor():
     grid = multisine("random-odd", fs=4096, n_samples=4096, f_min=1, f_max=1600, rng=0).lines
-    window = nearest(grid, "odd", 6)
+    window = place_lines(grid).near_odd
     ratio = variance_ratio(np.ones(grid.excited.size), grid.excited, grid.odd, window)
     assert abs(10 * np.log10(ratio.mean())) < 0.1
 

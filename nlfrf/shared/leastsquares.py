@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["least_squares", "power", "squared", "two_unknowns"]
+__all__ = ["least_squares", "mean_power", "power", "rms", "squared", "two_unknowns"]
 
 
 def two_unknowns(first: np.ndarray, second: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -59,3 +59,13 @@ def squared(x: np.ndarray) -> np.ndarray:
 def power(x: np.ndarray) -> np.ndarray:
     """Sum of squared moduli over the last axis."""
     return np.asarray(np.vecdot(x, x).real)
+
+
+def mean_power(x: np.ndarray) -> np.ndarray:
+    """Mean squared modulus over the first axis, the realisations."""
+    return np.asarray(np.add.reduce(squared(x), axis=0) / x.shape[0])
+
+
+def rms(x: np.ndarray) -> np.ndarray:
+    """Root mean square modulus over the first axis, the realisations."""
+    return np.sqrt(mean_power(x))
