@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["Body", "Curve", "DEEPEST", "DEPTH", "DIRECTION", "ERROR", "F", "LOST", "Law", "Step", "V", "X", "Z"]
+__all__ = ["DEEPEST", "DEPTH", "DIRECTION", "ERROR", "LOST", "Body", "Curve", "F", "Law", "Step", "V", "X", "Z"]
 
 
 # Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones

@@ -18,7 +18,7 @@ from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.shared.leastsquares import power, two_unknowns
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "LocalFit", "NOISE_LINES", "fit_locally"]
+__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
 
 
 ORDER = 2

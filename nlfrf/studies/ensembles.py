@@ -20,12 +20,12 @@ from nlfrf.records.record import Record
 from nlfrf.shared.values import value
 
 __all__ = [
-    "Ensemble",
-    "Ensembles",
     "F0",
     "FS",
     "GRIDS",
     "LEVELS",
+    "Ensemble",
+    "Ensembles",
     "bootstrap_sigma",
     "ensemble",
     "frf",

@@ -150,17 +150,72 @@ def check_structure(system: UncertainSystem, *, certify: bool = True) -> Structu
     omega = structure_grid(system.N)
     wrong = instability(system.N)
     if wrong:
-        nothing = np.full(omega.size, np.nan)
-        return StructuredReport(
-            omega=omega,
-            mu=nothing,
-            mu_rp=nothing,
-            nominally_stable=False,
-            verdict="not certified" if wrong.startswith("undecided") else "not robust",
-            reason=f"the nominal loop is {wrong}",
-            proved="Nothing.",
-            not_proved="Everything: mu means nothing for a loop that is not stable.",
-        )
+        return unstable(omega, wrong)
+    curves = bound_curves(system, omega)
+    broken, worst = worst_found(system, curves)
+    certificates = proofs(system, curves) if certify and curves.peak < 1 and not broken <= 1 else ()
+    stable = bool(certificates and certificates[0].holds)
+    performs = len(certificates) == 2 and certificates[1].holds
+    verdict, reason = judge(system, curves, broken, certify, certificates)
+    proved, not_proved = sentences(system, stable, performs)
+    return StructuredReport(
+        omega=curves.omega,
+        mu=curves.mu,
+        mu_rp=curves.mu_rp,
+        nominally_stable=True,
+        robustly_stable=stable,
+        robust_performance=performs,
+        margin_rs=1 / curves.peak if curves.peak > 0 else np.inf,
+        margin_rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
+        margin_broken=broken,
+        omega_rs=float(curves.omega[curves.mu.argmax()]),
+        omega_rp=float(curves.omega[curves.mu_rp.argmax()]) if system.inputs else np.nan,
+        worst=worst,
+        certificates=certificates,
+        verdict=verdict,
+        reason=reason,
+        proved=proved,
+        not_proved=not_proved,
+    )
+
+
+def unstable(omega: np.ndarray, wrong: str) -> StructuredReport:
+    """The report on a loop that is not stable to begin with: no bounds."""
+    nothing = np.full(omega.size, np.nan)
+    return StructuredReport(
+        omega=omega,
+        mu=nothing,
+        mu_rp=nothing,
+        nominally_stable=False,
+        verdict="not certified" if wrong.startswith("undecided") else "not robust",
+        reason=f"the nominal loop is {wrong}",
+        proved="Nothing.",
+        not_proved="Everything: mu means nothing for a loop that is not stable.",
+    )
+
+
+@value(copy=False)
+class Curves:
+    """Upper bounds of mu over omega (W,), for stability and (nan without it) performance; the parameters beside."""
+
+    omega: np.ndarray
+    mu: np.ndarray
+    mu_rp: np.ndarray
+    parameters: Crossing | None
+
+    @property
+    def peak(self) -> float:
+        """Largest bound for stability."""
+        return float(self.mu.max())
+
+    @property
+    def peak_rp(self) -> float:
+        """Largest bound for performance, nan without it."""
+        return float(self.mu_rp.max())
+
+
+def bound_curves(system: UncertainSystem, omega: np.ndarray) -> Curves:
+    """Both bounds on one grid that sees the peaks of each, and where real parameters break the loop."""
     omega, mu = refined(system.loop, system.structure, omega)
     parameters = smallest_parameters(system, omega, float(mu.max()))
     if parameters is not None:
@@ -172,36 +227,15 @@ def check_structure(system: UncertainSystem, *, certify: bool = True) -> Structu
     mu = bound(system.loop, system.structure, omega)
     if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
-    peak, where = float(mu.max()), float(omega[mu.argmax()])
-    broken, worst = worst_found(system, omega, mu, parameters)
-    certificates: list[Certificate] = []
-    if certify and peak < 1 and not broken <= 1:
-        certificates.append(proof(system, system.loop, system.structure, "robust stability", omega))
-    stable = bool(certificates and certificates[0].holds)
-    if stable and system.inputs and rp.max() < 1:
-        certificates.append(proof(system, system.N, system.with_performance, "robust performance", omega))
-    performs = len(certificates) == 2 and certificates[1].holds
-    verdict, reason = judged(system, peak, where, broken, stable, certify, certificates)
-    proved, not_proved = sentences(system, stable, performs)
-    return StructuredReport(
-        omega=omega,
-        mu=mu,
-        mu_rp=rp,
-        nominally_stable=True,
-        robustly_stable=stable,
-        robust_performance=performs,
-        margin_rs=1 / peak if peak > 0 else np.inf,
-        margin_rp=1 / float(rp.max()) if system.inputs and rp.max() > 0 else np.nan,
-        margin_broken=broken,
-        omega_rs=where,
-        omega_rp=float(omega[rp.argmax()]) if system.inputs else np.nan,
-        worst=worst,
-        certificates=tuple(certificates),
-        verdict=verdict,
-        reason=reason,
-        proved=proved,
-        not_proved=not_proved,
-    )
+    return Curves(omega=omega, mu=mu, mu_rp=rp, parameters=parameters)
+
+
+def proofs(system: UncertainSystem, curves: Curves) -> tuple[Certificate, ...]:
+    """Of stability, and of performance where stability is proved and nothing on the grid contradicts it."""
+    stability = proof(system, system.loop, system.structure, "robust stability", curves.omega)
+    if not (stability.holds and curves.peak_rp < 1):
+        return (stability,)
+    return stability, proof(system, system.N, system.with_performance, "robust performance", curves.omega)
 
 
 def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float) -> Crossing | None:
@@ -216,10 +250,9 @@ def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float)
     return crossing(system.loop, structure("blocks", blocks), 1 / least, min(2 / max(peak, 1e-300), FARTHEST / least))
 
 
-def worst_found(
-    system: UncertainSystem, omega: np.ndarray, mu: np.ndarray, parameters: Crossing | None
-) -> tuple[float, Any]:
+def worst_found(system: UncertainSystem, curves: Curves) -> tuple[float, Any]:
     """Factor at which a perturbation makes the loop singular, the smallest found where mu is large, and its parts."""
+    omega, mu, parameters = curves.omega, curves.mu, curves.parameters
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
     found = mu_lower(along(system.loop, omega[candidates]), system.structure, n_starts=2)
     k = int(found.value.argmax())
@@ -269,14 +302,8 @@ def vars_of(certificate: Certificate) -> dict[str, Any]:
     return {name: getattr(certificate, name) for name in certificate.__dataclass_fields__}
 
 
-def judged(
-    system: UncertainSystem,
-    peak: float,
-    where: float,
-    broken: float,
-    stable: bool,
-    certify: bool,
-    certificates: list[Certificate],
+def judge(
+    system: UncertainSystem, curves: Curves, broken: float, certify: bool, certificates: tuple[Certificate, ...]
 ) -> tuple[str, str]:
     """The verdict on stability and why."""
     if broken <= 1:
@@ -284,7 +311,8 @@ def judged(
             "not robust",
             f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
         )
-    if stable:
+    peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
+    if certificates and certificates[0].holds:
         if any(block.perturbation == "statistical" for block in system.blocks.values()):
             return "statistically robust", "the loop is stable with every linear plant of the set"
         return "robust", "every perturbation of the set leaves the loop stable"

@@ -20,7 +20,7 @@ from robust.systems.bilinear import Matrices
 from robust.systems.lti import poles, timebase, zeros
 from robust.systems.norms import crossings, largest_gain
 
-__all__ = ["Magnitude", "Outcome", "SLACK", "around", "inside", "magnitude", "prove"]
+__all__ = ["SLACK", "Magnitude", "Outcome", "around", "inside", "magnitude", "prove"]
 
 
 MAX_INTERVALS = 600

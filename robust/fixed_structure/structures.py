@@ -18,7 +18,7 @@ from robust.systems.connections import in_series
 from robust.systems.lti import response
 from robust.systems.realisation import from_roots
 
-__all__ = ["Basis", "FASTEST", "FASTEST_SAMPLED", "structure_of"]
+__all__ = ["FASTEST", "FASTEST_SAMPLED", "Basis", "structure_of"]
 
 
 #: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.

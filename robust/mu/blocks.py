@@ -13,14 +13,14 @@ import numpy as np
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 
-__all__ = ["KINDS", "Structure", "fitting", "structure"]
+__all__ = ["KINDS", "BlockStructure", "fitting", "structure"]
 
 
 KINDS = ("full", "repeated", "real")
 
 
 @value(copy=False)
-class Structure:
+class BlockStructure:
     """Blocks of a perturbation along the diagonal.
 
     Fields
@@ -53,7 +53,7 @@ class Structure:
         return all(kind == "full" or r.stop - r.start == 1 for kind, r in zip(self.kinds, self.rows, strict=True))
 
 
-def structure(name: str, blocks: Any) -> Structure:
+def structure(name: str, blocks: Any) -> BlockStructure:
     """The blocks, checked, with the bases of their scalings."""
     if not isinstance(blocks, Sequence) or isinstance(blocks, str) or not len(blocks):
         raise ValueError(f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')")
@@ -76,7 +76,7 @@ def structure(name: str, blocks: Any) -> Structure:
             right.append(placed(H, (c, c), col, col))
             if kind == "real":
                 skew.append(placed(H, (c, r), col, row))
-    return Structure(
+    return BlockStructure(
         kinds=tuple(kinds),
         rows=tuple(rows),
         cols=tuple(cols),
@@ -101,7 +101,7 @@ def checked_block(name: str, block: Any) -> tuple[int, int, str]:
     return int(block[0]), int(block[1]), kind
 
 
-def fitting(name: str, blocks: Any, shape: tuple[int, int], *, of: str = "N") -> Structure:
+def fitting(name: str, blocks: Any, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
     """The structure, or a refusal where it does not add up to the outputs and inputs it has to fit."""
     found = structure(name, blocks)
     if found.shape != tuple(shape):

@@ -1,20 +1,22 @@
 """A level for the structured singular value proved at every frequency, not only on a grid.
 
 On each interval of the frequency axis the scaling found in its middle is frozen; what is left is a norm bound on a
-linear system, decided by its Hamiltonian (`robust.intervals`). Intervals that fail are split.
+linear system, decided by its Hamiltonian (`robust.certificates.intervals`). Intervals that fail are split.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+import control
 import numpy as np
 
 from nlfrf.shared.arguments import positive
+from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.intervals import SLACK, around, inside, prove
-from robust.mu.blocks import fitting
+from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, bounded
 from robust.systems.bilinear import Matrices, continuous_image
 from robust.systems.lti import along, timebase
@@ -76,58 +78,19 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
     wrong = instability(N)
     if wrong:
         return refused(subject, level, f"the system is not stable: {wrong}")
-    dt = timebase(N)
-    A, B, C, D = well_conditioned(continuous_image(N))
-
-    def omega_of(x: Any) -> Any:
-        return 2 / dt * np.arctan(x) if dt else x
-
-    def response_at(x: np.ndarray) -> np.ndarray:
-        return along(N, omega_of(x))
-
-    size = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
-    size = size[(size > 0) & np.isfinite(size)]
-    grid = np.geomspace(size.min() / 30, size.max() * 100, N_GRID)
-    on_grid = bounded(np.moveaxis(response_at(grid), 2, 0), blocks, level)
-    simple = s.scalar and not s.skew.size
-    own: dict[float, Scaling] = {}
-
-    def scaling_at(x: float) -> Scaling:
-        """The one found for this frequency, else one from the grid: any scaling proves what it proves."""
-        if x in own:
-            return own[x]
-        return between(on_grid, grid, x) if simple else picked(on_grid, int(np.abs(np.log(grid / x)).argmin()))
-
-    def exact(x: float) -> float:
-        value = response_at(np.array([x]))
-        norm = float(np.linalg.norm(in_norm_form(scaling_at(x), C, value[:, :, 0], level)[1], 2))
-        if norm < 1:
-            return norm
-        bound = bounded(np.moveaxis(value, 2, 0), blocks, level)
-        own[x] = picked(bound, 0)
-        reached = float(bound.value[0]) / level
-        return min(reached, float(np.linalg.norm(in_norm_form(own[x], C, value[:, :, 0], level)[1], 2)))
-
-    def frozen(low: float, high: float) -> Matrices:
-        C_x, D_x, into = in_norm_form(scaling_at(inside(low, high)), C, D, level)
-        return A, B @ into, C_x, D_x
-
-    def changes(low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
-        D_L, D_R, G = scaling_at(inside(low, high))
-        into, below = np.linalg.inv(D_R), level * (1 - SLACK)
-        return sign_changes((A, B @ into, D_L @ C / below, D_L @ D @ into / below), G / level)
-
+    frozen = frozen_scalings(N, s, blocks, level)
     real = bool(s.skew.size)
     outcome = prove(
-        frozen,
-        exact,
-        around(size),
+        frozen.loop,
+        frozen.size,
+        around(frozen.speeds),
         np.inf,
         time_cap=time_cap,
         most=MOST_INTERVALS,
         slack=SLACK_REAL if real else SLACK,
-        changes=changes if real else None,
+        changes=frozen.changes if real else None,
     )
+    omega_of = frozen.omega_of
     if not outcome.holds:
         if not np.isfinite(outcome.violated_at):
             return refused(subject, level, outcome.reason)
@@ -140,6 +103,93 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
         method="Hamiltonian, interval by interval",
         intervals=np.array([[omega_of(low), omega_of(high)] for low, high in outcome.intervals]),
         reason="",
+    )
+
+
+@value(copy=False)
+class FrozenScalings:
+    """A system and the scalings of its mu bound along a grid, of which each interval takes one.
+
+    Fields
+    ------
+    N : control.StateSpace
+    matrices : A, B, C, D
+        Its continuous image in good coordinates, over x: omega, or tan(omega dt / 2).
+    speeds, grid : ndarray
+        Moduli of the poles in x; where the bound was found.
+    bound : MuBound
+    simple : bool
+        Whether the scalings are positive and diagonal, so that they may be interpolated.
+    own : dict
+        Scalings found for one x alone.
+    """
+
+    N: control.StateSpace
+    blocks: Any
+    level: float
+    matrices: Matrices
+    speeds: np.ndarray
+    grid: np.ndarray
+    bound: MuBound
+    simple: bool
+    own: dict[float, Scaling]
+
+    def omega_of(self, x: Any) -> Any:
+        """Frequency [rad/s]."""
+        dt = timebase(self.N)
+        return 2 / dt * np.arctan(x) if dt else x
+
+    def scaling(self, x: float) -> Scaling:
+        """The one found for this x, else one from the grid: any scaling proves what it proves."""
+        if x in self.own:
+            return self.own[x]
+        if self.simple:
+            return between(self.bound, self.grid, x)
+        return picked(self.bound, int(np.abs(np.log(self.grid / x)).argmin()))
+
+    def size(self, x: float) -> float:
+        """The bound at x over the level; where the scaling at hand is too poor, a better one is found and kept."""
+        C, response = self.matrices[2], along(self.N, self.omega_of(np.array([x])))  # (rows, cols, 1)
+        norm = float(np.linalg.norm(in_norm_form(self.scaling(x), C, response[:, :, 0], self.level)[1], 2))
+        if norm < 1:
+            return norm
+        bound = bounded(np.moveaxis(response, 2, 0), self.blocks, self.level)
+        self.own[x] = picked(bound, 0)
+        reached = float(bound.value[0]) / self.level
+        return min(reached, float(np.linalg.norm(in_norm_form(self.own[x], C, response[:, :, 0], self.level)[1], 2)))
+
+    def loop(self, low: float, high: float) -> Matrices:
+        """The scaled system of an interval, below the level where its norm is below one."""
+        A, B, C, D = self.matrices
+        C_x, D_x, into = in_norm_form(self.scaling(inside(low, high)), C, D, self.level)
+        return A, B @ into, C_x, D_x
+
+    def changes(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """Where the form that real blocks ask for may become singular."""
+        A, B, C, D = self.matrices
+        D_L, D_R, G = self.scaling(inside(low, high))
+        into, below = np.linalg.inv(D_R), self.level * (1 - SLACK)
+        return sign_changes((A, B @ into, D_L @ C / below, D_L @ D @ into / below), G / self.level)
+
+
+def frozen_scalings(N: control.StateSpace, s: BlockStructure, blocks: Any, level: float) -> FrozenScalings:
+    """The system in good coordinates, and the scalings of its bound on a grid around its poles."""
+    dt = timebase(N)
+    matrices = well_conditioned(continuous_image(N))
+    speeds = np.abs(np.linalg.eigvals(matrices[0])) if matrices[0].size else np.ones(1)
+    speeds = speeds[(speeds > 0) & np.isfinite(speeds)]
+    grid = np.geomspace(speeds.min() / 30, speeds.max() * 100, N_GRID)
+    response = along(N, 2 / dt * np.arctan(grid) if dt else grid)  # (rows, cols, N_GRID)
+    return FrozenScalings(
+        N=N,
+        blocks=blocks,
+        level=level,
+        matrices=matrices,
+        speeds=speeds,
+        grid=grid,
+        bound=bounded(np.moveaxis(response, 2, 0), blocks, level),
+        simple=s.scalar and not s.skew.size,
+        own={},
     )
 
 

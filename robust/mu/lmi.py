@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf.shared.arguments import one_of
 from robust.certificates.solver import SOLVERS, attempt
-from robust.mu.blocks import Structure, fitting
+from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, osborne, recomputed, response_matrices
 
 __all__ = ["mu_upper_lmi"]
@@ -59,7 +59,7 @@ def mu_upper_lmi(N: np.ndarray, blocks: Any, *, solver: str = "CLARABEL", time_c
     )
 
 
-def by_program(M: np.ndarray, s: Structure, solver: str, time_cap: float) -> tuple[float, tuple[np.ndarray, ...]]:
+def by_program(M: np.ndarray, s: BlockStructure, solver: str, time_cap: float) -> tuple[float, tuple[np.ndarray, ...]]:
     """The bound at one frequency with its scalings."""
     import cvxpy as cp
 
@@ -106,7 +106,7 @@ def as_real(H: np.ndarray) -> np.ndarray:
     return np.block([[H.real, -H.imag], [H.imag, H.real]])
 
 
-def judged_scaling(A: np.ndarray, s: Structure, x: Any, g: Any) -> tuple[float, tuple[np.ndarray, ...]]:
+def judged_scaling(A: np.ndarray, s: BlockStructure, x: Any, g: Any) -> tuple[float, tuple[np.ndarray, ...]]:
     """The bound that a solver's variables prove (inf: none), put together again."""
     nothing = np.inf, (np.zeros(0),) * 3
     if x is None or not np.isfinite(x).all() or (s.skew.size and not np.isfinite(g).all()):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from robust.mu.blocks import Structure, fitting
+from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, hermitian, response_matrices, scalings
 
 __all__ = ["mu_lower"]
@@ -90,7 +90,7 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
 
 
-def without_real(M: np.ndarray, s: Structure, n_starts: int, rng: Any) -> tuple[np.ndarray, np.ndarray]:
+def without_real(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any) -> tuple[np.ndarray, np.ndarray]:
     """The lower bound and its perturbation with every real block at zero."""
     some = [k for k, kind in enumerate(s.kinds) if kind != "real"]
     rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in some]) for cut in (s.rows, s.cols))
@@ -101,7 +101,7 @@ def without_real(M: np.ndarray, s: Structure, n_starts: int, rng: Any) -> tuple[
     return bound.value.copy(), delta
 
 
-def judged(M: np.ndarray, delta: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray]:
+def judged(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
     """1/size of the perturbations, scaled to an eigenvalue one of N delta; zero where the loop is not singular."""
     closed = M @ delta
     eigenvalues = np.linalg.eigvals(closed)
@@ -120,7 +120,7 @@ def judged(M: np.ndarray, delta: np.ndarray, s: Structure) -> tuple[np.ndarray, 
     return np.where(fine, 1 / np.where(size > 0, size, 1.0), 0.0), np.where(fine[:, None, None], delta, np.nan)
 
 
-def scaled_vectors(M: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def scaled_vectors(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(W, n_in, 3), (W, n_out, 3) directions at which the least bound (W,) is reached, largest first; and that bound.
 
     There the largest eigenvalues meet, and where the bound is mu itself a combination of their directions is the
@@ -141,7 +141,7 @@ def scaled_vectors(M: np.ndarray, s: Structure) -> tuple[np.ndarray, np.ndarray,
     return left, right, bound * size
 
 
-def from_vectors(left: np.ndarray, right: np.ndarray, s: Structure, rng: Any, *, random: bool) -> np.ndarray:
+def from_vectors(left: np.ndarray, right: np.ndarray, s: BlockStructure, rng: Any, *, random: bool) -> np.ndarray:
     """A perturbation of size one along the first direction, or along a random combination, or any random one."""
     W, k = left.shape[0], left.shape[2]
     if rng is None:
@@ -154,7 +154,7 @@ def from_vectors(left: np.ndarray, right: np.ndarray, s: Structure, rng: Any, *,
     return aligned(left, right, np.ones(W), s, inside=True)
 
 
-def ascended(M: np.ndarray, delta: np.ndarray, s: Structure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
+def ascended(M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
     """(W, n_in, n_out) perturbations of size one, turned until the spectral radius (W,) of N delta grows no more."""
     best, radius = delta.copy(), np.zeros(len(M))
     todo = np.arange(len(M))
@@ -177,7 +177,9 @@ def ascended(M: np.ndarray, delta: np.ndarray, s: Structure, n_steps: int) -> tu
     return best, radius
 
 
-def aligned(left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: Structure, *, inside: bool = False) -> np.ndarray:
+def aligned(
+    left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: BlockStructure, *, inside: bool = False
+) -> np.ndarray:
     """Delta of size one that maximises Re(turn* left* Delta right), block by block.
 
     `inside` gives real blocks the number that takes right to left, where it is in [-1, 1].
@@ -202,7 +204,7 @@ def aligned(left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: Structure,
     return delta
 
 
-def real_crossing(N: np.ndarray, delta: np.ndarray, s: Structure) -> np.ndarray:
+def real_crossing(N: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     """A perturbation of size at most one, near the given one, with a large real eigenvalue of N delta.
 
     Real blocks move in [-1, 1], complex ones turn their phase: maximise Re lambda with Im lambda = 0. Between two such
@@ -244,7 +246,7 @@ def real_crossing(N: np.ndarray, delta: np.ndarray, s: Structure) -> np.ndarray:
     return best
 
 
-def moved(delta: np.ndarray, x: np.ndarray, s: Structure) -> np.ndarray:
+def moved(delta: np.ndarray, x: np.ndarray, s: BlockStructure) -> np.ndarray:
     """The perturbation with its real blocks at x and its complex ones turned by x [rad]."""
     out = np.zeros_like(delta)
     for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
@@ -253,7 +255,7 @@ def moved(delta: np.ndarray, x: np.ndarray, s: Structure) -> np.ndarray:
 
 
 def eigenvalue(
-    N: np.ndarray, delta: np.ndarray, s: Structure, x: tuple[float, ...]
+    N: np.ndarray, delta: np.ndarray, s: BlockStructure, x: tuple[float, ...]
 ) -> tuple[complex, np.ndarray, np.ndarray, np.ndarray]:
     """An eigenvalue of N times the moved perturbation, its slopes along x, and N* l and r for its vectors.
 

@@ -15,7 +15,7 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
-from robust.mu.blocks import Structure
+from robust.mu.blocks import BlockStructure
 from robust.systems.lti import in_s, timebase
 from robust.systems.stability import instability
 
@@ -97,7 +97,7 @@ class Parametric:
 
 
 def crossing(
-    N: control.StateSpace, s: Structure, least: float, limit: float, *, time_cap: float = 2.0
+    N: control.StateSpace, s: BlockStructure, least: float, limit: float, *, time_cap: float = 2.0
 ) -> Crossing | None:
     """The smallest real parameters found that take a stable loop to the boundary.
 
@@ -105,7 +105,7 @@ def crossing(
     ----------
     N : control.StateSpace
         What the perturbation closes, stable.
-    s : Structure
+    s : BlockStructure
         Complex blocks stay at zero.
     least, limit : float
         Sizes between which they are looked for.

@@ -16,7 +16,7 @@ import numpy as np
 
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
-from robust.mu.blocks import Structure, fitting
+from robust.mu.blocks import BlockStructure, fitting
 from robust.systems.lti import along
 from robust.systems.norms import EPS
 
@@ -165,7 +165,7 @@ def hermitian(M: np.ndarray) -> np.ndarray:
     return M.conj().swapaxes(-1, -2)
 
 
-def osborne(N: np.ndarray, s: Structure, n_steps: int = 12) -> np.ndarray:
+def osborne(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
     """(W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik / d_k."""
     sizes = np.stack(
         [np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1) for r in s.rows], axis=1
@@ -183,7 +183,7 @@ def osborne(N: np.ndarray, s: Structure, n_steps: int = 12) -> np.ndarray:
 
 
 def scalings(
-    N: np.ndarray, s: Structure, target: np.ndarray | float = 0.0
+    N: np.ndarray, s: BlockStructure, target: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
 
@@ -230,7 +230,7 @@ def top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
 
 
 def centred(
-    M: np.ndarray, L: np.ndarray, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: Structure
+    M: np.ndarray, L: np.ndarray, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: BlockStructure
 ) -> tuple[np.ndarray, ...]:
     """One Newton step from X = I towards the centre of the scalings that prove alpha; whether it was near, or lost.
 

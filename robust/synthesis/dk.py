@@ -8,6 +8,7 @@ local optimum; what is returned is the best loop seen, judged by mu with the str
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -15,9 +16,8 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer, positive
 from nlfrf.shared.values import value
-from robust.certificates.certificate import Certificate
 from robust.modelling.weights import minimum_phase
-from robust.mu.blocks import Structure, fitting
+from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
 from robust.synthesis.hinfsyn import hinfsyn
@@ -138,9 +138,30 @@ def dk_iteration(
     deadline = time.monotonic() + positive("time_cap", time_cap)
     s = fitting("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     dt = timebase(P)
-    nothing = control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt)
-    best = DkDesign(
-        K=nothing,
+    best, reason = no_design(P, n_y, n_u), f"{n_rounds} rounds were made"
+    scaling, used, history = [one(dt)] * len(s.kinds), 0, []
+    for _ in range(n_rounds):
+        K, gamma, failed = synthesise_scaled(P, scaling, s, (n_y, n_u), max(deadline - time.monotonic(), 0.1))
+        if failed:
+            reason = failed
+            break
+        found = judge_by_mu(P, K, blocks, omega)
+        history.append((gamma, found.mu, used))
+        improved = found.mu < best.mu * (1 - 1e-3)
+        best = found if found.mu < best.mu else best
+        late = time.monotonic() > deadline
+        if late or not improved:
+            reason = "the time cap was reached" if late else "mu did not fall any more"
+            break
+        scaling, used = fitted(along(lower(P, K), found.omega), s, found.omega, dt, order)
+    certificate = certify_mu(lower(P, best.K), blocks, 1.01 * best.mu) if np.isfinite(best.mu) else None
+    return replace(best, history=tuple(history), certificate=certificate, reason=reason)
+
+
+def no_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
+    """What there is before the first round."""
+    return DkDesign(
+        K=control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt),
         mu=np.inf,
         omega=np.zeros(0),
         curve=np.zeros(0),
@@ -148,45 +169,28 @@ def dk_iteration(
         certificate=None,
         reason="no controller was found",
     )
-    scaling, used, history, reason = [one(dt)] * len(s.kinds), 0, [], f"{n_rounds} rounds were made"
-    for _ in range(n_rounds):
-        left, right = scaled_by(scaling, s, dt)
-        within = max(deadline - time.monotonic(), 0.1)
-        found = hinfsyn(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=within)
-        if not found.found:
-            reason = f"synthesis found nothing: {found.reason}"
-            break
-        N = lower(P, found.K)
-        if instability(N):
-            reason = f"the loop without its scalings is {instability(N)}"
-            break
-        at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
-        bound = mu_upper(along(N, at), blocks)
-        peak = float(bound.value.max())
-        history.append((found.gamma, peak, used))
-        improved = peak < best.mu * (1 - 1e-3)
-        if peak < best.mu:
-            best = DkDesign(K=found.K, mu=peak, omega=at, curve=bound.value, history=(), certificate=None, reason="")
-        if time.monotonic() > deadline:
-            reason = "the time cap was reached"
-            break
-        if not improved:
-            reason = "mu did not fall any more"
-            break
-        full = [(r.stop - r.start, c.stop - c.start) for r, c in zip(s.rows, s.cols, strict=True)]
-        scaling, used = fitted(along(N, at), full, s, at, dt, order)
-    certificate: Certificate | None = None
-    if np.isfinite(best.mu):
-        certificate = certify_mu(lower(P, best.K), blocks, 1.01 * best.mu)
-    return DkDesign(
-        K=best.K,
-        mu=best.mu,
-        omega=best.omega,
-        curve=best.curve,
-        history=tuple(history),
-        certificate=certificate,
-        reason=reason,
-    )
+
+
+def synthesise_scaled(
+    P: control.StateSpace, scaling: list[Any], s: BlockStructure, sizes: tuple[int, int], time_cap: float
+) -> tuple[control.StateSpace, float, str]:
+    """The controller of the scaled plant, the norm it reaches there, and why it is none."""
+    n_y, n_u = sizes
+    dt = timebase(P)
+    left, right = scaled_by(scaling, s, dt)
+    found = hinfsyn(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=time_cap)
+    if not found.found:
+        return found.K, found.gamma, f"synthesis found nothing: {found.reason}"
+    wrong = instability(lower(P, found.K))
+    return found.K, found.gamma, f"the loop without its scalings is {wrong}" if wrong else ""
+
+
+def judge_by_mu(P: control.StateSpace, K: control.StateSpace, blocks: Any, omega: Any) -> DkDesign:
+    """The loop with a controller, by the upper bound of mu with the structure as it is."""
+    N = lower(P, K)
+    at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
+    curve = mu_upper(along(N, at), blocks).value
+    return DkDesign(K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason="")
 
 
 def one(dt: float) -> control.StateSpace:
@@ -194,7 +198,7 @@ def one(dt: float) -> control.StateSpace:
     return control.StateSpace([], [], [], [[1.0]], dt)
 
 
-def scaled_by(scaling: list[Any], s: Structure, dt: float) -> tuple[control.StateSpace, control.StateSpace]:
+def scaled_by(scaling: list[Any], s: BlockStructure, dt: float) -> tuple[control.StateSpace, control.StateSpace]:
     """D_L and D_R^-1 from one function per block (given with its inverse where it has states)."""
     pairs = [d if isinstance(d, tuple) else (d, d) for d in scaling]
     left = [d for (d, _), row in zip(pairs, s.rows, strict=True) for _ in range(row.stop - row.start)]
@@ -207,10 +211,9 @@ def padded(system: control.StateSpace, n: int, dt: float) -> control.StateSpace:
     return joined([system, control.StateSpace([], [], [], np.eye(n), dt)], dt)
 
 
-def fitted(
-    response_: np.ndarray, full: list[tuple[int, int]], s: Structure, omega: np.ndarray, dt: float, order: int
-) -> tuple[list[Any], int]:
+def fitted(response_: np.ndarray, s: BlockStructure, omega: np.ndarray, dt: float, order: int) -> tuple[list[Any], int]:
     """Functions of the lowest order whose scaled loop comes close to mu, the last block unscaled; and that order."""
+    full = [(r.stop - r.start, c.stop - c.start) for r, c in zip(s.rows, s.cols, strict=True)]
     bound = mu_upper(response_, full)
     D_L = bound.scaling[0]
     d = np.array([np.abs(D_L[row.start, row.start]) for row in s.rows])

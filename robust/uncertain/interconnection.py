@@ -219,38 +219,48 @@ def interconnection(
     dt = common_timebase([*parts, *weights])
     named_in = [label for part in parts for label in part.input_labels]
     named_out = [label for part in parts for label in part.output_labels]
-    reads = [label for block in blocks.values() for label in block.reads]
-    drives = [label for block in blocks.values() for label in block.drives]
-    for label in [*reads, *outputs]:
+    read = [*(label for block in blocks.values() for label in block.reads), *outputs]
+    external = [*(label for block in blocks.values() for label in block.drives), *inputs]
+    refuse_signals(named_in, named_out, read, external)
+    N = joined_by_name(joined(parts, dt), (named_in, named_out), external, read)
+    if weights:
+        size = joined([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
+        N = in_front(size, N, dt)
+    return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
+
+
+def refuse_signals(named_in: list[str], named_out: list[str], read: list[str], external: list[str]) -> None:
+    """Refuse signals nobody has, and inputs nobody drives."""
+    for label in read:
         if label not in named_out:
             raise ValueError(
                 f"blocks and outputs must read outputs of the systems ({', '.join(named_out)}), got {label!r}"
             )
-    for label in [*drives, *inputs]:
+    for label in external:
         if label not in named_in:
             raise ValueError(
                 f"blocks and inputs must drive inputs of the systems ({', '.join(named_in)}), got {label!r}"
             )
     for label in named_in:
-        if label not in {*named_out, *drives, *inputs}:
+        if label not in {*named_out, *external}:
             raise ValueError(f"systems must have every input driven, got nobody who drives {label!r}")
-    all_ = joined(parts, dt)
-    external = [*drives, *inputs]
-    inside, into = selection(named_in, named_out), selection(named_in, external)
-    out = selection([*reads, *outputs], named_out)
-    # (external, all inputs) -> (read, all outputs); an input is what outputs and external signals add up to
+
+
+def joined_by_name(
+    parts: control.StateSpace, names: tuple[list[str], list[str]], external: list[str], read: list[str]
+) -> control.StateSpace:
+    """From the external signals to those that are read: an input is what outputs and external signals add up to."""
+    named_in, named_out = names
+    inside, into, out = selection(named_in, named_out), selection(named_in, external), selection(read, named_out)
+    # (external, all inputs) -> (read, all outputs)
     P = control.StateSpace(
-        all_.A,
-        np.hstack([all_.B @ into, all_.B]),
-        np.vstack([out @ all_.C, all_.C]),
-        np.vstack([np.hstack([out @ all_.D @ into, out @ all_.D]), np.hstack([all_.D @ into, all_.D])]),
-        dt,
+        parts.A,
+        np.hstack([parts.B @ into, parts.B]),
+        np.vstack([out @ parts.C, parts.C]),
+        np.vstack([np.hstack([out @ parts.D @ into, out @ parts.D]), np.hstack([parts.D @ into, parts.D])]),
+        parts.dt,
     )
-    N = lower(P, control.StateSpace([], [], [], inside, dt))
-    if weights:
-        size = joined([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
-        N = in_front(size, N, dt)
-    return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
+    return lower(P, control.StateSpace([], [], [], inside, parts.dt))
 
 
 def common_timebase(parts: list[control.StateSpace]) -> float:
