@@ -16,15 +16,7 @@ from nlfrf.shared.arguments import DataWarning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
 from nlfrf.shared.values import value
 
-__all__ = [
-    "Level",
-    "choose_source",
-    "fit_each",
-    "level_from_detection",
-    "level_from_roughness",
-    "read_level",
-    "smooth_frf",
-]
+__all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "read_level", "smooth_frf"]
 
 
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high

@@ -23,13 +23,12 @@ from nlfrf import Bla
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.wording import shown
 from robust.analysis.check_lines import check_lines
-from robust.analysis.loop import Loop, assemble, nominal_instability, performance_margin
-from robust.analysis.proofs import prove_performance, prove_stability
-from robust.analysis.report import RobustnessReport
-from robust.analysis.verdict import advice, context, judge, sentences
-from robust.certificates.certificate import Certificate
+from robust.analysis.curves import Peaks
+from robust.analysis.loop import assemble, find_peaks, nominal_instability
+from robust.analysis.proofs import prove_set
+from robust.analysis.report import RobustnessReport, fill_report
+from robust.analysis.verdict import on_set, on_unstable
 from robust.certificates.solver import SOLVERS
-from robust.systems.lti import response
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["check"]
@@ -95,89 +94,22 @@ def check(
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {shown(model)}")
     loop = assemble(model, K, w_P, delay)
-    omega = loop.grid(model.omega)
+    omega, of = loop.grid(model.omega), {"perturbation": model.perturbation}
     wrong = nominal_instability(loop)
     if wrong:
-        return unstable(model, loop, omega, wrong)
-    band = (float(model.omega[0]), float(model.omega[-1]))
-    peak_rs, omega_rs = loop.peak(loop.rs, omega, band)
-    margin_rp, omega_rp = performance_margin(loop, omega, band)
-    half, omega_disk = loop.peak(loop.half_disk, omega, band)
-    peaks = np.array([omega_rs, omega_rp, omega_disk])
-    omega = np.unique(np.concatenate([omega, peaks[(peaks > omega[0]) & (peaks < omega[-1])]]))
-    S = loop.terms(omega)[0]
-    certificates: list[Certificate] = []
-    violation = peak_rs >= 1
-    if certify and not violation:
-        certificates.append(prove_stability(loop, omega, solver))
-        violation = certificates[0].reason.startswith("violated")
-    robustly_stable = bool(certificates and certificates[0].holds and not violation)
-    performance = False
-    if w_P is not None and robustly_stable:
-        certificates.append(prove_performance(loop, omega, one_scaling=model.perturbation == "operator"))
-        performance = certificates[-1].holds
-    verdict, reason = judge(model, loop, peak_rs, omega_rs, violation, certify, certificates, robustly_stable)
-    proved, not_proved = sentences(model, loop, omega, robustly_stable, performance)
-    return RobustnessReport(
-        omega=omega,
-        S=S,
-        T=1 - S,
-        rs=loop.rs(omega),
-        np_=loop.nominal(omega),
-        rp=loop.rp(omega),
-        nominally_stable=True,
-        robustly_stable=robustly_stable,
-        robust_performance=performance,
-        margin_rs=1 / peak_rs if peak_rs > 0 else np.inf,
-        margin_rp=margin_rp,
-        omega_rs=omega_rs,
-        omega_rp=omega_rp,
-        disk_margin=1 / half if half > 0 else np.inf,
-        omega_disk=omega_disk,
-        certificates=tuple(certificates),
-        perturbation=model.perturbation,
-        verdict=verdict,
-        reason=reason,
-        advice=advice(model, omega_rs),
-        proved=proved,
-        not_proved=not_proved,
-        context=context(model, loop),
-        w_P=None if w_P is None else np.abs(response(loop.w_P, omega)),
-        form=model.form,
-        **responses(loop, omega),
-    )
-
-
-def responses(loop: Loop, omega: np.ndarray) -> dict[str, Any]:
-    """What the loop is made of, on the grid of the report."""
-    return {
-        "G": loop.plant(omega),
-        "K": response(loop.K, omega),
-        "radius": np.abs(response(loop.weight, omega)),
-    }
-
-
-def unstable(model: UncertaintyModel, loop: Loop, omega: np.ndarray, reason: str) -> RobustnessReport:
-    """The report on a loop that is not stable to begin with: no margins."""
-    nothing = np.full(omega.size, np.nan)
-    S = loop.terms(omega)[0]
-    undecided = reason.startswith("undecided")
-    return RobustnessReport(
-        omega=omega,
-        S=S,
-        T=1 - S,
-        rs=nothing,
-        np_=nothing,
-        rp=nothing,
-        nominally_stable=False,
-        perturbation=model.perturbation,
-        verdict="not certified" if undecided else "not robust",
-        reason=reason,
-        advice="Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
-        proved="Nothing.",
-        not_proved="Everything: margins mean nothing for a loop that is not stable.",
-        context=context(model, loop),
-        w_P=None,
-        form=model.form,
-        **responses(loop, omega),
+        return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, wrong), stable=False, **of)
+    peaks = find_peaks(loop, omega, (float(model.omega[0]), float(model.omega[-1])))
+    places = np.array([peaks.omega_rs, peaks.omega_rp, peaks.omega_disk])
+    omega = np.unique(np.concatenate([omega, places[(places > omega[0]) & (places < omega[-1])]]))
+    curves = loop.curves(omega)
+    proofs = prove_set(loop, omega, peaks.rs, certify=certify, solver=solver, **of)
+    return fill_report(
+        curves,
+        peaks,
+        on_set(model, loop, curves, peaks, proofs, certify=certify),
+        stable=True,
+        robustly_stable=proofs.stable,
+        robust_performance=proofs.performance,
+        certificates=proofs.certificates,
+        **of,
     )

@@ -10,7 +10,6 @@ from nlfrf.shared.arguments import integer
 from nlfrf.shared.values import value
 from robust.analysis.loop import assemble
 from robust.analysis.worst_case import in_loop, sensitivity, stable_with
-from robust.systems.closed_loop import worst_sensitivity
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["LoopFamily", "sample_loops"]
@@ -98,11 +97,11 @@ def sample_loops(
     omega = loop.grid(model.omega)
     omega = omega[omega >= model.omega[0] / 10]
     seen = [in_loop(plant, loop, delay) for plant in plants]
-    terms = loop.terms(omega)
+    nominal = loop.curves(omega)
     return LoopFamily(
         omega=omega,
         S=np.array([sensitivity(*pair, loop, omega) for pair in zip(plants, seen, strict=True)]),
         stable=np.array([stable_with(*pair, loop) for pair in zip(plants, seen, strict=True)]),
-        nominal=terms[0],
-        worst=worst_sensitivity(*terms),
+        nominal=nominal.S,
+        worst=nominal.worst,
     )

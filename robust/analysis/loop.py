@@ -1,4 +1,4 @@
-"""The loop as it will run: plant, controller, hold and delay on one time base, its curves and its proofs."""
+"""The loop as it will run: plant, controller, hold, delay on one time base."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ import numpy as np
 
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.values import value
+from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.certificates.intervals import Magnitude, magnitude
-from robust.systems.closed_loop import closed_loop, factor_allowed, worst_sensitivity
+from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series
 from robust.systems.grids import highest, loop_grid
 from robust.systems.lti import constant, response, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import certain_poles, moved_out
-from robust.uncertain.forms import FORMS, worst_terms
+from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["Loop", "assemble", "nominal_instability", "performance_margin", "weighted"]
+__all__ = ["Loop", "assemble", "find_peaks", "nominal_instability", "weighted"]
 
 
 DELAY_ORDER = 8
@@ -86,28 +87,13 @@ class Loop:
         """(W,) response of G."""
         return response(self.short, omega) * np.exp(-1j * omega * self.shift)
 
-    def terms(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """S, a and b at omega (`robust.loop.worst_terms`), from the responses of the parts."""
-        return worst_terms(self.form, response(self.weight, omega), self.plant(omega), response(self.K, omega))
-
-    def rs(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) |b|: one perturbation of the set destabilises the loop where it reaches one."""
-        return np.abs(self.terms(np.atleast_1d(omega))[2])
-
-    def nominal(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) |w_P S|; nan without w_P."""
-        if self.w_P is None:
-            return np.full(np.size(omega), np.nan)
-        return np.abs(response(self.w_P, np.atleast_1d(omega)) * self.terms(np.atleast_1d(omega))[0])
-
-    def rp(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) |w_P| max |S_p|; nan without w_P."""
+    def curves(self, omega: Any) -> Curves:
+        """What the loop does at the frequencies omega [rad/s], from the responses of its parts."""
         omega = np.atleast_1d(omega)
-        if self.w_P is None:
-            return np.full(omega.size, np.nan)
-        worst = worst_sensitivity(*self.terms(omega))
-        size = np.abs(response(self.w_P, omega))
-        return np.where(np.isinf(worst), np.inf, size * np.where(np.isinf(worst), 1.0, worst))
+        w_P = None if self.w_P is None else response(self.w_P, omega)
+        return loop_curves(
+            self.form, omega, self.plant(omega), response(self.K, omega), response(self.weight, omega), w_P
+        )
 
     def folded(self, omega: np.ndarray) -> np.ndarray:
         """(W,) rs with what perturbations above the Nyquist frequency add by folding down; inf where unbounded.
@@ -131,11 +117,8 @@ class Loop:
                     total += hold * form.spread(w, size, np.ones(1))
         # from there on at least as 1/k^2, whose sum is k times its last term
         total += N_ALIASES * np.subtract(total, before, out=np.zeros(omega.size), where=np.isfinite(total))
-        return self.rs(omega) + np.abs(response(self.K, omega) * self.terms(omega)[0]) * total
-
-    def half_disk(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) |S - 1/2|, whose largest value is the inverse of the symmetric disk margin."""
-        return np.abs(self.terms(np.atleast_1d(omega))[0] - 0.5)
+        nominal = self.curves(omega)
+        return nominal.rs + np.abs(nominal.K * nominal.S) * total
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
@@ -246,17 +229,27 @@ def weighted(loop: Loop) -> control.StateSpace:
     return in_series(loop.closed((out,), (into,)), loop.weight, dt=loop.dt)
 
 
+def find_peaks(loop: Loop, omega: np.ndarray, band: tuple[float, float]) -> Peaks:
+    """The largest values of the curves over all frequencies: from the grid omega, refined."""
+    rs, omega_rs = loop.peak(lambda points: loop.curves(points).rs, omega, band)
+    half_disk, omega_disk = loop.peak(lambda points: loop.curves(points).half_disk, omega, band)
+    margin_rp, omega_rp = performance_margin(loop, omega, band)
+    return Peaks(
+        rs=rs,
+        omega_rs=omega_rs,
+        margin_rp=margin_rp,
+        omega_rp=omega_rp,
+        half_disk=half_disk,
+        omega_disk=omega_disk,
+    )
+
+
 def performance_margin(loop: Loop, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
     """Largest factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited."""
     if loop.w_P is None:
         return np.nan, np.nan
-    peak, where = loop.peak(loop.nominal, omega, band)
+    peak, where = loop.peak(lambda points: loop.curves(points).np_, omega, band)
     if peak >= 1:
         return 0.0, where
-
-    def inverse(points: np.ndarray) -> np.ndarray:
-        S, a, b = loop.terms(points)
-        return 1 / factor_allowed(np.abs(response(loop.w_P, points)) * np.abs(S), a, b)
-
-    largest, where = loop.peak(inverse, omega, band)
+    largest, where = loop.peak(lambda points: 1 / loop.curves(points).growth, omega, band)
     return 1 / largest if largest > 0 else np.inf, where

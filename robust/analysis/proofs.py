@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
 from robust.analysis.loop import Loop, weighted
 from robust.certificates.bounded_real import certify_norm
@@ -19,10 +20,45 @@ from robust.systems.lti import constant, evaluate, on_axis, response, timebase
 from robust.systems.norms import well_conditioned
 from robust.uncertain.forms import FORMS
 
-__all__ = ["prove_performance", "prove_stability"]
+__all__ = ["Proofs", "prove_set"]
 
 
 BUDGET = 3.0  # seconds for each proof by intervals
+
+
+@value
+class Proofs:
+    """What was proved of a loop, and what was disproved on the way.
+
+    Fields
+    ------
+    certificates : tuple of Certificate
+        Stability first, then performance where it was asked for and stability holds.
+    violated : bool
+        A plant of the set is unstable in the loop.
+    stable, performance : bool
+        Proved for the whole set, at every frequency.
+    """
+
+    certificates: tuple[Certificate, ...]
+    violated: bool
+    stable: bool = False
+    performance: bool = False
+
+
+def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, perturbation: str, certify: bool, solver: str) -> Proofs:
+    """Whatever can be proved where the largest rs found is `peak`."""
+    if peak >= 1 or not certify:
+        return Proofs(certificates=(), violated=peak >= 1)
+    stability = prove_stability(loop, omega, solver)
+    violated = stability.reason.startswith("violated")
+    stable = stability.holds and not violated
+    if not stable or loop.w_P is None:
+        return Proofs(certificates=(stability,), violated=violated, stable=stable)
+    performance = prove_performance(loop, omega, one_scaling=perturbation == "operator")
+    return Proofs(
+        certificates=(stability, performance), violated=violated, stable=stable, performance=performance.holds
+    )
 
 
 def prove_stability(loop: Loop, omega: np.ndarray, solver: str) -> Certificate:

@@ -8,11 +8,12 @@ import numpy as np
 
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.analysis.curves import Curves, Peaks
 from robust.analysis.verdict import VERDICTS, factor, paragraph
 from robust.certificates.certificate import Certificate
 from robust.uncertain.forms import loop_discs
 
-__all__ = ["RobustnessReport"]
+__all__ = ["RobustnessReport", "fill_report"]
 
 
 @value
@@ -162,3 +163,34 @@ class RobustnessReport:
         lines += paragraph("next", self.advice)
         lines += paragraph("loop", self.context)
         return "\n".join(lines)
+
+
+def fill_report(
+    curves: Curves, peaks: Peaks, words: dict[str, Any], *, perturbation: str, stable: bool, **known: Any
+) -> RobustnessReport:
+    """The report from what is known: curves that mean nothing for a loop that is not stable, or has no set, are nan."""
+    nothing = np.full(curves.omega.size, np.nan)
+    seen = stable and bool(np.isfinite(curves.w).all())
+    return RobustnessReport(
+        omega=curves.omega,
+        S=curves.S,
+        T=1 - curves.S,
+        rs=curves.rs if seen else nothing,
+        np_=curves.np_ if stable else nothing,
+        rp=curves.rp if seen else nothing,
+        nominally_stable=stable,
+        margin_rs=peaks.margin_rs,
+        margin_rp=peaks.margin_rp,
+        omega_rs=peaks.omega_rs,
+        omega_rp=peaks.omega_rp,
+        disk_margin=peaks.disk_margin,
+        omega_disk=peaks.omega_disk,
+        perturbation=perturbation,
+        G=curves.G,
+        K=curves.K,
+        radius=np.abs(curves.w),
+        form=curves.form,
+        w_P=None if curves.w_P is None else np.abs(curves.w_P),
+        **words,
+        **known,
+    )

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 
 from nlfrf.shared.wording import hertz
+from robust.analysis.curves import Curves, Peaks
 from robust.analysis.loop import Loop
-from robust.certificates.certificate import Certificate
+from robust.analysis.proofs import Proofs
 from robust.systems.lti import poles, response
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["VERDICTS", "advice", "context", "factor", "judge", "paragraph", "sentences"]
+__all__ = ["VERDICTS", "factor", "on_lines_only", "on_set", "on_unstable", "paragraph"]
 
 
 CURES = {
@@ -74,7 +75,7 @@ def claim(model: Any) -> str:
     return f"each line of another realisation lies in the set with {percent} probability"
 
 
-def sentences(model: Any, loop: Any, omega: np.ndarray, stable: bool, performance: bool) -> tuple[str, str]:
+def sentences(model: Any, loop: Any, curves: Curves, stable: bool, performance: bool) -> tuple[str, str]:
     """What was proved and what was not, one sentence each."""
     where = "at all frequencies" if not loop.dt else f"at all frequencies up to Nyquist ({0.5 / loop.dt:.4g} Hz)"
     if not stable:
@@ -92,18 +93,19 @@ def sentences(model: Any, loop: Any, omega: np.ndarray, stable: bool, performanc
     if loop.w_P is not None and not performance:
         missing.append("the performance demand for the whole set")
     if loop.unsampled is not None:
-        missing.append(folding(loop, omega))
+        missing.append(folding(loop, curves))
     missing.append(f"anything about the plant outside the measured band beyond the assumption ({model.extrapolation})")
     text = "; ".join(missing)
     return proved, text[0].upper() + text[1:] + "."
 
 
-def folding(loop: Any, omega: np.ndarray) -> str:
+def folding(loop: Any, curves: Curves) -> str:
     """What perturbations above the Nyquist frequency could do, which the sampled set does not hold."""
     # where rs is large, and where modes above Nyquist come down to
+    omega = curves.omega
     step, nyquist = 2 * np.pi / loop.dt, np.pi / loop.dt
     modes = np.abs((poles(loop.unsampled).imag + nyquist) % step - nyquist)
-    some = np.concatenate([omega[:: max(1, omega.size // 100)], omega[np.argsort(-loop.rs(omega))[:20]], modes])
+    some = np.concatenate([omega[:: max(1, omega.size // 100)], omega[np.argsort(-curves.rs)[:20]], modes])
     peak = float(np.max(loop.folded(np.unique(np.clip(some, omega[0], omega[-1])))))
     text = "perturbations above the Nyquist frequency, which fold down"
     if np.isinf(peak):
@@ -125,33 +127,81 @@ def context(model: Any, loop: Any) -> str:
     )
 
 
-def judge(
-    model: UncertaintyModel,
-    loop: Loop,
-    peak: float,
-    omega_rs: float,
-    violation: bool,
-    certify: bool,
-    certificates: list[Certificate],
-    robustly_stable: bool,
-) -> tuple[str, str]:
+def on_set(
+    model: UncertaintyModel, loop: Loop, curves: Curves, peaks: Peaks, proofs: Proofs, *, certify: bool
+) -> dict[str, str]:
+    """Every word of the report on a loop that is stable to begin with."""
+    verdict, reason = judge(model, loop, peaks, proofs, certify)
+    proved, not_proved = sentences(model, loop, curves, proofs.stable, proofs.performance)
+    return {
+        "verdict": verdict,
+        "reason": reason,
+        "advice": advice(model, peaks.omega_rs),
+        "proved": proved,
+        "not_proved": not_proved,
+        "context": context(model, loop),
+    }
+
+
+def on_unstable(model: UncertaintyModel, loop: Loop, reason: str) -> dict[str, str]:
+    """Every word of the report on a loop that is not stable to begin with: no margins."""
+    return {
+        "verdict": "not certified" if reason.startswith("undecided") else "not robust",
+        "reason": reason,
+        "advice": "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
+        "proved": "Nothing.",
+        "not_proved": "Everything: margins mean nothing for a loop that is not stable.",
+        "context": context(model, loop),
+    }
+
+
+def on_lines_only(
+    omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
+) -> dict[str, str]:
+    """Every word of the report on a plant that is known on its lines only; `loop` in words, peak the largest rs."""
+    verdict, lines_only = "not certified", "holds on the measured lines only"
+    if not clear:
+        reason = "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
+    elif encirclements != wanted:
+        verdict = "not robust"
+        reason = (
+            f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
+        )
+    elif has_set and peak >= 1:
+        verdict, reason = "not robust", f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
+    elif has_set:
+        reason = f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
+    else:
+        reason = f"the FRF comes without uncertainty, and all of this {lines_only}"
+    return {
+        "verdict": verdict,
+        "reason": reason,
+        "advice": "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies.",
+        "proved": "Nothing; computed on the measured lines only.",
+        "not_proved": "Anything between and outside the measured lines.",
+        "context": f"{omega.size} lines, {hertz(omega[0])} to {hertz(omega[-1])}{loop}",
+    }
+
+
+def judge(model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, certify: bool) -> tuple[str, str]:
     """The verdict on stability and why."""
-    if violation:
-        how = certificates[0].reason if certificates else f"rs = {peak:.4g} at {hertz(omega_rs)}"
+    if proofs.violated:
+        found = f"rs = {peaks.rs:.4g} at {hertz(peaks.omega_rs)}"
+        how = proofs.certificates[0].reason if proofs.certificates else found
         return "not robust", f"a plant of the set is unstable in this loop: {how}"
-    if robustly_stable:
+    if proofs.stable:
         kind = {
             "LTI": ("robust", "every linear time-invariant perturbation of the set leaves the loop stable"),
             "operator": ("robust", "every perturbation of the set, nonlinear ones included, leaves the loop stable"),
             "statistical": ("statistically robust", "the loop is stable with every linear plant of the set"),
         }
         verdict, reason = kind[model.perturbation]
-        return verdict, reason + (
-            "; those above the Nyquist frequency are left out" if loop.unsampled is not None else ""
-        )
+        folds = "; those above the Nyquist frequency are left out" if loop.unsampled is not None else ""
+        return verdict, reason + folds
+    below = f"rs stays below {peaks.rs:.4g} on the grid"
     if not certify:
-        return "not certified", f"rs stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
-    return "not certified", f"rs stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
+        return "not certified", f"{below}, and no proof was asked for (certify=False)"
+    return "not certified", f"{below}, but no proof was found: {proofs.certificates[0].reason}"
 
 
 #: Every verdict, and what it means.

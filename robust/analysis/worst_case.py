@@ -10,7 +10,7 @@ import numpy as np
 
 from nlfrf.shared.values import value
 from robust.analysis.loop import Loop, assemble, nominal_instability
-from robust.systems.closed_loop import worst_perturbation, worst_sensitivity
+from robust.systems.closed_loop import worst_perturbation
 from robust.systems.lti import response, timebase
 from robust.systems.sampling import sampled
 from robust.uncertain.forms import FORMS
@@ -107,17 +107,12 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     if wrong:
         raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {wrong}")
     omega = loop.grid(model.omega)
-
-    def curve(points: np.ndarray) -> np.ndarray:
-        worst = worst_sensitivity(*loop.terms(points))
-        return worst if loop.w_P is None else np.where(np.isinf(worst), worst, 0) + loop.rp(points)
-
     band = (float(model.omega[0]), float(model.omega[-1]))
-    peak_b, where = loop.peak(loop.rs, omega, band)
+    peak_b, where = loop.peak(lambda points: loop.curves(points).rs, omega, band)
     if peak_b < 1:
-        where = loop.peak(curve, omega, band)[1]
-    _, a, b = (term[0] for term in loop.terms(np.array([where])))
-    delta = complex(-1 / b) if peak_b >= 1 else complex(worst_perturbation(np.array([a]), np.array([b]))[0])
+        where = loop.peak(lambda points: loop.curves(points).worst, omega, band)[1]
+    there = loop.curves(where)
+    delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
     delta *= np.exp(1j * where * lead_of(loop, delay)) / max(1.0, abs(delta))
     # the weight brings its own phase, which the perturbation is relative to
     Delta = with_phase(where, delta, timebase(model.weight))
@@ -128,7 +123,7 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
     return WorstCase(
         omega=omega,
-        gain=curve(omega),
+        gain=loop.curves(omega).worst,
         omega_worst=where,
         plant=plant,
         delta=delta,
@@ -153,7 +148,7 @@ def in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.Stat
 def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray) -> np.ndarray:
     """(W,) S with another plant; in a continuous loop behind the delay itself, not its approximation."""
     around = replace(loop.with_plant(plant), shift=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
-    return around.terms(omega)[0]
+    return around.curves(omega).S
 
 
 def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:

@@ -75,27 +75,20 @@ def certify_norm(
         system = control.ss(system)
     if not isinstance(system, control.StateSpace):
         raise ValueError(f"system must be a control.StateSpace or TransferFunction, got {shown(system)}")
-    dt = timebase(system)
-    top = np.pi / dt if dt else np.inf
+    dt, n = timebase(system), system.nstates
+    everywhere = np.array([[0.0, np.pi / dt if dt else np.inf]])
+
+    def proved(method: str) -> Certificate:
+        return Certificate(subject=subject, holds=True, level=level, method=method, intervals=everywhere, reason="")
+
     inner = level * (1 - SLACK)
     A, B, C, D = system.A, system.B / np.sqrt(inner), system.C / np.sqrt(inner), system.D / inner
-    n = A.shape[0]
     if not all(np.isfinite(m).all() for m in (A, B, C, D)):
         return refused(subject, level, "the system has coefficients that are not finite")
-    if n:
-        # powers of two: this scaling is exact
-        A, B, C = scaled_states(A, B, C)
-    else:
-        holds = bool(np.linalg.norm(D, 2) < 1 - 10 * EPS)
-        reason = "" if holds else f"the gain is {np.linalg.norm(D, 2) * level:.6g}"
-        return Certificate(
-            subject=subject,
-            holds=holds,
-            level=level,
-            method="KYP" if holds else "",
-            intervals=np.array([[0.0, top]]),
-            reason=reason,
-        )
+    if not n:
+        gain = np.linalg.norm(D, 2)
+        return proved("KYP") if gain < 1 - 10 * EPS else refused(subject, level, f"the gain is {gain * level:.6g}")
+    A, B, C = scaled_states(A, B, C)  # by powers of two, which is exact
     if n > LARGEST_KYP:
         return refused(
             subject, level, f"{n} states are too many for a linear matrix inequality (at most {LARGEST_KYP})"
@@ -103,23 +96,26 @@ def certify_norm(
     p = np.linalg.eigvals(A)
     if np.any(np.abs(p) >= 1) if dt else np.any(p.real >= 0):
         return refused(subject, level, "the system is not stable")
-    image = well_conditioned(to_continuous(A, B, C, D) if dt else (A, B, C, D))
-    T = preconditioner(image)
-    there = transformed(image, T)
+    method, reason = prove_inequality((A, B, C, D), bool(dt), solver, time_cap)
+    return proved(method) if method else refused(subject, level, reason)
+
+
+def prove_inequality(matrices: Matrices, discrete: bool, solver: str, time_cap: float) -> tuple[str, str]:
+    """The method that proves the norm of a stable system below one, or why none does."""
+    image = well_conditioned(to_continuous(*matrices) if discrete else matrices)
+    there = transformed(image, preconditioner(image))
     reasons = []
     for method, proposal in (("KYP", proposed), ("KYP, P from a Riccati equation", None)):
-        X, said = (np.eye(n), "") if proposal is None else proposal(there, solver, time_cap)
+        X, said = (np.eye(len(there[0])), "") if proposal is None else proposal(there, solver, time_cap)
         if X is None:
             reasons.append(said)
             continue
         # judged in the coordinates of the proposal: there rounding is smallest
-        failure = judge_inequality(*(to_discrete(*there) if dt else there), (X + X.T) / 2, discrete=bool(dt))
+        failure = judge_inequality(*(to_discrete(*there) if discrete else there), (X + X.T) / 2, discrete=discrete)
         if not failure:
-            return Certificate(
-                subject=subject, holds=True, level=level, method=method, intervals=np.array([[0.0, top]]), reason=""
-            )
+            return method, ""
         reasons.append(f"{method}: {failure}")
-    return refused(subject, level, "; ".join(reasons))
+    return "", "; ".join(reasons)
 
 
 def transformed(matrices: Matrices, T: np.ndarray) -> Matrices:

@@ -133,10 +133,8 @@ def design_frf(
     began = time.perf_counter()
     one_of("aim", aim, ("auto", "gamma", "gain"))
     dt, delay = nonnegative("dt", dt), nonnegative("delay", delay)
-    n_unstable, n_iterations = (
-        integer("n_unstable", n_unstable, least=0),
-        integer("n_iterations", n_iterations, least=0),
-    )
+    n_unstable = integer("n_unstable", n_unstable, least=0)
+    n_iterations = integer("n_iterations", n_iterations, least=0)
     time_cap = positive("time_cap", time_cap)
     shape = structure_of(structure, integer("integrators", integrators, least=0), filter_time)
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
@@ -147,17 +145,11 @@ def design_frf(
     wanted = tuple(real("omega_c", w) for w in named)
     seen = [see(p, dt, delay, wanted, (w_P, w_T, w_u, M_S, M_T, M_u)) for p in plants]
     at = joined(seen)
-    weights = {name: w for name, w in (("w_P", w_P), ("w_T", w_T), ("w_u", w_u)) if w is not None}
-    aim = ("gamma" if weights else "gain") if aim == "auto" else aim
-    if aim == "gamma" and not weights:
-        raise ValueError('aim must be "gain" where no weight w_P, w_T or w_u is given, got "gamma"')
-    objective = objective_row(at, w_P, w_T, w_u)
-    rows = limit_rows(at, M_S=M_S, M_T=M_T, M_u=M_u, omega_c=omega_c, gain=gain)
-    if aim == "gain":
-        rows += weight_rows(at, w_P=w_P, w_T=w_T, w_u=w_u)
-        if not rows:
-            raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
+    weights = {"w_P": w_P, "w_T": w_T, "w_u": w_u}
+    limits = {"M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
+    aim, rows = asked(at, aim, weights, limits)
     rows += end_row(seen, at, positive("end_gain", end_gain))
+    objective = objective_row(at, **weights)
     basis = basis_for(shape, at, dt, fixed)
     Y, X = basis.columns(at.omega)
     task = DesignTask(
@@ -171,33 +163,55 @@ def design_frf(
         Y=Y,
         X=X,
     )
-    if start is not None:
-        theta = given_start(basis, start, at)
-        K = basis.controller(theta)
-        good, why = loops_stable(K, seen, n_unstable)
-        if not good:
-            raise ValueError(f"start must stabilise the plant, got one with which {why}")
-        if stable and unstable_poles(K, dt):
-            raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
-        starts = [theta]
-    else:
-        starts = find_start(
-            basis,
-            seen,
-            at,
-            rows,
-            task.objective,
-            n_unstable=n_unstable,
-            allow_unstable=not stable,
-            wanted=integer("n_starts", n_starts, least=1),
+    starts = [checked_start(task, start)] if start is not None else found_starts(task, n_starts)
+    return judged_design(task, *iterate(task, starts, n_iterations, began + time_cap, progress), objective)
+
+
+def asked(at: SeenPlant, aim: str, weights: dict[str, Any], limits: dict[str, Any]) -> tuple[str, list[Demand]]:
+    """What is to be made as good as possible, "gamma" or "gain", and what must be met."""
+    weighted = any(w is not None for w in weights.values())
+    aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
+    if aim == "gamma" and not weighted:
+        raise ValueError('aim must be "gain" where no weight w_P, w_T or w_u is given, got "gamma"')
+    rows = limit_rows(at, **limits)
+    if aim == "gain":
+        rows += weight_rows(at, **weights)
+        if not rows:
+            raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
+    return aim, rows
+
+
+def checked_start(task: DesignTask, start: Any) -> np.ndarray:
+    """The parameters of a controller that was given to start from, or a refusal."""
+    theta = given_start(task.basis, start, task.at)
+    K = task.basis.controller(theta)
+    good, why = loops_stable(K, task.seen, task.n_unstable)
+    if not good:
+        raise ValueError(f"start must stabilise the plant, got one with which {why}")
+    if task.stable and unstable_poles(K, task.basis.dt):
+        raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
+    return theta
+
+
+def found_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
+    """The best n_starts simple controllers that stabilise, or a refusal where there is none."""
+    n_starts = integer("n_starts", n_starts, least=1)
+    starts = find_start(
+        task.basis,
+        task.seen,
+        task.at,
+        task.rows,
+        task.objective,
+        n_unstable=task.n_unstable,
+        allow_unstable=not task.stable,
+        wanted=n_starts,
+    )
+    if not starts:
+        raise ValueError(
+            f"start must be given: no simple {task.basis.structure.name} controller was found that stabilises "
+            f"{'every plant' if len(task.seen) > 1 else 'the plant'}"
         )
-        if not starts:
-            raise ValueError(
-                f"start must be given: no simple {shape.name} controller was found that stabilises "
-                f"{'every plant' if len(plants) > 1 else 'the plant'}"
-            )
-        starts = sorted(starts, key=task.merit)[:n_starts]
-    return finished(task, *iterate(task, starts, n_iterations, began + time_cap, progress), objective)
+    return sorted(starts, key=task.merit)[:n_starts]
 
 
 def pair(name: str, given: Any) -> list[Any]:
@@ -243,7 +257,7 @@ def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
-def finished(
+def judged_design(
     task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str, objective: Demand | None
 ) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""

@@ -1,0 +1,131 @@
+"""What a loop does over frequency, for its whole set of plants: the curves that a report shows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.values import value
+from robust.systems.closed_loop import factor_allowed, worst_sensitivity
+from robust.uncertain.forms import worst_terms
+
+__all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
+
+
+@value
+class Curves:
+    """Responses of a loop at given frequencies, computed once and handed on.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    form : str
+        Form of the uncertainty.
+    G, K, w : (W,) complex ndarray
+        Plant as the controller sees it, controller, weight (nan: no set).
+    w_P : (W,) complex ndarray or None
+        Performance weight, where one was asked for.
+    S, a, b : (W,) complex ndarray
+        Of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta).
+    """
+
+    omega: np.ndarray
+    form: str
+    G: np.ndarray
+    K: np.ndarray
+    w: np.ndarray
+    w_P: Any
+    S: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+
+    @property
+    def rs(self) -> np.ndarray:
+        """(W,) |b|: one perturbation of the set destabilises the loop where it reaches one."""
+        return np.abs(self.b)
+
+    @property
+    def np_(self) -> np.ndarray:
+        """(W,) |w_P S|; nan without w_P."""
+        return np.full(self.omega.size, np.nan) if self.w_P is None else np.abs(self.w_P * self.S)
+
+    @property
+    def rp(self) -> np.ndarray:
+        """(W,) |w_P| max |S_p|; nan without w_P."""
+        if self.w_P is None:
+            return np.full(self.omega.size, np.nan)
+        worst = worst_sensitivity(self.S, self.a, self.b)
+        return np.where(np.isinf(worst), np.inf, np.abs(self.w_P) * np.where(np.isinf(worst), 1.0, worst))
+
+    @property
+    def worst(self) -> np.ndarray:
+        """(W,) largest |S_p| over the set, |w_P| times it where performance was asked for."""
+        return worst_sensitivity(self.S, self.a, self.b) if self.w_P is None else self.rp
+
+    @property
+    def half_disk(self) -> np.ndarray:
+        """(W,) |S - 1/2|, whose largest value is the inverse of the symmetric disk margin."""
+        return np.abs(self.S - 0.5)
+
+    @property
+    def growth(self) -> np.ndarray:
+        """(W,) factor by which the uncertainty may grow until |w_P| max |S_p| = 1."""
+        return factor_allowed(np.abs(self.w_P) * np.abs(self.S), self.a, self.b)
+
+
+@value
+class Peaks:
+    """Where the curves of a loop are largest: rs and its frequency, the margins, and theirs (nan: none).
+
+    Fields
+    ------
+    rs, omega_rs : float
+        Largest |b|, and where [rad/s].
+    margin_rp, omega_rp : float
+        Factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited [rad/s].
+    half_disk, omega_disk : float
+        Largest |S - 1/2|, and where [rad/s].
+    """
+
+    rs: float = np.nan
+    omega_rs: float = np.nan
+    margin_rp: float = np.nan
+    omega_rp: float = np.nan
+    half_disk: float = np.nan
+    omega_disk: float = np.nan
+
+    @property
+    def margin_rs(self) -> float:
+        """Factor by which the uncertainty may grow before a plant of the set is unstable in the loop."""
+        return inverted(self.rs)
+
+    @property
+    def disk_margin(self) -> float:
+        """Symmetric disk margin."""
+        return inverted(self.half_disk)
+
+
+def inverted(peak: float) -> float:
+    """One over a largest value; inf for zero, nan for nan."""
+    return 1 / peak if peak > 0 else peak if np.isnan(peak) else np.inf
+
+
+def loop_curves(form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: np.ndarray, w_P: Any) -> Curves:
+    """The curves from the responses of the parts of a loop."""
+    S, a, b = worst_terms(form, w, G, K)
+    return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b)
+
+
+def peaks_on_lines(curves: Curves) -> Peaks:
+    """The largest values on the frequencies of the curves, nothing between them."""
+    omega, rs, half = curves.omega, curves.rs, curves.half_disk
+    known: dict[str, float] = {"half_disk": float(half.max()), "omega_disk": float(omega[half.argmax()])}
+    if np.isfinite(rs).all():
+        known |= {"rs": float(rs.max()), "omega_rs": float(omega[rs.argmax()])}
+        if curves.w_P is not None:
+            met = curves.np_ < 1
+            factors = curves.growth if met.all() else np.where(met, 1.0, 0.0)
+            known |= {"margin_rp": float(factors.min()), "omega_rp": float(omega[factors.argmin()])}
+    return Peaks(**known)
