@@ -15,5 +15,6 @@ stability    poles beyond rounding, and what a delay does to them
 nyquist      how often 1 + L winds about zero on the lines of an FRF
 norms        the H-infinity norm
 riccati      stabilising solutions of Riccati equations
+pickles      state spaces sent to workers in other processes
 grids        frequency grids that see every mode, and the peaks of curves on them
 """

@@ -6,6 +6,8 @@ import control
 import numpy as np
 from scipy.linalg import eig, matrix_balance, schur
 
+from robust.systems.pickles import make_picklable
+
 __all__ = [
     "along",
     "constant",
@@ -22,6 +24,8 @@ __all__ = [
 
 
 MANY_STATES = 40
+
+make_picklable()  # here, as every room that makes or takes a system stands on this one
 
 
 def timebase(system: control.StateSpace) -> float:

@@ -1,0 +1,122 @@
+"""Values of the faces sent to other processes: by plain pickle, by joblib and by dask."""
+
+import inspect
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields, is_dataclass
+from functools import partial
+
+import cloudpickle
+import control
+import numpy as np
+import pytest
+
+import nlfrf
+import robust
+from nlfrf import friction, hysteresis
+from tests.support.bla import make_bla
+
+
+def lag(s):
+    return 2 / (s / 60 + 1)
+
+
+BLA = make_bla(lag, np.arange(1.0, 31.0), f0=1.0, sigma_noise=0.01, sigma_distortion=0.03, rng=1, fs=500)
+FIT = robust.fit_nominal(BLA, n_poles=1)
+MODEL = robust.uncertainty(BLA, FIT, order=2)
+K = robust.pid(0.5, 4.0)
+N = control.ss([[-1.0]], [[0.3, 0.2]], [[1.0], [0.5]], np.zeros((2, 2)))
+DELTA = [(1, 1), (1, 1)]
+
+
+def values_of_nlfrf():
+    ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_realizations=2, rng=1)
+    u = ms.u[:, None]
+    record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    rig = nlfrf.Rig(mass=1.0, stiffness=100.0, damping=2.0, friction=friction.Coulomb(Fc=0.1))
+    band = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=60, rng=1)
+    yield from (BLA, BLA.levels, BLA.lines, ms, record, rig, nlfrf.second_opinion(record))
+    yield nlfrf.level_study(rig, band, [0.5, 1.0], n_discard=10)
+    yield nlfrf.run(rig, np.zeros(20), fs=512.0)
+    yield nlfrf.simulate_loop(rig, control.ss([], [], [], [[1.0]], 0.01), np.ones(20), fs=100.0)
+    yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
+    yield hysteresis.MaxwellSlip(stiffness=[1.0, 2.0], strength=[0.3, 0.7])
+
+
+def values_of_robust():
+    two = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    loop = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    block = robust.Block("y", "pole", 2.5, kind="real")
+    system = robust.interconnection([two, loop], {"pole": block})
+    P = control.ss([[-1.0]], [[1, 0, 1]], [[0], [-0.5], [-1]], [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    yield from (BLA, FIT, MODEL, K, block, system, robust.check_structure(system))
+    yield from (robust.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))
+    yield from (robust.fit_weight(MODEL.omega, MODEL.radius, order=2), robust.disk_margin(FIT.G * K))
+    yield from (robust.check(MODEL, K), robust.check(BLA, K), robust.worst_case(MODEL, K))
+    yield from (robust.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
+    yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
+    yield from (robust.mu_upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
+
+
+def same(a, b):
+    """Whether two values hold the same numbers to the bit."""
+    assert type(a) is type(b)
+    if isinstance(a, control.StateSpace):
+        assert (a.name, a.dt, a.state_labels) == (b.name, b.dt, b.state_labels)
+        for m in "ABCD":
+            same(getattr(a, m), getattr(b, m))
+    elif is_dataclass(a):
+        for field in fields(a):
+            same(getattr(a, field.name), getattr(b, field.name))
+    elif isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype
+        assert np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+    elif isinstance(a, (tuple, list)):
+        assert len(a) == len(b)
+        for one, other in zip(a, b, strict=True):
+            same(one, other)
+    elif isinstance(a, dict):
+        same(list(a.items()), list(b.items()))
+    elif isinstance(a, (str, int, float, complex)):
+        assert a == b or a != a
+
+
+@pytest.mark.parametrize("values", [values_of_nlfrf, values_of_robust])
+def test_every_public_value_survives_a_pickle(values):
+    seen = set()
+    for thing in values():
+        seen.add(type(thing))
+        for how in (pickle, cloudpickle):
+            same(thing, how.loads(how.dumps(thing)))
+    module = nlfrf if values is values_of_nlfrf else robust
+    classes = {thing for name in module.__all__ if inspect.isclass(thing := getattr(module, name))}
+    assert {c for c in classes if not issubclass(c, Warning)} <= seen
+
+
+def test_names_of_signals_survive():
+    plant = control.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, inputs="force", outputs="x", states=["x", "v"])
+    again = pickle.loads(pickle.dumps(plant))
+    assert (again.input_labels, again.output_labels, again.state_labels) == (["force"], ["x"], ["x", "v"])
+
+
+def peak(K, model=MODEL):
+    return float(robust.check(model, K, certify=False).rs.max())
+
+
+def test_a_function_that_names_robust_can_be_sent_to_a_worker():
+    assert cloudpickle.loads(cloudpickle.dumps(lambda K: robust.check(MODEL, K, certify=False)))(K).nominally_stable
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of fork, by joblib and dask on some Pythons
+def test_models_and_controllers_go_to_workers():
+    controllers = [robust.pid(gain, 4.0) for gain in (0.2, 0.4)] + [0.5]
+    here = [peak(K) for K in controllers]
+    with ProcessPoolExecutor(2) as pool:
+        assert list(pool.map(peak, controllers)) == here
+        report = next(iter(pool.map(partial(robust.check, MODEL), [K])))
+    same(report, robust.check(MODEL, K))
+    import dask
+    import joblib
+
+    assert joblib.Parallel(n_jobs=2)(joblib.delayed(peak)(K) for K in controllers) == here
+    assert list(dask.compute(*map(dask.delayed(peak), controllers), scheduler="processes", num_workers=2)) == here
