@@ -1,0 +1,107 @@
+"""The closed loop by its ports, its stability with a delay, its winding number: closed forms, counted roots."""
+
+import control
+import numpy as np
+import pytest
+
+from robust.systems.closed_loop import closed_loop, factor_allowed, worst_perturbation, worst_sensitivity
+from robust.systems.grids import highest, loop_grid, structure_grid
+from robust.systems.lti import evaluate, response
+from robust.systems.nyquist import winding
+from robust.systems.realisation import from_roots, state_space
+from robust.systems.stability import certain_poles, instability, moved_out
+
+OMEGA = np.geomspace(1e-2, 1e2, 50)
+G = state_space("G", control.tf([3, 1], [1, 0.4, 2]))
+K = state_space("K", control.tf([0.5, 2], [0.1, 1]))
+
+
+def test_ports_of_the_loop():
+    """u, y, e from p_in, p_out, r in terms of S = 1/(1 + G K)."""
+    g, k = response(G, OMEGA), response(K, OMEGA)
+    S = 1 / (1 + g * k)
+    wanted = {
+        ("u", "p_in"): -k * g * S,
+        ("u", "p_out"): -k * S,
+        ("u", "r"): k * S,
+        ("y", "p_in"): g * S,
+        ("y", "p_out"): S,
+        ("y", "r"): g * k * S,
+        ("e", "p_in"): -g * S,
+        ("e", "p_out"): -S,
+        ("e", "r"): S,
+    }
+    for (out, into), curve in wanted.items():
+        assert evaluate(*closed_loop(G, K, (out,), (into,)), 1j * OMEGA)[:, 0, 0] == pytest.approx(curve, rel=1e-9)
+
+
+def test_a_loop_without_a_solution_is_refused():
+    one, minus = (control.StateSpace([], [], [], [[d]]) for d in (1.0, -1.0))
+    with pytest.raises(ValueError, match="K must leave the loop well posed"):
+        closed_loop(one, minus, ("e",), ("r",))
+
+
+def test_worst_sensitivity_over_the_disc_by_brute_force():
+    rng = np.random.default_rng(2)
+    S, a, b = (rng.standard_normal(200) + 1j * rng.standard_normal(200) for _ in range(3))
+    b = b / np.abs(b) * rng.uniform(0, 0.95, 200)
+    Delta = np.exp(2j * np.pi * np.arange(2000) / 2000)[:, None]
+    found = np.abs(S * (1 + a * Delta) / (1 + b * Delta)).max(axis=0)
+    worst = worst_sensitivity(S, a, b)
+    assert np.all(found <= worst * (1 + 1e-12))
+    assert found == pytest.approx(worst, rel=2e-3)
+    there = worst_perturbation(a, b)
+    assert np.abs(there) == pytest.approx(1.0)
+    assert np.abs(S * (1 + a * there) / (1 + b * there)) == pytest.approx(worst, rel=1e-9)
+
+
+def test_factor_allowed_takes_the_worst_case_to_one():
+    rng = np.random.default_rng(3)
+    size = rng.uniform(0.05, 0.9, 100)
+    a, b = (rng.standard_normal(100) + 1j * rng.standard_normal(100) for _ in range(2))
+    k = factor_allowed(size, a, b)
+    assert worst_sensitivity(size + 0j, k * a, k * b) == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(("product", "poles"), [(1.5, 0), (1.6, 2), (7.8, 2), (7.9, 4), (14.2, 6)])
+def test_a_delay_in_a_loop_of_an_integrator(product, poles):
+    """s + k exp(-s tau) has a pair more in the right half plane at each k tau = pi/2 + 2 pi n."""
+    lag = state_space("L", control.tf([2.0], [1, 1e-9]))
+    assert moved_out(lag, product / 2.0) == poles
+
+
+def test_poles_on_the_boundary_are_not_decided():
+    undamped = control.StateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], [[0]], 0)
+    found, moved = certain_poles(undamped)
+    assert np.all(np.abs(found.real) <= moved)
+    assert instability(undamped)
+    assert instability(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0)) == ""
+    assert "pole at 1" in instability(control.StateSpace([[1.0]], [[0.0]], [[0.0]], [[0.0]], 0))
+
+
+@pytest.mark.parametrize("gain", [0.5, 0.9, 1.1, 3.0])
+def test_winding_number_counts_what_polynomials_say(gain):
+    """8 k/(s + 1)^3 is stable up to k = 1; P/(s - 1) needs gain above one: one turn less."""
+    omega = np.geomspace(1e-2, 1e2, 800)
+    three = state_space("G", control.tf([8.0], [1, 3, 3, 1]))
+    turns, clear = winding(omega, response(three, omega), state_space("K", gain), 0.0)
+    unstable = np.sum(np.roots([1, 3, 3, 1 + 8 * gain]).real > 0)
+    assert turns == -unstable
+    assert clear
+    one = state_space("G", control.tf([1.0], [1, -1]))
+    turns, clear = winding(omega, response(one, omega), state_space("K", 3 * gain), 0.0)
+    assert clear
+    assert turns == 1 - (3 * gain < 1)
+
+
+def test_a_mode_that_no_log_grid_sees_is_on_the_grid():
+    sharp = from_roots(np.zeros(0), np.array([-1e-7 + 3j, -1e-7 - 3j]), 1.0, 0.0)
+    omega = loop_grid(np.array([1.0, 10.0]), np.zeros(0, complex), [sharp], 0.0)
+    assert np.abs(omega / 3 - 1).min() < 1e-7
+    assert np.abs(structure_grid(sharp) / 3 - 1).min() < 1e-7
+
+
+def test_the_highest_of_a_curve_is_found_between_the_points():
+    peak, where = highest(lambda w: 1 / np.hypot(1 - w**2, 0.1 * w), np.geomspace(0.01, 100, 60), (0.01, 100), np.inf)
+    assert peak == pytest.approx(1 / (0.1 * np.sqrt(1 - 0.05**2)), rel=1e-6)
+    assert where == pytest.approx(np.sqrt(1 - 0.1**2 / 2), rel=1e-3)
