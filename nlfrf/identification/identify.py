@@ -68,7 +68,8 @@ def identify(
     Warns
     -----
     DataWarning
-        The grid has no detection lines that can be calibrated, and the level comes from the roughness.
+        The grid has no detection lines that can be calibrated, and the level comes from the roughness. Realisations
+        that have the phases of another one: they count as periods of it.
 
     References
     ----------
@@ -104,21 +105,28 @@ def identify(
 def identify_one(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
     """`identify` for one record, with the spectra of its input where they are known."""
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
+    spectra, n_periods = check_realizations(spectra, record.n_periods - (treatment == "discard"))
     excited = spectra.on_excited()
-    check_realizations(excited)
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
     answer = nonlinear_answer(spectra, smooth)
     level = read_level(source, excited, answer, fit, record.lines)
-    return assemble_bla(record, treatment, source, excited, frf, answer, level)
+    return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level)
 
 
 def assemble_bla(
-    record: Record, treatment: str, source: str, excited: Spectra, frf: Frf, answer: Answer, level: Level
+    record: Record,
+    treatment: str,
+    n_periods: int,
+    source: str,
+    excited: Spectra,
+    frf: Frf,
+    answer: Answer,
+    level: Level,
 ) -> Bla:
     """What was found, with the level weighed against the scatter of the realisations."""
-    grid, n = record.lines, record.n_realizations
+    grid, n = record.lines, excited.U.shape[0]
     if n == 1:
         var_total = var_bound = level.variance
         dof = level.dof
@@ -135,7 +143,7 @@ def assemble_bla(
         fs=record.fs,
         n_samples=record.n_samples,
         n_realizations=n,
-        n_periods=record.n_periods - (treatment == "discard"),
+        n_periods=n_periods,
         transient=treatment,
         level_source=source,
         var_noise=frf.var_noise,

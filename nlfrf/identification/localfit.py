@@ -84,7 +84,8 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
         a, remainder = two_unknowns(rest[..., 1, :], rest[..., 2, :], rest[..., 0, :])
         variance_r = power(remainder) / (n - n_rational)
         # at the ends of the band windows are one-sided and the same: there it is as where they are centred
-        end, last = n // 2, variance.shape[1] - 1
+        last = variance.shape[1] - 1
+        end = min(n // 2, last // 2)
         earned = local_mean((EARNED * variance - variance_r)[:, end : last - end + 1], POOLED) > 0
         better = earned.take(np.clip(np.arange(last + 1) - end, 0, last - 2 * end), axis=1)
         fitted = np.where(better, fitted - np.vecdot(a.conj(), value_at_zero[..., 1:]), fitted)

@@ -1,24 +1,180 @@
-"""The realisations of an experiment: whether they are excited, and whether they belong together."""
+"""The realisations of an experiment: excited, of one excitation, and each with phases of its own.
+
+The same file played again is no new realisation: its distortion is the same, and no scatter tells of it. What repeats
+is seen in the phases alone: for lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c does not
+change with a delay, nor with a constant phase, so that the same phases are found whatever the trigger.
+"""
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
+from scipy import fft
 
+from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
-from nlfrf.shared.leastsquares import squared
+from nlfrf.shared.arguments import DataWarning
+from nlfrf.shared.leastsquares import power, squared
 
-__all__ = ["check_realizations"]
+__all__ = ["check_realizations", "join_repeats"]
 
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
 STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together
+BY_CHANCE = 1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
+ALIKE = 0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
+FEWEST = 4  # lines that can tell phases apart
+MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def check_realizations(excited: Spectra) -> None:
-    """Refuse lines without input, and realisations that are not of one excitation."""
+def check_realizations(spectra: Spectra, n_periods: int) -> tuple[Spectra, int]:
+    """Realisations that can be averaged: with input on every line, of one excitation, each with phases of its own.
+
+    Those that repeat another one become periods of it, with a warning. The second value is the periods behind each.
+
+    Warns
+    -----
+    DataWarning
+        Realisations with the phases of another one.
+    """
+    excited = spectra.on_excited()
     refuse_unexcited(excited)
-    if excited.U.shape[0] > 1:
-        refuse_strangers(excited)
+    if excited.U.shape[0] == 1:
+        return spectra, n_periods
+    refuse_strangers(excited)
+    joined, groups = join_repeats(spectra, n_periods, excited)
+    if len(groups) == excited.U.shape[0]:
+        return spectra, n_periods
+    told = "; ".join(", ".join(map(str, group)) for group in groups[:4] if len(group) > 1)
+    warnings.warn(
+        f"u holds realisations with the same phases ({told}): they repeat one another, so their distortion does not "
+        f"average out. They were taken as periods of one realisation, which leaves M = {len(groups)} of "
+        f"{excited.U.shape[0]}; play others, as of multisine(n_realizations={excited.U.shape[0]})",
+        DataWarning,
+        stacklevel=4,
+    )
+    return joined, n_periods * excited.U.shape[0] // len(groups)
+
+
+def join_repeats(spectra: Spectra, n_periods: int, excited: Spectra) -> tuple[Spectra, list[list[int]]]:
+    """Realisations of the same phases as periods of one, and which were joined.
+
+    A group is set to the trigger of its first member; noise is what its members and their periods differ by.
+    """
+    known = excited.U if excited.R is None else excited.R
+    groups = group_by_phases(known, excited.where)
+    if len(groups) == len(known):
+        return spectra, groups
+    parts = [join(spectra, group, known, n_periods) for group in groups]
+    joined: dict[str, Any] = {name: np.stack([part[name] for part in parts]) for name in parts[0]}
+    for name in ("var_U", "var_Y", "cov_YU"):  # one period alone tells no noise: it has that of the others
+        each = joined[name] * (n_periods * np.array([len(group) for group in groups]))[:, None]
+        one = np.isnan(each.real).all(axis=1)
+        joined[name][one] = each[~one].mean(axis=0) / n_periods
+    return replace(spectra, **joined), groups
+
+
+def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
+    """Which realisations (M, F) have the same phases but for a delay, as lists of their numbers."""
+    n, n_lines = U.shape
+    same = alike(U, squared(U @ U[:MOST].conj().T), 1)
+    steps = equal_steps(where)
+    if 2 * steps.shape[1] >= n_lines:
+        i, j = steps
+        root = np.sqrt(np.abs(U))
+        even = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
+        step = even[:, 1:] * even[:, :-1].conj()
+        turned = step[:, i] * step[:, j].conj()
+        same |= alike(turned, squared(turned @ turned[:MOST].conj().T), 1)
+    elif n <= MOST:  # few lines are equally far apart: every delay is tried
+        n_delays = fft.next_fast_len(8 * int(where.lines[-1]))
+        products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
+        for m in range(n):
+            products[:, where.lines[where.excited]] = U[m].conj() * U
+            most[m] = squared(fft.fft(products)).max(axis=-1)
+        same |= alike(U, most, 4 * n_delays)
+    if np.count_nonzero(same) == same.shape[1]:  # each with itself
+        return [[m] for m in range(n)]
+    groups: list[list[int]] = []
+    for m in range(n):
+        for group in groups:
+            if group[0] < MOST and same[m, group[0]] and aligned(U[m], U[group[0]], where)[1] > ALIKE:
+                group.append(m)
+                break
+        else:
+            groups.append([m])
+    return groups
+
+
+@lru_cache(maxsize=KEPT)
+def equal_steps(where: Places) -> np.ndarray:
+    """(2, n) excited lines i and j, by their order, of which the next ones are equally far."""
+    steps = np.diff(where.lines[where.excited])
+    order = np.lexsort((np.arange(steps.size), steps))
+    return np.array([order[:-1], order[1:]])[:, np.diff(steps[order]) == 0]
+
+
+def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
+    """(M, m) bool: whether rows of x (M, n) agree with the first m more than chance has it, by their products squared.
+
+    Unit vectors of n random phases have more than c of their power in common with probability (1 - c)^(n - 1). Whether
+    what they have in common is the whole of them is left to `aligned`.
+    """
+    size = power(x)
+    n = float(np.median(size**2 / np.add.reduce(squared(squared(x)), axis=1)))  # lines that weigh something
+    if n < FEWEST:
+        return np.eye(*common.shape, dtype=bool)
+    chance = BY_CHANCE / (common.size * n_delays)
+    return np.asarray(common > (1 - chance ** (1 / (n - 1))) * size[:, None] * size[: common.shape[1]])
+
+
+def aligned(U: np.ndarray, other: np.ndarray, where: Places) -> tuple[float, float]:
+    """The delay of U (F,) behind one of the same phases [periods], and the share of its power then in common."""
+    lines = where.lines[where.excited]
+    product = other * U.conj()
+    whole = np.sqrt(power(U) * power(other))
+    at_once = float(product.sum().real / whole)
+    fine = fft.next_fast_len(8 * int(lines[-1]))
+    spectrum = np.zeros(fine, dtype=complex)
+    spectrum[lines] = product
+    delay = float(np.argmax(fft.fft(spectrum).real)) / fine
+    for _ in range(3):  # from the grid of delays to the maximum itself
+        now = product * np.exp(-2j * np.pi * lines * delay)
+        slope, curvature = np.sum(lines * now.imag), np.sum(lines**2 * now.real)
+        delay += slope / (2 * np.pi * max(curvature, 1e-300))
+    shared = float(np.sum(product * np.exp(-2j * np.pi * lines * delay)).real / whole)
+    # a delay that explains nothing more is noise
+    return (0.0, at_once) if 1 - at_once < 2 * (1 - shared) + 1e-9 else (delay, shared)
+
+
+def join(spectra: Spectra, group: list[int], known: np.ndarray, n_periods: int) -> dict[str, np.ndarray]:
+    """Means (K,) over the realisations of a group, and the variances of those means by noise."""
+    U, Y = spectra.U[group], spectra.Y[group]
+    R = None if spectra.R is None else spectra.R[group]
+    for i, m in enumerate(group[1:], 1):
+        delay, _ = aligned(known[m], known[group[0]], spectra.where)
+        if delay:
+            turn = np.exp(2j * np.pi * spectra.lines * delay)
+            U[i], Y[i] = U[i] * turn, Y[i] * turn
+            if R is not None:
+                R[i] = R[i] * turn
+    n = n_periods * len(group)
+    means = {"U": U.mean(axis=0), "Y": Y.mean(axis=0)}
+    if R is not None:
+        means["R"] = R.mean(axis=0)
+    dU, dY = U - means["U"], Y - means["Y"]
+    # sums of squares within the realisations, of n_periods each, and between them
+    within = n_periods * (n_periods - 1)
+    sums = {
+        name: np.nan_to_num(getattr(spectra, name)[group]).sum(axis=0) * within + n_periods * between.sum(axis=0)
+        for name, between in (("var_U", squared(dU)), ("var_Y", squared(dY)), ("cov_YU", dY * dU.conj()))
+    }
+    unknown = np.nan if n == 1 else 1.0
+    return means | {name: total * unknown / max(n * (n - 1), 1) for name, total in sums.items()}
 
 
 def refuse_unexcited(excited: Spectra) -> None:

@@ -8,6 +8,7 @@ from nlfrf.identification.detection_lines import nonlinear_answer
 from nlfrf.identification.distortion_level import fit_each, level_from_detection
 from nlfrf.identification.frf import average_frf
 from nlfrf.identification.neighbours import place_lines
+from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import period_spectra
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer
@@ -119,7 +120,8 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     n_detection = integer("n_detection", n_detection, least=3)
     grid = record.lines
     where = place_lines(grid, n_detection)
-    spectra, _ = period_spectra(record, where, transient)
+    spectra, treatment = period_spectra(record, where, transient)
+    spectra, _ = check_realizations(spectra, record.n_periods - (treatment == "discard"))
     excited = spectra.on_excited()
     frf = average_frf(excited)
     fit = fit_each(frf, excited)

@@ -536,3 +536,18 @@ def test_noise_records_are_refused_by_name():
         identify_noise(u, u[1:], **good)
     with pytest.raises(ValueError, match="f_min and f_max must hold lines below Nyquist"):
         identify_noise(u, u, **good | {"f_max": 0.6})
+
+
+# Few lines
+
+
+@pytest.mark.parametrize("n_lines", [5, 6, 7, 8, 9, 10, 11])
+@pytest.mark.parametrize("step", [1, 2, 4])
+def test_any_number_of_lines_that_a_roughness_needs(n_lines, step):
+    """Exactly eight once ended in an IndexError: their windows are all the same, and none is centred."""
+    excited = 1 + step * np.arange(n_lines)
+    ms = multisine("custom", fs=FS, n_samples=N, f_min=1, f_max=300, lines=excited, rng=0)
+    u = ms.u[None]
+    bla = identify(Record(u=u, y=u + 0.1 * u**3, fs=FS, lines=ms.lines), level_from="roughness")
+    assert np.all(np.isfinite(bla.bound()))
+    assert np.all(np.isfinite(second_opinion(Record(u=u, y=u + 0.1 * u**3, fs=FS, lines=ms.lines)).roughness))

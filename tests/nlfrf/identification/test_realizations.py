@@ -1,0 +1,99 @@
+"""Realisations that repeat one another are periods of one: found by their phases, whatever the trigger."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from nlfrf import DataWarning, Record, identify, multisine, second_opinion
+from nlfrf.identification.neighbours import place_lines
+from nlfrf.identification.realizations import group_by_phases
+
+FS = N = 1024
+
+
+def played(files, delays, *, kind="special-odd", n_periods=1, noise=0.0, noise_u=0.0, seed=0, f_max=300, n_log=None):
+    """A cubic to which some files were played, each `delays` samples late, with noise on both signals."""
+    rng = np.random.default_rng(seed)
+    n = max(files) + 1
+    ms = multisine(kind, fs=FS, n_samples=N, f_min=1, f_max=f_max, n_log=n_log, n_realizations=n, rng=rng)
+    late = np.exp(-2j * np.pi * np.arange(N // 2 + 1) * np.array(delays)[:, None] / N)
+    u = np.repeat(np.fft.irfft(np.fft.rfft(ms.u)[files] * late, N)[:, None], n_periods, axis=1)
+    y = u + 0.1 * u**3 + noise * rng.standard_normal(u.shape)
+    return Record(u=u + noise_u * rng.standard_normal(u.shape), y=y, fs=FS, lines=ms.lines)
+
+
+@pytest.mark.parametrize("noise_u", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("kind", "n_log"),
+    [
+        ("special-odd", None),
+        ("random-odd", None),
+        ("odd", None),
+        ("full", None),
+        ("odd-odd", None),
+        ("special-odd", 40),
+    ],
+)
+def test_a_file_that_is_played_again_is_no_new_realisation(kind, n_log, noise_u):
+    record = played([0, 1, 0, 1, 2], [0, 0, 3.3, 500.7, 0], kind=kind, n_log=n_log, noise=0.01, noise_u=noise_u)
+    with pytest.warns(DataWarning, match=r"same phases \(0, 2; 1, 3\): .* leaves M = 3 of 5"):
+        bla = identify(record, level_from="roughness")
+    assert bla.n_realizations == 3
+    assert bla.levels.excited.shape[0] == 3
+    assert np.all(np.isfinite(bla.var_noise))  # what the repeats differ by
+
+
+def test_a_subset_with_one_period_gets_its_noise_from_what_repeats():
+    sigma, n = 0.02, 60
+    told = []
+    for seed in range(n):
+        with pytest.warns(DataWarning, match="leaves M = 2 of 3"):
+            bla = identify(played([0, 0, 1], [0, 0, 0], noise=sigma, seed=seed))
+        told.append(np.mean(bla.var_noise / (4 * sigma**2 / N / (np.abs(bla.levels.excited[1] / bla.G) ** 2))))
+    assert abs(np.mean(told) - (1 / 2 + 1) / 4) < 0.02  # (sigma^2 / 2 + sigma^2) / M^2
+
+
+def test_repeats_are_the_same_as_periods():
+    record = played([0, 0, 0], [0, 0, 0], n_periods=2, noise=0.02)
+    with pytest.warns(DataWarning, match="same phases"):
+        bla = identify(record, transient="none")
+    shape = (1, 6, N)
+    periods = identify(
+        Record(u=record.u.reshape(shape), y=record.y.reshape(shape), fs=FS, lines=record.lines), transient="none"
+    )
+    assert (bla.n_realizations, bla.n_periods) == (1, 6)
+    for field in ("G", "var_noise", "var_total", "var_bound"):
+        np.testing.assert_allclose(getattr(bla, field), getattr(periods, field), rtol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4, 417.25])
+def test_the_bound_holds_however_often_the_same_file_is_played(delay):
+    """Seven repeats once counted as seven realisations: the 95 % bound covered 33 %."""
+    inside = []
+    for seed in range(60):
+        with pytest.warns(DataWarning, match="same phases"):
+            bla = identify(played([0] * 7, [0, delay, 0, 0, 0, 0, 2 * delay], n_periods=2, noise=0.03, seed=seed))
+        truth = 1 + 0.1 * (3 - 0.75 * 2 / bla.f.size)
+        inside.append(np.mean(np.abs(bla.G - truth) < bla.bound()))
+    assert 0.93 < np.mean(inside) < 0.995
+
+
+def test_a_second_opinion_says_the_same_of_repeats():
+    with pytest.warns(DataWarning, match="same phases"):
+        assert np.all(np.isfinite(second_opinion(played([0, 0, 0], [0, 0, 0], noise=0.01)).roughness))
+
+
+@pytest.mark.parametrize(("kind", "f_max"), [("special-odd", 10), ("odd", 8), ("full", 6), ("special-odd", 300)])
+def test_independent_phases_are_not_taken_for_repeats(kind, f_max):
+    where = place_lines(multisine(kind, fs=FS, n_samples=N, f_min=1, f_max=f_max, rng=0).lines)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        U = np.exp(2j * np.pi * rng.random((10, where.excited.size)))
+        assert len(group_by_phases(U, where)) == 10
+
+
+def test_realisations_of_their_own_give_no_warning():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert identify(played(list(range(7)), [0] * 7, noise=0.02, noise_u=0.1)).n_realizations == 7
