@@ -21,6 +21,15 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     ),
     "robust": tuple(robust.__all__),
 }
+#: The order of the reference: that in which data flow.
+WINGS = (
+    *("nlfrf.excitation", "nlfrf.records", "nlfrf.identification", "nlfrf.friction", "nlfrf.bench", "nlfrf.studies"),
+    *("nlfrf.files", "nlfrf.plot", "nlfrf.shared"),
+    *("robust.modelling", "robust.uncertain", "robust.synthesis", "robust.fixed_structure", "robust.loopshaping"),
+    *("robust.analysis", "robust.mu", "robust.certificates", "robust.systems", "robust.files", "robust.plot"),
+)
+#: Public modules beside the wings, and the wing whose names they hand on.
+HOMES_OF_FACES = {"nlfrf.hysteresis": "nlfrf.friction", "robust.shaping_plot": "robust.loopshaping"}
 #: Modules of pictures: every plot_ function is public.
 PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
 
@@ -41,18 +50,29 @@ def first_line(thing: Any) -> str:
     return " ".join((inspect.getdoc(thing) or "").split("\n\n")[0].split())
 
 
+def wings() -> dict[str, list[tuple[str, str, Any]]]:
+    """Wing -> its public names, in the order in which data flow; what a public module hands on stands in its wing."""
+    found: dict[str, list[tuple[str, str, Any]]] = {wing: [] for wing in WINGS}
+    for module, name, thing in [*things(), *pictures()]:
+        home = ".".join(thing.__module__.split(".")[:2])
+        found.setdefault(HOMES_OF_FACES.get(home, home), []).append((module, name, thing))
+    return {wing: names for wing, names in found.items() if names}
+
+
 def write_pages(folder: Path) -> None:
-    """One page a name, and an index of them with their summaries."""
-    index = ["Reference", "=========", "", "Every public name. Arrays and units are those of the nomenclature.", ""]
-    for heading in (*PUBLIC, *PICTURES):
-        entries = [(name, thing) for module, name, thing in [*things(), *pictures()] if module == heading]
-        index += [heading, "-" * len(heading), "", ".. list-table::", "   :widths: 30 70", ""]
-        for name, thing in entries:
+    """One page a name, and an index of them by wing with their summaries."""
+    index = ["Reference", "=========", ""]
+    index += ["Every public name, by the step of the work. Arrays and units are those of the nomenclature.", ""]
+    for wing, entries in wings().items():
+        title = wing.replace(".", ": ").replace("_", " ")
+        plate = escaped(first_line(import_module(wing)))
+        index += [title, "-" * len(title), "", plate, "", ".. list-table::", "   :widths: 30 70", ""]
+        for module, name, thing in entries:
             summary = escaped(first_line(thing))
-            index += [f"   * - :doc:`{name} <{heading}.{name}>`", f"     - {summary}"]
+            index += [f"   * - :doc:`{name} <{module}.{name}>`", f"     - {summary}"]
         index += [""]
-        for name, thing in entries:
-            title = f"{heading}.{name}"
+        for module, name, thing in entries:
+            title = f"{module}.{name}"
             kind = "autoclass" if inspect.isclass(thing) else "autofunction"
             members = ["   :members:"] if inspect.isclass(thing) and not issubclass(thing, Warning) else []
             # an orphan: a sidebar that listed every name would be most of every page, and of the time to build it
