@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["hertz", "shown"]
+__all__ = ["counted", "hertz", "shown"]
 
 
 def shown(thing: Any) -> str:
@@ -20,3 +20,8 @@ def shown(thing: Any) -> str:
 def hertz(omega: float) -> str:
     """A frequency for people."""
     return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"
+
+
+def counted(n: int, what: str) -> str:
+    """A count with its noun."""
+    return f"{n} {what}" + "s" * (n != 1)

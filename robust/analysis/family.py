@@ -8,8 +8,7 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer
 from nlfrf.shared.values import value
-from robust.analysis.loop import assemble
-from robust.analysis.worst_case import in_loop, sensitivity, stable_with
+from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["LoopFamily", "sample_loops"]

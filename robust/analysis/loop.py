@@ -22,9 +22,7 @@ from robust.systems.stability import certain_poles, moved_out
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["Loop", "assemble", "find_peaks", "nominal_instability", "weighted"]
-
-
+__all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with", "weighted"]
 DELAY_ORDER = 8
 MOST_STATES = 600  # of a plant with its delay line
 N_ALIASES = 30
@@ -253,3 +251,21 @@ def performance_margin(loop: Loop, omega: np.ndarray, band: tuple[float, float])
         return 0.0, where
     largest, where = loop.peak(lambda points: 1 / loop.curves(points).growth, omega, band)
     return 1 / largest if largest > 0 else np.inf, where
+
+
+def in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:
+    """A plant as the controller of the loop sees it."""
+    if loop.dt and not timebase(plant):
+        return sampled(plant, loop.dt, delay)
+    return loop.behind_delay(plant, delay)
+
+
+def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray) -> np.ndarray:
+    """(W,) S with another plant; in a continuous loop behind the delay itself, not its approximation."""
+    around = replace(loop.with_plant(plant), shift=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
+    return around.curves(omega).S
+
+
+def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
+    """Whether the loop is stable with another plant, `seen` as its controller sees it."""
+    return not nominal_instability(replace(loop, G=seen, short=plant if loop.pade_delay else seen))

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf.shared.values import value
-from robust.analysis.loop import Loop, assemble, nominal_instability
+from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
 from robust.systems.closed_loop import worst_perturbation
 from robust.systems.lti import response, timebase
-from robust.systems.sampling import sampled
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.perturbations import perturbed, with_phase
 
-__all__ = ["WorstCase", "in_loop", "sensitivity", "stable_with", "worst_case"]
+__all__ = ["WorstCase", "worst_case"]
 
 
 @value
@@ -136,21 +134,3 @@ def lead_of(loop: Loop, delay: float) -> float:
     """Time [s] by which Delta leads what the terms call Delta: they put it behind delay and hold, the plant before."""
     lag = delay + (loop.dt / 2 if loop.unsampled is not None else 0.0)
     return FORMS[loop.form].lead * lag
-
-
-def in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:
-    """A plant as the controller of the loop sees it."""
-    if loop.dt and not timebase(plant):
-        return sampled(plant, loop.dt, delay)
-    return loop.behind_delay(plant, delay)
-
-
-def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Loop, omega: np.ndarray) -> np.ndarray:
-    """(W,) S with another plant; in a continuous loop behind the delay itself, not its approximation."""
-    around = replace(loop.with_plant(plant), shift=loop.pade_delay) if loop.pade_delay else loop.with_plant(seen)
-    return around.curves(omega).S
-
-
-def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
-    """Whether the loop is stable with another plant, `seen` as its controller sees it."""
-    return not nominal_instability(replace(loop, G=seen, short=plant if loop.pade_delay else seen))

@@ -9,8 +9,9 @@ import numpy as np
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf.shared.axes import db, finished
+from nlfrf.shared.wording import counted
 from robust.files import report_parts as parts
-from robust.files.report_parts import Section, counted, rows_of
+from robust.files.report_parts import Section, rows_of
 from robust.files.report_words import roots_text, system_text
 from robust.modelling.nominal import NominalFit
 from robust.plot.colours import COLOR

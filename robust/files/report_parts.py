@@ -9,7 +9,7 @@ from typing import Any
 
 from nlfrf.shared.values import value
 
-__all__ = ["Section", "counted", "rows_of"]
+__all__ = ["Section", "rows_of"]
 
 
 @value
@@ -51,8 +51,3 @@ def picture(draw: Callable[..., Any], *content: Any, caption: str, square: bool 
 def rows_of(thing: Any) -> str:
     """What a value says of itself, without the indents of a screen."""
     return "\n".join(row.strip() for row in str(thing).splitlines())
-
-
-def counted(n: int, what: str) -> str:
-    """A count with its noun."""
-    return f"{n} {what}" + "s" * (n != 1)

@@ -10,14 +10,14 @@ import control
 import numpy as np
 
 import nlfrf
-from nlfrf.shared.wording import hertz
+from nlfrf.shared.wording import counted, hertz
 from robust.analysis.family import sample_loops
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import factor
 from robust.analysis.worst_case import worst_case
 from robust.files import report_parts as parts
 from robust.files.biquads import controller_sections
-from robust.files.report_parts import Section, counted
+from robust.files.report_parts import Section
 from robust.files.report_words import demand_text, roots_text, system_text
 from robust.systems.lti import poles, timebase, zeros
 from robust.uncertain.model import UncertaintyModel

@@ -14,7 +14,7 @@ from nlfrf.shared.arguments import integer, nonnegative, one_of, positive, real
 from nlfrf.shared.wording import hertz, shown
 from robust.fixed_structure.convex_concave import DesignTask, iterate
 from robust.fixed_structure.demands import Demand, end_row, limit_rows, objective_row, weight_rows
-from robust.fixed_structure.plants import SeenPlant, joined, see
+from robust.fixed_structure.plants import SeenPlant, see, stacked_plants
 from robust.fixed_structure.starts import find_start, given_start, loops_stable
 from robust.fixed_structure.structures import FASTEST, FASTEST_SAMPLED, Basis, structure_of
 from robust.synthesis.design import Design
@@ -144,7 +144,7 @@ def design_frf(
     named = [*pair("omega_c", omega_c), *(pair("gain", gain)[:1] if gain is not None else [])]
     wanted = tuple(real("omega_c", w) for w in named)
     seen = [see(p, dt, delay, wanted, (w_P, w_T, w_u, M_S, M_T, M_u)) for p in plants]
-    at = joined(seen)
+    at = stacked_plants(seen)
     weights = {"w_P": w_P, "w_T": w_T, "w_u": w_u}
     limits = {"M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
     aim, rows = asked(at, aim, weights, limits)

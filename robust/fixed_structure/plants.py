@@ -21,7 +21,7 @@ from robust.uncertain.forms import FORMS, RELATIVE
 from robust.uncertain.measured import as_seen, on_lines
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["SeenPlant", "joined", "see"]
+__all__ = ["SeenPlant", "see", "stacked_plants"]
 
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
@@ -130,8 +130,8 @@ def design_grid(loop: Loop, lines: np.ndarray, extra: tuple[float, ...], weights
     return omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])]
 
 
-def joined(seen: list[SeenPlant]) -> SeenPlant:
-    """All plants of a family, one after the other."""
+def stacked_plants(seen: list[SeenPlant]) -> SeenPlant:
+    """The plants of a family as one, line after line, so that a demand is asked of all of them."""
     parts: dict[str, Any] = {
         name: np.concatenate([getattr(s, name) for s in seen])
         for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")

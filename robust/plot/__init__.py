@@ -8,14 +8,7 @@ The pictures are handed on from here: `from robust.plot import plot_check`.
 """
 
 from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist
-from robust.plot.models import (
-    plot_budget,
-    plot_fit,
-    plot_nominal,
-    plot_orders,
-    plot_validation,
-    plot_weight,
-)
+from robust.plot.models import plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
 
 __all__ = [
     "plot_bounds",

@@ -17,14 +17,10 @@ __all__ = [
     "poles",
     "response",
     "scaled_states",
-    "stable",
     "timebase",
     "zeros",
 ]
-
-
 MANY_STATES = 40
-
 make_picklable()  # here, as every room that makes or takes a system stands on this one
 
 
@@ -122,12 +118,6 @@ def in_s(roots: np.ndarray, dt: float) -> np.ndarray:
         return roots
     with np.errstate(divide="ignore"):
         return np.log(np.where(roots == 0, 1e-300, roots).astype(complex)) / dt
-
-
-def stable(system: control.StateSpace) -> bool:
-    """Whether every pole lies strictly inside the stability region."""
-    p = poles(system)
-    return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
 
 
 def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:

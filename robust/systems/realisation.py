@@ -10,7 +10,8 @@ import numpy as np
 
 from nlfrf.shared.wording import shown
 from robust.systems.connections import in_series
-from robust.systems.lti import constant, poles, response, scaled_states, stable, timebase
+from robust.systems.lti import constant, poles, response, scaled_states, timebase
+from robust.systems.stability import stable
 
 __all__ = [
     "frequency_response",

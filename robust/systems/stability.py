@@ -7,10 +7,10 @@ import numpy as np
 from scipy.linalg import eig, matrix_balance
 from scipy.sparse.csgraph import connected_components
 
-from robust.systems.lti import response, timebase
+from robust.systems.lti import poles, response, timebase
 from robust.systems.norms import EPS, crossings
 
-__all__ = ["certain_poles", "instability", "moved_out"]
+__all__ = ["certain_poles", "instability", "moved_out", "stable"]
 
 
 def moved_out(L: control.StateSpace, delay: float) -> float:
@@ -83,3 +83,9 @@ def instability(system: control.StateSpace) -> str:
     if excess[worst] > moved[worst]:
         return f"unstable: a pole at {poles[worst]:.4g}"
     return f"undecided: a pole at {poles[worst]:.4g} cannot be told from the stability boundary"
+
+
+def stable(system: control.StateSpace) -> bool:
+    """Whether every pole lies strictly inside the stability region."""
+    p = poles(system)
+    return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))

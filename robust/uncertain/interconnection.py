@@ -19,8 +19,9 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.mu.blocks import KINDS
 from robust.systems.lft import joined, lower, upper
-from robust.systems.lti import constant, stable, timebase
+from robust.systems.lti import constant, timebase
 from robust.systems.realisation import multivariable
+from robust.systems.stability import stable
 from robust.uncertain.forms import PERTURBATIONS
 
 __all__ = ["Block", "UncertainSystem", "interconnection"]

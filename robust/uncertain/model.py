@@ -25,9 +25,10 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.modelling.nominal import NominalFit
 from robust.modelling.weights import fit_weight
-from robust.systems.lti import response, stable, timebase
+from robust.systems.lti import response, timebase
 from robust.systems.realisation import frequency_response, least_stable, state_space
 from robust.systems.sampling import delayed
+from robust.systems.stability import stable
 from robust.uncertain.forms import FORMS, PERTURBATIONS, RELATIVE
 from robust.uncertain.perturbations import perturbed, random_perturbation
 from robust.uncertain.radius import DECADES_ABOVE, PARTS, extrapolated, family, nominal_response, total_of
