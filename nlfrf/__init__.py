@@ -11,13 +11,15 @@ from nlfrf.bench.simulate import simulate
 from nlfrf.excitation.crest import reduce_crest
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine, multisine
+from nlfrf.files.designs import load_multisine, save_multisine
 from nlfrf.files.records import load_record, save_record
-from nlfrf.files.results import export_csv, load_bla, load_multisine, save_bla, save_multisine
+from nlfrf.files.results import export_csv, load_bla, save_bla
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.identify import identify
 from nlfrf.identification.noise_excitation import identify_noise
 from nlfrf.identification.second_opinion import SecondOpinion, second_opinion
-from nlfrf.records.record import Record, record_from_samples
+from nlfrf.records.record import Record, join_records
+from nlfrf.records.samples import record_from_samples
 from nlfrf.shared.arguments import DataWarning
 from nlfrf.studies.level_study import LevelStudy, level_study
 
@@ -39,6 +41,7 @@ __all__ = [
     "export_csv",
     "identify",
     "identify_noise",
+    "join_records",
     "level_study",
     "load_bla",
     "load_multisine",

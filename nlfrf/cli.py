@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,6 +26,25 @@ app = typer.Typer(
     rich_markup_mode=None,  # units stand in brackets
 )
 
+#: Parameters of the library whose option has another name.
+OPTIONS = {
+    "n_samples": "period",
+    "n_discard": "discard",
+    "n_periods": "periods",
+    "n_realizations": "realizations",
+    "n_log": "log-lines",
+    "n_detection": "detection",
+    "level_from": "level-from",
+    "resample": "resample",
+    "design": "design",
+    "u": "input",
+    "y": "output",
+    "r": "reference",
+    "fs": "fs",
+    "f_min": "f-min",
+    "f_max": "f-max",
+}
+INSIDE = 0.2  # how far the lines may begin and end inside the band that was asked for, without a word
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 
 
@@ -48,15 +68,26 @@ def design(
     ] = None,
     realizations: Annotated[int, typer.Option(help="Realisations, with independent phases.")] = 1,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the random phases.")] = None,
+    hold: Annotated[
+        str, typer.Option(help="How it is played between its samples: zoh, band-limited or unknown.")
+    ] = "unknown",
 ) -> None:
     """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
     band: dict[str, Any] = {"fs": fs, "n_samples": period, "f_min": f_min, "f_max": f_max}
-    ms = nlfrf.multisine(kind, **band, rms=rms, n_log=log_lines, n_realizations=realizations, rng=seed)
+    ms = nlfrf.multisine(kind, **band, rms=rms, n_log=log_lines, n_realizations=realizations, rng=seed, hold=hold)
+    first, last = ms.f[[0, -1]].tolist()
+    if first > (1 + INSIDE) * f_min or last < (1 - INSIDE) * f_max:
+        warnings.warn(
+            f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz only"
+            "; a longer period has lines nearer to its ends",
+            nlfrf.DataWarning,
+            stacklevel=2,
+        )
     if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.save_multisine(ms, out)
     print(
-        f"{ms.kind} multisine, {ms.f.size} lines from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
+        f"{ms.kind} multisine, {ms.f.size} lines excited from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
         f"period {ms.n_samples / ms.fs:g} s, rms {ms.rms:g}, crest factor {ms.crest_factor.max():.2f}"
     )
     print(f"wrote {out}")
@@ -107,12 +138,21 @@ def simulate(
 
 @app.command()
 def identify(
-    file: Annotated[Path, typer.Argument(help="Measured record: .mat, .csv, .npz or .h5.")],
+    file: Annotated[
+        list[Path],
+        typer.Argument(help="Measured record: .mat, .csv, .npz or .h5; several are realisations of one experiment."),
+    ],
     out: Out,
     input: Annotated[str, typer.Option("--input", help="Name of the input in the file.")] = "u",
     output: Annotated[list[str] | None, typer.Option("--output", help="Name of the output; may be repeated.")] = None,
     reference: Annotated[
         str | None, typer.Option(help="Name of the reference, for closed loop or noisy input.")
+    ] = None,
+    design: Annotated[
+        Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it (.npz, .h5).")
+    ] = None,
+    hold: Annotated[
+        str | None, typer.Option(help="How the input runs between its samples: zoh or band-limited.")
     ] = None,
     fs: Annotated[float | None, typer.Option(help="Sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Samples in one period; found when not given.")] = None,
@@ -132,7 +172,16 @@ def identify(
     """
     outputs = output or ["y"]
     records = nlfrf.load_record(
-        file, u=input, y=outputs, r=reference, fs=fs, n_samples=period, n_discard=discard, resample=resample
+        file,
+        u=input,
+        y=outputs,
+        r=reference,
+        fs=fs,
+        n_samples=period,
+        n_discard=discard,
+        resample=resample,
+        design=design,
+        hold=hold,
     )
     blas = nlfrf.identify(records, transient=transient, level_from=level_from, n_detection=detection)
     for name, record, bla in zip(outputs, records, blas, strict=True):
@@ -217,7 +266,7 @@ class progress_bar:
 
 def main() -> None:
     """The command `nlfrf`."""
-    run("nlfrf", app, nlfrf.DataWarning)
+    run("nlfrf", app, nlfrf.DataWarning, options=OPTIONS)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,8 @@ app = typer.Typer(
     rich_markup_mode=None,  # units stand in brackets
 )
 
+#: Parameters of the library whose option has another name.
+OPTIONS = {"n_poles": "poles", "n_zeros": "zeros", "dt": "sample-time", "n_samples": "period", "n_discard": "discard"}
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
 
@@ -309,7 +311,7 @@ def working(what: str) -> Iterator[None]:
 
 def main() -> None:
     """The command `robust`."""
-    run("robust", app, nlfrf.DataWarning, robust.DesignWarning)
+    run("robust", app, nlfrf.DataWarning, robust.DesignWarning, options=OPTIONS)
 
 
 if __name__ == "__main__":

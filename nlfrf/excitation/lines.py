@@ -15,7 +15,7 @@ import numpy as np
 
 from nlfrf.shared.values import value
 
-__all__ = ["KINDS", "LineGrid", "grid_lines", "local_mean"]
+__all__ = ["KINDS", "LineGrid", "grid_lines", "local_mean", "recognise"]
 
 
 KINDS = ("full", "odd", "odd-odd", "special-odd", "random-odd", "custom")

@@ -12,9 +12,11 @@ from nlfrf.shared.arguments import integer, one_of, positive, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 
-__all__ = ["Multisine", "Rng", "multisine"]
+__all__ = ["HOLDS", "Multisine", "Rng", "multisine"]
 
 
+#: How a signal runs between its samples: as the band-limited signal itself, held by a converter, or nobody said.
+HOLDS = ("band-limited", "zoh", "unknown")
 Rng = np.random.Generator | int | None
 
 
@@ -36,6 +38,9 @@ class Multisine:
         Amplitude of the cosine on each excited line, in the unit of the signal.
     phase : (M, F) ndarray
         Phases [rad], one row per realisation.
+    hold : str
+        How it is played between the samples: "zoh" by a converter that holds each, "band-limited" by a generator with
+        a reconstruction filter; "unknown" where nobody said.
 
     References
     ----------
@@ -54,9 +59,11 @@ class Multisine:
     lines: LineGrid
     amplitude: np.ndarray
     phase: np.ndarray
+    hold: str = "unknown"
 
     def __post_init__(self) -> None:
         positive("fs", self.fs)
+        one_of("hold", self.hold, HOLDS)
         integer("n_samples", self.n_samples, least=4)
         n_lines = self.lines.excited.size
         if 2 * self.lines.excited[-1] >= self.n_samples:
@@ -122,6 +129,7 @@ def multisine(
     n_log: int | None = None,
     n_realizations: int = 1,
     rng: Rng = None,
+    hold: str = "unknown",
 ) -> Multisine:
     """Design a random-phase multisine: phases independent and uniform on [0, 2 pi).
 
@@ -151,6 +159,9 @@ def multisine(
         Realisations M, with independent phases on the same grid.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
+    hold : str
+        "zoh" where a converter holds each sample, "band-limited" where a filter reconstructs the signal itself; it goes
+        along to the record that is made with this design.
 
     Returns
     -------
@@ -208,6 +219,7 @@ def multisine(
         lines=grid,
         amplitude=shape * (rms / np.sqrt(np.sum(shape**2) / 2)),
         phase=rng.uniform(0, 2 * np.pi, size=(n_realizations, grid.excited.size)),
+        hold=hold,
     )
 
 

@@ -5,20 +5,25 @@ from __future__ import annotations
 import csv
 import os
 import re
+import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from nlfrf.files.hdf5 import read_hdf5
+from nlfrf.shared.arguments import DataWarning, positive
 from nlfrf.shared.values import value
 
-__all__ = ["read_channels"]
+__all__ = ["Channels", "read_channels"]
 
 
 UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
 SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0}
+SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
+APART = 1e-3  # how far a sampling frequency that was given may be from that of the file
 ROUGH = 2e-4  # how far a time axis of uneven steps may be from a clock of three digits that is believed instead
 
 
@@ -34,18 +39,23 @@ class Channels:
         Numeric arrays and texts; members of structs as ``struct.member``.
     time : str
         Name of the time channel, empty where there is none.
+    units : dict of str to str
+        Units that the file says apart from the names.
     """
 
     path: str
     arrays: Mapping[str, np.ndarray]
     time: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def full_name(self, name: str) -> str:
+        """The name of a channel as the file has it: "input" finds "input (V)", where no other could be meant."""
+        found = [known for known in self.arrays if UNIT.sub("", known) == name]
+        return found[0] if name not in self.arrays and len(found) == 1 else name
 
     def signal(self, parameter: str, name: str) -> np.ndarray:
         """One stream of samples; a refusal lists the names there are."""
-        array = self.arrays.get(name)
-        if array is None:
-            found = [candidate for known, candidate in self.arrays.items() if UNIT.sub("", known) == name]
-            array = found[0] if len(found) == 1 else None  # "input" finds "input (V)"
+        array = self.arrays.get(self.full_name(name))
         if array is None or array.dtype.kind not in "fiub" or array.size < 2:
             listed = ", ".join(sorted(k for k, a in self.arrays.items() if a.dtype.kind in "fiub" and a.size > 1))
             raise ValueError(
@@ -58,6 +68,16 @@ class Channels:
             raise ValueError(f"{parameter} must name one stream of samples, got {name!r} with shape {array.shape}")
         return np.asarray(array, dtype=float)
 
+    def labels(self, u: str, y: str) -> dict[str, str]:
+        """Names of input and output without their units, and the units that the file has in brackets or beside them."""
+        labels = {}
+        for signal, name in (("u", u), ("y", y)):
+            full = self.full_name(name)
+            unit = UNIT.search(full)
+            labels[f"{signal}_name"] = "" if full == signal else UNIT.sub("", full)
+            labels[f"{signal}_unit"] = unit[1].strip() if unit else self.units.get(full, "")
+        return labels
+
     def text(self, name: str) -> str:
         """A text, empty where there is none of that name."""
         array = self.arrays.get(name)
@@ -66,20 +86,49 @@ class Channels:
         item = array.reshape(-1)[0]
         return item.decode() if isinstance(item, bytes) else str(item)
 
-    def sampling_frequency(self) -> float:
-        """From a variable fs, else from the steps of the time channel [Hz]."""
+    def sampling_frequency(self, given: float | None = None) -> float:
+        """As given, else from a variable fs, else from the steps of the time channel [Hz].
+
+        What was given is held against what the file says.
+        """
+        file = Path(self.path).name
         stored = self.arrays.get("fs")
         if stored is not None and stored.size == 1 and stored.dtype.kind in "fiu":
-            return float(stored.reshape(-1)[0])
-        if self.time:
-            unit = UNIT.search(self.time)
-            second = SECONDS.get(unit[1].strip() if unit else "")
-            if second is None:
-                raise ValueError(f"fs must be given: the unit of the time channel {self.time!r} is not known")
-            fs = frequency_of(second * np.ravel(self.arrays[self.time]).astype(float))
-            if fs > 0:
-                return fs
-        raise ValueError(f"fs must be given: {Path(self.path).name!r} holds neither fs nor a time channel")
+            found, where = float(stored.reshape(-1)[0]), "fs"
+        elif self.time:
+            found, where = self.frequency_of_time(given is not None), f"the time channel {self.time!r}"
+        else:
+            found, where = 0.0, ""
+        if given is None:
+            if not found > 0:
+                raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel")
+            return found
+        given = positive("fs", given)
+        if found > 0 and abs(given / found - 1) > APART:
+            warnings.warn(
+                f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {found:g} Hz; the one given is used",
+                DataWarning,
+                stacklevel=4,
+            )
+        return given
+
+    def frequency_of_time(self, known: bool) -> float:
+        """The sampling frequency [Hz] by the time channel, 0 where it has none or where it need not be understood."""
+        unit = UNIT.search(self.time)
+        second = SECONDS.get(unit[1].strip() if unit else "")
+        if second is None and not known:
+            raise ValueError(f"fs must be given: the unit of the time channel {self.time!r} is not known")
+        fs = frequency_of((second or 0.0) * np.ravel(self.arrays[self.time]).astype(float))
+        if unit is not None or not 0 < fs <= SLOW:
+            return fs
+        if known:  # without a unit, a slow clock in seconds may be a fast one in milliseconds
+            return 0.0
+        said = f"the time channel {self.time!r} names no unit and steps by {1 / fs:g}: {fs:g} Hz if these are seconds, "
+        said += f"{1e3 * fs:g} Hz if they are milliseconds"
+        if fs <= UNLIKELY:
+            raise ValueError(f"fs must be given: {said}")
+        warnings.warn(f"{said}; seconds are taken, give fs if they are not", DataWarning, stacklevel=5)
+        return fs
 
 
 def frequency_of(t: np.ndarray) -> float:

@@ -6,14 +6,19 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.files.channels import read_channels
-from nlfrf.records.record import Record, record_from_samples
-from nlfrf.shared.arguments import integer, positive
+from nlfrf.excitation.multisine import Multisine
+from nlfrf.files.channels import Channels, read_channels
+from nlfrf.files.designs import load_multisine
+from nlfrf.files.stored_values import AXES, refuse_newer
+from nlfrf.records.record import SAME_CLOCK, Record, join_records
+from nlfrf.records.reference import played_reference
+from nlfrf.records.samples import records_from_streams
+from nlfrf.shared.arguments import integer
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, save_mat, write_arrays, write_whole
 from nlfrf.shared.wording import shown
@@ -22,10 +27,14 @@ __all__ = ["RECORD_SCHEMA", "load_record", "save_record"]
 
 
 RECORD_SCHEMA = "nlfrf-record"
+LABELS = ("u_name", "y_name", "u_unit", "y_unit")
+
+
+Path_ = str | os.PathLike[str]
 
 
 def load_record(
-    path: str | os.PathLike[str],
+    path: Path_ | Sequence[Path_],
     *,
     u: str = "u",
     y: str | Sequence[str] = "y",
@@ -35,14 +44,17 @@ def load_record(
     lines: LineGrid | None = None,
     n_discard: int = 0,
     resample: bool = False,
+    design: Multisine | Path_ | None = None,
+    hold: str | None = None,
 ) -> Any:
-    """Read a record from a measurement file.
+    """Read a record from a measurement file, or from several of one experiment.
 
     Parameters
     ----------
-    path : path
+    path : path, or a list of them
         ``.mat`` (MATLAB v5 or v7.3, dSPACE ControlDesk recordings included), ``.csv`` with a header line and comma,
-        semicolon or tab (then with decimal commas too), ``.npz``, ``.h5``.
+        semicolon or tab (then with decimal commas too), ``.npz``, ``.h5``. Several files are several realisations of
+        one experiment, as in `join_records`.
     u, y, r : str
         Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside
         structs. A list of names for `y` gives a list of records that share the input.
@@ -57,10 +69,16 @@ def load_record(
         Periods to leave out at the start.
     resample : bool
         Cut the periods where the input shows that they stand; see `record_from_samples`.
+    design : Multisine or path, optional
+        What was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
+    hold : str, optional
+        How u runs between its samples, "zoh" or "band-limited"; see `Record`. From the file or the design when not
+        given.
 
     Returns
     -------
     Record, or a list of them for a list of y
+        With the names and units that the file has for the channels.
 
     Raises
     ------
@@ -69,6 +87,11 @@ def load_record(
         are), signals that do not make a record.
     FileNotFoundError
         No such file.
+
+    Warns
+    -----
+    DataWarning
+        A sampling frequency that is not that of the file, a time channel without a unit.
 
     Examples
     --------
@@ -82,49 +105,94 @@ def load_record(
     True
     >>> folder.cleanup()
     """
-    if not isinstance(y, str):
-        if not y:
-            raise ValueError("y must name at least one output, got none")
-        common: dict[str, Any] = {"u": u, "r": r, "fs": fs, "n_samples": n_samples, "lines": lines}
-        first, *others = [load_record(path, y=one, n_discard=n_discard, resample=resample, **common) for one in y]
-        # the very same input, so that what is known of it need not be found again
-        return [first, *(replace(other, u=first.u, r=first.r, lines=first.lines) for other in others)]
-    channels = read_channels(path)
-    names = {"u": u, "y": y} | ({} if r is None else {"r": r})
-    signals = {parameter: channels.signal(parameter, name) for parameter, name in names.items()}
-    fs = positive("fs", channels.sampling_frequency() if fs is None else fs)
-    if channels.text("schema") == RECORD_SCHEMA:
-        record = stored_record(channels.arrays, signals, fs=fs, lines=lines, n_discard=n_discard)
-        if n_samples not in (None, record.n_samples):
-            raise ValueError(f"n_samples must be that of the record, {record.n_samples}, got {shown(n_samples)}")
-        return record
-    return record_from_samples(
-        **signals, fs=fs, n_samples=n_samples, lines=lines, n_discard=n_discard, resample=resample
-    )
+    if not isinstance(y, str) and not y:
+        raise ValueError("y must name at least one output, got none")
+    paths = [path] if isinstance(path, str | os.PathLike) else list(path)
+    if not paths:
+        raise ValueError("path must be a file or a list of files, got none")
+    if design is not None and not isinstance(design, Multisine):
+        design = load_multisine(design)
+    names = {"u": u} | ({} if r is None else {"r": r})
+    outputs = [y] if isinstance(y, str) else list(y)
+    asked = Asked(n_samples, lines, n_discard, resample, design, hold)
+    files = [read_channels(one) for one in paths]
+    stored = [file.text("schema") == RECORD_SCHEMA for file in files]
+    if any(stored) and not all(stored):
+        raise ValueError("path must be records that this package wrote, or none of them, got some of each")
+    read = stored_records if all(stored) else measured_records
+    records = read(files, names, outputs, fs, asked)
+    return records[0] if isinstance(y, str) else records
 
 
-def stored_record(
-    arrays: Mapping[str, np.ndarray],
-    signals: Mapping[str, np.ndarray],
-    *,
-    fs: float,
-    lines: LineGrid | None,
-    n_discard: int,
-) -> Record:
+class Asked(NamedTuple):
+    """How the samples are to be cut, as `load_record` was asked."""
+
+    n_samples: int | None
+    lines: LineGrid | None
+    n_discard: int
+    resample: bool
+    design: Multisine | None
+    hold: str | None
+
+
+def measured_records(
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
+) -> list[Record]:
+    """A record for each output, of the streams of all files."""
+    clocks = [file.sampling_frequency(fs) for file in files]
+    if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
+        raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+    streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
+    ys = {name: [file.signal("y", name) for file in files] for name in outputs}
+    found = {name: [names["u"], name] for name in outputs}
+    labels: dict[str, Any] = {name: files[0].labels(*pair) for name, pair in found.items()}
+    del files
+    records = records_from_streams(streams["u"], ys, r=streams.get("r"), fs=clocks[0], **asked._asdict())
+    return [replace(record, **labels[name]) for record, name in zip(records, outputs, strict=True)]
+
+
+def stored_records(
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
+) -> list[Record]:
+    """A record for each output, of files that `save_record` wrote."""
+    records: list[Record] = []
+    for output in outputs:
+        runs = [stored_record(file, {**names, "y": output}, fs, asked) for file in files]
+        record = runs[0] if len(runs) == 1 else join_records(runs)
+        if records:  # the very same input, so that what is known of it need not be found again
+            record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
+        records.append(record)
+    return records
+
+
+def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, asked: Asked) -> Record:
     """A record as `save_record` wrote it, already cut into periods, with its grid."""
+    signals: dict[str, Any] = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
+    labels: dict[str, Any] = {name: file.text(name) for name in LABELS}
+    refuse_newer(file, RECORD_SCHEMA)
+    arrays = file.arrays
     try:
         shape = tuple(int(n) for n in np.ravel(arrays["shape"]))
         grid = LineGrid(**{name: np.ravel(arrays[name]) for name in field_names(LineGrid)})
         periods = {name: signal.reshape(shape) for name, signal in signals.items()}
     except KeyError as missing:
         raise ValueError(f"path must hold a whole record, got one without {missing}") from None
-    n_discard = integer("n_discard", n_discard, least=0)
+    if asked.n_samples not in (None, shape[2]):
+        raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {shown(asked.n_samples)}")
+    n_discard = integer("n_discard", asked.n_discard, least=0)
     if n_discard >= shape[1]:
         raise ValueError(f"n_discard must be less than the {shape[1]} periods of the record, got {n_discard}")
+    periods = {name: signal[:, n_discard:] for name, signal in periods.items()}
+    design = asked.design
+    if design is not None:
+        grid = design.lines
+        periods.setdefault("r", played_reference(design, periods["u"]))
     return Record(
-        **{name: signal[:, n_discard:] for name, signal in periods.items()},
-        fs=fs,
-        lines=grid if lines is None else lines,
+        **periods,
+        fs=file.sampling_frequency(fs),
+        lines=grid if asked.lines is None else asked.lines,
+        hold=asked.hold or file.text("hold") or (design.hold if design else "unknown"),
+        **labels,
     )
 
 
@@ -158,6 +226,7 @@ def save_record(record: Record, path: str | os.PathLike[str]) -> None:
     content = {
         "schema": np.array(RECORD_SCHEMA),
         "version": np.array(VERSION),
+        "axes": np.array(AXES),
         "shape": np.array(record.u.shape),  # MATLAB drops axes of length one
         "u": record.u,
         "y": record.y,
@@ -166,6 +235,7 @@ def save_record(record: Record, path: str | os.PathLike[str]) -> None:
         "odd": record.lines.odd,
         "even": record.lines.even,
     }
+    content |= {name: np.array(getattr(record, name)) for name in ("hold", *LABELS)}
     if record.r is not None:
         content["r"] = record.r
     suffix = path.suffix.lower()

@@ -18,8 +18,10 @@ from nlfrf.identification.frf import Frf, average_frf
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
+from nlfrf.records.detection import refuse_wrong_lines
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer, one_of
+from nlfrf.shared.wording import shown
 
 __all__ = ["identify"]
 
@@ -91,6 +93,8 @@ def identify(
     n_detection = integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):
         return identify_one(record, None, transient, level_from, n_detection)
+    if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
+        raise ValueError(f"record must be a Record or a list of them, got {shown(record)}; see record_from_samples")
     known: list[tuple[Record, np.ndarray]] = []
     blas = []
     for one in record:
@@ -105,6 +109,8 @@ def identify(
 def identify_one(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
     """`identify` for one record, with the spectra of its input where they are known."""
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
+    periodic, known = (record.u, spectra.U) if spectra.R is None else (record.r, spectra.R)
+    refuse_wrong_lines(periodic, record.lines, known[:, spectra.where.excited])
     spectra, n_periods = check_realizations(spectra, record.n_periods - (treatment == "discard"))
     excited = spectra.on_excited()
     frf = average_frf(excited)

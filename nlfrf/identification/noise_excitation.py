@@ -6,12 +6,15 @@ other form of the same BLA, to lay over the one from a multisine of the same pow
 
 from __future__ import annotations
 
+import warnings
+from itertools import pairwise
+
 import numpy as np
 from scipy import fft
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.shared.arguments import integer, one_of, positive, real_array
+from nlfrf.shared.arguments import DataWarning, integer, one_of, positive, real_array
 from nlfrf.shared.leastsquares import power
 
 __all__ = ["identify_noise"]
@@ -19,6 +22,10 @@ __all__ = ["identify_noise"]
 
 HANN = 1.5  # lines that the power in one line of a Hann window comes from
 SIDE = 6  # DFT lines on either side that a local polynomial sees
+PARTS = 16  # of the record, over which the power of stationary noise stays
+BANDS = 8  # of the band that is excited
+UNSTEADY = 4.0  # how many times the scatter of noise that power may have from part to part
+FAR = 3.0  # in 95 % bounds: how far leakage takes a line at least; by chance some of 265 lines are 2 to 2.5 off
 
 
 def identify_noise(
@@ -58,6 +65,12 @@ def identify_noise(
     ValueError
         A record that is too short, a band without lines, numbers out of range.
 
+    Warns
+    -----
+    DataWarning
+        An input that is no stationary noise (a chirp, bursts), for which the bounds do not hold. Segments of "welch"
+        that smear a resonance.
+
     References
     ----------
     Pintelon & Schoukens, 2nd ed., 2.6 (spectral analysis), 7.2.2 (local polynomial method).
@@ -74,7 +87,11 @@ def identify_noise(
     fs, n_samples = positive("fs", fs), integer("n_samples", n_samples, least=16)
     lines = band_of(positive("f_min", f_min), positive("f_max", f_max), fs, n_samples)
     estimate = welch if method == "welch" else local
-    G, variance, dof, coherence, power_y = estimate(u - u.mean(), y - y.mean(), n_samples, lines)
+    u, y = u - u.mean(), y - y.mean()
+    G, variance, dof, coherence, power_y = estimate(u, y, n_samples, lines)
+    warn_of_other_signals(u)
+    if method == "welch":
+        warn_of_coarse_segments(lines * fs / n_samples, G, variance, dof, local(u, y, n_samples, lines)[0])
     nan = np.full(lines.size, np.nan)
     return Bla(
         f=lines * fs / n_samples,
@@ -177,3 +194,43 @@ def local(
     coherence = np.clip(1 - S_rest / np.maximum(S_yy, np.finfo(float).tiny), 0.0, 1.0)
     variance = S_rest / np.abs(pivot) ** 2
     return projected[:, -1] / pivot, variance, float(dof), coherence, 2 * S_yy / (u.size * n)
+
+
+def warn_of_other_signals(u: np.ndarray) -> None:
+    """Warn of an input (n,) whose power wanders over time and frequency as that of noise does not: chirps, bursts.
+
+    The power of noise in a band scatters from part to part of the record by 1 over the root of the lines it has there.
+    """
+    size = u.size // PARTS
+    power = np.abs(fft.rfft(u[: PARTS * size].reshape(PARTS, size), axis=1)[:, 1:]) ** 2
+    mean = power.mean(axis=0)
+    share = np.cumsum(mean) / mean.sum()
+    edges = np.searchsorted(share, np.linspace(0.005, 0.995, BANDS + 1))
+    ratios = []
+    for first, last in pairwise(edges.tolist()):
+        if last - first < 4:
+            continue
+        band = power[:, first:last].sum(axis=1)
+        lines = mean[first:last].sum() ** 2 / np.sum(mean[first:last] ** 2)
+        ratios.append(float(np.var(band, ddof=1) / band.mean() ** 2 * lines))
+    if ratios and np.mean(ratios) > UNSTEADY:
+        warnings.warn(
+            f"u must be stationary noise for its bounds to hold: its power scatters {np.mean(ratios) ** 0.5:.1f} times "
+            "as much over time as that of noise, as chirps and bursts do; play a multisine, or noise all the time",
+            DataWarning,
+            stacklevel=3,
+        )
+
+
+def warn_of_coarse_segments(f: np.ndarray, G: np.ndarray, variance: np.ndarray, dof: float, better: np.ndarray) -> None:
+    """Warn where segments smear a resonance: G is further from a `better` estimate than its variance lets it be."""
+    bound = np.sqrt(dof * np.expm1(-np.log(0.05) / dof) * variance)  # as of `Bla.bound`
+    far = np.abs(G - better) > FAR * bound
+    if far.any():
+        at = int(np.argmax(np.where(far, np.abs(G - better) / bound, 0.0)))
+        warnings.warn(
+            f"n_samples must resolve the resonances: on {far.sum()} of {f.size} lines, worst at {f[at]:g} Hz, leakage "
+            'moves G further than its bound; take method="local" or longer segments',
+            DataWarning,
+            stacklevel=3,
+        )

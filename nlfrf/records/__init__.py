@@ -1,6 +1,9 @@
 """What was measured: u and y as (M, P, N) arrays of realisations, whole periods, samples.
 
-record     `Record`, and how one is cut out of a stream of samples
-detection  the period and the excited lines, found in a measured input
-faults     drifting clocks, lost samples, clipping, dead channels
+record         `Record`: checked when made
+samples        a record cut out of streams of samples
+detection      the period and the excited lines, found in a measured input
+regular_grids  the grid that was played, where the actuator distorts
+reference      the design that was played, laid under what was measured
+faults         drifting clocks, lost samples, clipping, dead channels
 """

@@ -11,12 +11,15 @@ import numpy as np
 from scipy import fft
 
 from nlfrf.excitation.lines import LineGrid, local_mean
+from nlfrf.records.regular_grids import played_lines
 
-__all__ = ["detect_lines", "detect_period"]
+__all__ = ["detect_lines", "detect_period", "refuse_wrong_lines"]
 
 
 DROP = 15.0  # an excited line stands at most this far [dB] under its excited neighbours
 DECAY = 1.25  # how fast the neighbourhood's level may fall from line to line [dB]
+CARRIED = 0.5  # share of the input's power that its lines carry at least
+FAR_BELOW = 1e-4  # power under the median of all lines from which a line is looked at again
 SIGNIFICANT = 20.0  # power over the variance by noise that an excited line needs at least
 
 
@@ -48,7 +51,44 @@ def detect_lines(u: np.ndarray) -> LineGrid:
     level = 10 * np.log10(np.maximum(power, 1e-300))
     candidate &= level > neighbourhood(np.where(candidate, level, -np.inf)) - DROP
     excited = connected(candidate, level) + 1
-    return LineGrid(excited=completed(excited, power[: excited[-1]] > 2 * noise[: excited[-1]]))
+    excited = completed(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
+    return LineGrid(excited=played_lines(power, excited))
+
+
+def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
+    """Refuse a grid that is not the one in the input, with the lines that are excited.
+
+    Off the excitation G is one rounding error, or one piece of noise, over another.
+
+    Parameters
+    ----------
+    u : (M, P, N) ndarray
+        Input, or reference.
+    grid : LineGrid
+        The lines that somebody said.
+    U : (M, F) complex ndarray
+        Its amplitudes, 2/N rfft, on the excited lines of that grid.
+    """
+    power = np.mean(np.abs(U) ** 2, axis=0)
+    median = np.median(power)
+    weak = power < FAR_BELOW * median
+    carried = power.sum() / 2
+    mean = u.mean(axis=2, keepdims=True)
+    total = float(np.vdot(u, u)) / u.size - float(np.mean(mean**2))
+    if not weak.any() and carried > CARRIED * total:
+        return
+    try:
+        found = detect_lines(u).excited
+    except ValueError:  # nothing stands out of the noise, on these lines or any others
+        return
+    missed, more = (np.setdiff1d(*pair, assume_unique=True) for pair in ((grid.excited, found), (found, grid.excited)))
+    elsewhere = carried < CARRIED * total and more.size > 0
+    if missed.size and (elsewhere or np.isin(grid.excited[weak], missed).any()):
+        said = ", ".join(map(str, found[:6].tolist())) + (f", ... {found[-1]}" if found.size > 6 else "")
+        raise ValueError(
+            f"lines must be excited by the input, got line {missed[0]} with no input on it, the first of {missed.size} "
+            f"among {grid.excited.size}; in the record {found.size} lines are: {said}"
+        )
 
 
 def completed(excited: np.ndarray, present: np.ndarray) -> np.ndarray:

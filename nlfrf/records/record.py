@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.records.detection import detect_lines, detect_period
-from nlfrf.records.faults import SEVERE, Track, clipped, longest_standstill, recut, track
-from nlfrf.shared.arguments import DataWarning, integer, positive, real_array
+from nlfrf.excitation.multisine import HOLDS
+from nlfrf.shared.arguments import one_of, positive, real_array
 from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
 
-__all__ = ["Record", "record_from_samples"]
+__all__ = ["SAME_CLOCK", "Record", "join_records", "refuse_constant"]
 
 
-REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
-CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
 
 
 @value
@@ -35,6 +34,12 @@ class Record:
         Excited and detection lines.
     r : (M, P, N) ndarray, optional
         Reference signal, known without noise: for closed loop or a noisy input.
+    hold : str
+        How u runs between its samples: "zoh" where u is the command of a converter that holds it (the FRF then has
+        the hold in it), "band-limited" where u was measured behind the hold, through an anti-aliasing filter as y was;
+        "unknown" where nobody said.
+    u_name, y_name, u_unit, y_unit : str
+        Names of the channels and their units; empty where they are not known.
 
     Raises
     ------
@@ -56,9 +61,15 @@ class Record:
     fs: float
     lines: LineGrid
     r: Any = None
+    hold: str = "unknown"
+    u_name: str = ""
+    y_name: str = ""
+    u_unit: str = ""
+    y_unit: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "fs", positive("fs", self.fs))
+        one_of("hold", self.hold, HOLDS)
         u = real_array("u", self.u, ndim=3)
         for name in ("u", "y", "r"):
             signal = getattr(self, name)
@@ -112,184 +123,59 @@ def refuse_constant(name: str, signal: np.ndarray) -> None:
         )
 
 
-def record_from_samples(
-    u: np.ndarray | Sequence[np.ndarray],
-    y: np.ndarray | Sequence[np.ndarray],
-    *,
-    fs: float,
-    n_samples: int | None = None,
-    lines: LineGrid | None = None,
-    r: np.ndarray | Sequence[np.ndarray] | None = None,
-    n_discard: int = 0,
-    resample: bool = False,
-) -> Record:
-    """Cut streams of samples into whole periods.
+def join_records(records: Sequence[Record]) -> Record:
+    """Records of one experiment as one record: each brings its realisations.
 
     Parameters
     ----------
-    u, y : (n,) ndarray, or a list of M of them
-        Input and output, sampled together; a list holds one stream per realisation.
-    fs : float
-        Sampling frequency [Hz].
-    n_samples : int, optional
-        Samples in one period; found from the input when not given.
-    lines : LineGrid, optional
-        Excited and detection lines; found from the input (from `r` where given) when not given.
-    r : (n,) ndarray, or a list of M of them, optional
-        Reference.
-    n_discard : int
-        Periods to leave out at the start, where the transient is.
-    resample : bool
-        Cut the periods where the input shows that they stand, between the samples where need be: the cure for a
-        period that is not a whole number of samples, a drifting clock, and lost or repeated samples. The record's fs
-        is then n_samples in each of those periods.
+    records : list of Record
+        Runs of one experiment that were recorded one by one: the same period, sampling frequency and lines, and phases
+        of their own. Runs of the same phases are repeats, which `identify` recognises.
 
     Returns
     -------
     Record
-        As many whole periods as every stream holds after the discarded ones.
+        (M, P, N) with the realisations of all of them, and as many periods as all of them have.
 
     Raises
     ------
     ValueError
-        Streams of different lengths, fewer samples than one period, a period that the input does not have or
-        that is not whole, a drifting clock, lost samples; the message has the numbers and the cure.
+        No record, or records of other lines, another period or sampling frequency, some with a reference and some
+        without.
 
-    Warns
-    -----
-    DataWarning
-        Periods that are slightly out of place, a clipped signal, a signal that stands still.
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 4.3 (the robust method).
 
     Examples
     --------
     >>> from nlfrf.excitation.multisine import multisine
-    >>> u = np.tile(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1).u[0], 3)
-    >>> record = record_from_samples(u, 2 * u, fs=100, n_samples=100, n_discard=1)
-    >>> record.u.shape, record.lines.excited.tolist()
-    ((1, 2, 100), [1, 3, 9, 11, 17, 19])
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_realizations=2, rng=1)
+    >>> runs = [Record(u=u[None, None], y=2 * u[None, None], fs=100, lines=ms.lines) for u in ms.u]
+    >>> join_records(runs).n_realizations
+    2
     """
-    fs = positive("fs", fs)
-    n_discard = integer("n_discard", n_discard, least=0)
-    streams = {"u": as_streams("u", u), "y": as_streams("y", y)}
-    if r is not None:
-        streams["r"] = as_streams("r", r)
-    for name, signal in streams.items():
-        if len(signal) != len(streams["u"]):
-            raise ValueError(f"{name} must hold as many realisations as u, {len(streams['u'])}, got {len(signal)}")
-        for m, (one, u_one) in enumerate(zip(signal, streams["u"], strict=True)):
-            if one.size != u_one.size:
-                which = "" if len(signal) == 1 else f" in realisation {m}"
-                raise ValueError(f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}")
-    excitation = streams.get("r", streams["u"])
-    for one in excitation:
-        refuse_constant("r" if r is not None else "u", one[np.newaxis])
-    if n_samples is None:
-        n_samples = whole_period(excitation[0], resample)
-    n_samples = integer("n_samples", n_samples, least=4)
-    shortest = min(one.size for one in excitation)
-    n_periods = shortest // n_samples - n_discard
-    if n_periods < 1:
-        raise ValueError(
-            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
-            f"got {shortest} samples, which is {shortest / n_samples:.2f} periods"
-        )
-    for name, signal in streams.items():
-        for one in signal:
-            warn_about_channel(name, one, n_samples)
-    begin = n_discard * n_samples
-    tracks = [track(one[begin:], n_samples) for one in excitation if one.size - begin >= 2 * n_samples]
-    tracks = [found for found in tracks if found.unexplained < REPEATS]
-    if resample and len(tracks) == len(excitation):
-        cut = {
-            name: stacked([recut(one[begin:], where) for one, where in zip(signal, tracks, strict=True)])
-            for name, signal in streams.items()
-        }
-        fs /= float(np.mean([where.spacing for where in tracks]))  # so that f0 is what the input repeats at
-    else:
-        for where in tracks:
-            refuse_fault(where)
-        kept = slice(begin, begin + n_periods * n_samples)
-        cut = {
-            name: np.stack([one[kept].reshape(n_periods, n_samples) for one in signal])
-            for name, signal in streams.items()
-        }
-    periodic = cut.get("r", cut["u"])
-    refuse_wrong_period(periodic, excitation[0])
-    return Record(**cut, fs=fs, lines=detect_lines(periodic) if lines is None else lines)
-
-
-def stacked(cut: list[np.ndarray]) -> np.ndarray:
-    """(M, P, N) as many periods of each realisation as all of them have."""
-    n_periods = min(len(periods) for periods in cut)
-    return np.stack([periods[:n_periods] for periods in cut])
-
-
-def refuse_fault(where: Track) -> None:
-    """Refuse periods out of place where that would read as distortion, and warn where it just might."""
-    fault = where.fault
-    if fault and (where.misplaced > SEVERE or not where.sound.all()):
-        raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
-    if fault:
-        warnings.warn(
-            f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place",
-            DataWarning,
-            stacklevel=4,
-        )
-
-
-def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
-    """Warn of a signal that is clipped or that stands still: both would read as distortion."""
-    share = clipped(signal)
-    if share > CLIPPED:
-        warnings.warn(
-            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
-            "lower the level or widen the range",
-            DataWarning,
-            stacklevel=4,
-        )
-    begin, length = longest_standstill(signal)
-    if length > n_samples // 4:
-        warnings.warn(
-            f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
-            "was the channel alive?",
-            DataWarning,
-            stacklevel=4,
-        )
-
-
-def as_streams(name: str, signal: Any) -> list[np.ndarray]:
-    """One-dimensional streams, one per realisation."""
-    if isinstance(signal, (list, tuple)) and signal and np.ndim(signal[0]) > 0:
-        return [real_array(f"{name}[{m}]", one, ndim=1) for m, one in enumerate(signal)]
-    array = np.asarray(signal)
-    if array.ndim != 1:
-        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {array.shape}")
-    return [real_array(name, array, ndim=1)]
-
-
-def whole_period(u: np.ndarray, resample: bool) -> int:
-    """The period of the input, rounded to samples: whether it is whole is found by following the periods."""
-    period = detect_period(u)
-    if abs(period - round(period)) > 0.1 and not resample:
-        raise ValueError(
-            f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number; "
-            "resample=True cuts it on that period"
-        )
-    return round(period)
-
-
-def refuse_wrong_period(u: np.ndarray, stream: np.ndarray) -> None:
-    """Refuse periods that do not repeat each other: the period, or the signal, is not what was said."""
-    if u.shape[1] < 2:
-        return
-    centred = u - u.mean(axis=(1, 2), keepdims=True)
-    unexplained = np.sum((centred - centred.mean(axis=1, keepdims=True)) ** 2) / np.sum(centred**2)
-    if unexplained > REPEATS:
-        try:
-            found = f"its autocorrelation points to {detect_period(stream):.1f}"
-        except ValueError:
-            found = "it does not seem to repeat at all"
-        raise ValueError(
-            f"n_samples must be the period of the input, got {u.shape[2]}: "
-            f"{100 * unexplained:.0f} % of its power does not repeat from period to period; {found}"
-        )
+    if not records or not all(isinstance(one, Record) for one in records):
+        raise ValueError(f"records must be a list of one or more Record, got {shown(records)}")
+    first, *others = records
+    for m, one in enumerate(others, start=1):
+        for name, here, there in (
+            ("n_samples", one.n_samples, first.n_samples),
+            ("fs", one.fs, first.fs),
+            ("hold", one.hold, first.hold),
+            ("lines", one.lines.excited.tolist(), first.lines.excited.tolist()),
+        ):
+            if here != there and not (name == "fs" and abs(one.fs / first.fs - 1) < SAME_CLOCK):
+                raise ValueError(
+                    f"records must be of one experiment, with the same {name}, got {shown(here)} in record {m} and "
+                    f"{shown(there)} in record 0"
+                )
+    with_r = [one.r is not None for one in records]
+    if any(with_r) and not all(with_r):
+        raise ValueError("records must all have a reference or none of them, got some with and some without")
+    n_periods = min(one.n_periods for one in records)
+    joined: dict[str, Any] = {
+        name: np.concatenate([getattr(one, name)[:, :n_periods] for one in records])
+        for name in ("u", "y", *(["r"] if all(with_r) else []))
+    }
+    return replace(first, **joined)

@@ -74,6 +74,8 @@ def one_of(name: str, choice: Any, choices: tuple[str, ...]) -> str:
 
 def real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
     """The array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
+    if isinstance(array, np.ma.MaskedArray):
+        refuse_masked(name, array)
     array = np.asarray(array)
     if array.dtype.kind not in "fiub":
         raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}")
@@ -86,3 +88,14 @@ def real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
         where = first[0] if ndim == 1 else first
         raise ValueError(f"{name} must be finite, got {bad} nan or infinite numbers, the first at {where}")
     return array
+
+
+def refuse_masked(name: str, array: np.ma.MaskedArray) -> None:
+    """Refuse masked samples, which would otherwise count with whatever lies under the mask."""
+    mask = np.ma.getmaskarray(array)
+    if mask.any():
+        first = tuple(int(i) for i in np.argwhere(mask)[0])
+        raise ValueError(
+            f"{name} must have no masked numbers, got {int(mask.sum())}, the first at "
+            f"{first[0] if array.ndim == 1 else first}; cut them out or fill them"
+        )

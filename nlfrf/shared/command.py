@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from typing import Annotated, Any
 
@@ -12,23 +13,47 @@ import typer
 __all__ = ["Version", "run"]
 
 
-def run(name: str, app: Callable[[], Any], *shown: type[Warning]) -> None:
+def run(name: str, app: Callable[[], Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
     """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
 
-    Warnings of the classes `shown` are one line there too.
+    Warnings of the classes `shown` are one line there too, each once. `options` says which parameters of the library
+    have another name on the command line: in messages they have that one.
     """
     with warnings.catch_warnings():
         for category in shown:
             warnings.simplefilter("always", category)
-        warnings.showwarning = lambda message, *_, **__: typer.echo(f"{name}: warning: {message}", err=True)
+        said: set[str] = set()
+
+        def show(message: Warning | str, *_: object, **__: object) -> None:
+            text = in_options(str(message), options)
+            if text not in said:  # of several outputs, each warns of what they share
+                typer.echo(f"{name}: warning: {text}", err=True)
+            said.add(text)
+
+        warnings.showwarning = show
         try:
             app()
         except (ValueError, OSError) as error:
-            typer.echo(f"{name}: {in_one_line(error)}", err=True)
+            typer.echo(f"{name}: {in_options(in_one_line(error), options)}", err=True)
             raise SystemExit(2) from None
         except MemoryError as error:
             typer.echo(f"{name}: not enough memory for this: {error or 'none is left'}", err=True)
             raise SystemExit(2) from None
+
+
+def in_options(text: str, options: Mapping[str, str]) -> str:
+    """A message of the library in the words of the command line.
+
+    >>> in_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
+    '--period must be 7; give --period 7 or --resample'
+    """
+    for parameter, option in options.items():
+        option = f"--{option or parameter}"
+        text = re.sub(rf"\b{parameter} ?= ?True\b", option, text)
+        text = re.sub(rf"\b{parameter} ?= ?(?=\S)", f"{option} ", text)
+        verb = " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"  # u, y and r are signals everywhere else
+        text = re.sub(rf"(?<![-\w.]){parameter}(?={verb}\b| above\b)|(?<=give ){parameter}\b", option, text)
+    return text
 
 
 def in_one_line(error: Exception) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 __all__ = ["VERSION", "save_mat", "write_arrays", "write_text", "write_whole"]
 
 
-VERSION = 1  # of the schemas of records and results
+VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from nlfrf import __version__, cli, load_bla
+from nlfrf import __version__, cli, load_bla, load_multisine, multisine
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
 def test_too_few_realisations_of_the_paper_are_refused(nlfrf_command, tmp_path):
     code, _, err = nlfrf_command("reproduce", "--realizations", "3", "--out", "paper")
     assert code == 2
-    assert "n_realizations must be a whole number of at least 10, got 3" in err
+    assert "--realizations must be a whole number of at least 10, got 3" in err
     assert not (tmp_path / "paper").exists()
 
 
@@ -74,7 +74,7 @@ def test_the_linear_guide_is_diagnosed(nlfrf_command, measured):
     names = ["--input", "input", "--output", "enc1 (mm)"]
     code, _, err = nlfrf_command("identify", file, *names, "--period", "5000", "-o", "bla.npz")
     assert code == 2
-    assert "the input repeats every 4999 samples; give n_samples=4999" in err
+    assert "the input repeats every 4999 samples; give --period 4999" in err
     code, out, _ = nlfrf_command("identify", file, *names, "-o", "bla.npz")
     assert code == 0
     assert "100 lines" in out
@@ -84,7 +84,7 @@ def test_the_linear_guide_is_diagnosed(nlfrf_command, measured):
     ("arguments", "message"),
     [
         ("identify no.mat -o bla.npz", "path must be an existing file, got 'no.mat'"),
-        ("design --fs 100 --period 100 --f-min 1 --f-max 80 -o ms.npz", "f_max must lie below the Nyquist frequency"),
+        ("design --fs 100 --period 100 --f-min 1 --f-max 80 -o ms.npz", "--f-max must lie below the Nyquist frequency"),
         ("design --fs 100 --period 100 --f-min 1 --f-max 40 --kind even -o ms.npz", "kind must be one of"),
         ("design --fs 100 --period 100 --f-min 1 --f-max 40 -o ms.txt", "path must end in .npz"),
         (
@@ -129,3 +129,67 @@ def test_the_command_is_installed():
     shown = subprocess.check_output([sys.executable, "-m", "nlfrf.cli", "--help"], text=True)
     for command in ("design", "simulate", "identify", "plot"):
         assert command in shown
+
+
+def test_messages_speak_of_options(nlfrf_command, tmp_path):
+    ms = multisine(fs=1000, n_samples=1000, f_min=1, f_max=200, rng=0)
+    u = np.tile(ms.u[0], 3)
+    np.savez(tmp_path / "m.npz", u=u, y=u, z=2 * u, fs=1000.0)
+    code, _, err = nlfrf_command(*["identify", "m.npz", "--period", "0", "-o", "bla.npz"])
+    assert code == 2
+    assert err.startswith("nlfrf: --period must be a whole number of at least 4, got 0")
+    code, _, err = nlfrf_command(*["identify", "m.npz", "--period", "999", "-o", "bla.npz"])
+    assert code == 2
+    assert "the input repeats every 1000 samples; give --period 1000" in err
+    code, _, err = nlfrf_command(*["identify", "m.npz", "--input", "force", "-o", "bla.npz"])
+    assert err.startswith("nlfrf: --input must name a signal of 'm.npz', one of u, y, z; got 'force'")
+    u = np.tile(ms.u[0], 6)
+    np.savez(tmp_path / "lost.npz", u=np.delete(u, 1500), y=np.delete(u, 1500), fs=1000.0)
+    code, _, err = nlfrf_command(*["identify", "lost.npz", "--period", "1000", "-o", "bla.npz"])
+    assert code == 2
+    assert "--resample cuts the periods where they stand" in err
+
+
+def test_a_warning_is_said_once_for_all_outputs(nlfrf_command, tmp_path):
+    ms = multisine("odd", fs=1000, n_samples=1000, f_min=1, f_max=200, rng=0)
+    u = np.tile(np.clip(ms.u[0], -2, 2), 3)
+    rng = np.random.default_rng(0)
+    y, z = u + 0.1 * rng.standard_normal(u.size), u + 0.1 * rng.standard_normal(u.size)
+    np.savez(tmp_path / "m.npz", u=u, y=y, z=z, fs=1000.0)
+    code, _, err = nlfrf_command(*["identify", "m.npz", "--output", "y", "--output", "z", "-o", "bla.npz"])
+    assert code == 0
+    lines = err.strip().splitlines()
+    assert len(lines) == len(set(lines)) == 2  # the clipped input; the level from roughness
+    assert lines[0].startswith("nlfrf: warning: u seems clipped")
+
+
+def test_the_excited_band_is_printed_and_warned_of(nlfrf_command):
+    band = "--fs 1000 --period 4000 --f-max 200 --seed 0 -o ms.npz"
+    code, out, err = nlfrf_command("design", *["--f-min", "1.25"], *band.split())
+    assert code == 0
+    assert "lines excited from 2.25 to 198.75 Hz" in out
+    assert "the band asked for is 1.25 to 200 Hz, the lines excited go from 2.25 to 198.75 Hz only" in err
+    _, _, err = nlfrf_command("design", *["--f-min", "2.2"], *band.split())
+    assert err == ""
+
+
+def test_several_files_and_the_design_that_was_played(nlfrf_command, tmp_path):
+    steps = "design --fs 1024 --period 1024 --f-min 1 --f-max 200 --realizations 3 --seed 0 --hold zoh -o ms.csv"
+    code, _, _ = nlfrf_command(*steps.split())
+    assert code == 0
+    ms = load_multisine(tmp_path / "ms.npz")
+    rng = np.random.default_rng(0)
+    for m, row in enumerate(ms.u):
+        u = np.tile(np.clip(np.roll(row, 17 * m), -1.3, 1.3), 2)
+        table = np.column_stack([np.arange(u.size) / 1024, u, 3 * u + 1e-3 * rng.standard_normal(u.size)])
+        np.savetxt(tmp_path / f"run{m}.csv", table, delimiter=",", header="time [s],force [N],way [mm]", comments="")
+    files = [f"run{m}.csv" for m in range(3)]
+    code, out, err = nlfrf_command(
+        "identify", *files, *["--input", "force", "--output", "way", "--design", "ms.npz", "-o", "bla.npz"]
+    )
+    assert code == 0
+    assert set(err.strip().splitlines()) == {line for line in err.splitlines() if "seems clipped" in line}
+    bla = load_bla(tmp_path / "bla.npz")
+    assert (bla.n_realizations, bla.f.size) == (3, ms.f.size)
+    assert np.abs(bla.G - 3).max() < 0.02
+    assert "M = 3, P = 2" in out

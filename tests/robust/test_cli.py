@@ -77,7 +77,7 @@ def test_the_whole_way(robust_command, tmp_path):
     ("command", "message"),
     [
         ("model nothing.npz --poles 2 -o m.json", "nothing.npz"),
-        ("model bla.npz --poles 2 --zeros 3 -o m.json", "n_zeros must be at most"),
+        ("model bla.npz --poles 2 --zeros 3 -o m.json", "--zeros must be at most"),
         ("model bla.npz --poles 2 --delay soon -o m.json", "delay must be a number"),
         ("model bla.npz --poles 2 --form cubic -o m.json", "form must be one of"),
         ("model bla.npz --poles 2 --above steep -o m.json", "above must be a number"),

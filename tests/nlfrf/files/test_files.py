@@ -340,3 +340,83 @@ def fuzz_loader(record, suffix, folder, *, n, seed):
         refused += bool(message)
         assert "\n" not in message
     return refused
+
+
+# What a file says of its clock, its channels and its runs
+
+
+def columns(path, header, *arrays):
+    np.savetxt(path, np.column_stack(arrays), delimiter=",", header=header, comments="", fmt="%.17g")
+
+
+def test_a_clock_without_a_unit_is_not_guessed(record, tmp_path):
+    u, y = record.u.reshape(-1), record.y.reshape(-1)
+    n = np.arange(u.size)
+    columns(tmp_path / "ms.csv", "time,u,y", n, u, y)  # milliseconds, or a count of samples
+    with pytest.raises(ValueError, match=r"'time' names no unit and steps by 1: 1 Hz if these are seconds, 1000 Hz if"):
+        nlfrf.load_record(tmp_path / "ms.csv", n_samples=512)
+    assert nlfrf.load_record(tmp_path / "ms.csv", n_samples=512, fs=1000).fs == 1000
+    columns(tmp_path / "slow.csv", "time,u,y", 0.05 * n, u, y)
+    with pytest.warns(nlfrf.DataWarning, match=r"20 Hz if these are seconds, 20000 Hz if .* seconds are taken"):
+        assert nlfrf.load_record(tmp_path / "slow.csv", n_samples=512).fs == 20
+
+
+def test_a_sampling_frequency_that_is_not_that_of_the_file_is_warned_of(record, tmp_path):
+    u, y = record.u.reshape(-1), record.y.reshape(-1)
+    columns(tmp_path / "m.csv", "time [s],u,y", np.arange(u.size) / 2000, u, y)
+    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 1000 Hz, but by the time channel .* it is 2000 Hz"):
+        assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512, fs=1000).fs == 1000
+    assert nlfrf.load_record(tmp_path / "m.csv", n_samples=512, fs=2000).fs == 2000
+    np.savez(tmp_path / "m.npz", u=u, y=y, fs=512.0)
+    with pytest.warns(nlfrf.DataWarning, match=r"fs was given as 500 Hz, but by fs of 'm.npz' it is 512 Hz"):
+        nlfrf.load_record(tmp_path / "m.npz", n_samples=512, fs=500)
+
+
+def test_names_and_units_come_from_the_file_and_travel(record, tmp_path):
+    u, y = record.u.reshape(-1), record.y.reshape(-1)
+    columns(tmp_path / "m.csv", "t [s],drive force [N],stage (µm)", np.arange(u.size) / 512, u, y)
+    read = nlfrf.load_record(tmp_path / "m.csv", u="drive force", y="stage", n_samples=512, hold="zoh")
+    labels = (read.u_name, read.u_unit, read.y_name, read.y_unit)
+    assert labels == ("drive force", "N", "stage", "µm")
+    for suffix in (".npz", ".h5", ".mat"):
+        nlfrf.save_record(read, tmp_path / f"again{suffix}")
+        same(nlfrf.load_record(tmp_path / f"again{suffix}"), read)
+
+
+def test_a_channel_axis_is_reserved(record, tmp_path):
+    nlfrf.save_record(record, tmp_path / "r.npz")
+    with np.load(tmp_path / "r.npz") as archive:
+        content = dict(archive)
+    assert str(content["axes"]) == "realization period sample"
+    np.savez(tmp_path / "many.npz", **content | {"axes": np.array("channel realization period sample")})
+    with pytest.raises(ValueError, match=r"path must hold signals with the axes 'realization period sample', got 'ch"):
+        nlfrf.load_record(tmp_path / "many.npz")
+    np.savez(tmp_path / "newer.npz", **content | {"version": np.array(3)})
+    with pytest.raises(ValueError, match=r"path must hold schema version 1 to 2 of nlfrf-record, got 3"):
+        nlfrf.load_record(tmp_path / "newer.npz")
+
+
+def test_runs_in_several_files_are_one_record(tmp_path):
+    rng = np.random.default_rng(0)
+    ms = nlfrf.multisine(fs=512, n_samples=512, f_min=1, f_max=100, n_realizations=3, rng=rng)
+    for m, row in enumerate(ms.u):
+        u = np.tile(row, 3 + m)
+        np.savez(tmp_path / f"raw{m}.npz", u=u, y=u**3, z=u, fs=512.0)
+    raw = [tmp_path / f"raw{m}.npz" for m in range(3)]
+    record = nlfrf.load_record(raw)
+    assert record.u.shape == (3, 3, 512)
+    both = nlfrf.load_record(raw, y=["y", "z"])
+    assert both[0].u is both[1].u
+    runs = [nlfrf.load_record(path) for path in raw]
+    same(nlfrf.join_records(runs), record)
+    for m, run in enumerate(runs):
+        nlfrf.save_record(run, tmp_path / f"run{m}.npz")
+    stored = [tmp_path / f"run{m}.npz" for m in range(3)]
+    same(nlfrf.load_record(stored), record)
+    with pytest.raises(ValueError, match="path must be records that this package wrote, or none of them"):
+        nlfrf.load_record([raw[0], stored[1]])
+    with pytest.raises(ValueError, match="path must be a file or a list of files, got none"):
+        nlfrf.load_record([])
+    other = nlfrf.load_record(raw[0], lines=nlfrf.LineGrid(excited=ms.lines.excited[:-1]))
+    with pytest.raises(ValueError, match=r"records must be of one experiment, with the same lines, got \[1, 3"):
+        nlfrf.join_records([runs[0], other])

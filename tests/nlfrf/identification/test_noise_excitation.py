@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nlfrf import Record, identify, identify_noise, load_bla, multisine, save_bla
+from nlfrf import DataWarning, Record, identify, identify_noise, load_bla, multisine, save_bla
 
 
 @pytest.mark.parametrize("ratio", [2, 2.5, 8.7])
@@ -52,3 +52,38 @@ def test_a_periodic_record_has_no_coherence_and_older_files_load(tmp_path):
     with np.load(tmp_path / "bla.npz") as stored:
         np.savez(tmp_path / "older.npz", **{name: stored[name] for name in stored.files if name != "coherence"})
     assert np.isnan(load_bla(tmp_path / "older.npz").coherence).all()
+
+
+def resonance(u):
+    from scipy import signal
+
+    w, z = 2 * np.pi * 60, 0.01
+    b, a, _ = signal.cont2discrete(([1.0], [1 / w**2, 2 * z / w, 1]), 1e-3, method="bilinear")
+    return signal.lfilter(b.ravel(), a, u)
+
+
+NOISE = dict(fs=1000, n_samples=500, f_min=20, f_max=120)
+
+
+def test_segments_that_smear_a_resonance_are_warned_of():
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(60_000)
+    with pytest.warns(DataWarning, match=r"n_samples must resolve the resonances: on \d+ of 51 lines, worst at"):
+        identify_noise(u, resonance(u), method="welch", **NOISE)
+    identify_noise(u, resonance(u), method="local", **NOISE)  # without a word
+
+
+def test_chirps_and_bursts_are_no_noise():
+    rng = np.random.default_rng(0)
+    t = np.arange(60_000) / 1000
+    chirp = np.sin(2 * np.pi * (1 + 150 * t / 60) * t)
+    burst = rng.standard_normal(t.size) * (np.arange(t.size) // 3000 % 2)
+    for u in (chirp, burst):
+        with pytest.warns(DataWarning, match=r"u must be stationary noise .* scatters \d+\.\d times as much"):
+            identify_noise(u, resonance(u), **NOISE)
+
+
+def test_anything_but_records_is_refused():
+    for wrong in (np.ones((2, 3, 4)), "record.mat", [np.ones(5)]):
+        with pytest.raises(ValueError, match="record must be a Record or a list of them, got"):
+            identify(wrong)

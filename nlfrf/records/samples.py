@@ -1,0 +1,289 @@
+"""A record cut out of streams of samples, as a measurement file holds them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from nlfrf.excitation.lines import LineGrid
+from nlfrf.excitation.multisine import Multisine
+from nlfrf.records.detection import detect_lines, detect_period
+from nlfrf.records.faults import SEVERE, Track, clipped, longest_standstill, recut, track
+from nlfrf.records.record import Record, refuse_constant
+from nlfrf.records.reference import played_period, played_reference
+from nlfrf.records.regular_grids import jumpy_grid
+from nlfrf.shared.arguments import DataWarning, integer, positive, real_array
+
+__all__ = ["record_from_samples", "records_from_streams"]
+
+
+REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
+CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+Streams = dict[str, list[np.ndarray]]
+
+
+def record_from_samples(
+    u: np.ndarray | Sequence[np.ndarray],
+    y: np.ndarray | Sequence[np.ndarray],
+    *,
+    fs: float,
+    n_samples: int | None = None,
+    lines: LineGrid | None = None,
+    r: np.ndarray | Sequence[np.ndarray] | None = None,
+    n_discard: int = 0,
+    resample: bool = False,
+    design: Multisine | None = None,
+    hold: str | None = None,
+) -> Record:
+    """Cut streams of samples into whole periods.
+
+    Parameters
+    ----------
+    u, y : (n,) ndarray, or a list of M of them
+        Input and output, sampled together; a list holds one stream per realisation.
+    fs : float
+        Sampling frequency [Hz].
+    n_samples : int, optional
+        Samples in one period; found from the input when not given.
+    lines : LineGrid, optional
+        Excited and detection lines; found from the input (from `r` where given) when not given.
+    r : (n,) ndarray, or a list of M of them, optional
+        Reference.
+    n_discard : int
+        Periods to leave out at the start, where the transient is.
+    resample : bool
+        Cut the periods where the input shows that they stand, between the samples where need be: the cure for a
+        period that is not a whole number of samples, a drifting clock, and lost or repeated samples. The record's fs
+        is then n_samples in each of those periods.
+    design : Multisine, optional
+        What was played. Its lines and its period are taken, and its phases are the reference, so that neither noise on
+        the input nor what the actuator adds to it matters.
+    hold : str, optional
+        How u runs between its samples, "zoh" or "band-limited"; see `Record`. That of the design when not given.
+
+    Returns
+    -------
+    Record
+        As many whole periods as every stream holds after the discarded ones.
+
+    Raises
+    ------
+    ValueError
+        Streams of different lengths, fewer samples than one period, a period that the input does not have or
+        that is not whole, a drifting clock, lost samples; the message has the numbers and the cure.
+
+    Warns
+    -----
+    DataWarning
+        Periods that are slightly out of place, a clipped signal, a signal that stands still.
+
+    Examples
+    --------
+    >>> from nlfrf.excitation.multisine import multisine
+    >>> u = np.tile(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1).u[0], 3)
+    >>> record = record_from_samples(u, 2 * u, fs=100, n_samples=100, n_discard=1)
+    >>> record.u.shape, record.lines.excited.tolist()
+    ((1, 2, 100), [1, 3, 9, 11, 17, 19])
+    """
+    (record,) = records_from_streams(
+        u,
+        {"": y},
+        r=r,
+        fs=fs,
+        n_samples=n_samples,
+        lines=lines,
+        n_discard=n_discard,
+        resample=resample,
+        design=design,
+        hold=hold,
+    )
+    return record
+
+
+def records_from_streams(
+    u: Any,
+    outputs: Mapping[str, Any],
+    *,
+    r: Any,
+    fs: float,
+    n_samples: int | None,
+    lines: LineGrid | None,
+    n_discard: int,
+    resample: bool,
+    design: Multisine | None,
+    hold: str | None,
+) -> list[Record]:
+    """`record_from_samples` for several outputs by name: a record each, all with the very same input."""
+    fs, n_discard = positive("fs", fs), integer("n_discard", n_discard, least=0)
+    streams = checked_streams(u, outputs, r)
+    excitation = streams.get("r", streams["u"])
+    if n_samples is None:
+        n_samples = whole_period(excitation[0], resample) if design is None else played_period(design, fs)
+    n_samples = integer("n_samples", n_samples, least=4)
+    for name, signal in streams.items():
+        for one in signal:
+            warn_about_channel(name, one, n_samples)
+    cut, fs = cut_streams(streams, excitation, fs, n_samples, n_discard, resample)
+    periodic = cut.get("r", cut["u"])
+    refuse_wrong_period(periodic, excitation[0])
+    if design is not None:
+        cut.setdefault("r", played_reference(design, cut["u"]))
+    if lines is None:
+        lines = grid_of(periodic) if design is None else design.lines
+    if hold is None:
+        hold = "unknown" if design is None else design.hold
+    u, r = cut.pop("u"), cut.pop("r", None)
+    ys = list(cut.values())
+    first = Record(u=u, y=ys[0], r=r, fs=fs, lines=lines, hold=hold)
+    return [first, *(replace(first, y=y) for y in ys[1:])]
+
+
+def cut_streams(
+    streams: Streams, excitation: list[np.ndarray], fs: float, n_samples: int, n_discard: int, resample: bool
+) -> tuple[dict[str, np.ndarray], float]:
+    """(M, P, N) of each signal, and the sampling frequency [Hz] that goes with them."""
+    shortest = min(one.size for one in excitation)
+    n_periods = shortest // n_samples - n_discard
+    if n_periods < 1:
+        raise ValueError(
+            f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
+            f"got {shortest} samples, which is {shortest / n_samples:.2f} periods"
+        )
+    begin = n_discard * n_samples
+    tracks = [track(one[begin:], n_samples) for one in excitation if one.size - begin >= 2 * n_samples]
+    tracks = [found for found in tracks if found.unexplained < REPEATS]
+    if not (resample and len(tracks) == len(excitation)):
+        for where in tracks:
+            refuse_fault(where)
+        return cut_evenly(streams, begin, n_periods, n_samples), fs
+    cut = {
+        name: stacked([recut(one[begin:], where) for one, where in zip(signal, tracks, strict=True)])
+        for name, signal in streams.items()
+    }
+    return cut, fs / float(np.mean([where.spacing for where in tracks]))  # so that f0 is what the input repeats at
+
+
+def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any) -> Streams:
+    """The streams of each signal, one per realisation, once they are known to belong together."""
+    streams = {"u": as_streams("u", u)}
+    for output, y in outputs.items():
+        name = f"y {output!r}" if len(outputs) > 1 else "y"
+        streams[name] = as_streams(name, y)
+    if r is not None:
+        streams["r"] = as_streams("r", r)
+    for name, signal in streams.items():
+        if len(signal) != len(streams["u"]):
+            raise ValueError(f"{name} must hold as many realisations as u, {len(streams['u'])}, got {len(signal)}")
+        for m, (one, u_one) in enumerate(zip(signal, streams["u"], strict=True)):
+            if one.size != u_one.size:
+                which = "" if len(signal) == 1 else f" in realisation {m}"
+                raise ValueError(f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}")
+    name = "u" if r is None else "r"
+    for one in streams[name]:
+        refuse_constant(name, one[np.newaxis])
+    return streams
+
+
+def cut_evenly(streams: Streams, begin: int, n_periods: int, n_samples: int) -> dict[str, np.ndarray]:
+    """(M, P, N) of each signal, one period after the other from the sample `begin`."""
+    kept = slice(begin, begin + n_periods * n_samples)
+    return {
+        name: np.stack([one[kept].reshape(n_periods, n_samples) for one in signal]) for name, signal in streams.items()
+    }
+
+
+def grid_of(periodic: np.ndarray) -> LineGrid:
+    """The lines found in an input or reference, with a warning where they look like the actuator's distortion."""
+    grid = detect_lines(periodic)
+    jump = jumpy_grid(periodic, grid)
+    if jump:
+        warnings.warn(
+            f"the level of the {grid.excited.size} lines that were found in the input jumps by {jump:.1f} dB from line "
+            "to line, as the distortion of an actuator does; give the design that was played, or lines",
+            DataWarning,
+            stacklevel=5,
+        )
+    return grid
+
+
+def stacked(cut: list[np.ndarray]) -> np.ndarray:
+    """(M, P, N) as many periods of each realisation as all of them have."""
+    n_periods = min(len(periods) for periods in cut)
+    return np.stack([periods[:n_periods] for periods in cut])
+
+
+def refuse_fault(where: Track) -> None:
+    """Refuse periods out of place where that would read as distortion, and warn where it just might."""
+    fault = where.fault
+    if fault and (where.misplaced > SEVERE or not where.sound.all()):
+        raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
+    if fault:
+        warnings.warn(
+            f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place",
+            DataWarning,
+            stacklevel=5,
+        )
+
+
+def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
+    """Warn of a signal that is clipped or that stands still: both would read as distortion."""
+    share = clipped(signal)
+    if share > CLIPPED:
+        warnings.warn(
+            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
+            "lower the level or widen the range",
+            DataWarning,
+            stacklevel=5,
+        )
+    begin, length = longest_standstill(signal)
+    if length > n_samples // 4:
+        warnings.warn(
+            f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
+            "was the channel alive?",
+            DataWarning,
+            stacklevel=5,
+        )
+
+
+def as_streams(name: str, signal: Any) -> list[np.ndarray]:
+    """One-dimensional streams, one per realisation."""
+    if isinstance(signal, (list, tuple)) and signal and np.ndim(signal[0]) > 0:
+        if len(signal) == 1:
+            return [real_array(name, signal[0], ndim=1)]
+        return [real_array(f"{name}[{m}]", one, ndim=1) for m, one in enumerate(signal)]
+    array = signal if isinstance(signal, np.ma.MaskedArray) else np.asarray(signal)
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {array.shape}")
+    return [real_array(name, array, ndim=1)]
+
+
+def whole_period(u: np.ndarray, resample: bool) -> int:
+    """The period of the input, rounded to samples: whether it is whole is found by following the periods."""
+    period = detect_period(u)
+    if abs(period - round(period)) > 0.1 and not resample:
+        raise ValueError(
+            f"n_samples must be given: the period of u seems to be {period:.2f} samples, not a whole number; "
+            "resample=True cuts it on that period"
+        )
+    return round(period)
+
+
+def refuse_wrong_period(u: np.ndarray, stream: np.ndarray) -> None:
+    """Refuse periods that do not repeat each other: the period, or the signal, is not what was said."""
+    if u.shape[1] < 2:
+        return
+    centred = u - u.mean(axis=(1, 2), keepdims=True)
+    unexplained = np.sum((centred - centred.mean(axis=1, keepdims=True)) ** 2) / np.sum(centred**2)
+    if unexplained > REPEATS:
+        try:
+            found = f"its autocorrelation points to {detect_period(stream):.1f}"
+        except ValueError:
+            found = "it does not seem to repeat at all"
+        raise ValueError(
+            f"n_samples must be the period of the input, got {u.shape[2]}: "
+            f"{100 * unexplained:.0f} % of its power does not repeat from period to period; {found}"
+        )
