@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 from scipy import fft
 
+from nlfrf.excitation.crest import expected_peaks, is_improbable
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import DataWarning
-from nlfrf.shared.leastsquares import power, squared
+from nlfrf.shared.leastsquares import power, rms, squared
 
-__all__ = ["check_realizations", "join_repeats"]
+__all__ = ["check_realizations"]
 
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
@@ -28,36 +29,73 @@ STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong togeth
 BY_CHANCE = 1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
 ALIKE = 0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
 FEWEST = 4  # lines that can tell phases apart
+FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def check_realizations(spectra: Spectra, n_periods: int) -> tuple[Spectra, int]:
+def check_realizations(spectra: Spectra, u: np.ndarray, n_periods: int) -> tuple[Spectra, int]:
     """Realisations that can be averaged: with input on every line, of one excitation, each with phases of its own.
 
-    Those that repeat another one become periods of it, with a warning. The second value is the periods behind each.
+    Parameters
+    ----------
+    spectra : Spectra
+    u : (M, P, N) ndarray
+        The input itself, whose peaks tell of phases that were chosen.
+    n_periods : int
+        Periods behind the spectra.
+
+    Returns
+    -------
+    The spectra, with realisations that repeat another one as periods of it, and the periods behind each.
 
     Warns
     -----
     DataWarning
-        Realisations with the phases of another one.
+        Realisations with the phases of another one; peaks that are lower than random phases have them.
     """
     excited = spectra.on_excited()
     refuse_unexcited(excited)
-    if excited.U.shape[0] == 1:
-        return spectra, n_periods
-    refuse_strangers(excited)
-    joined, groups = join_repeats(spectra, n_periods, excited)
-    if len(groups) == excited.U.shape[0]:
-        return spectra, n_periods
+    n = excited.U.shape[0]
+    distinct: Any = slice(None)
+    if n > 1:
+        refuse_strangers(excited)
+        spectra, groups = join_repeats(spectra, n_periods, excited)
+        if len(groups) < n:
+            warn_of_repeats(groups, n)
+            distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
+    warn_of_low_peaks(u[distinct, 0], excited)
+    return spectra, n_periods
+
+
+def warn_of_repeats(groups: list[list[int]], n: int) -> None:
+    """Warn of realisations that were joined, by their numbers."""
     told = "; ".join(", ".join(map(str, group)) for group in groups[:4] if len(group) > 1)
     warnings.warn(
         f"u holds realisations with the same phases ({told}): they repeat one another, so their distortion does not "
-        f"average out. They were taken as periods of one realisation, which leaves M = {len(groups)} of "
-        f"{excited.U.shape[0]}; play others, as of multisine(n_realizations={excited.U.shape[0]})",
+        f"average out. They were taken as periods of one realisation, which leaves M = {len(groups)} of {n}; "
+        f"play others, as of multisine(n_realizations={n})",
         DataWarning,
-        stacklevel=4,
+        stacklevel=5,
     )
-    return joined, n_periods * excited.U.shape[0] // len(groups)
+
+
+def warn_of_low_peaks(u: np.ndarray, excited: Spectra) -> None:
+    """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped."""
+    amplitude = rms(excited.U)
+    if amplitude.size < FEWEST_SUMMED:
+        return
+    middle = np.add.reduce(u, axis=1) / u.shape[1]
+    peak = np.maximum(u.max(axis=1) - middle, middle - u.min(axis=1))
+    crest = peak / np.sqrt(power(amplitude) / 2)
+    if is_improbable(expected_peaks(crest, excited.lines, amplitude, u.shape[1])):
+        warnings.warn(
+            f"u must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, lower "
+            "than random phases of its spectrum have it but once in 100000 experiments. Where the phases were chosen "
+            "for low peaks, or the input was clipped, the BLA and its bound are those of that signal: the 95 % bound "
+            "may hold half the time; play random phases, or the best of a few draws (reduce_crest without a target)",
+            DataWarning,
+            stacklevel=5,
+        )
 
 
 def join_repeats(spectra: Spectra, n_periods: int, excited: Spectra) -> tuple[Spectra, list[list[int]]]:

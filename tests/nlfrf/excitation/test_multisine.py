@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nlfrf import LineGrid, multisine, reduce_crest
+from nlfrf import DataWarning, LineGrid, multisine, reduce_crest
+from nlfrf.excitation.crest import expected_peaks, is_improbable
 from nlfrf.excitation.lines import KINDS, recognise
 
 PLAIN = [kind for kind in KINDS if kind != "custom"]
@@ -90,7 +91,8 @@ def test_crest_factor_falls_at_the_same_amplitude_spectrum(kind):
     f_max = {"full": 100, "odd": 200, "odd-odd": 400, "special-odd": 400, "random-odd": 266}[kind]
     ms = multisine(kind, fs=2048, n_samples=2048, f_min=1, f_max=f_max, n_realizations=2, rng=1)
     assert 98 <= ms.f.size <= 102
-    better = reduce_crest(ms, rng=1)
+    with pytest.warns(DataWarning, match="lower than random phases have it"):
+        better = reduce_crest(ms, target=1.7, rng=1)
     assert better.crest_factor.max() <= 1.7
     assert ms.crest_factor.min() > 2.5
     np.testing.assert_array_equal(better.amplitude, ms.amplitude)
@@ -98,6 +100,49 @@ def test_crest_factor_falls_at_the_same_amplitude_spectrum(kind):
     np.testing.assert_allclose(spectrum, np.tile(ms.amplitude, (2, 1)), rtol=1e-9)
     peak_between_samples = np.abs(better.sampled(8 * 2048)).max() / better.rms
     assert peak_between_samples < 1.75
+
+
+def test_optimised_realisations_are_not_all_the_same():
+    ms = multisine("full", fs=1024, n_samples=1024, f_min=1, f_max=100, n_realizations=3, rng=1)
+    with pytest.warns(DataWarning):
+        turned = np.exp(1j * reduce_crest(ms, target=1.7, rng=1).phase)
+    assert np.abs(np.triu(turned @ turned.conj().T, 1)).max() < 50  # Schroeder's phases once served for every one
+
+
+@pytest.mark.parametrize("n_realizations", [1, 2, 7])
+def test_by_default_the_best_of_a_few_random_draws_is_taken(n_realizations):
+    """However many realisations: peaks that random phases have now and then, and no warning of them."""
+    for seed in range(5):
+        ms = multisine(fs=1024, n_samples=4096, f_min=0.25, f_max=100, n_realizations=n_realizations, rng=seed)
+        better = reduce_crest(ms, rng=seed)
+        assert np.all(better.crest_factor <= ms.crest_factor + 0.05)
+        assert better.crest_factor.min() > 2.4
+        assert np.unique(better.phase[:, 0]).size == n_realizations  # the same seed, and no draw twice
+        assert better.crest_factor.max() < {1: 3.0, 2: 3.2, 7: 3.9}[n_realizations]
+    one = reduce_crest(ms, n_draws=1)
+    np.testing.assert_array_equal(one.phase, ms.phase)
+
+
+@pytest.mark.parametrize(
+    "band",
+    [
+        dict(kind="special-odd", f_min=1, f_max=400),
+        dict(kind="full", f_min=1, f_max=400),
+        dict(kind="odd", f_min=1, f_max=24),
+        dict(kind="special-odd", f_min=1, f_max=19),
+        dict(kind="special-odd", f_min=1500, f_max=1600),
+        dict(kind="full", f_min=1, f_max=2000),
+        dict(kind="special-odd", f_min=1, f_max=1000, n_log=30),
+    ],
+)
+def test_the_peaks_of_random_phases_are_expected_about_once(band):
+    """Exponentially distributed with mean one, near enough: so that peaks as low as 1e-5 are never theirs."""
+    ms = multisine(fs=4096, n_samples=4096, n_realizations=400, rng=3, **band)
+    peaks = expected_peaks(ms.crest_factor, ms.lines.excited, ms.amplitude, 4096)
+    assert 0.5 < peaks.mean() < 1.6
+    assert peaks.max() < 11
+    assert not any(is_improbable(some) for some in peaks.reshape(-1, 1))
+    assert not any(is_improbable(some) for some in peaks[:399].reshape(-1, 7))
 
 
 def test_crest_factor_never_rises():

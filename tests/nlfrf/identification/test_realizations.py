@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from nlfrf import DataWarning, Record, identify, multisine, second_opinion
+from nlfrf import DataWarning, Record, identify, multisine, reduce_crest, second_opinion
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import group_by_phases
 
@@ -97,3 +97,20 @@ def test_realisations_of_their_own_give_no_warning():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert identify(played(list(range(7)), [0] * 7, noise=0.02, noise_u=0.1)).n_realizations == 7
+
+
+# Phases that were chosen
+
+
+@pytest.mark.parametrize("n_realizations", [1, 7])
+def test_low_peaks_are_warned_of_where_the_bound_would_not_hold(n_realizations):
+    ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, n_realizations=n_realizations, rng=0)
+    with pytest.warns(DataWarning, match="target asks for a crest factor"):
+        low = reduce_crest(ms, target=1.9, n_iterations=300, rng=0)
+    drawn = reduce_crest(ms, rng=0)
+    for signal, warned in ((ms, False), (drawn, False), (low, True)):
+        u = signal.u[:, None]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            identify(Record(u=u, y=u + 0.1 * u**3, fs=FS, lines=ms.lines))
+        assert [str(w.message).startswith("u must have random phases") for w in caught] == [True] * warned
