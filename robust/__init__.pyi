@@ -29,6 +29,14 @@ from .files.report_page import write_report as write_report
 # Fixed structure: controllers straight from the FRF
 from .fixed_structure.design_frf import design_frf as design_frf
 
+# Friction: a proof for the machine itself
+from .friction_proof.classes import any_bounded as any_bounded
+from .friction_proof.classes import any_maxwell_slip as any_maxwell_slip
+from .friction_proof.classes import any_passive as any_passive
+from .friction_proof.machine import sliding_machine as sliding_machine
+from .friction_proof.proof import FrictionProof as FrictionProof
+from .friction_proof.proof import prove_friction as prove_friction
+
 # Loop shaping by hand
 from .loopshaping.bounds import loop_bounds as loop_bounds
 from .loopshaping.compensators import lag as lag

@@ -29,6 +29,7 @@ ARROWS = {
     "robust.analysis": "uncertain mu certificates verification systems",
     "robust.synthesis": "uncertain modelling mu certificates systems",
     "robust.fixed_structure": "analysis synthesis uncertain certificates systems",
+    "robust.friction_proof": "certificates systems",
     "robust.plot": "analysis uncertain modelling systems",
     "robust.loopshaping": "plot analysis uncertain systems",
     "robust.files": "plot analysis uncertain modelling verification systems",

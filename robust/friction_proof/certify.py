@@ -1,0 +1,95 @@
+"""From weights to a judged certificate for the Maxwell-slip friction of a class."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.shared.values import value
+from robust.certificates.certificate import Certificate, refused
+from robust.friction_proof.bernstein import in_coordinates, judge, judge_constant, storage_function
+from robust.friction_proof.dissipation import Dissipation, maxwell_slip_dissipation
+from robust.friction_proof.loop import SlidingLoop
+from robust.friction_proof.multipliers import filter_rates, frequencies, mobility, rows, weights
+from robust.friction_proof.riccati import proposed_storage
+
+__all__ = ["FrictionCertificate", "certified_dissipation", "certify_maxwell_slip"]
+
+METHOD = "periodic Riccati equation, Bernstein"
+SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
+INTERVALS = (8, 32, 128)
+FINEST = 512
+NEAR = 1e-3  # a failure so small that the finest intervals are worth their time
+
+
+@value
+class FrictionCertificate:
+    """What was proved, with the weights it was proved with.
+
+    Fields
+    ------
+    certificate : Certificate
+    multipliers : (2, J) ndarray
+        Rates a_j [rad/s] (zero for the weight of f v) and weights mu_j.
+    omega, form : (W,) ndarray
+        The integrand with these weights over frequency [rad/s], over its largest part.
+    """
+
+    certificate: Certificate
+    multipliers: np.ndarray
+    omega: np.ndarray
+    form: np.ndarray
+
+
+def certify_maxwell_slip(
+    loop: SlidingLoop, K0: float, rho: float, bristle_time: float, reference: float, *, quick: bool = False
+) -> FrictionCertificate:
+    """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
+
+    Quick: with the first set of filters only, and without the finest intervals.
+    """
+    subject = "the stored energy falls"
+    omega = frequencies(loop)
+    response = mobility(loop, omega)
+    reason = "no weights of the filters make every frequency dissipate"
+    fastest = 1 / bristle_time if bristle_time else np.inf
+    found = np.zeros((2, 0))
+    form = np.full(omega.size, np.nan)
+    for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
+        table = rows(response, omega, rates, K0, rho)
+        mu, share = weights(table)
+        if not share > 0 or not (mu[1:] > 0).any():
+            continue
+        mu[mu < 1e-9 * mu.max()] = 0
+        found = np.vstack([np.append(0.0, rates), mu])[:, mu > 0]
+        form = table @ mu / np.abs(table * mu).max(axis=1)
+        reason = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
+        if not reason:
+            intervals = np.array([[0.0, np.inf]])
+            proof = Certificate(subject=subject, holds=True, level=0.0, method=METHOD, intervals=intervals, reason="")
+            return FrictionCertificate(certificate=proof, multipliers=found, omega=omega, form=form)
+    return FrictionCertificate(certificate=refused(subject, 0.0, reason), multipliers=found, omega=omega, form=form)
+
+
+def certified_dissipation(form: Dissipation, quick: bool = False) -> str:
+    """Empty if a storage function was found and judged to prove the inequality; else what failed last."""
+    judged = in_coordinates(form)
+    failure = "no storage function was found"
+    nearest = NEAR, 0.0, np.zeros(0)
+    for slack in SLACKS:
+        P = proposed_storage(judged.form, slack)
+        if P is None:
+            continue
+        if not form.spans.size:
+            failure = judge_constant(judged, P)
+            if not failure:
+                return ""
+            continue
+        for n_intervals in INTERVALS:
+            failure, worst = judge(judged, storage_function(judged.form, P, slack, n_intervals))
+            if not failure:
+                return ""
+            if np.isinf(worst) and n_intervals > INTERVALS[0]:  # no solution of this slack: finer will not help
+                break
+        nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
+    worst, slack, P = nearest
+    return judge(judged, storage_function(judged.form, P, slack, FINEST))[0] if worst < NEAR and not quick else failure

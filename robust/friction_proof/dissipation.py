@@ -1,0 +1,115 @@
+"""The dissipation inequality of a Maxwell-slip friction, in states that come to rest where the machine does.
+
+The reference filter fh_1 follows the friction f. With d = f - fh_1 as input, xi_e the rest under f = 1, and states
+
+    z = (y, e_j),   y = xi - fh_1 xi_e,   e_j = fh_j - fh_1 (j >= 2)
+    y' = F y + (B - a_1 xi_e) d,   e_j' = -a_j e_j + (a_j - a_1) d,   jump: J on y
+
+the class says  d/dt [sum S_i - s (fh_1 x - fh_1^2 x_e/2)] <= Supply(z, d), a form, where
+
+    Supply = mu_0 (d v - a_1 d y_x) + sum_j mu_j [d v - (1 - 1/rho) a_1 d y_x - e_j v/rho - (a_j/(rho K0)) (d - e_j)^2]
+
+and s = mu_0 + (1 - 1/rho) sum_j mu_j. This takes out the line of rests, on which nothing can be strict.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.shared.values import value
+from robust.friction_proof.loop import SlidingLoop
+
+__all__ = ["Dissipation", "maxwell_slip_dissipation"]
+
+SLIGHTLY = 1.001  # rho = 1 as it is taken: at one itself the stored energy is not strictly positive
+
+
+@value
+class Dissipation:
+    """A flow with jumps, a supply it cannot exceed, and what of the stored energy is not z'Pz.
+
+    Fields
+    ------
+    A : (n, n) ndarray
+    B : (n, m) ndarray
+        Flow z' = A z + B d.
+    spans : (S,) ndarray
+    jumps : (S, n, n) ndarray
+        How long each flow lasts [s], and the jump before it; none where nothing is sampled.
+    Q, N, R : (n, n), (n, m), (m, m) ndarray
+        Supply z'Qz + 2 z'Nd + d'Rd.
+    stored : (n + 2, n + 2) ndarray
+        The rest of the stored energy, a form in (z, fh_1, elastic force).
+    B_error : (n, m) ndarray
+    stored_error : (n + 2, n + 2) ndarray
+        How far an entry may be off, because the rest xi_e is known to rounding only.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    spans: np.ndarray
+    jumps: np.ndarray
+    Q: np.ndarray
+    N: np.ndarray
+    R: np.ndarray
+    stored: np.ndarray
+    B_error: np.ndarray
+    stored_error: np.ndarray
+
+
+def maxwell_slip_dissipation(
+    loop: SlidingLoop, rates: np.ndarray, mu: np.ndarray, K0: float, rho: float
+) -> Dissipation:
+    """The inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out."""
+    rho = max(rho, SLIGHTLY)
+    used = np.concatenate([[True], mu[2:] > 0])
+    a, weight, free = rates[used], np.where(mu[1:] > 0, mu[1:], 0.0)[used], float(mu[0])
+    n, extra = loop.F.shape[0], a.size - 1
+    size = n + extra
+    rest, offset = loop.rest()
+    A, B = np.zeros((size, size)), np.zeros(size)
+    A[:n, :n], A[n:, n:] = loop.F, -np.diag(a[1:])
+    B[:n], B[n:] = loop.B - a[0] * rest, a[1:] - a[0]
+    jumps = np.zeros((loop.jumps.shape[0], size, size))
+    jumps[:, :n, :n] = loop.jumps
+    jumps[:, n:, n:] = np.eye(extra)
+    x, v = np.pad(loop.x, (0, extra)), np.pad(loop.v, (0, extra))
+    total = float(weight.sum())
+    s = free + (1 - 1 / rho) * total
+    lost = weight * a / (rho * K0)
+    Q, N = np.zeros((size, size)), (free + total) / 2 * v - s * a[0] / 2 * x
+    R = -lost.sum()
+    for j in range(1, a.size):
+        e = n + j - 1
+        Q[e] -= weight[j] / (2 * rho) * v
+        Q[:, e] -= weight[j] / (2 * rho) * v
+        Q[e, e] -= lost[j]
+        N[e] += lost[j]
+    stored = np.zeros((size + 2, size + 2))
+    h, F = size, size + 1
+    x_e = float(loop.x @ rest)
+    stored[:size, h] = stored[h, :size] = -s / 2 * x
+    stored[h, h] = -s * x_e / 2 + total / (rho * 2 * K0)
+    stored[F, F] = (free + total) / (2 * K0)
+    stored[h, F] = stored[F, h] = -total / (rho * 2 * K0)
+    for j in range(1, a.size):
+        e, held = n + j - 1, weight[j] / (2 * K0 * rho)
+        stored[e, e] += held
+        stored[e, h] += held
+        stored[h, e] += held
+        stored[e, F] -= held
+        stored[F, e] -= held
+    stored_error = np.zeros_like(stored)
+    stored_error[h, h] = s / 2 * float(np.abs(loop.x) @ offset)
+    return Dissipation(
+        A=A,
+        B=B[:, None],
+        spans=loop.spans,
+        jumps=jumps,
+        Q=Q,
+        N=N[:, None],
+        R=np.array([[R]]),
+        stored=stored,
+        B_error=np.pad(a[0] * offset, (0, extra))[:, None],
+        stored_error=stored_error,
+    )

@@ -1,0 +1,100 @@
+"""Closed forms and published theorems: PID on a mass with Coulomb friction, springs, bounded and passive friction."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import any_bounded, any_maxwell_slip, any_passive, prove_friction, sliding_machine
+from robust.friction_proof.bounded import hunting_bound, sure_kick
+from robust.friction_proof.loop import sliding_loop
+from robust.friction_proof.multipliers import filter_rates, largest_stiffness, rows
+from robust.friction_proof.springs import unstable_spring
+from tests.support.friction_loops import ORACLES, RIG, T, oracle_loop, pid
+
+
+def pid_mobility(omega, m=1.0, Kp=200.0, Kd=20.0, Ki=400.0):
+    s = 1j * omega
+    return -(s**2) / (m * s**3 + Kd * s**2 + Kp * s + Ki)
+
+
+@pytest.mark.parametrize(("a", "proves"), [(1.9, False), (2.1, True), (19.0, True), (21.0, False)])
+def test_pid_and_coulomb_friction_on_a_free_mass(a, proves):
+    """One filter proves it exactly for Ki/Kp < a < Kd/m: such an a exists where Kp Kd > m Ki (Bisoffi et al. 2018)."""
+    omega = np.geomspace(1e-3, 1e4, 4000)
+    row = rows(pid_mobility(omega), omega, np.array([a]), np.inf, 1.0)[:, 1]
+    assert bool((row < 0).all()) is proves
+
+
+@pytest.mark.parametrize(("rho", "K0"), [(1.1, 1996.5), (1.25, 796.8), (1.5, 397.6), (2.0, 198.3), (3.0, 98.9)])
+def test_the_stiffest_stiction_that_one_filter_allows(rho, K0):
+    """Nearly Kp/(rho - 1)."""
+    omega = np.geomspace(1e-2, 1e4, 3000)
+    rates = np.geomspace(1.7, 2.1, 200)
+
+    def allowed(stiffness):
+        return (rows(pid_mobility(omega), omega, rates, stiffness, rho)[:, 1:] < 0).all(axis=0).any()
+
+    assert allowed(0.995 * K0)
+    assert not allowed(1.005 * K0)
+
+
+@pytest.mark.parametrize("name", ORACLES)
+def test_largest_presliding_stiffness_of_the_weights(name):
+    loop = oracle_loop(name)
+    _, expected, spring = ORACLES[name]
+    rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    for rho, K0 in zip((1.05, 1 / 0.7, 2.0), expected, strict=True):
+        assert largest_stiffness(loop, rates, rho) == pytest.approx(K0, rel=0.025)
+    assert unstable_spring(loop, 0.995 * spring) is None
+    assert unstable_spring(loop, 1.005 * spring) is not None
+
+
+@pytest.mark.parametrize("name", ORACLES)
+def test_certificates_reach_near_the_weights(name):
+    (Kp, Ki, Kd, delay), (weights_reach, *_), _ = ORACLES[name]
+    proof = prove_friction(RIG, pid(Kp, Ki, Kd), any_maxwell_slip(64e3, 1.05), delay=delay, limits=True)
+    assert proof.verdict == "proved"
+    assert 0.4 * weights_reach < proof.K0_max <= 1.03 * weights_reach
+
+
+def test_hunting_bound():
+    """m, c, K = 1, 20, 1e4, continuous: coth(pi zeta / (2 sqrt(1 - zeta^2))) / K."""
+    loop = sliding_loop(sliding_machine(1.0, 0.0, 20.0), 1e4)
+    zeta = 0.1
+    assert hunting_bound(loop) == pytest.approx(1 / np.tanh(np.pi * zeta / 2 / np.sqrt(1 - zeta**2)) / 1e4, rel=2e-3)
+    assert hunting_bound(oracle_loop("P1")) == pytest.approx(9.379e-5, rel=2e-3)
+    assert hunting_bound(oracle_loop("P2")) == pytest.approx(4.107e-5, rel=2e-3)
+
+
+@pytest.mark.parametrize(("Ki", "pole", "kick"), [(4e5, 1.0022150, 0.2878), (2e6, 1.0120964, 0.0530)])
+def test_sure_run_away(Ki, pole, kick):
+    K = control.StateSpace([[1]], [[1]], [[Ki * T]], [[0]], T)
+    proof = prove_friction(RIG, K, any_bounded(1.0))
+    assert proof.verdict == "refuted"
+    assert abs(proof.counterexample[1]) == pytest.approx(pole, abs=1e-7)
+    assert proof.kick_sure == pytest.approx(kick, rel=2e-3)
+
+
+def test_sure_run_away_of_a_self_excited_oscillator():
+    """c = -4, k = 8e4, Fc = 0.7: 0.787789 mm; the describing function says 0.787777."""
+    machine = sliding_machine(control.StateSpace([[0, 1], [-8e4, 4]], [[0], [1]], [[1, 0]], [[0]], 0))
+    kick = sure_kick(sliding_loop(machine, 0.0), np.array([1.0, 0.0]), 0.7)
+    assert kick == pytest.approx(7.87789e-4, rel=2e-3)
+    assert kick > 7.87789e-4  # rounded outward
+
+
+@pytest.mark.parametrize(("K", "B", "needed"), [(1e3, 0.0, 0.5), (1e3, 5.0, 5.5), (20e3, 0.0, 10.0)])
+def test_virtual_wall(K, B, needed):
+    """A spring K with a damper B by backward difference: c > K T/2 + |B| (Colgate & Schenkel 1997)."""
+    wall = control.StateSpace([[0.0]], [[1.0]], [[-B / T]], [[K + B / T]], T)
+    for c, proves in ((0.98 * needed, False), (1.02 * needed, True)):
+        proof = prove_friction(sliding_machine(1.0, 80e3, c), wall, any_passive())
+        assert (proof.verdict == "proved") is proves
+
+
+def test_passive_friction_and_integral_action_never():
+    PI = control.ss(control.tf([1e3, 1e4], [1, 0]))
+    PD = control.ss(control.tf([10.0, 1e3], [1e-3, 1.0]))
+    machine = sliding_machine(1.0, 80e3, 0.4)
+    assert prove_friction(machine, PI, any_passive()).verdict == "not decided"
+    assert prove_friction(machine, PD, any_passive()).verdict == "proved"
