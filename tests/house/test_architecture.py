@@ -21,16 +21,17 @@ ARROWS = {
     "nlfrf.studies": "bench identification records excitation",
     "nlfrf.plot": "identification records excitation",
     "robust.systems": "",
-    "robust.certificates": "systems",
+    "robust.verification": "",
+    "robust.certificates": "verification systems",
     "robust.modelling": "systems",
     "robust.mu": "certificates systems",
     "robust.uncertain": "modelling mu systems",
-    "robust.analysis": "uncertain mu certificates systems",
+    "robust.analysis": "uncertain mu certificates verification systems",
     "robust.synthesis": "uncertain modelling mu certificates systems",
     "robust.fixed_structure": "analysis synthesis uncertain certificates systems",
     "robust.plot": "analysis uncertain modelling systems",
     "robust.loopshaping": "plot analysis uncertain systems",
-    "robust.files": "plot analysis uncertain modelling systems",
+    "robust.files": "plot analysis uncertain modelling verification systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
 FACES = {
@@ -45,8 +46,9 @@ HEAVY = {
     "h5py": "nlfrf.files.hdf5 nlfrf.shared.whole_files",
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program",
     "jinja2": "robust.files.report_page",
+    "flint": "robust.verification",
 }
-ALWAYS_LATE = {"matplotlib", "cvxpy", "h5py", "jinja2"}
+ALWAYS_LATE = {"matplotlib", "cvxpy", "h5py", "jinja2", "flint"}
 
 
 def found_rooms():

@@ -1,0 +1,13 @@
+"""Proofs that hold to the last bit, by someone who knows nothing of how they were found.
+
+claim       what is claimed of a loop, with every number as given, and its digest
+exact       transfer functions over the rationals; hold and delay in balls
+axis        the parts of a claimed loop on one imaginary axis
+conditions  what a claim asks at a frequency, in sums and products
+stability   Routh's array; what a delay does to the roots
+half_line   polynomials positive from zero to infinity
+jets        Taylor models on an interval
+intervals   claims with a delay or a continuous weight, interval by interval
+loops       the door: a claim in, `Verification` out
+file        certificates as JSON that someone else can check
+"""

@@ -1,0 +1,189 @@
+"""``LoopClaim``: what is claimed of a loop, with every number of the loop as it was given."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.values import value
+
+__all__ = [
+    "OPERATOR_PERFORMANCE",
+    "PERFORMANCE",
+    "STABILITY",
+    "LoopClaim",
+    "Matrices",
+    "content",
+    "differences",
+    "digest",
+    "from_content",
+]
+
+
+STABILITY = "robust stability"
+PERFORMANCE = "robust performance"
+OPERATOR_PERFORMANCE = "robust performance with one scaling"
+FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True))
+CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)
+
+
+@value
+class Matrices:
+    """A system as it was given: A, B, C, D, and its sampling time dt [s], 0 for continuous."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    dt: float = 0.0
+
+    def __post_init__(self) -> None:
+        n = self.A.shape[0]
+        shapes = {"A": (n, n), "B": (n, self.D.shape[1]), "C": (self.D.shape[0], n), "D": self.D.shape}
+        for name, shape in shapes.items():
+            matrix = getattr(self, name)
+            if matrix.shape != shape or matrix.dtype != np.float64 or not np.isfinite(matrix).all():
+                raise ValueError(f"{name} must be finite numbers of shape {shape}, got shape {matrix.shape}")
+        if not (np.isfinite(self.dt) and self.dt >= 0):
+            raise ValueError(f"dt must be a sampling time [s] or 0, got {self.dt}")
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[0])
+
+
+@value
+class LoopClaim:
+    """What is claimed of a loop u = K (r - y) around a set of plants, all numbers as given.
+
+    Fields
+    ------
+    plant, controller, weight : Matrices
+        Single-input single-output.
+    performance : Matrices or None
+        Performance weight w_P.
+    reads, inverse : tuple of str, bool
+        Form of the uncertainty: the perturbed sensitivity is S (1 + a Delta)/(1 + b Delta), b = w R S with R the
+        product of what is read, a = w R where inverse and 0 where not. ("G", "K"), False: G (1 + w Delta); ("K",),
+        False: G + w Delta; (), True: G/(1 + w Delta); ("G",), True: G/(1 + w G Delta).
+    perturbation : str
+        Class of the perturbations, in words; nothing is computed from it.
+    delay : float
+        Delay [s] on top of what the plant contains. A continuous plant under a sampled controller is held (zero
+        order) and delayed exactly; a delay within 1e-9 of a whole number of samples is that number (1e-6 where the
+        plant itself is discrete).
+    claims : tuple of str
+        "robust stability": the nominal loop is stable, |b| < 1 at every frequency up to Nyquist. "robust
+        performance": also |w_P| max |S_p| < 1. "robust performance with one scaling": the norm of the loop with both
+        weights, scaled by d, is below one (nonlinear perturbations).
+    scaling : float
+        d, where it is claimed with one.
+    """
+
+    plant: Matrices
+    controller: Matrices
+    weight: Matrices
+    performance: Matrices | None
+    reads: tuple[str, ...]
+    inverse: bool
+    perturbation: str
+    delay: float
+    claims: tuple[str, ...]
+    scaling: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in SYSTEMS:
+            system = getattr(self, name)
+            if system is not None and system.D.shape != (1, 1):
+                raise ValueError(f"{name} must have one input and one output, got D of shape {system.D.shape}")
+        if (self.reads, self.inverse) not in FORMS:
+            raise ValueError(f"reads must be a form of uncertainty, got {self.reads} with inverse={self.inverse}")
+        if not self.claims or not set(self.claims) <= set(CLAIMS):
+            raise ValueError(f"claims must be some of {', '.join(CLAIMS)}, got {self.claims}")
+        if self.performance is None and set(self.claims) != {STABILITY}:
+            raise ValueError("performance must be given where performance is claimed, got none")
+        if not (np.isfinite(self.delay) and self.delay >= 0):
+            raise ValueError(f"delay must be nonnegative [s], got {self.delay}")
+        if not (np.isfinite(self.scaling) and self.scaling > 0):
+            raise ValueError(f"scaling must be positive, got {self.scaling}")
+
+
+SYSTEMS = ("plant", "controller", "weight", "performance")
+
+
+def content(claim: LoopClaim) -> dict[str, Any]:
+    """The claim as plain numbers and words, floats to be written with the digits that give them back exactly."""
+    systems = {name: system_content(getattr(claim, name)) for name in SYSTEMS}
+    return systems | {
+        "reads": list(claim.reads),
+        "inverse": claim.inverse,
+        "perturbation": claim.perturbation,
+        "delay": float(claim.delay),
+        "claims": list(claim.claims),
+        "scaling": float(claim.scaling),
+    }
+
+
+def system_content(system: Matrices | None) -> dict[str, Any] | None:
+    """One system as lists of numbers."""
+    if system is None:
+        return None
+    return {name: getattr(system, name).tolist() for name in "ABCD"} | {"dt": float(system.dt)}
+
+
+def from_content(given: Any) -> LoopClaim:
+    """The claim back from `content`, or a ValueError that says what is wrong with it."""
+    wanted = {*SYSTEMS, "reads", "inverse", "perturbation", "delay", "claims", "scaling"}
+    if not isinstance(given, dict) or set(given) != wanted:
+        raise ValueError(f"claim must have the entries {', '.join(sorted(wanted))}, got something else")
+    try:
+        systems = {name: system_from(given[name]) for name in SYSTEMS}
+        return LoopClaim(
+            **systems,  # type: ignore[arg-type]
+            reads=tuple(str(name) for name in given["reads"]),
+            inverse=given["inverse"] is True,
+            perturbation=str(given["perturbation"]),
+            delay=float(given["delay"]),
+            claims=tuple(str(claim) for claim in given["claims"]),
+            scaling=float(given["scaling"]),
+        )
+    except (TypeError, KeyError, IndexError) as error:
+        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
+
+
+def system_from(given: Any) -> Matrices | None:
+    """One system from lists of numbers."""
+    if given is None:
+        return None
+    if set(given) != {*"ABCD", "dt"}:
+        raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
+    D = np.array(given["D"], dtype=float)
+    n = len(given["A"])
+    A = np.array(given["A"], dtype=float).reshape(n, n)
+    return Matrices(
+        A=A,
+        B=np.array(given["B"], dtype=float).reshape(n, D.shape[1]),
+        C=np.array(given["C"], dtype=float).reshape(D.shape[0], n),
+        D=D,
+        dt=float(given["dt"]),
+    )
+
+
+def digest(given: Any) -> str:
+    """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
+
+    >>> digest({"a": 1.0})[:8], digest({"a": 1.0000000000000002})[:8]
+    ('c29a44ab', 'a9c3d934')
+    """
+    text = json.dumps(given, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def differences(claim: LoopClaim, other: LoopClaim, names: tuple[str, ...]) -> list[str]:
+    """Which of the named fields are not the same, number by number."""
+    mine, theirs = content(claim), content(other)
+    return [name for name in names if mine[name] != theirs[name]]

@@ -1,0 +1,174 @@
+"""Claims proved interval by interval where a delay or a continuous weight makes them no polynomials.
+
+On an interval every term is a Taylor model in omega (`robust.verification.jets`); the least Bernstein coefficient of
+what has to be positive decides. Intervals that fail are cut; in a continuous loop what lies beyond the last one is
+decided at once, whatever the phase of the delay is there.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from math import inf, nan, sqrt
+from typing import Any
+
+from robust.verification.axis import Axis, Squares
+from robust.verification.conditions import Terms
+from robust.verification.half_line import Decision
+from robust.verification.jets import cosine, line, lower_bound, of_polynomial, sine
+
+__all__ = ["positive_on_intervals"]
+
+
+NARROWEST = 1e-12
+MOST_INTERVALS = 50_000
+FARTHEST = 1e18  # [rad/s]
+LOWEST = 1e-30  # of the highest frequency
+
+Asked = Callable[[Terms], list[Any]]
+
+
+def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: float) -> Decision:
+    """Prove that all that is asked of the terms is positive from zero to Nyquist, or to infinity."""
+    from flint import arb
+
+    if axis.dt:
+        # a little beyond Nyquist, as pi is no double
+        top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
+        terms = sampled_terms(axis, found)
+    else:
+        top = first_of_tail(found, asked)
+        if top == inf:
+            return Decision(holds=False, reason="undecided at infinite frequency", unclear=True)
+        terms = delayed_terms(axis, found)
+    for expression in asked(terms(arb(0), arb(0))):
+        if not expression.p[0] > 0:
+            below = bool(expression.p[0] <= 0)
+            where = 0.0 if below else nan
+            return Decision(holds=False, violated_at=where, reason="not positive at zero", unclear=not below)
+    todo = [(0.0, top)]
+    for count in range(MOST_INTERVALS):
+        if not todo:
+            return Decision(holds=True)
+        low, high = todo.pop()
+        middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
+        if all(lower_bound(jet) > 0 for jet in asked(terms(middle, half))):
+            continue
+        narrow = high - low <= 1e-3 * high
+        if narrow and any(jet.p[0] <= 0 for jet in asked(terms(middle, arb(0)))):
+            return Decision(holds=False, violated_at=(low + high) / 2, reason="negative there")
+        if high - low <= NARROWEST * high or high < LOWEST * top:
+            return Decision(holds=False, reason=f"undecided near {high:.6g} rad/s", unclear=True)
+        if count % 64 == 63 and time.monotonic() > deadline:
+            return Decision(holds=False, reason=f"undecided after {count} intervals, as time was up")
+        cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
+        todo += [(cut, high), (low, cut)]
+    return Decision(holds=False, reason=f"undecided after {MOST_INTERVALS} intervals")
+
+
+def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
+    """Terms of a continuous loop with its delay on an interval of omega."""
+    from flint import arb
+
+    tau = arb(axis.delay)
+
+    def terms(middle: Any, half: Any) -> Terms:
+        omega = line(middle, half)
+        y = omega * omega
+        phase = middle * tau, half * tau
+        G_num, G_den, K_num, K_den = (of_polynomial(p, y) for p in (*found.G[:2], *found.K[:2]))
+        cross = of_polynomial(found.even, y) * cosine(*phase) + of_polynomial(found.odd, y) * omega * sine(*phase)
+        closed = G_num * K_num + G_den * K_den + cross * 2
+        return complete(found, G_num, G_den, K_num, K_den, cross, closed, y, y)
+
+    return terms
+
+
+def sampled_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
+    """Terms of a sampled loop on an interval of omega; its polynomials in u = sin^2(omega dt/2), y = u/(1 - u)."""
+    from flint import arb
+
+    dt = arb(axis.dt)
+    (G0, G1, n), (K0, K1, m) = found.G, found.K
+    loop = [in_sine(p, d) for p, d in ((G0, n), (G1, n), (K0, m), (K1, m), (found.even, n + m), (found.closed, n + m))]
+    w = found.w if axis.w_timed else (*(in_sine(p, found.w[2]) for p in found.w[:2]), found.w[2])
+    P = found.P
+    if P is not None and not axis.P_timed:
+        P = (*(in_sine(p, P[2]) for p in P[:2]), P[2])
+    weights = Squares(G=found.G, K=found.K, even=None, odd=None, closed=None, w=w, P=P)
+
+    def terms(middle: Any, half: Any) -> Terms:
+        omega = line(middle, half)
+        u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
+        y = omega * omega
+        a, b, c, d, cross, closed = (of_polynomial(p, u) for p in loop)
+        return complete(weights, a, b, c, d, cross, closed, y if axis.w_timed else u, y if axis.P_timed else u)
+
+    return terms
+
+
+def in_sine(p: Any, degree: int) -> Any:
+    """(1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
+    kind = type(p)
+    shifted = p(kind([-1, 1]))
+    return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
+
+
+def complete(
+    found: Squares, G_num: Any, G_den: Any, K_num: Any, K_den: Any, cross: Any, closed: Any, w_at: Any, P_at: Any
+) -> Terms:
+    """Terms with their weights."""
+    P_num, P_den = (None, None) if found.P is None else (of_polynomial(p, P_at) for p in found.P[:2])
+    return Terms(
+        G_num=G_num,
+        G_den=G_den,
+        K_num=K_num,
+        K_den=K_den,
+        cross=cross,
+        closed=closed,
+        w_num=of_polynomial(found.w[0], w_at),
+        w_den=of_polynomial(found.w[1], w_at),
+        P_num=P_num,
+        P_den=P_den,
+    )
+
+
+def first_of_tail(found: Squares, asked: Asked) -> float:
+    """A frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
+    from flint import arb
+
+    omega = 1e-3
+    while omega < FARTHEST:
+        v = arb(0).union(1 / arb(omega) ** 2)
+
+        def ratio(p: Any, degree: int, v: Any = v) -> Any:  # p(y)/y^degree at v = 1/y
+            total = arb(0)
+            for k in range(degree + 1):
+                total = total * v + p[k]
+            return total
+
+        n, m = found.G[2], found.K[2]
+        G_num, G_den, K_num, K_den = (
+            ratio(p, degree) for p, degree in ((found.G[0], n), (found.G[1], n), (found.K[0], m), (found.K[1], m))
+        )
+        N, D = G_num * K_num, G_den * K_den
+        bound = (N.abs_upper() * D.abs_upper()).sqrt().abs_upper()
+        cross = arb(0, bound)
+        P = (None, None) if found.P is None else [ratio(p, found.P[2]) for p in found.P[:2]]
+        w = [ratio(p, found.w[2]) for p in found.w[:2]]
+        terms = Terms(
+            G_num=G_num,
+            G_den=G_den,
+            K_num=K_num,
+            K_den=K_den,
+            cross=cross,
+            closed=N + D + cross * 2,
+            w_num=w[0],
+            w_den=w[1],
+            P_num=P[0],
+            P_den=P[1],
+        )
+        if all(x > 0 for x in asked(terms)):
+            return omega
+        omega *= 4
+    return inf

@@ -1,0 +1,201 @@
+"""The claims on a loop re-proved: exact arithmetic for its stability, balls rounded outward for its curves.
+
+Nothing of what found a proof is used, only the matrices as they are stored. Where plant, controller and weights share
+one time base a claim is a polynomial in one variable, positive from zero to infinity; a delay in a continuous loop or
+a continuous weight around a sampled one is taken as it is, interval by interval.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import hertz
+from robust.verification.axis import Axis, at_infinity, axis_of, polynomials, squares
+from robust.verification.claim import LoopClaim
+from robust.verification.conditions import Terms, conditions
+from robust.verification.exact import rational
+from robust.verification.half_line import Decision, positive_on_half_line
+from robust.verification.intervals import positive_on_intervals
+from robust.verification.stability import hurwitz, hurwitz_with_delay
+
+__all__ = ["Verification", "verify_loop"]
+
+
+BITS = (192, 640, 2048)
+MOST_STATES = 64
+NOMINAL, WEIGHTS = "nominal stability", "stable weights"
+
+
+@value
+class Verification:
+    """What was re-proved with outward rounding, claim by claim.
+
+    Fields
+    ------
+    verified : bool
+        True only if every claim was proved, rigorously.
+    proved : tuple of str
+        The claims that were.
+    failed : tuple of (str, str)
+        The claims that were not, and why not: false, or undecided.
+    bits : int
+        Precision at which the last of them was decided.
+    """
+
+    verified: bool
+    proved: tuple[str, ...]
+    failed: tuple[tuple[str, str], ...]
+    bits: int
+
+    def __str__(self) -> str:
+        lines = [f"{claim}: proved, rigorous" for claim in self.proved]
+        return "\n".join(lines + [f"{claim}: NOT verified: {reason}" for claim, reason in self.failed])
+
+
+def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
+    """Re-prove every claim on a loop from its matrices as exact rationals, all rounding outward.
+
+    Parameters
+    ----------
+    claim : LoopClaim
+        What is claimed, with all numbers as given.
+    time_cap : float
+        Seconds after which what is left counts as not verified.
+
+    Returns
+    -------
+    Verification
+        Not verified is a result, not an error: each claim with its reason.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from robust.verification.claim import Matrices
+    >>> def lag(a, b, c, d): return Matrices(A=np.array([[a]]), B=np.array([[b]]), C=np.array([[c]]), D=np.array([[d]]))
+    >>> def gain(d): return Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=np.array([[d]]))
+    >>> loop = dict(plant=lag(-1.0, 1.0, 1.0, 0.0), controller=gain(2.0), performance=None, reads=("G", "K"),
+    ...             inverse=False, perturbation="LTI", delay=0.0, claims=("robust stability",))
+    >>> print(verify_loop(LoopClaim(weight=gain(1.4999999999), **loop)))       # T = 2/(s + 3): |w T| < 1 for |w| < 1.5
+    nominal stability: proved, rigorous
+    stable weights: proved, rigorous
+    robust stability: proved, rigorous
+    >>> verify_loop(LoopClaim(weight=gain(1.5), **loop)).verified
+    False
+    """
+    from flint import ctx
+
+    deadline = time.monotonic() + time_cap
+    try:
+        decided: dict[str, Decision] = {}
+        bits = BITS[0]
+        for bits in BITS:
+            with ctx.workprec(bits):
+                judge(claim, decided, deadline)
+            if all(found.holds or not found.unclear for found in decided.values()) or time.monotonic() > deadline:
+                break
+    except ValueError as error:
+        return Verification(verified=False, proved=(), failed=(("the loop", str(error)),), bits=0)
+    proved = tuple(name for name, found in decided.items() if found.holds)
+    failed = tuple((name, said(found)) for name, found in decided.items() if not found.holds)
+    return Verification(verified=not failed, proved=proved, failed=failed, bits=bits)
+
+
+def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
+    """Decide at the precision of the moment what more digits may still decide."""
+    axis = axis_of(claim)
+    if axis.G.degree + axis.K.degree > MOST_STATES:
+        raise ValueError(f"the loop must have at most {MOST_STATES} states to be verified")
+
+    def open_still(name: str) -> bool:
+        return name not in decided or (not decided[name].holds and decided[name].unclear)
+
+    if open_still(NOMINAL):
+        decided[NOMINAL] = nominal_stability(axis)
+    if open_still(WEIGHTS):
+        decided[WEIGHTS] = stable_weights(axis)
+    if not (decided[NOMINAL].holds and decided[WEIGHTS].holds):
+        for name in claim.claims:
+            decided[name] = Decision(holds=False, reason="not looked at")
+        unclear = any(found.unclear for found in decided.values())
+        for name in claim.claims if unclear else ():
+            decided[name] = Decision(holds=False, reason="not looked at", unclear=True)
+        return
+    found = squares(axis)
+    scaling = rational(claim.scaling)
+    for name in filter(open_still, claim.claims):
+
+        def asked(terms: Terms, name: str = name) -> list[Any]:
+            return conditions(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
+
+        if axis.algebraic:
+            decided[name] = on_the_half_line(axis, asked(polynomials(found)), asked(at_infinity(found)))
+        else:
+            decided[name] = positive_on_intervals(axis, found, asked, deadline)
+
+
+def squared_scaling(scaling: Any) -> Any:
+    """d^2 as a ball, which joins with everything."""
+    from flint import arb
+
+    return arb(scaling * scaling)
+
+
+def nominal_stability(axis: Axis) -> Decision:
+    """Every pole of the nominal loop, hidden modes included, strictly stable; with its delay where it has one."""
+    from flint import arb_poly
+
+    N, D = axis.G.num, axis.G.den
+    exact = type(N) is type(axis.K.num)
+    kind = type(N) if exact else arb_poly
+    N, D = N * kind(axis.K.num), D * kind(axis.K.den)
+    degree = axis.G.degree + axis.K.degree
+    if axis.delay > 0:
+        return hurwitz_with_delay(D, N, degree, axis.delay)
+    return routh(N + D, degree)
+
+
+def stable_weights(axis: Axis) -> Decision:
+    """Every pole of the weights strictly stable."""
+    for part in (axis.w, axis.P):
+        if part is not None and not (found := routh(part.den, part.degree)).holds:
+            return found
+    return Decision(holds=True)
+
+
+def routh(p: Any, degree: int) -> Decision:
+    """Routh's array in balls, and in rationals where balls do not decide and the polynomial is exact."""
+    from flint import arb_poly
+
+    found = hurwitz(arb_poly(p), degree)
+    return hurwitz(p, degree) if found.unclear and not isinstance(p, arb_poly) else found
+
+
+def on_the_half_line(axis: Axis, expressions: list[Any], ends: list[Any]) -> Decision:
+    """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
+    for expression, end in zip(expressions, ends, strict=True):
+        if not end > 0:
+            where = "at the Nyquist frequency" if axis.dt else "at infinite frequency"
+            return Decision(holds=False, reason=f"not below the limit {where}", unclear=not end <= 0)
+        found = positive_on_half_line(expression)
+        if not found.holds:
+            return located(axis, found)
+    return Decision(holds=True)
+
+
+def located(axis: Axis, found: Decision) -> Decision:
+    """A place y on the axis as a frequency [rad/s], only to be read."""
+    from math import atan, sqrt
+
+    x = sqrt(found.violated_at) if found.violated_at >= 0 else found.violated_at
+    dt = int(axis.dt.p) / int(axis.dt.q)
+    omega = 2 / dt * atan(x) if dt else x
+    return Decision(holds=False, violated_at=omega, reason=found.reason, unclear=found.unclear)
+
+
+def said(found: Decision) -> str:
+    """Why a claim was not verified."""
+    if found.violated_at >= 0:
+        return f"violated at {hertz(found.violated_at)}"
+    return found.reason
