@@ -11,15 +11,18 @@ from nlfrf.bench.simulate import simulate
 from nlfrf.excitation.crest import reduce_crest
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine, multisine
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.designs import load_multisine, save_multisine
 from nlfrf.files.records import load_record, save_record
 from nlfrf.files.results import export_csv, load_bla, save_bla
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.identification.identify import identify
 from nlfrf.identification.noise_excitation import identify_noise
 from nlfrf.identification.second_opinion import SecondOpinion, second_opinion
+from nlfrf.multivariable.frm import Frm
+from nlfrf.multivariable.identify import identify
 from nlfrf.records.record import Record, join_records
 from nlfrf.records.samples import record_from_samples
+from nlfrf.records.several import MultiRecord, multirecord_from_samples
 from nlfrf.shared.arguments import DataWarning
 from nlfrf.studies.level_study import LevelStudy, level_study
 
@@ -29,11 +32,14 @@ __all__ = [
     "Bla",
     "DataWarning",
     "DistortionLevels",
+    "Frm",
     "LevelStudy",
     "LineGrid",
     "LoopResponse",
     "Motion",
+    "MultiRecord",
     "Multisine",
+    "OrthogonalMultisine",
     "Record",
     "Rig",
     "SecondOpinion",
@@ -46,6 +52,7 @@ __all__ = [
     "load_bla",
     "load_multisine",
     "load_record",
+    "multirecord_from_samples",
     "multisine",
     "paper_rig",
     "record_from_samples",

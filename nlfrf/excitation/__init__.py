@@ -2,5 +2,6 @@
 
 lines      harmonic grids: which DFT lines are excited, which are left out to detect distortion
 multisine  the design of a random-phase multisine
+orthogonal several inputs: orthogonal sets of experiments, zippered lines
 crest      lower crest factors at an unchanged amplitude spectrum
 """

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
 from nlfrf.excitation.lines import KINDS, LineGrid, grid_lines
+from nlfrf.excitation.orthogonal import OrthogonalMultisine, orthogonal_multisine
 from nlfrf.shared.arguments import integer, one_of, positive, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
@@ -116,6 +117,47 @@ class Multisine:
         return np.fft.irfft(spectrum, n_samples, axis=1)
 
 
+@overload
+def multisine(
+    kind: str = ...,
+    *,
+    fs: float,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    rms: float = ...,
+    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
+    lines: LineGrid | np.ndarray | None = ...,
+    n_log: int | None = ...,
+    n_realizations: int = ...,
+    rng: Rng = ...,
+    hold: str = ...,
+) -> Multisine: ...
+
+
+@overload
+def multisine(
+    kind: str = ...,
+    *,
+    fs: float,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    rms: Any = ...,
+    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
+    lines: LineGrid | np.ndarray | None = ...,
+    n_log: int | None = ...,
+    n_realizations: int = ...,
+    n_inputs: int,
+    design: str = ...,
+    transform: str = ...,
+    mixing: Any = ...,
+    n_draws: int = ...,
+    rng: Rng = ...,
+    hold: str = ...,
+) -> OrthogonalMultisine: ...
+
+
 def multisine(
     kind: str = "special-odd",
     *,
@@ -123,14 +165,19 @@ def multisine(
     n_samples: int,
     f_min: float,
     f_max: float,
-    rms: float = 1.0,
+    rms: Any = 1.0,
     amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
     lines: LineGrid | np.ndarray | None = None,
     n_log: int | None = None,
     n_realizations: int = 1,
+    n_inputs: int = 1,
+    design: str = "orthogonal",
+    transform: str = "dft",
+    mixing: Any = None,
+    n_draws: int = 1,
     rng: Rng = None,
     hold: str = "unknown",
-) -> Multisine:
+) -> Multisine | OrthogonalMultisine:
     """Design a random-phase multisine: phases independent and uniform on [0, 2 pi).
 
     Parameters
@@ -147,16 +194,28 @@ def multisine(
         Samples N in one period; the resolution is fs / N.
     f_min, f_max : float
         Band [Hz]; lines inside it, both ends included, are used.
-    rms : float
-        Root mean square of the signal, in its own unit; exact.
-    amplitude : (F,) ndarray or callable of f [Hz], optional
+    rms : float, or (n_u,) ndarray
+        Root mean square of the signal, in its own unit; exact. One for all inputs, or one an input.
+    amplitude : (F,) or (n_u, F) ndarray, or callable of f [Hz], optional
         Relative amplitude spectrum, scaled to `rms`; flat when not given.
     lines : LineGrid or array of int, optional
         The excited lines of a "custom" grid.
     n_log : int, optional
         Keep about this many lines of the grid, spaced logarithmically: for a band of several decades.
     n_realizations : int
-        Realisations M, with independent phases on the same grid.
+        Realisations M, with independent phases on the same grid; of several inputs the sets R of experiments.
+    n_inputs : int
+        Inputs n_u of the plant. With more than one the result is an `OrthogonalMultisine`.
+    design : str
+        "orthogonal": n_u experiments make a set, every one of which excites all inputs on all lines. "zippered": one
+        experiment, in which each line drives one input; on a random-odd grid.
+    transform : str
+        What tells the experiments of a set apart: "dft" (any n_u) or "hadamard" (signs; 1, 2, 4, 8, 12, ...).
+    mixing : (n_u, n_u) ndarray, optional
+        u = mixing @ (orthogonal signals): for logical axes, or V S^-1 of a first measurement where the plant is ill
+        conditioned. `rms` is that of the signals before mixing.
+    n_draws : int
+        Draw the phases of several inputs this often, keep the set with the lowest worst crest factor.
     rng : numpy Generator, int or None
         Source of the random phases (and of the lines left out of a random-odd grid).
     hold : str
@@ -165,12 +224,13 @@ def multisine(
 
     Returns
     -------
-    Multisine
+    Multisine, or OrthogonalMultisine for several inputs
 
     Raises
     ------
     ValueError
-        A band without lines or beyond Nyquist, an amplitude that does not fit, numbers out of range.
+        A band without lines or beyond Nyquist, an amplitude that does not fit, numbers out of range; a zippered
+        special-odd grid, which cannot be calibrated.
 
     References
     ----------
@@ -185,7 +245,7 @@ def multisine(
     2.0
     """
     one_of("kind", kind, KINDS)
-    fs, rms = positive("fs", fs), positive("rms", rms)
+    fs, n_inputs = positive("fs", fs), integer("n_inputs", n_inputs, least=1)
     n_samples = integer("n_samples", n_samples, least=4)
     n_realizations = integer("n_realizations", n_realizations, least=1)
     rng = np.random.default_rng(rng)
@@ -211,7 +271,25 @@ def multisine(
             ) from None
     if n_log is not None:
         grid = thinned(grid, integer("n_log", n_log, least=2))
-    shape = relative_amplitude(amplitude, grid.excited * fs / n_samples)
+    f = grid.excited * fs / n_samples
+    if n_inputs > 1:
+        return orthogonal_multisine(
+            fs,
+            n_samples,
+            kind,
+            grid,
+            relative_amplitudes(amplitude, f, n_inputs),
+            each_rms(rms, n_inputs),
+            n_realizations=n_realizations,
+            design=design,
+            transform=transform,
+            mixing=mixing,
+            n_draws=integer("n_draws", n_draws, least=1),
+            rng=rng,
+        )
+    if design != "orthogonal" or mixing is not None:
+        raise ValueError("n_inputs must be at least 2 for a zippered design or a mixing, got 1")
+    rms, shape = positive("rms", rms), relative_amplitude(amplitude, f)
     return Multisine(
         fs=fs,
         n_samples=n_samples,
@@ -263,3 +341,22 @@ def relative_amplitude(amplitude: Any, f: np.ndarray) -> np.ndarray:
             f"amplitude must be finite and positive on every excited line, got {shown(float(shape.min()))}"
         )
     return shape
+
+
+def relative_amplitudes(amplitude: Any, f: np.ndarray, n_inputs: int) -> np.ndarray:
+    """The (n_u, F) relative amplitudes of several inputs."""
+    given = amplitude(f) if callable(amplitude) else amplitude
+    if np.ndim(given) == 2:
+        if len(given) != n_inputs:
+            raise ValueError(f"amplitude must have one row per input ({n_inputs}), got {len(given)}")
+        return np.stack([relative_amplitude(row, f) for row in given])
+    return np.tile(relative_amplitude(given, f), (n_inputs, 1))
+
+
+def each_rms(rms: Any, n_inputs: int) -> np.ndarray:
+    """(n_u,) root mean square of each input."""
+    if np.ndim(rms) == 0:
+        return np.full(n_inputs, positive("rms", rms))
+    if np.shape(rms) != (n_inputs,):
+        raise ValueError(f"rms must be one number, or one per input ({n_inputs}), got shape {np.shape(rms)}")
+    return np.array([positive(f"rms[{i}]", float(one)) for i, one in enumerate(rms)])

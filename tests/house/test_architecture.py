@@ -16,6 +16,7 @@ ARROWS = {
     "nlfrf.friction": "",
     "nlfrf.records": "excitation",
     "nlfrf.identification": "records excitation",
+    "nlfrf.multivariable": "identification records excitation",
     "nlfrf.bench": "friction records excitation",
     "nlfrf.files": "identification records excitation",
     "nlfrf.studies": "bench identification records excitation",

@@ -17,6 +17,7 @@ NEVER_REFUSES = {"nlfrf.paper_rig"}
 #: Files, containers and our own bookkeeping: nothing in them comes from a book.
 OWN = {
     *("nlfrf.DataWarning", "nlfrf.LineGrid", "nlfrf.LoopResponse", "nlfrf.Motion", "nlfrf.Record", "nlfrf.drive"),
+    *("nlfrf.MultiRecord", "nlfrf.multirecord_from_samples"),
     *("nlfrf.export_csv", "nlfrf.load_bla", "nlfrf.load_multisine", "nlfrf.load_record", "nlfrf.record_from_samples"),
     *("nlfrf.run", "nlfrf.save_bla", "nlfrf.save_multisine", "nlfrf.save_record", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),

@@ -1,0 +1,130 @@
+"""What a set of experiments has to be for its matrix to mean what is said: independent inputs, independent phases."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from nlfrf.excitation.lines import LineGrid
+from nlfrf.identification.calibration import LARGEST, variance_ratio
+from nlfrf.multivariable.channels import ChannelSpectra, nearest_places
+from nlfrf.records.several import MultiRecord
+from nlfrf.shared.arguments import DataWarning
+
+__all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered"]
+
+
+LOOSE, LOST = 10.0, 1e6  # condition of the inputs: warned of, refused
+COPIED = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
+APART = 0.03  # amplitude beside that of the owner below which a line counts as zippered
+
+
+def known_inputs(spectra: ChannelSpectra) -> np.ndarray:
+    """(n_u, M, F) what was played, as well as it is known: the references, else the inputs."""
+    return (spectra.U if spectra.R is None else spectra.R)[..., spectra.excited]
+
+
+def is_zippered(spectra: ChannelSpectra) -> bool:
+    """Whether each line drives one input only."""
+    size = np.sqrt(np.mean(np.abs(known_inputs(spectra)) ** 2, axis=1))
+    size = np.sort(size / size.max(axis=1, keepdims=True), axis=0)
+    return len(size) > 1 and bool(np.mean(size[-2] < APART * size[-1]) > 0.95)
+
+
+def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
+    """Refuse inputs that cannot be told apart, and warn of a set whose phases are copies."""
+    n_u, M = record.n_inputs, record.n_experiments
+    refuse_silent(record, spectra)
+    if M % n_u:
+        raise ValueError(
+            f"record must hold n_inputs = {n_u} experiments a set, or a whole number of sets, got {M}. "
+            "A zippered multisine needs one experiment only."
+        )
+    if warned_of_condition(spectra):  # inputs that are nearly the same have the same phases, too
+        return
+    Z = known_inputs(spectra)
+    if n_u > 1 and spectra.excited.size > 5:
+        if copies(Z).any():
+            warn(
+                "inputs of an experiment have the same phases (phi): the BLA of u1^2 u2 would read 3 sigma^2 "
+                "instead of sigma^2; give each input phases of its own, as multisine(n_inputs=) does"
+            )
+        if independent_experiments(spectra) < M:
+            warn(
+                "experiments have the same phases (psi): their distortion is the same but for signs, so its covariance "
+                "is not the one assumed, up to 1.8 times as large in some entries, and the detection lines of the "
+                "experiments are copies, counted once; give each experiment phases of its own, as multisine(n_inputs=) "
+                "does"
+            )
+
+
+def refuse_silent(record: MultiRecord, spectra: ChannelSpectra) -> None:
+    """Refuse an excited line that no experiment of a set drives through some input."""
+    U = spectra.U[..., spectra.excited]
+    power = np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
+    silent = power <= 1e-9 * power.max(axis=1, keepdims=True)
+    if silent.any():
+        i, k = np.argwhere(silent)[0]
+        line = int(spectra.lines[spectra.excited[k]])
+        raise ValueError(
+            f"lines must be excited by every input, got line {line} with no input on it in {record.inputs[i]}"
+        )
+
+
+def warned_of_condition(spectra: ChannelSpectra) -> bool:
+    """Refuse inputs that cannot be told apart, warn of those that nearly depend on each other: noise grows by it."""
+    U = spectra.U[..., spectra.excited]
+    n_u, _M, F = U.shape
+    one = U.reshape(n_u, -1, n_u, F).transpose(1, 3, 0, 2)
+    scaled = one / np.sqrt(np.mean(np.abs(U) ** 2, axis=(1, 2)))[:, None]
+    sizes = np.linalg.svd(scaled, compute_uv=False)
+    condition = sizes[..., 0] / np.maximum(sizes[..., -1], 1e-300)
+    worst = float(condition.max())
+    where = int(spectra.lines[spectra.excited[int(condition.max(axis=0).argmax())]])
+    if worst > LOST:
+        raise ValueError(
+            f"u must hold experiments that tell the inputs apart, got a condition of {worst:.2g} at line {where}. "
+            "Are two experiments the same?"
+        )
+    if worst > LOOSE:
+        warn(
+            f"the experiments tell the inputs apart badly: condition {worst:.3g} at line {where}, "
+            f"{float(np.median(condition)):.3g} in the median; errors of G grow by it"
+        )
+    return worst > LOOSE
+
+
+def copies(Z: np.ndarray) -> np.ndarray:
+    """(M, n, n) bool, which channels of (n, M, F) have the same phases but for a constant, in each experiment."""
+    phase = Z / np.maximum(np.abs(Z), 1e-300)
+    like = np.abs(np.einsum("imf,jmf->mij", phase, phase.conj())) / Z.shape[2]
+    return np.asarray((like > COPIED) & ~np.eye(len(Z), dtype=bool))
+
+
+def independent_experiments(spectra: ChannelSpectra) -> int:
+    """How many experiments have phases of their own in every input."""
+    Z = known_inputs(spectra)
+    if Z.shape[2] < 6:
+        return Z.shape[1]
+    alike = np.all(copies(np.swapaxes(Z, 0, 1)), axis=0, keepdims=True)[0]  # (M, M)
+    first = [m for m in range(len(alike)) if not alike[m, :m].any()]
+    return len(first)
+
+
+def calibrated(grid: LineGrid, n_detection: int) -> bool:
+    """Whether odd detection lines tell the level within a known factor on this grid."""
+    if grid.odd.size < n_detection or grid.kind in ("full", "odd", "odd-odd"):
+        return False
+    if grid.kind in ("special-odd", "random-odd"):
+        return True
+    if np.any(grid.excited % 2 == 0):
+        return False
+    near = nearest_places(grid, "odd", n_detection)
+    ratio = variance_ratio(np.ones((1, grid.excited.size)), grid.excited, grid.odd, near)
+    return bool(np.mean(ratio <= LARGEST) >= 0.95)
+
+
+def warn(text: str) -> None:
+    """A `DataWarning` that points at the caller of `identify`."""
+    warnings.warn(text, DataWarning, stacklevel=6)

@@ -1,0 +1,208 @@
+"""`identify`: from a periodic record, of one input and one output or of several, to its best linear approximation."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, overload
+
+import numpy as np
+
+from nlfrf.identification import identify as single
+from nlfrf.identification.bla import Bla, DistortionLevels
+from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
+from nlfrf.multivariable.conditions import calibrated, check_experiments, independent_experiments
+from nlfrf.multivariable.frm import Frm, positive_part
+from nlfrf.multivariable.local_matrix import LEAST, fit_matrix
+from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf
+from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
+from nlfrf.records.record import Record
+from nlfrf.records.several import MultiRecord
+from nlfrf.shared.arguments import DataWarning, integer, one_of
+
+__all__ = ["identify"]
+
+
+ENOUGH = 7  # sets whose scatter alone is worth more than a roughness that may read too high
+
+
+@overload
+def identify(record: Record, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Bla: ...
+
+
+@overload
+def identify(record: MultiRecord, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Frm: ...
+
+
+@overload
+def identify(
+    record: Sequence[Record], *, transient: str = ..., level_from: str = ..., n_detection: int = ...
+) -> list[Bla]: ...
+
+
+def identify(
+    record: Record | MultiRecord | Sequence[Record],
+    *,
+    transient: str = "auto",
+    level_from: str = "auto",
+    n_detection: int = 6,
+) -> Bla | Frm | list[Bla]:
+    """Best linear approximation, noise and distortion of a system from one periodic record.
+
+    Parameters
+    ----------
+    record : Record, MultiRecord, or a list of Record
+        Inputs and outputs; one realisation is enough, of several inputs one set of as many experiments as inputs. Two
+        periods separate noise from distortion. A list: several outputs of one experiment, which share the analysis of
+        the input.
+    transient : str
+        "none": the record is taken as steady. "discard": the first period is left out. "local": the transient is
+        fitted between the harmonics and taken off, at excited and at detection lines. "auto": nothing where the
+        periods agree but for noise, discard where that leaves periods that agree, else local.
+    level_from : str
+        "detection": from the odd lines that were not excited. "roughness": from the roughness of the FRF over the
+        excited lines. "auto": detection lines where the grid lets them be calibrated (special-odd, random-odd and
+        some custom grids), else roughness, with a warning.
+    n_detection : int
+        Odd detection lines averaged for one level.
+
+    Returns
+    -------
+    Bla, Frm for a MultiRecord, or a list of Bla for a list of records
+
+    Raises
+    ------
+    ValueError
+        Lines that carry no input, realisations whose input spectra do not belong together, experiments that do not tell
+        the inputs apart, no detection lines where they were asked for, too few lines for any level.
+
+    Warns
+    -----
+    DataWarning
+        The grid has no detection lines that can be calibrated, and the level comes from the roughness. Of several
+        inputs: phases that are copies of each other, inputs that are nearly dependent, one period only.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.7 and 4.3.
+
+    Examples
+    --------
+    A static cubic: the BLA on these six lines of amplitude 1 is 8.25, but one realisation scatters about it.
+
+    >>> from nlfrf.excitation.multisine import multisine
+    >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=3**0.5, n_realizations=200, rng=1)
+    >>> u = ms.u[:, None, :]
+    >>> bla = identify(Record(u=u, y=u**3, fs=128, lines=ms.lines))
+    >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
+    True
+    """
+    if not isinstance(record, MultiRecord):
+        return single.identify(record, transient=transient, level_from=level_from, n_detection=n_detection)
+    one_of("transient", transient, ("auto", "none", "discard", "local"))
+    one_of("level_from", level_from, ("auto", "detection", "roughness"))
+    return identify_matrix(record, transient, level_from, integer("n_detection", n_detection, least=3))
+
+
+def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_detection: int) -> Frm:
+    """`identify` for several channels."""
+    grid = record.lines
+    spectra, treatment = channel_spectra(record, transient)
+    check_experiments(record, spectra)
+    frf = matrix_frf(spectra)
+    source = choose_source(level_from, record, n_detection)
+    R, n_u = len(frf.each), record.n_inputs
+    smooth = frf.G if grid.excited.size < LEAST or R >= ENOUGH else fit_matrix(frf.G, grid).G
+    part = linear_part(spectra, smooth)
+    independent = independent_experiments(spectra)
+    level = {
+        "detection": lambda: level_from_lines(spectra, grid, part, "odd", n_detection, independent),
+        "roughness": lambda: level_from_fit(frf, grid),
+        "realizations": lambda: nothing(frf),
+    }[source]()
+    even = np.full_like(level.cov, np.nan)
+    if grid.even.size:
+        even = level_from_lines(spectra, grid, part, "even", n_detection, independent).cov
+    total = level.cov if R == 1 else frf.cov_scatter
+    dof = level.dof + n_u * (R - 1)
+    pooled = level.cov if R == 1 else (n_u * (R - 1) * total + level.dof * level.cov) / dof
+    return Frm(
+        f=grid.excited * record.f0,
+        G=frf.G,
+        inputs=record.inputs,
+        outputs=record.outputs,
+        lines=grid,
+        grid=grid.kind,
+        design="orthogonal",
+        fs=record.fs,
+        n_samples=record.n_samples,
+        n_realizations=R,
+        n_experiments=record.n_experiments,
+        n_periods=record.n_periods - (treatment == "discard"),
+        transient=treatment,
+        level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
+        gamma=frf.gamma,
+        cov_noise=frf.cov_noise,
+        cov_total=total,
+        cov_distortion=positive_part(total - np.nan_to_num(frf.cov_noise)),
+        cov_even=even,
+        cov_bound=pooled,
+        dof=dof,
+        grid_factor=level.factor,
+        levels=distortion_levels(record, spectra, part),
+    )
+
+
+def nothing(frf: MatrixFrf) -> MatrixLevel:
+    """No level beside the scatter over sets: it weighs nothing."""
+    F = frf.G.shape[2]
+    return MatrixLevel(cov=np.zeros_like(frf.cov_scatter), dof=np.zeros(F), factor=np.ones(F))
+
+
+def choose_source(level_from: str, record: MultiRecord, n_detection: int) -> str:
+    """Which source the level is taken from, with a warning where detection lines are passed over."""
+    grid, R = record.lines, record.n_experiments // record.n_inputs
+    if level_from == "detection" and grid.odd.size < n_detection:
+        raise ValueError(
+            f"lines must hold at least n_detection = {n_detection} odd detection lines for "
+            f'level_from="detection", got {grid.odd.size} on this {grid.kind} grid'
+        )
+    if record.n_periods < 2:
+        warnings.warn(
+            "one period does not tell noise from distortion: noise counts as distortion; record two",
+            DataWarning,
+            stacklevel=4,
+        )
+    if level_from != "auto":
+        return level_from
+    if calibrated(grid, n_detection):
+        return "detection"
+    if R >= ENOUGH:
+        return "realizations"
+    warnings.warn(
+        f"the detection lines of this {grid.kind} grid do not calibrate; the level was taken from the roughness of the "
+        "matrix, which reads too high where it bends within a few lines",
+        DataWarning,
+        stacklevel=4,
+    )
+    return "roughness"
+
+
+def distortion_levels(record: MultiRecord, spectra: ChannelSpectra, part: Any) -> tuple[DistortionLevels, ...]:
+    """What every output holds on each kind of line."""
+    grid, f0 = record.lines, record.f0
+    Yc, noise, _ = part
+    std = np.sqrt(noise) if record.n_periods > 1 else np.full_like(noise, np.nan)
+    where = {"excited": spectra.excited, "odd": spectra.odd, "even": spectra.even}
+    return tuple(
+        DistortionLevels(
+            f_excited=grid.excited * f0,
+            f_odd=grid.odd * f0,
+            f_even=grid.even * f0,
+            excited=spectra.Y[j][:, spectra.excited],
+            odd=Yc[j][:, spectra.odd],
+            even=Yc[j][:, spectra.even],
+            **{f"noise_{kind}": std[j][at] for kind, at in where.items()},
+        )
+        for j in range(record.n_outputs)
+    )

@@ -1,0 +1,224 @@
+"""``MultiRecord``: periodic data of several inputs or outputs, with a channel axis in front."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from nlfrf.excitation.lines import LineGrid
+from nlfrf.records.detection import detect_lines
+from nlfrf.records.record import Record
+from nlfrf.records.samples import record_from_samples
+from nlfrf.shared.arguments import positive, real_array
+from nlfrf.shared.values import value
+
+__all__ = ["MultiRecord", "multirecord_from_samples"]
+
+
+@value
+class MultiRecord:
+    """Whole periods of several inputs and outputs, one axis more than in a `Record`: the channels, in front.
+
+    A type of its own, so that what is made for one input and one output refuses it instead of guessing.
+
+    Parameters
+    ----------
+    u : (n_u, M, P, N) ndarray
+        Inputs: channels x experiments x periods x samples of one period.
+    y : (n_y, M, P, N) ndarray
+        Outputs.
+    fs : float
+        Sampling frequency [Hz].
+    lines : LineGrid
+        Excited and detection lines, the same for all inputs.
+    r : (n_u, M, P, N) ndarray, optional
+        References, known without noise: for closed loop or noisy inputs.
+    inputs, outputs : tuple of str
+        Names of the channels; u1, u2, ... and y1, y2, ... where none are given.
+
+    Raises
+    ------
+    ValueError
+        Shapes that do not fit, numbers that are not finite, a channel without any signal, lines at or above Nyquist.
+
+    Examples
+    --------
+    >>> from nlfrf.excitation.multisine import multisine
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
+    >>> u = ms.u[:, :, None]
+    >>> record = MultiRecord(u=u, y=u[::-1], fs=100, lines=ms.lines)
+    >>> record.n_inputs, record.n_outputs, record.n_experiments, record.n_periods
+    (2, 2, 2, 1)
+    """
+
+    u: Any
+    y: Any
+    fs: float
+    lines: LineGrid
+    r: Any = None
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "fs", positive("fs", self.fs))
+        shape = np.shape(self.u)
+        for name in ("u", "y", "r"):
+            signal = getattr(self, name)
+            if signal is None and name == "r":
+                continue
+            signal = real_array(name, signal, ndim=4)
+            if signal.shape[1:] != shape[1:] or (name == "r" and signal.shape != shape):
+                rest = "the shape of u" if name == "r" else "the experiments, periods and samples of u"
+                raise ValueError(f"{name} must have {rest}, {shape if name == 'r' else shape[1:]}, got {signal.shape}")
+            if min(signal.shape[:3]) < 1 or signal.shape[3] < 4:
+                raise ValueError(
+                    f"{name} must hold at least 1 channel, 1 experiment, 1 period and 4 samples, got {signal.shape}"
+                )
+            self._keep(name, signal)
+        for name, default, n in (("inputs", "u", shape[0]), ("outputs", "y", self.y.shape[0])):
+            names = tuple(getattr(self, name)) or tuple(f"{default}{i + 1}" for i in range(n))
+            if len(names) != n or len(set(names)) != n:
+                raise ValueError(f"{name} must be {n} different names, got {names}")
+            object.__setattr__(self, name, names)
+        self._refuse_dead()
+        grid = self.lines
+        highest = max(int(kind[-1]) for kind in (grid.excited, grid.odd, grid.even) if kind.size)
+        if 2 * highest >= shape[3]:
+            raise ValueError(f"lines must lie below the Nyquist line {shape[3] / 2:g}, got line {highest}")
+
+    def _keep(self, name: str, signal: np.ndarray) -> None:
+        """Keep a signal as a float array that nobody else can write."""
+        if signal is not getattr(self, name):
+            signal = signal.copy()
+            signal.flags.writeable = False
+            object.__setattr__(self, name, signal)
+
+    def _refuse_dead(self) -> None:
+        """Refuse a channel that never moves, by its name."""
+        for signal, names in ((self.u, self.inputs), (self.y, self.outputs), (self.r, self.inputs)):
+            if signal is None:
+                continue
+            for channel, name in zip(signal, names, strict=True):
+                if np.ptp(channel) == 0:
+                    kind = "y" if signal is self.y else "u" if signal is self.u else "r"
+                    raise ValueError(
+                        f"{kind} must vary in every channel, got the constant {channel.flat[0]:g} in {name}. "
+                        "Is it the right channel?"
+                    )
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs n_u."""
+        return self.u.shape[0]
+
+    @property
+    def n_outputs(self) -> int:
+        """Outputs n_y."""
+        return self.y.shape[0]
+
+    @property
+    def n_experiments(self) -> int:
+        """Experiments M."""
+        return self.u.shape[1]
+
+    @property
+    def n_periods(self) -> int:
+        """Periods P of each experiment."""
+        return self.u.shape[2]
+
+    @property
+    def n_samples(self) -> int:
+        """Samples N in one period."""
+        return self.u.shape[3]
+
+    @property
+    def f0(self) -> float:
+        """Frequency resolution fs / N [Hz]."""
+        return self.fs / self.n_samples
+
+
+def multirecord_from_samples(
+    u: np.ndarray | Sequence[np.ndarray],
+    y: np.ndarray | Sequence[np.ndarray],
+    *,
+    fs: float,
+    n_samples: int | None = None,
+    lines: LineGrid | None = None,
+    r: np.ndarray | Sequence[np.ndarray] | None = None,
+    n_discard: int = 0,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> MultiRecord:
+    """Cut streams of several channels into whole periods; the faults of every channel are looked for.
+
+    Parameters
+    ----------
+    u, y : (n_channels, n) ndarray, or a list of M of them
+        Inputs and outputs, sampled together; a list holds one array per experiment.
+    fs : float
+        Sampling frequency [Hz].
+    n_samples : int, optional
+        Samples in one period; found from the first input when not given.
+    lines : LineGrid, optional
+        Excited and detection lines; found from all inputs (from `r` where given) when not given.
+    r : (n_u, n) ndarray, or a list of M of them, optional
+        References.
+    n_discard : int
+        Periods to leave out at the start, where the transient is.
+    inputs, outputs : sequence of str
+        Names of the channels.
+
+    Returns
+    -------
+    MultiRecord
+
+    Raises
+    ------
+    ValueError
+        Channels or experiments of different lengths, and whatever `record_from_samples` refuses in a channel.
+
+    Examples
+    --------
+    >>> from nlfrf.excitation.multisine import multisine
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
+    >>> u = [np.tile(ms.u[:, m], 3) for m in range(2)]
+    >>> record = multirecord_from_samples(u, [2 * one for one in u], fs=100, n_samples=100, n_discard=1)
+    >>> record.u.shape, record.lines.excited.tolist()
+    ((2, 2, 2, 100), [1, 3, 9, 11, 17, 19])
+    """
+    streams = {"u": experiments("u", u), "y": experiments("y", y)}
+    if r is not None:
+        streams["r"] = experiments("r", r)
+    for name, signal in streams.items():
+        lengths, wanted = ([one.shape[1] for one in some] for some in (signal, streams["u"]))
+        if lengths != wanted:
+            raise ValueError(f"{name} must have the experiments and samples of u, {wanted}, got {lengths}")
+    known = "r" if r is not None else "u"
+
+    def cut(name: str, i: int, period: int | None = n_samples) -> Record:
+        """One channel as the output beside a known signal, which says where the periods stand."""
+        beside = [one[i if name == known else 0] for one in streams[known]]
+        channel = [one[i] for one in streams[name]]
+        return record_from_samples(beside, channel, fs=fs, n_samples=period, n_discard=n_discard, lines=lines)
+
+    first = cut(known, 0)
+    size = first.n_samples
+    found = {
+        name: np.stack([cut(name, i, period=size).y for i in range(signal[0].shape[0])])
+        for name, signal in streams.items()
+    }
+    if lines is None:
+        every = [detect_lines(channel) for channel in found[known]]
+        lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
+    return MultiRecord(**found, fs=first.fs, lines=lines, inputs=tuple(inputs), outputs=tuple(outputs))
+
+
+def experiments(name: str, signal: Any) -> list[np.ndarray]:
+    """The streams (n_channels, n) of each experiment."""
+    many = list(signal) if isinstance(signal, (list, tuple)) else [signal]
+    arrays = [real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2) for m, one in enumerate(many)]
+    if not arrays or len({one.shape[0] for one in arrays}) != 1:
+        raise ValueError(f"{name} must have the same channels in every experiment, got {[one.shape for one in arrays]}")
+    return arrays

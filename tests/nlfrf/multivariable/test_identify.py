@@ -1,0 +1,207 @@
+"""From a record of several channels to its `Frm`: linear systems exactly, covariances by statistics, every warning."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import nlfrf
+
+BAND = {"fs": 512, "n_samples": 512, "f_min": 1, "f_max": 200}
+G0 = np.array([[1.0, 0.3, -0.2], [-0.5, 2.0, 0.4]])
+
+
+def linear(ms, n_periods=2, noise=0.0, rng=0, G=G0):
+    rng = np.random.default_rng(rng)
+    u = np.repeat(ms.u[:, :, None], n_periods, axis=2)
+    y = np.einsum("ji,imps->jmps", G[:, : ms.n_inputs], u)
+    return nlfrf.MultiRecord(u=u, y=y + noise * rng.standard_normal(y.shape), fs=ms.fs, lines=ms.lines)
+
+
+@pytest.mark.parametrize("n_inputs", [1, 2, 3])
+@pytest.mark.parametrize("R", [1, 2])
+def test_a_linear_system_without_noise_is_exact(n_inputs, R):
+    ms = nlfrf.multisine(**BAND, n_inputs=n_inputs, n_realizations=R, rng=1)
+    if n_inputs == 1:
+        u = np.repeat(ms.u[None, :, None], 2, axis=2)
+        record = nlfrf.MultiRecord(u=u, y=G0[:, :1, None, None] * u, fs=512, lines=ms.lines)
+    else:
+        record = linear(ms)
+    frm = nlfrf.identify(record)
+    assert np.abs(frm.G - G0[:, :n_inputs, None]).max() < 1e-12
+    assert (frm.n_realizations, frm.n_experiments) == (R, R * n_inputs)
+
+
+def test_turned_and_permuted_experiments_and_mixed_inputs_say_the_same():
+    mixing = np.array([[1.0, 1.0], [1.0, -1.0]])
+    ms = nlfrf.multisine(**BAND, n_inputs=2, mixing=mixing, rng=2)
+    record = linear(ms)
+    assert np.abs(nlfrf.identify(record).G - G0[:, :2, None]).max() < 1e-12
+    turned = nlfrf.MultiRecord(u=-record.u[:, ::-1], y=-record.y[:, ::-1], fs=512, lines=ms.lines)
+    np.testing.assert_allclose(nlfrf.identify(turned).G, nlfrf.identify(record).G, atol=1e-12)
+
+
+def test_one_input_and_one_output_agree_with_the_single_loop():
+    """G, noise and total variances to rounding; the level of detection lines is the same formula."""
+    ms = nlfrf.multisine("random-odd", **BAND, n_realizations=3, rng=3)
+    rng = np.random.default_rng(1)
+    u = np.repeat(ms.u[:, None], 3, axis=1)
+    y = u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape)
+    bla = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines))
+    frm = nlfrf.identify(nlfrf.MultiRecord(u=u[None], y=y[None], fs=512, lines=ms.lines))
+    np.testing.assert_allclose(frm.G[0, 0], bla.G, rtol=1e-12)
+    np.testing.assert_allclose(frm.var_noise[0, 0], bla.var_noise, rtol=1e-9)
+    np.testing.assert_allclose(frm.var_total[0, 0], bla.var_total, rtol=1e-9)
+    ratio = frm.entry(0, 0).bound() / bla.bound()
+    assert np.abs(np.log(ratio)).max() < 0.3
+    assert abs(np.log(np.median(ratio))) < 0.03
+
+
+def test_the_covariance_is_that_of_many_records():
+    """conj(gamma) kron C of white noise with known covariance, against the scatter of 150 records, entry by entry."""
+    ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, rms=(1.0, 3.0), rng=4)
+    root = np.array([[0.1, 0.0], [0.08, 0.05]])
+    rng = np.random.default_rng(2)
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    errors, said = [], []
+    for _ in range(150):
+        y = np.einsum("ji,imps->jmps", G0[:, :2], u) + np.einsum("ij,jmps->imps", root, rng.standard_normal(u.shape))
+        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines), transient="none")
+        errors.append((frm.G - G0[:, :2, None]).transpose(1, 0, 2).reshape(4, -1))
+        said.append(frm.covariance().mean(axis=2))
+    errors = np.array(errors)
+    scatter = np.einsum("nak,nbk->ab", errors, errors.conj()) / errors.shape[0] / errors.shape[2]
+    said = np.mean(said, axis=0)
+    size = np.sqrt(np.outer(np.diag(scatter).real, np.diag(scatter).real))
+    assert np.abs(said - scatter).max() < 0.05 * size.max()
+    assert np.all(np.abs(said - scatter) / size < 0.08)
+    assert np.all(np.abs(np.log(np.diag(said).real / np.diag(scatter).real)) < 0.05)
+
+
+@pytest.mark.parametrize(("kind", "R", "n_inputs"), [("random-odd", 1, 2), ("special-odd", 2, 2), ("random-odd", 1, 3)])
+def test_entries_and_matrices_hold_what_they_say(kind, R, n_inputs):
+    """White noise and static cross terms; windows overlap, so the tolerance is that of a smaller sample."""
+    grid = nlfrf.multisine(kind, **BAND, rng=0).lines
+    entries, matrices = [], []
+    frms = []
+    for e in range(50):
+        ms = nlfrf.multisine("custom", lines=grid, **BAND, n_inputs=n_inputs, n_realizations=R, rng=e)
+        record = linear(ms, noise=0.02, rng=e)
+        u = record.u
+        cross = np.stack([0.1 * u[0] ** 3 + 0.1 * u[0] * u[1] ** 2, 0.1 * u[1] ** 2 * u[-1]])
+        frms.append(nlfrf.identify(nlfrf.MultiRecord(u=u, y=record.y + cross, fs=512, lines=grid), transient="none"))
+    truth = np.mean([frm.G for frm in frms], axis=0)
+    for frm in frms:
+        d = (frm.G - truth) * 50 / 49
+        entries.append(np.mean(np.abs(d) < frm.bound()))
+        left, right = (np.moveaxis(side, 2, 0) for side in frm.block())
+        Z = np.linalg.solve(left, np.moveaxis(d, 2, 0)) @ np.linalg.inv(right)
+        matrices.append(np.mean(np.linalg.norm(Z, 2, (1, 2)) < 1))
+    assert 0.93 < np.mean(entries) < 0.99
+    assert 0.92 < np.mean(matrices) < 0.995
+
+
+def test_a_loop_by_reference_has_a_full_gamma_and_no_bias():
+    ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, n_realizations=2, rng=5)
+    rng = np.random.default_rng(3)
+    r = np.repeat(ms.u[:, :, None], 4, axis=2)
+    K = np.array([[0.8, 0.6], [-0.4, 0.5]])
+    n = 0.05 * rng.standard_normal(r.shape)
+    # u = r - K (G u + n): static, so the loop closes sample by sample
+    G = G0[:, :2]
+    u = np.einsum("ij,jmps->imps", np.linalg.inv(np.eye(2) + K @ G), r - np.einsum("ij,jmps->imps", K, n))
+    y = np.einsum("ij,jmps->imps", G, u) + n
+    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, r=r, fs=512, lines=ms.lines), transient="none")
+    inside = np.abs(frm.G - G[:, :, None]) < frm.bound()
+    assert inside.mean() > 0.92
+    off = np.abs(frm.gamma[0, 1]) / np.sqrt(frm.gamma[0, 0].real * frm.gamma[1, 1].real)
+    assert np.median(off) > 0.1
+    # noise that is fed back correlates u with n: without the reference G is off by many sigmas
+    biased = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines), transient="none")
+    assert np.abs((frm.G - G[:, :, None]).mean(axis=2)).max() < np.abs((biased.G - G[:, :, None]).mean(axis=2)).max()
+
+
+def test_a_transient_is_taken_off():
+    from scipy.signal import lfilter
+
+    ms = nlfrf.multisine(**BAND, n_inputs=2, rng=6)
+    u = np.repeat(ms.u[:, :, None], 3, axis=2)
+    stream = u.reshape(2, 2, -1)
+    b, a = [0.02], [1, -1.9, 0.95]
+    y = lfilter(b, a, stream[0] + 0.5 * stream[1])[None].reshape(1, *u.shape[1:])
+    record = nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines)
+    z = np.exp(-2j * np.pi * ms.f / 512)
+    G = b[0] / np.polyval(a[::-1], z) * np.array([1.0, 0.5])[:, None]
+    raw, cured = (np.abs(nlfrf.identify(record, transient=how).G[0] - G).max() for how in ("none", "local"))
+    assert cured < 1e-4 * np.abs(G).max()
+    assert cured < 1e-2 * raw
+
+
+def test_warnings_and_refusals():
+    ms = nlfrf.multisine(**BAND, n_inputs=2, rng=7)
+    record = linear(ms)
+    with pytest.warns(nlfrf.DataWarning, match="one period does not tell noise from distortion"):
+        nlfrf.identify(linear(ms, n_periods=1))
+    few = nlfrf.MultiRecord(u=record.u[:, :1], y=record.y[:, :1], fs=512, lines=ms.lines)
+    with pytest.raises(ValueError, match="record must hold n_inputs = 2 experiments a set"):
+        nlfrf.identify(few)
+    same = nlfrf.MultiRecord(u=record.u[:, [0, 0]], y=record.y[:, [0, 0]], fs=512, lines=ms.lines)
+    with pytest.raises(ValueError, match=r"u must hold experiments that tell the inputs apart, got a condition of"):
+        nlfrf.identify(same)
+    near = record.u.copy()
+    near[:, 1] = near[:, 0] + 0.05 * near[:, 1]
+    with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly: condition"):
+        nlfrf.identify(nlfrf.MultiRecord(u=near, y=record.y, fs=512, lines=ms.lines))
+    silent = nlfrf.LineGrid(excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even)
+    with pytest.raises(
+        ValueError, match="lines must be excited by every input, got line 253 with no input on it in u1"
+    ):
+        nlfrf.identify(nlfrf.MultiRecord(u=record.u, y=record.y, fs=512, lines=silent))
+    full = nlfrf.multisine("full", **BAND, n_inputs=2, rng=8)
+    with pytest.warns(nlfrf.DataWarning, match="the detection lines of this full grid do not calibrate"):
+        assert nlfrf.identify(linear(full, noise=0.01)).level_source == "roughness"
+    with pytest.raises(ValueError, match="lines must hold at least n_detection = 6 odd detection lines for level_from"):
+        nlfrf.identify(linear(full), level_from="detection")
+
+
+def test_experiments_with_the_same_phases_are_counted_once():
+    ms = nlfrf.multisine(**BAND, n_inputs=2, rng=9)
+    phi = np.random.default_rng(1).uniform(0, 2 * np.pi, (2, 1, ms.f.size))
+    signs = np.array([[0, 0], [0, np.pi]])[:, :, None]
+    plain = nlfrf.OrthogonalMultisine(
+        fs=512,
+        n_samples=512,
+        kind=ms.kind,
+        lines=ms.lines,
+        design="orthogonal",
+        amplitude=ms.amplitude,
+        phase=phi + signs,
+    )
+    with pytest.warns(nlfrf.DataWarning, match=r"experiments have the same phases \(psi\)"):
+        copied = nlfrf.identify(linear(plain))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        own = nlfrf.identify(linear(ms))
+    np.testing.assert_array_equal(own.dof, 2 * copied.dof)
+
+
+def test_the_bounds_of_a_matrix_and_its_entries():
+    ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, rng=10)
+    frm = nlfrf.identify(linear(ms, noise=0.05))
+    assert frm.covariance().shape == (4, 4, frm.f.size)
+    np.testing.assert_allclose(
+        np.einsum("aak->ak", frm.covariance()).real.reshape(2, 2, -1).transpose(1, 0, 2), frm.entries(frm.cov_bound)
+    )
+    left, right = frm.block()
+    box = np.sqrt(np.einsum("jak,jak->jk", left, left.conj()).real)[:, None] * np.sqrt(
+        np.einsum("iak,iak->ik", right, right.conj()).real
+    )
+    assert np.all(box > frm.bound())  # the whole matrix asks for more than one entry
+    assert np.all(frm.bound(of="realization") >= frm.bound())
+    assert np.all(frm.bound(simultaneous=True) > frm.bound())
+    entry = frm.entry(1, 0)
+    np.testing.assert_allclose(entry.bound(), frm.bound()[1, 0])
+    np.testing.assert_allclose(entry.bound(of="realization"), frm.bound(of="realization")[1, 0], rtol=0.2)
+    assert "y2 by u1" in str(frm)
+    with pytest.raises(ValueError, match="output and input must be below 2 and 2"):
+        frm.entry(2, 0)
