@@ -12,6 +12,9 @@ from robust.uncertain.forms import worst_terms
 
 __all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
 
+#: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
+AT_A_POLE = 1e140
+
 
 @value
 class Curves:
@@ -58,6 +61,11 @@ class Curves:
             return np.full(self.omega.size, np.nan)
         worst = worst_sensitivity(self.S, self.a, self.b)
         return np.where(np.isinf(worst), np.inf, np.abs(self.w_P) * np.where(np.isinf(worst), 1.0, worst))
+
+    @property
+    def K_S(self) -> np.ndarray:
+        """(W,) complex K S, finite at the poles of K."""
+        return finite(self.K) * self.S
 
     @property
     def worst(self) -> np.ndarray:
@@ -113,9 +121,14 @@ def inverted(peak: float) -> float:
 
 
 def loop_curves(form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: np.ndarray, w_P: Any) -> Curves:
-    """The curves from the responses of the parts of a loop."""
-    S, a, b = worst_terms(form, w, G, K)
+    """The curves from the responses of the parts of a loop, which are finite at a pole of the plant or of K too."""
+    S, a, b = worst_terms(form, w, finite(G), finite(K))
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b)
+
+
+def finite(response: np.ndarray) -> np.ndarray:
+    """(W,) a response with its limit in place of infinity: in S, T, K S and G S it cancels, to all digits there are."""
+    return np.where(np.isfinite(response), response, AT_A_POLE)
 
 
 def peaks_on_lines(curves: Curves) -> Peaks:

@@ -7,9 +7,9 @@ from typing import Any
 import control
 import numpy as np
 
-from robust.systems.bilinear import Matrices, to_continuous
+from robust.systems.bilinear import to_continuous
 from robust.systems.closed_loop import closed_loop
-from robust.systems.lti import constant, scaled_states, timebase, zeros
+from robust.systems.lti import Matrices, constant, scaled_states, timebase, zeros
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import state_space
 from robust.systems.riccati import stabilising

@@ -83,7 +83,9 @@ class Loop:
 
     def plant(self, omega: np.ndarray) -> np.ndarray:
         """(W,) response of G."""
-        return response(self.short, omega) * np.exp(-1j * omega * self.shift)
+        G = response(self.short, omega)
+        with np.errstate(invalid="ignore"):  # infinite at a pole on the axis, whatever the phase
+            return np.where(np.isfinite(G), G * np.exp(-1j * omega * self.shift), np.inf)
 
     def curves(self, omega: Any) -> Curves:
         """What the loop does at the frequencies omega [rad/s], from the responses of its parts."""
@@ -116,7 +118,7 @@ class Loop:
         # from there on at least as 1/k^2, whose sum is k times its last term
         total += N_ALIASES * np.subtract(total, before, out=np.zeros(omega.size), where=np.isfinite(total))
         nominal = self.curves(omega)
-        return nominal.rs + np.abs(nominal.K * nominal.S) * total
+        return nominal.rs + np.abs(nominal.K_S) * total
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""

@@ -14,9 +14,9 @@ from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.intervals import Outcome, around, prove
 from robust.certificates.single_loop import LoopFactors, product, prove_loop
-from robust.systems.bilinear import Matrices, continuous_image
+from robust.systems.bilinear import continuous_image
 from robust.systems.closed_loop import closed_loop
-from robust.systems.lti import constant, evaluate, on_axis, response, timebase
+from robust.systems.lti import Matrices, constant, over_frequency, response, timebase
 from robust.systems.norms import well_conditioned
 from robust.uncertain.forms import FORMS
 
@@ -121,7 +121,7 @@ def loop_matrix(loop: Loop, omega: np.ndarray) -> np.ndarray:
     out, into = loop.ports()
     matrices = closed_loop(loop.G, loop.K, (out, "e"), (into, "r"))
     rows = np.stack([response(loop.weight, omega), response(loop.w_P, omega)], axis=1)
-    return evaluate(*matrices, on_axis(omega, loop.dt)) * rows[:, :, None]
+    return over_frequency(matrices, omega, loop.dt) * rows[:, :, None]
 
 
 def best_constant(loop: Loop, omega: np.ndarray) -> float:

@@ -17,8 +17,8 @@ from nlfrf.shared.arguments import positive
 from nlfrf.shared.wording import shown
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.solver import TIME_CAP, attempt
-from robust.systems.bilinear import Matrices, to_continuous, to_discrete
-from robust.systems.lti import scaled_states, timebase
+from robust.systems.bilinear import to_continuous, to_discrete
+from robust.systems.lti import Matrices, scaled_states, timebase
 from robust.systems.norms import EPS, hinf_norm, well_conditioned
 
 __all__ = ["certify_norm"]

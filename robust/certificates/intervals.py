@@ -16,8 +16,7 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
-from robust.systems.bilinear import Matrices
-from robust.systems.lti import poles, timebase, zeros
+from robust.systems.lti import Matrices, poles, timebase, zeros
 from robust.systems.norms import crossings, largest_gain
 
 __all__ = ["SLACK", "Magnitude", "Outcome", "around", "inside", "magnitude", "prove"]

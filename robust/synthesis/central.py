@@ -7,7 +7,7 @@ from scipy.linalg import cholesky
 
 from nlfrf.shared.values import value
 from robust.synthesis.generalised_plant import Plant
-from robust.systems.bilinear import Matrices
+from robust.systems.lti import Matrices
 from robust.systems.riccati import stabilising
 
 __all__ = ["central", "least_level", "solved"]

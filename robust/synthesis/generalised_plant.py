@@ -11,8 +11,8 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
-from robust.systems.bilinear import Matrices, to_continuous, to_discrete
-from robust.systems.lti import evaluate, scaled_states, timebase
+from robust.systems.bilinear import to_continuous, to_discrete
+from robust.systems.lti import Matrices, evaluate, scaled_states, timebase
 
 __all__ = ["Plant", "controller_of", "hidden_mode", "normalised", "prepared", "regularised"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import control
 import numpy as np
 
-from robust.systems.lti import timebase
+from robust.systems.lti import Matrices, timebase
 
-__all__ = ["Matrices", "continuous_image", "to_continuous", "to_discrete"]
+__all__ = ["continuous_image", "to_continuous", "to_discrete"]
 
 
 def to_continuous(
@@ -36,9 +36,6 @@ def inverted(A: np.ndarray, place: str) -> np.ndarray:
         raise np.linalg.LinAlgError(
             f"system must have no pole at {place}, got one: the bilinear map would send it to infinity"
         ) from None
-
-
-Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def continuous_image(system: control.StateSpace) -> Matrices:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import control
 import numpy as np
 
-from robust.systems.bilinear import Matrices
+from robust.systems.lti import Matrices
 
 __all__ = ["closed_loop", "factor_allowed", "worst_perturbation", "worst_sensitivity"]
 

@@ -9,11 +9,13 @@ from scipy.linalg import eig, matrix_balance, schur
 from robust.systems.pickles import make_picklable
 
 __all__ = [
+    "Matrices",
     "along",
     "constant",
     "evaluate",
     "in_s",
     "on_axis",
+    "over_frequency",
     "poles",
     "response",
     "scaled_states",
@@ -21,6 +23,7 @@ __all__ = [
     "zeros",
 ]
 MANY_STATES = 40
+Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 make_picklable()  # here, as every room that makes or takes a system stands on this one
 
 
@@ -36,7 +39,7 @@ def constant(system: control.StateSpace) -> bool:
 
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
-    return evaluate(system.A, system.B, system.C, system.D, on_axis(omega, timebase(system)))[:, 0, 0]
+    return along(system, omega)[0, 0]
 
 
 def on_axis(omega: np.ndarray, dt: float) -> np.ndarray:
@@ -59,6 +62,8 @@ def evaluate(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points:
     if n == 0:
         return out
     A, B, C = scaled_states(A, B, C)
+    order = np.argsort(np.abs(np.diag(A)), kind="stable")  # slow states first: elimination keeps their digits
+    A, B, C = A[np.ix_(order, order)], B[order], C[:, order]
     finite = np.isfinite(points)
     if n > MANY_STATES and points.size > 4:
         out[finite] += by_schur(A, B, C, points[finite])
@@ -122,4 +127,16 @@ def in_s(roots: np.ndarray, dt: float) -> np.ndarray:
 
 def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(n_out, n_in, W) response."""
-    return np.moveaxis(evaluate(N.A, N.B, N.C, N.D, on_axis(omega, timebase(N))), 0, 2)
+    return np.moveaxis(over_frequency((N.A, N.B, N.C, N.D), omega, timebase(N)), 0, 2)
+
+
+def over_frequency(matrices: Matrices, omega: np.ndarray, dt: float) -> np.ndarray:
+    """(W, n_out, n_in) transfer matrix at omega [rad/s].
+
+    Of a sampled system from z - 1 and A - I: in a fast clock exp(j omega dt) rounds to one, and its slow poles with it.
+    """
+    A, B, C, D = matrices
+    omega = np.atleast_1d(np.asarray(omega, dtype=float))
+    if not dt:
+        return evaluate(A, B, C, D, 1j * omega)
+    return evaluate(A - np.eye(A.shape[0]), B, C, D, np.expm1(1j * omega * dt))

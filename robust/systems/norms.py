@@ -8,8 +8,8 @@ import control
 import numpy as np
 from scipy.linalg import eig, matrix_balance, solve_continuous_lyapunov
 
-from robust.systems.bilinear import Matrices, continuous_image
-from robust.systems.lti import evaluate, scaled_states, timebase
+from robust.systems.bilinear import continuous_image
+from robust.systems.lti import Matrices, evaluate, scaled_states, timebase
 
 __all__ = ["EPS", "crossings", "hinf_norm", "largest_gain", "sign_changes", "well_conditioned"]
 

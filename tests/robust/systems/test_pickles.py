@@ -3,7 +3,7 @@
 import inspect
 import pickle
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 
 import cloudpickle
@@ -39,6 +39,10 @@ def values_of_nlfrf():
     yield nlfrf.level_study(rig, band, [0.5, 1.0], n_discard=10)
     yield nlfrf.run(rig, np.zeros(20), fs=512.0)
     yield nlfrf.simulate_loop(rig, control.ss([], [], [], [[1.0]], 0.01), np.ones(20), fs=100.0)
+    two = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
+    u = np.repeat(two.u[:, :, None], 2, axis=2)
+    several = nlfrf.MultiRecord(u=u, y=u[::-1], fs=256, lines=two.lines)
+    yield from (two, several, nlfrf.identify(replace(several, y=several.y + 0.1 * several.u**3)))
     yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
     yield hysteresis.MaxwellSlip(stiffness=[1.0, 2.0], strength=[0.3, 0.7])
 
@@ -55,6 +59,8 @@ def values_of_robust():
     yield from (robust.check(MODEL, K), robust.check(BLA, K), robust.worst_case(MODEL, K))
     yield from (robust.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
     yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
+    PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
+    yield robust.prove_friction(robust.sliding_machine(1.0, 80e3, 0.4), PD, robust.any_maxwell_slip(64e3))
     yield from (robust.mu_upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
 
 
