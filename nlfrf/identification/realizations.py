@@ -25,7 +25,8 @@ __all__ = ["check_realizations"]
 
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
-STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together
+STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together, if it does not scatter
+SIGMAS = 5.0  # how many times its scatter it may be apart
 BY_CHANCE = 1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
 ALIKE = 0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
 FEWEST = 4  # lines that can tell phases apart
@@ -228,15 +229,30 @@ def refuse_unexcited(excited: Spectra) -> None:
 
 
 def refuse_strangers(excited: Spectra) -> None:
-    """Refuse realisations of another amplitude spectrum: their BLA is another one."""
+    """Refuse realisations of another amplitude spectrum: their BLA is another one.
+
+    A measured force scatters from line to line and from realisation to realisation where the shaker gives way, at a
+    resonance above all: the limit is as wide as the mean over a part of the band then scatters.
+    """
     known = excited.U if excited.R is None else excited.R
-    n_lines = known.shape[1]
-    power = np.add.reduceat(squared(known), np.arange(0, n_lines, max(1, n_lines // N_PARTS)), axis=1)
-    middle = np.sort(power, axis=0)[power.shape[0] // 2]
-    apart = np.abs(10 * np.log10(power / middle)).max(axis=1)
-    worst = int(np.argmax(apart))
-    if apart[worst] > STRANGE:
+    first = np.arange(0, known.shape[1], max(1, known.shape[1] // N_PARTS))
+    level = 10 * np.log10(squared(known))
+    level -= level[:1] if len(level) == 2 else np.median(level, axis=0)
+    jumps = np.zeros((1, level.shape[1]))
+    jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter has them, another spectrum has none
+    apart, scatter = np.abs(over_parts(level, first)), over_parts(jumps, first)
+    n_lines = np.diff(np.append(first, [known.shape[1], 2 * known.shape[1]]))
+    beyond = apart / np.maximum(STRANGE, SIGMAS * np.sqrt(np.maximum(scatter, np.mean(jumps)) / n_lines))
+    worst, part = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
+    if beyond[worst, part] > 1:
         raise ValueError(
             f"u must have the same amplitude spectrum in every realisation, got realisation {worst} up to "
-            f"{apart[worst]:.1f} dB apart from the others"
+            f"{apart[worst, part]:.1f} dB apart from the others"
         )
+
+
+def over_parts(x: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Means over parts of the last axis, each from its first index on, and over all of it."""
+    size = x.shape[-1]
+    means = np.add.reduceat(x, first, axis=-1) / np.diff(np.append(first, size))
+    return np.concatenate([means, x.mean(axis=-1, keepdims=True)], axis=-1)

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import fft
+from scipy.special import i0
 
 from nlfrf.shared.values import value
 
-__all__ = ["SEVERE", "Track", "clipped", "longest_standstill", "recut", "track"]
+__all__ = ["SEVERE", "Track", "between", "clipped", "longest_standstill", "nonzero", "recut", "track"]
 
 
 SEVERE = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
@@ -178,8 +179,8 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     )
 
 
-def recut(x: np.ndarray, where: Track) -> np.ndarray:
-    """(P, N) the sound periods of a stream, each cut where it stands, between the samples where need be.
+def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
+    """The sound periods (P, N) of a stream, each cut where it stands, between the samples where need be, and which.
 
     Parameters
     ----------
@@ -201,7 +202,7 @@ def recut(x: np.ndarray, where: Track) -> np.ndarray:
         # a delay is an average over its period: it belongs to the middle
         middle, smooth = j[sound] + 0.5, (where.delay - where.jumps)[sound]
         curve = np.polyfit(middle, smooth, min(DRIFT, middle.size - 1))
-    rows = []
+    rows, kept = [], []
     for period in j[where.sound]:
         jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
         if jumps and where.sound[period + 1]:  # then the gap lies in this one, too short to make it unsound
@@ -210,9 +211,10 @@ def recut(x: np.ndarray, where: Track) -> np.ndarray:
         at = n * tau + np.polyval(curve, tau) + where.jumps[period]
         if at[0] > -0.5 and at[-1] < x.size - 0.5:
             rows.append(between(x, at))
+            kept.append(period)
     if not rows:
         raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none")
-    return np.array(rows)
+    return np.array(rows), np.array(kept)
 
 
 def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -226,7 +228,7 @@ def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     offset = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)
     index = np.clip(first[:, None] + offset, 0, x.size - 1)
     distance = (at - first)[:, None] - offset
-    window = np.i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0))) / np.i0(BETA)
+    window = i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
     kernel = np.sinc(distance) * window
     return np.asarray(np.sum(x[index] * kernel, axis=1) / np.sum(kernel, axis=1))
 

@@ -13,6 +13,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.records.detection import detect_lines, detect_period
 from nlfrf.records.faults import SEVERE, Track, clipped, longest_standstill, recut, track
+from nlfrf.records.output_faults import follow, on_the_clock_of_the_input
 from nlfrf.records.record import Record, refuse_constant
 from nlfrf.records.reference import played_period, played_reference
 from nlfrf.records.regular_grids import jumpy_grid
@@ -127,13 +128,18 @@ def records_from_streams(
     for name, signal in streams.items():
         for one in signal:
             warn_about_channel(name, one, n_samples)
-    cut, fs = cut_streams(streams, excitation, fs, n_samples, n_discard, resample)
-    periodic = cut.get("r", cut["u"])
-    refuse_wrong_period(periodic, excitation[0])
+    kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
+    tracks = follow_input(kept.get("r", kept["u"]), n_samples, n_discard, resample)
+    cut = cut_streams(kept, tracks, n_samples)
+    refuse_wrong_period(cut.get("r", cut["u"]), excitation[0])
+    if lines is None:
+        lines = grid_of(cut.get("r", cut["u"])) if design is None else design.lines
+    if examine_outputs(kept, cut, tracks, lines, resample):
+        cut = cut_streams(kept, tracks, n_samples)
+    if resample and all(tracks):  # so that f0 is what the input repeats at
+        fs /= float(np.mean([where.spacing for where in tracks if where]))
     if design is not None:
         cut.setdefault("r", played_reference(design, cut["u"]))
-    if lines is None:
-        lines = grid_of(periodic) if design is None else design.lines
     if hold is None:
         hold = "unknown" if design is None else design.hold
     u, r = cut.pop("u"), cut.pop("r", None)
@@ -142,29 +148,66 @@ def records_from_streams(
     return [first, *(replace(first, y=y) for y in ys[1:])]
 
 
-def cut_streams(
-    streams: Streams, excitation: list[np.ndarray], fs: float, n_samples: int, n_discard: int, resample: bool
-) -> tuple[dict[str, np.ndarray], float]:
-    """(M, P, N) of each signal, and the sampling frequency [Hz] that goes with them."""
+def follow_input(excitation: list[np.ndarray], n_samples: int, n_discard: int, resample: bool) -> list[Track | None]:
+    """Where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
     shortest = min(one.size for one in excitation)
-    n_periods = shortest // n_samples - n_discard
-    if n_periods < 1:
+    if shortest < n_samples:
+        whole = shortest + n_discard * n_samples
         raise ValueError(
             f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
-            f"got {shortest} samples, which is {shortest / n_samples:.2f} periods"
+            f"got {whole} samples, which is {whole / n_samples:.2f} periods"
         )
-    begin = n_discard * n_samples
-    tracks = [track(one[begin:], n_samples) for one in excitation if one.size - begin >= 2 * n_samples]
+    tracks = [track(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
     tracks = [found for found in tracks if found.unexplained < REPEATS]
-    if not (resample and len(tracks) == len(excitation)):
-        for where in tracks:
-            refuse_fault(where)
-        return cut_evenly(streams, begin, n_periods, n_samples), fs
-    cut = {
-        name: stacked([recut(one[begin:], where) for one, where in zip(signal, tracks, strict=True)])
-        for name, signal in streams.items()
-    }
-    return cut, fs / float(np.mean([where.spacing for where in tracks]))  # so that f0 is what the input repeats at
+    if resample and len(tracks) == len(excitation):
+        return list(tracks)
+    for where in tracks:
+        refuse_fault(where)
+    return [None] * len(excitation)
+
+
+def cut_streams(streams: Streams, tracks: list[Track | None], n_samples: int) -> dict[str, np.ndarray]:
+    """(M, P, N) of each signal: each period where it stands, or one after the other; as many as all have."""
+    n_periods = min(one.size for one in streams["u"]) // n_samples
+    cut = {}
+    for name, signal in streams.items():
+        rows = [
+            one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else recut(one, where)[0]
+            for one, where in zip(signal, tracks, strict=True)
+        ]
+        least = min(len(periods) for periods in rows)
+        cut[name] = np.stack([periods[:least] for periods in rows])
+    return cut
+
+
+def examine_outputs(
+    streams: Streams, cut: dict[str, np.ndarray], tracks: list[Track | None], lines: LineGrid, resample: bool
+) -> bool:
+    """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
+    if cut["u"].shape[1] < 2:
+        return False
+    cured = False
+    for name in streams:
+        if name in ("u", "r"):
+            continue
+        for m, where in enumerate(tracks):
+            lag = follow(cut["u"][m], cut[name][m], lines.excited)
+            told = name if len(tracks) == 1 else f"{name}, realisation {m}"
+            if lag.fault and resample and where is not None:
+                periods = recut(streams["u"][m], where)[1][: len(lag.sound)]
+                streams[name][m], good = on_the_clock_of_the_input(streams[name][m], lag, periods)
+                sound = where.sound.copy()
+                sound[periods[~good]] = False
+                tracks[m] = replace(where, sound=sound)
+                cured = True
+            elif lag.fault and lag.severe:
+                raise ValueError(f"{told} must stand still against u from period to period, got: {lag.fault}")
+            elif lag.fault:
+                said = f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {told} is out of place"
+                warnings.warn(said, DataWarning, stacklevel=5)
+            if lag.drift:
+                warnings.warn(f"{told}: {lag.drift}", DataWarning, stacklevel=5)
+    return cured
 
 
 def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any) -> Streams:
@@ -182,18 +225,10 @@ def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any) -> Streams:
             if one.size != u_one.size:
                 which = "" if len(signal) == 1 else f" in realisation {m}"
                 raise ValueError(f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}")
-    name = "u" if r is None else "r"
-    for one in streams[name]:
-        refuse_constant(name, one[np.newaxis])
+    for name, signal in streams.items():
+        for one in signal:
+            refuse_constant(name, one[np.newaxis])
     return streams
-
-
-def cut_evenly(streams: Streams, begin: int, n_periods: int, n_samples: int) -> dict[str, np.ndarray]:
-    """(M, P, N) of each signal, one period after the other from the sample `begin`."""
-    kept = slice(begin, begin + n_periods * n_samples)
-    return {
-        name: np.stack([one[kept].reshape(n_periods, n_samples) for one in signal]) for name, signal in streams.items()
-    }
 
 
 def grid_of(periodic: np.ndarray) -> LineGrid:
@@ -208,12 +243,6 @@ def grid_of(periodic: np.ndarray) -> LineGrid:
             stacklevel=5,
         )
     return grid
-
-
-def stacked(cut: list[np.ndarray]) -> np.ndarray:
-    """(M, P, N) as many periods of each realisation as all of them have."""
-    n_periods = min(len(periods) for periods in cut)
-    return np.stack([periods[:n_periods] for periods in cut])
 
 
 def refuse_fault(where: Track) -> None:

@@ -1,0 +1,251 @@
+"""Faults of the output against the input: lost samples, another clock, a drifting gain, a wandering operating point.
+
+In a sound record the phase of Y/U on the excited lines is the same in every period. A slope of it over frequency is a
+delay: one that jumps by whole samples is a gap in y, one that grows evenly is a clock of y that is off that of u.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import fft
+
+from nlfrf.records.faults import SEVERE, between, nonzero
+from nlfrf.shared.values import value
+
+__all__ = ["Lag", "follow", "on_the_clock_of_the_input"]
+
+
+SURE = 6.0  # standard deviations past which a fault is believed
+EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
+VISIBLE = 1e-6  # share of the power of y out of place from which it is said
+DRIFT = 0.02  # change of gain over the record that is named
+WANDER = 0.15  # change of the operating point over the record that is named, in rms of the output
+CLOCKS = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
+LEVEL = 0.25  # how far the gain of a period may be from that of the others
+UNSOUND = 1e-3  # share of the power of a period that may not repeat before it is looked at
+FEW = 4  # periods from which a drift is told from a transient
+
+
+@value(copy=False)
+class Lag:
+    """How an output stands against the input, period by period.
+
+    Fields
+    ------
+    n_samples : int
+        Samples in one period.
+    delay : (P,) ndarray
+        Delay of y behind that of u in each period, that of the first sound one being zero [samples].
+    jumps : (P,) ndarray
+        The whole samples of it, from samples of y that were lost (negative) or repeated.
+    sound : (P,) bool ndarray
+        Periods that repeat the others but for a delay and a gain, with no gap inside.
+    noise : float
+        Standard deviation of the delays by noise [samples].
+    misplaced : float
+        Share of the power of y that the delays turn into apparent distortion.
+    explained : float
+        Share of what does not repeat from period to period that the delays explain.
+    gain : (P,) ndarray
+        Gain of each period over that of the last one.
+    gain_noise : float
+        Its standard deviation by noise.
+    offset : (P,) ndarray
+        Mean of y over each period, in rms of y about its mean.
+    """
+
+    n_samples: int
+    delay: np.ndarray
+    jumps: np.ndarray
+    sound: np.ndarray
+    noise: float
+    misplaced: float
+    explained: float
+    gain: np.ndarray
+    gain_noise: float
+    offset: np.ndarray
+
+    @property
+    def broken(self) -> bool:
+        """Whether a period does not repeat the others, after the first that do: before, there may be a transient."""
+        return not self.sound[int(np.argmax(self.sound)) :].all()
+
+    @property
+    def clock(self) -> float:
+        """Samples that y falls behind u in a period because of its clock; zero where that is not sure."""
+        at = np.flatnonzero(self.sound)
+        if at.size < 2 or self.jumps.any():
+            return 0.0
+        pace, bend = line(at, self.delay[at])
+        spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
+        straight = at.size < FEW or bend < 0.3 * abs(pace) * np.ptp(at)
+        likely = self.explained > (0.9 if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SURE * self.noise
+        return pace if abs(pace) * spread > SURE * self.noise and straight and likely else 0.0
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with the timing of y, with its numbers and its cure; empty where nothing is."""
+        gaps = np.diff(self.jumps)
+        if gaps.any():
+            found = ", ".join(
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in nonzero(gaps)
+            )
+            return f"samples of y were lost or repeated against u ({found}); resample=True cuts y where it stands"
+        if self.broken:
+            bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
+            return f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
+        if self.clock and self.misplaced > VISIBLE:
+            ppm = 1e6 * self.clock / self.n_samples
+            return (
+                f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a period); "
+                "resample=True puts y on the clock of u"
+            )
+        return ""
+
+    @property
+    def severe(self) -> bool:
+        """Whether that would read as distortion, beyond what is noise anyhow."""
+        return (self.misplaced > SEVERE and self.explained > EXPLAINED) or self.broken
+
+    @property
+    def drift(self) -> str:
+        """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
+        at = np.flatnonzero(self.sound)
+        if at.size < FEW:
+            return ""
+        slope, rest = line(at, self.gain[at])
+        change = slope * np.ptp(at)
+        if abs(change) > max(DRIFT, SURE * self.gain_noise) and rest < 0.3 * abs(change):
+            return (
+                f"the gain from u to y drifts by {100 * change:+.2g} % over the record: G is that of no moment of it; "
+                "let it settle, or cut the record into shorter ones (n_discard)"
+            )
+        change = np.ptp(self.offset[at])
+        if change > WANDER:
+            return (
+                f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is that of "
+                "all these points; hold it by a slow loop, or cut the record into shorter ones (n_discard)"
+            )
+        return ""
+
+
+def line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+    """Slope of the straight line through x, and the largest departure from it."""
+    fit = np.polyfit(at, x, 1)
+    return float(fit[0]), float(np.abs(x - np.polyval(fit, at)).max())
+
+
+def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
+    """Follow the periods of an output against those of its input.
+
+    Parameters
+    ----------
+    u, y : (P, N) ndarray
+        Periods of one realisation, at least two.
+    lines : (F,) int ndarray
+        Excited lines.
+    """
+    n_periods, n_samples = y.shape
+    input_side, output = aligned(u, lines), aligned(y, lines)
+    delay = output.delay - input_side.delay
+    slope = 2 * np.pi * lines / n_samples
+    weight = np.abs(output.mean) ** 2
+    total = float(weight.sum())
+    lever = float(np.sum(slope**2 * weight))
+    typical = float(np.median(output.rest))
+    noise = float(np.sqrt(typical / lines.size / 2 / lever))
+    sound = output.rest < max(UNSOUND * total, 10 * typical)
+    sound &= np.abs(output.gain / np.median(output.gain) - 1) < LEVEL
+    if n_periods == 2:
+        sound = np.ones(2, dtype=bool)
+    sound, jumps = gaps_in(delay, sound, noise, n_samples)
+    shift = delay[sound] - delay[sound].mean()
+    Y = fft.rfft(y, axis=1)[:, lines][sound] * (2 / n_samples)
+    before = float(np.sum(np.abs(Y - Y.mean(axis=0)) ** 2))
+    return Lag(
+        n_samples=n_samples,
+        delay=delay - delay[np.argmax(sound)],
+        jumps=jumps,
+        sound=sound,
+        noise=noise,
+        misplaced=float(np.mean(shift**2)) * lever / total,
+        explained=1 - float(np.sum(output.rest[sound])) / before if before > 0 else 0.0,
+        gain=output.gain / np.where(input_side.gain != 0, input_side.gain, np.inf),
+        gain_noise=float(np.sqrt(typical / lines.size / 2 / total)),
+        offset=y.mean(axis=1) / (float(np.std(y[-1])) or np.inf),
+    )
+
+
+def gaps_in(delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which periods have no gap inside, and the whole samples by which each stands off."""
+    at = np.flatnonzero(sound)
+    nothing = np.zeros(delay.size)
+    if at.size < 2 or SURE * noise > 0.5:
+        return sound, nothing
+    pace = float(np.median(np.diff(delay[at]) / np.diff(at)))
+    pace = 0.0 if abs(pace) > CLOCKS * n_samples else pace
+    left = delay - delay[at[0]] - pace * (np.arange(delay.size) - at[0])
+    whole = np.round(left)
+    if not whole[at].any():
+        return sound, nothing
+    sound = sound & (np.abs(left - whole) < max(0.1, SURE * noise))
+    at = np.flatnonzero(sound)
+    return sound, whole[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
+
+
+def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The stream y (n,) moved to where the input stands, and which of its periods then hold what was measured.
+
+    Parameters
+    ----------
+    y : (n,) ndarray
+        Output as recorded.
+    lag : Lag
+        How its periods stand against those of the input.
+    periods : (P,) int ndarray
+        Which periods of the stream those are.
+    """
+    turns = np.arange(y.size) / lag.n_samples
+    at = np.arange(y.size) + lag.clock * (turns - periods[0])
+    row = np.clip(np.searchsorted(periods, turns.astype(int), side="right") - 1, 0, periods.size - 1)
+    at += lag.jumps[row]
+    first = int(np.argmax(lag.sound))
+    good = lag.sound | (np.arange(periods.size) < first)
+    step = np.diff(lag.jumps, append=lag.jumps[-1]) != 0
+    good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to make it unsound
+    inside = (at[0 :: lag.n_samples] > -0.5)[periods]
+    last = np.minimum((periods + 1) * lag.n_samples, y.size) - 1
+    return between(y, at), good & inside & (at[last] < y.size - 0.5)
+
+
+@value(copy=False)
+class Aligned:
+    """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,)."""
+
+    delay: np.ndarray
+    gain: np.ndarray
+    rest: np.ndarray
+    mean: np.ndarray
+
+
+def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
+    """The periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
+    n_samples = x.shape[1]
+    X = fft.rfft(x, axis=1)[:, lines] * (2 / n_samples)
+    slope = 2 * np.pi * lines / n_samples
+    reference = X[-1]
+    cross = np.zeros((len(X), n_samples // 2 + 1), dtype=complex)
+    cross[:, lines] = X * reference.conj()
+    reach = max(2, n_samples // 8)
+    lags = np.concatenate([np.arange(reach), np.arange(-reach, 0)])
+    delay = lags[np.argmax(fft.irfft(cross, n_samples, axis=1)[:, lags], axis=1)].astype(float)
+    for step in range(6):
+        if step == 3:  # the mean has less noise in it
+            reference = np.mean(X * np.exp(1j * slope * delay[:, None]), axis=0)
+        turned = X * np.exp(1j * slope * delay[:, None]) * reference.conj()
+        delay -= np.sum(slope * turned.imag, axis=1) / np.sum(slope**2 * np.abs(reference) ** 2)
+    turned = X * np.exp(1j * slope * delay[:, None])
+    size = np.sum(np.abs(reference) ** 2)
+    gain = np.sum(turned * reference.conj(), axis=1).real / size
+    rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
+    return Aligned(delay=delay, gain=gain / gain[-1], rest=rest, mean=reference)
