@@ -14,7 +14,7 @@ import robust
 #: Module -> its public names.
 PUBLIC: dict[str, tuple[str, ...]] = {
     "nlfrf": tuple(nlfrf.__all__),
-    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip"),
+    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders"),
     "nlfrf.hysteresis": (
         *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
         *("hysteresis_force", "fit_maxwell_slip"),

@@ -5,7 +5,8 @@
 Pictures are in `nlfrf.plot`, friction laws in `nlfrf.friction`, hysteresis in `nlfrf.hysteresis`.
 """
 
-from nlfrf.bench.closed_loop import LoopResponse, simulate_loop
+from nlfrf.bench.closed_loop import simulate_loop, simulate_loops
+from nlfrf.bench.loop_response import LoopResponse
 from nlfrf.bench.rig import Motion, Rig, drive, paper_rig, run
 from nlfrf.bench.simulate import simulate
 from nlfrf.excitation.crest import reduce_crest
@@ -64,4 +65,5 @@ __all__ = [
     "second_opinion",
     "simulate",
     "simulate_loop",
+    "simulate_loops",
 ]

@@ -2,6 +2,8 @@
 
 rig          the machine, and its motion through any force
 simulate     multisine experiments, run to steady state
-closed_loop  a sampled controller around the rig
+closed_loop  a sampled controller around the rig, or a stack of them
+loop_runs    such a stack as the compiled code takes it
+loop_response  what a loop did, and what became of it
 runs         many runs in parallel, resumed after a break
 """

@@ -9,101 +9,23 @@ r ---o--- K(z) --- delay --- [/] ---o--- hold --- rig ---+--- x
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
 
+from nlfrf.bench.loop_response import LoopResponse
+from nlfrf.bench.loop_runs import LoopRuns, respond
 from nlfrf.bench.rig import Rig, some_samples
-from nlfrf.friction import kernel_data as packing
+from nlfrf.bench.runs import Progress, run_all
 from nlfrf.friction.hysteresis import warn_lost
-from nlfrf.friction.integration import integrate
-from nlfrf.friction.laws import packed_law
 from nlfrf.shared.arguments import integer, nonnegative, positive, real, real_array
-from nlfrf.shared.values import value
 
-__all__ = ["LoopResponse", "simulate_loop"]
+__all__ = ["simulate_loop", "simulate_loops"]
 
 
-#: How often the step is halved before a loop that runs away is called diverged.
-MOST_HALVINGS = 6
 MOST_STEPS = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
-
-
-@value
-class LoopResponse:
-    """What a loop did, sample by sample.
-
-    Fields
-    ------
-    t : (n,) ndarray
-        Time [s].
-    r : (n,) ndarray
-        Reference [m].
-    u : (n,) ndarray
-        What the controller asked for at each sample, saturated [N]; it reaches the rig after the delay.
-    x, v : (n,) ndarray
-        Position [m] and velocity [m/s] of the rig at the samples.
-    y : (n,) ndarray
-        Position as the controller saw it: with noise, quantised [m].
-    friction : (n,) ndarray
-        Friction force [N].
-    diverged : bool
-        Whether the loop ran away; the arrays end there.
-
-    Examples
-    --------
-    >>> import control
-    >>> from nlfrf import paper_rig, simulate_loop
-    >>> K = control.ss(control.tf([2e3, 0], [1, -1], 1e-3))                 # an integrator
-    >>> response = simulate_loop(paper_rig(), K, np.full(500, 1e-6), fs=1000)
-    >>> response.diverged, bool(abs(response.e[-1]) < 1e-7)
-    (False, True)
-    """
-
-    t: np.ndarray
-    r: np.ndarray
-    u: np.ndarray
-    x: np.ndarray
-    v: np.ndarray
-    y: np.ndarray
-    friction: np.ndarray
-    diverged: bool
-
-    @property
-    def e(self) -> np.ndarray:
-        """(n,) error r - x [m]."""
-        return self.r - self.x
-
-    def residual(self, calm: float) -> float:
-        """Rms error in the last quarter of the time after `calm` [s], over the rms error before; inf where it ran away.
-
-        For a loop that was disturbed until then and left alone afterwards.
-        """
-        before, after = self.disturbed_and_left_alone(calm)
-        return np.inf if self.diverged else rms(after[-(after.size // 4) :]) / max(rms(before), np.finfo(float).tiny)
-
-    def outcome(self, calm: float) -> str:
-        """What became of a loop that was disturbed until `calm` [s] and left alone afterwards.
-
-        "settled": the last quarter of what follows has less than a hundredth of the rms error of before. "stable": on
-        its way there, or creeping. "limit cycle": the error of that quarter is within 5 % of, or larger than, that of
-        the quarter before. "ran away": the simulation had to stop.
-        """
-        if self.diverged:
-            return "ran away"
-        if self.residual(calm) < 1e-2:
-            return "settled"
-        _, after = self.disturbed_and_left_alone(calm)
-        n = after.size // 4
-        return "limit cycle" if rms(after[-n:]) > 0.95 * rms(after[-2 * n : -n]) else "stable"
-
-    def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
-        """The error before and after `calm` [s]."""
-        positive("calm", calm)
-        before, after = self.e[self.t < calm], self.e[self.t >= calm]
-        if not self.diverged and after.size < 8:
-            raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
-        return before, after
+CHUNK = 4_000_000  # samples that one task of an executor holds
 
 
 def simulate_loop(
@@ -117,6 +39,7 @@ def simulate_loop(
     delay: float = 0.0,
     disturbance: Any = None,
     noise: Any = None,
+    initial: Any = (0.0, 0.0),
     oversampling: int = 4,
 ) -> LoopResponse:
     """Put a sampled controller around the rig, u = K (r - y), with a zero-order hold, and let it follow a reference.
@@ -124,7 +47,7 @@ def simulate_loop(
     Parameters
     ----------
     rig : Rig
-        The machine; it starts at rest.
+        The machine.
     K : state space
         Anything with A, B, C, D and dt, one input and one output: force [N] from error [m]. Sampled, dt = 1/fs.
     r : (n,) ndarray
@@ -141,6 +64,8 @@ def simulate_loop(
         Force added to the controller's [N], held over each sample.
     noise : (n,) ndarray, optional
         Added to the measured position [m], before it is quantised.
+    initial : (2,) ndarray
+        Position [m] and velocity [m/s] that the rig begins with, its friction relaxed.
     oversampling : int
         Integration steps per sample at least; more are taken where the rig needs them.
 
@@ -170,75 +95,185 @@ def simulate_loop(
     >>> bool(abs(response.e[-1]) < 1e-5)
     True
     """
-    fs = positive("fs", fs)
-    controller = matrices(K, fs)
     r = some_samples("r", r)
-    disturbance = fitted("disturbance", disturbance, r.size)
-    noise = fitted("noise", noise, r.size)
+    runs = stack(
+        rig,
+        [K],
+        r[None],
+        fs,
+        saturation,
+        resolution,
+        delay,
+        np.atleast_2d(initial),
+        oversampling,
+        disturbance=fitted("disturbance", disturbance, r.size)[None],
+        noise=fitted("noise", noise, r.size)[None],
+    )
+    return told(runs, respond(runs))[0]
+
+
+def simulate_loops(
+    rig: Rig,
+    controllers: Any,
+    r: Any,
+    *,
+    fs: float,
+    saturation: float = np.inf,
+    resolution: float = 0.0,
+    delay: Any = 0.0,
+    disturbance: Any = None,
+    noise: Any = None,
+    initial: Any = (0.0, 0.0),
+    oversampling: int = 4,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> list[LoopResponse]:
+    """Many loops around one rig, in compiled code: controllers, disturbances and initial states, one a run.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    controllers : sequence of state spaces
+        One a run, as in `simulate_loop`; a single one serves all runs.
+    r, disturbance, noise : (n,) or (R, n) ndarray
+        As in `simulate_loop`, for all runs or one a run.
+    fs, saturation, resolution, oversampling
+        As in `simulate_loop`.
+    delay : float or (R,) ndarray
+        From sampling to the force changing [s].
+    initial : (2,) or (R, 2) ndarray
+        Position [m] and velocity [m/s] at the begin.
+    executor : concurrent.futures.Executor, optional
+        Where the runs are computed; one thread per core when not given.
+    progress : callable, optional
+        Called with the number of parts done and their total.
+
+    Returns
+    -------
+    list of LoopResponse
+        In the order of the runs.
+
+    Raises
+    ------
+    ValueError
+        As `simulate_loop`; numbers of runs that do not agree.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay).
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from nlfrf.bench.rig import paper_rig
+    >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
+    >>> kicks = [[0.0, 0.0], [0.0, 0.05]]
+    >>> rest, kicked = simulate_loops(paper_rig(), [K], np.zeros(400), fs=1000, initial=kicks)
+    >>> bool(abs(rest.x).max() == 0), bool(abs(kicked.x).max() > 1e-5)
+    (True, True)
+    """
+    controllers = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
+    shapes = {
+        "r": np.ndim(r),
+        "initial": np.ndim(initial),
+        "disturbance": np.ndim(disturbance),
+        "noise": np.ndim(noise),
+    }
+    given = {"r": r, "initial": initial, "disturbance": disturbance, "noise": noise}
+    counts = {name: np.shape(given[name])[0] for name, ndim in shapes.items() if ndim == 2}
+    counts |= {"controllers": len(controllers), "delay": np.size(delay)}
+    n_runs = max(counts.values())
+    for name, count in counts.items():
+        if count not in (1, n_runs):
+            raise ValueError(f"{name} must be given once or for each of the {n_runs} runs, got {count}")
+    r = real_array("r", np.atleast_2d(r), ndim=2)
+    if r.size == 0:
+        raise ValueError("r must hold at least one sample, got none")
+    parts = {name: many(name, given[name], r.shape[1]) for name in ("disturbance", "noise")}
+    runs = stack(
+        rig, controllers, r, fs, saturation, resolution, delay, np.atleast_2d(initial), oversampling, **parts, n=n_runs
+    )
+    pieces = runs.cut(max(1, CHUNK // r.shape[1]))
+    found = run_all(respond, pieces, executor=executor, progress=progress)
+    return [response for piece, out in zip(pieces, found, strict=True) for response in told(piece, out)]
+
+
+def stack(
+    rig: Rig,
+    controllers: list[Any],
+    r: np.ndarray,
+    fs: float,
+    saturation: float,
+    resolution: float,
+    delay: Any,
+    initial: np.ndarray,
+    oversampling: int,
+    *,
+    disturbance: np.ndarray,
+    noise: np.ndarray,
+    n: int = 1,
+) -> LoopRuns:
+    """Checked arguments as arrays with one row a run; controllers of fewer states get some that do nothing."""
+    fs = positive("fs", fs)
+    given = [matrices(K, fs) for K in controllers]
     if not np.isposinf(real_or_infinite("saturation", saturation)):
         positive("saturation", saturation)
-    resolution, delay = nonnegative("resolution", resolution), nonnegative("delay", delay)
+    resolution = nonnegative("resolution", resolution)
+    delays = np.array([nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
     needed = int(np.ceil(1 / (fs * rig.stable_step)))
     if needed > MOST_STEPS:
         raise ValueError(
             f"fs must leave the rig at most {MOST_STEPS} integration steps a sample, got {fs:g} Hz with {needed}: "
             f"its stable step is {rig.stable_step:.2g} s"
         )
-    steps = max(integer("oversampling", oversampling, least=1), needed)
-    for halving in range(MOST_HALVINGS + 1):
-        rows, lost = run_loop(rig, controller, r, fs, saturation, resolution, delay * fs, disturbance, noise, steps)
-        if rows.shape[0] == r.size or halving == MOST_HALVINGS:
-            break
-        steps *= 2
-    warn_lost(lost)
-    n = rows.shape[0]
-    x, v, y, u, friction = rows.T
-    return LoopResponse(t=np.arange(n) / fs, r=r[:n], u=u, x=x, v=v, y=y, friction=friction, diverged=bool(n < r.size))
+    initial = real_array("initial", initial, ndim=2)
+    if initial.shape[1] != 2:
+        raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
+    size = max(A.shape[0] for A, _, _, _ in given)
+
+    def each(rows: Any) -> np.ndarray:
+        rows = np.asarray(rows, dtype=float)
+        return np.ascontiguousarray(np.broadcast_to(rows, (n, *rows.shape[1:])))
+
+    return LoopRuns(
+        rig=rig,
+        fs=fs,
+        saturation=float(saturation),
+        resolution=resolution,
+        steps=max(integer("oversampling", oversampling, least=1), needed),
+        A=each([np.pad(A, (0, size - A.shape[0])) for A, _, _, _ in given]),
+        B=each([np.pad(B, (0, size - B.size)) for _, B, _, _ in given]),
+        C=each([np.pad(C, (0, size - C.size)) for _, _, C, _ in given]),
+        D=each([D for _, _, _, D in given]),
+        r=each(r),
+        disturbance=each(disturbance),
+        noise=each(noise),
+        delays=np.minimum(each(delays) * fs, r.shape[1]),  # all later is after the end
+        initial=each(initial),
+    )
 
 
-def run_loop(
-    rig: Rig,
-    controller: tuple[np.ndarray, np.ndarray, np.ndarray, float],
-    r: np.ndarray,
-    fs: float,
-    saturation: float,
-    resolution: float,
-    delay: float,
-    disturbance: np.ndarray,
-    noise: np.ndarray,
-    steps: int,
-) -> tuple[np.ndarray, float]:
-    """(n, 5) x, v, y, u and friction at each sample, up to where the rig ran away, and the turning points lost."""
-    A, B, C, D = controller
-    law, grid = packed_law(rig.friction)
-    body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
-    memory = packing.at_rest(law.curve, grid)
-    delay = min(delay, r.size)  # all later is after the end
-    whole, part = int(delay), delay - int(delay)
-    state = np.zeros(A.shape[0])
-    asked = np.zeros(r.size + whole + 1)  # the force from sample k - whole on stands at k
-    rows = np.empty((r.size, 5))
-    for k in range(r.size):
-        y = memory.state[packing.X] + noise[k]
-        if resolution > 0:
-            y = resolution * np.round(y / resolution)
-        e = r[k] - y
-        with np.errstate(over="ignore", invalid="ignore"):  # of a loop that is running away
-            u = float(np.clip(C @ state + D * e, -saturation, saturation))
-            state = A @ state + B * e
-        asked[k + whole] = u
-        begin = None
-        for span, force in ((part, asked[k - 1] if k > 0 else 0.0), (1 - part, asked[k])):
-            if span > 0:
-                n = int(np.ceil(span * steps))
-                drive = np.full((n, 3), force + disturbance[k])
-                out = integrate(body, law, grid, memory, drive, span / (n * fs), n)
-                if out is None:
-                    return rows[:k], memory.state[packing.LOST]
-                begin = out[0] if begin is None else begin
-        if begin is not None:
-            rows[k] = begin[0], begin[1], y, u, begin[3]
-    return rows, memory.state[packing.LOST]
+def told(runs: LoopRuns, out: dict[str, np.ndarray]) -> list[LoopResponse]:
+    """What the compiled code gave, as values; arrays end where a loop ran away."""
+    warn_lost(float(out["lost"].max()))
+    found = []
+    for r, rows, n in zip(runs.r, out["rows"], out["lengths"], strict=True):
+        x, v, y, u, friction = rows[:n].T
+        ran_away = bool(n < r.size)
+        t = np.arange(n) / runs.fs
+        found.append(LoopResponse(t=t, r=r[:n], u=u, x=x, v=v, y=y, friction=friction, diverged=ran_away))
+    return found
+
+
+def many(name: str, signal: Any, n: int) -> np.ndarray:
+    """(R, n) signals, one a run; zeros when not given."""
+    if signal is None:
+        return np.zeros((1, n))
+    signal = real_array(name, np.atleast_2d(signal), ndim=2)
+    if signal.shape[1] != n:
+        raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.shape[1]}")
+    return signal
 
 
 def matrices(K: Any, fs: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
@@ -278,11 +313,6 @@ def fitted(name: str, signal: Any, n: int) -> np.ndarray:
     if signal.size != n:
         raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.size}")
     return signal
-
-
-def rms(x: np.ndarray) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def real_or_infinite(name: str, number: Any) -> float:

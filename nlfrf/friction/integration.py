@@ -30,6 +30,8 @@ def integrate(
         from nlfrf.friction.slip_kernels import advance_coulomb as kernel
     elif law.form == kernel_data.GMS:
         from nlfrf.friction.slip_kernels import advance_gms as kernel
+    elif law.form == kernel_data.SLIDERS:
+        from nlfrf.friction.slider_kernels import advance_sliders as kernel
     else:
         from nlfrf.friction.leuven_kernels import advance_hysteretic as kernel
     out = np.empty((drive.shape[0] // substeps, 4))

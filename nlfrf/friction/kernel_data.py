@@ -15,9 +15,9 @@ __all__ = ["DEEPEST", "DEPTH", "DIRECTION", "ERROR", "LOST", "Body", "Curve", "F
 
 # Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones
 # first), elements
-SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS = range(8)
-# Laws: three forms of the state equation dz/dt, and two that switch between sticking and slipping
-LEUVEN, ORIGINAL, DAHL, COULOMB, GMS = range(5)
+SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS, VARYING = range(9)
+# Laws: three forms of the state equation dz/dt, and three that switch between sticking and slipping
+LEUVEN, ORIGINAL, DAHL, COULOMB, GMS, SLIDERS = range(6)
 # Places in Memory.state
 X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, ERROR = range(9)
 N_STATES = 9
@@ -72,13 +72,15 @@ class Memory(NamedTuple):
     """What is carried from one step to the next."""
 
     state: np.ndarray  # (N_STATES,)
-    stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2, E): forces of the elements
+    stack: np.ndarray  # (2, STACK_DEPTH): z and force of the turning points; (2 or 4, E): of the elements
 
 
-#: (3, n) points of a virgin curve: z, force, slope that follows; or (3, E) elements: stiffness, strength, 0.
+#: (3, n) points of a virgin curve: z, force, slope that follows; or (3, E) elements: stiffness, strength, 0;
+#: (7, E) varying ones.
 Grid = np.ndarray
 
 
 def at_rest(curve: Curve, grid: Grid) -> Memory:
     """The memory of a body that has never moved."""
-    return Memory(np.zeros(N_STATES), np.zeros((2, grid.shape[1] if curve.kind == ELEMENTS else STACK_DEPTH)))
+    sizes = {ELEMENTS: (2, grid.shape[1]), VARYING: (4, grid.shape[1])}
+    return Memory(np.zeros(N_STATES), np.zeros(sizes.get(curve.kind, (2, STACK_DEPTH))))

@@ -1,6 +1,7 @@
 """Friction laws as plain values; `nlfrf.Rig` puts them under a mass.
 
-All are point symmetric: a motion turned around gives the force turned around. s(v) is the Stribeck curve,
+All here are point symmetric (`VaryingSliders` need not be): a motion turned around gives the force turned around.
+s(v) is the Stribeck curve,
 
     s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
 """
@@ -14,6 +15,7 @@ import numpy as np
 from nlfrf.friction import kernel_data
 from nlfrf.friction.curves import Curve, Linear, MaxwellSlip, Tanh
 from nlfrf.friction.hysteresis import NO_GRID, packed_curve
+from nlfrf.friction.varying import VaryingSliders, packed_sliders
 from nlfrf.shared.arguments import nonnegative, one_of, positive
 from nlfrf.shared.values import value
 
@@ -294,7 +296,7 @@ def given(number: Any) -> bool:
     return not (isinstance(number, float) and np.isnan(number))
 
 
-Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip
+Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip | VaryingSliders
 
 
 def check_stribeck(law: Any) -> None:
@@ -331,6 +333,8 @@ def packed_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
         return packed_stribeck(
             law, kernel_data.COULOMB, 1.0, kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
         ), NO_GRID
+    if isinstance(law, VaryingSliders):
+        return packed_sliders(law)
     if isinstance(law, GeneralizedMaxwellSlip):
         shares = MaxwellSlip(stiffness=law.stiffness, strength=law.alpha)
         curve, grid = packed_curve(shares)

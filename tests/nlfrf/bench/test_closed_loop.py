@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from nlfrf.bench.closed_loop import LoopResponse, simulate_loop
+from nlfrf.bench.closed_loop import simulate_loop, simulate_loops
+from nlfrf.bench.loop_response import LoopResponse
 from nlfrf.bench.rig import Rig, paper_rig
-from nlfrf.friction import LuGre
+from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, LuGre, VaryingSliders
 
 FS = 2000.0
 
@@ -178,17 +179,19 @@ BURST = np.where(T_AFTER < 0.5, 1.0, 0.0)
 @pytest.mark.parametrize(
     ("after", "outcome"),
     [
-        (1e-3 * np.sin(300 * T_AFTER), "settled"),
+        (1e-3 * np.sin(300 * T_AFTER), "limit cycle"),  # small, but it goes on
+        (np.full(T_AFTER.size, 0.7), "settled"),  # at rest, wherever
+        (np.exp(-20 * T_AFTER) * np.sin(300 * T_AFTER), "settled"),
         (np.exp(-2 * T_AFTER) * np.sin(300 * T_AFTER), "stable"),
-        (0.2 * np.exp(-T_AFTER), "stable"),  # creeping
+        (0.4 * np.exp(-T_AFTER / 2), "stable"),  # creeping
         (0.2 * np.sin(300 * T_AFTER), "limit cycle"),
         (0.02 * np.exp(T_AFTER) * np.sin(300 * T_AFTER), "limit cycle"),
     ],
 )
 def test_outcome_of_a_loop_left_alone(after, outcome):
-    response = left_alone(np.where(BURST > 0, 1.0, after))
+    response = left_alone(np.where(BURST > 0, np.sin(300 * T_AFTER), after))
     assert response.outcome(0.5) == outcome
-    assert response.residual(0.5) == pytest.approx(np.sqrt(np.mean(after[T_AFTER >= 1.625] ** 2)), rel=0.01)
+    assert response.residual(0.5) == pytest.approx(np.ptp(after[T_AFTER >= 1.625]) / 2, rel=0.01, abs=1e-12)
 
 
 def test_a_loop_that_ran_away_has_no_residual():
@@ -211,3 +214,73 @@ def test_the_rig_settles_under_little_gain_and_cycles_under_too_much():
         K = controller([[1.0]], [[gain]], [[200.0]], [[3.0 * gain]])
         response = simulate_loop(paper_rig(), K, np.zeros(2000), fs=FS, disturbance=force, saturation=5.0)
         assert response.outcome(0.25) == outcome
+
+
+LAWS = [
+    paper_rig().friction,
+    Coulomb(Fc=0.7, Fs=1.0, vs=0.01),
+    GeneralizedMaxwellSlip(stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01),
+    VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01, dwell=0.1, seed=3),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_a_stack_is_its_runs(law):
+    """Controllers of different order, bursts, delays and initial states, each as if it had run alone."""
+    rig, rng = Rig(1.0, 80e3, law, 0.4), np.random.default_rng(2)
+    PID = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[20.0, -4e3]], [[9e3]])
+    Ks, delays = [PI, PID, PI], [0.0, 0.7e-3, 1.2e-3]
+    bursts, begins = rng.standard_normal((3, 300)), np.array([[0.0, 0.0], [1e-5, 0.02], [0.0, -0.01]])
+    done = []
+    together = simulate_loops(
+        rig,
+        Ks,
+        np.zeros(300),
+        fs=FS,
+        disturbance=bursts,
+        delay=delays,
+        initial=begins,
+        progress=lambda number, total: done.append((number, total)),
+    )
+    for K, delay, burst, begin, response in zip(Ks, delays, bursts, begins, together, strict=True):
+        alone = simulate_loop(rig, K, np.zeros(300), fs=FS, delay=delay, disturbance=burst, initial=begin)
+        for name in ("x", "v", "u", "friction"):
+            assert np.array_equal(getattr(alone, name), getattr(response, name)), name
+        assert (alone.x[0], alone.v[0]) == tuple(begin)
+    assert done == [(1, 1)]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"initial": np.zeros((2, 3))}, r"initial must hold a position and a velocity, got shape \(2, 3\)"),
+        (
+            {"delay": [0.0, 0.0], "initial": np.zeros((3, 2))},
+            "delay must be given once or for each of the 3 runs, got 2",
+        ),
+        ({"disturbance": np.zeros((1, 4))}, "disturbance must have one value for each of the 10 samples of r, got 4"),
+    ],
+)
+def test_stacks_that_do_not_agree_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        simulate_loops(paper_rig(), [PI], np.zeros(10), fs=FS, **options)
+
+
+VARIED = {"stiction": 1.5, "vs": 1e-3, "dwell": 0.01, "wavelength": 3e-5, "asymmetry": 0.5, "seed": 7}
+
+
+@pytest.mark.parametrize("options", [{}, VARIED], ids=["constant", "varying"])
+def test_sliders_slip_between_their_limits_and_never_give_energy_back(options):
+    fs, k, W = 2000.0, 64e3, 1.0
+    law = VaryingSliders(stiffness=[k], strength=[W], **options)
+    rig, t = Rig(1.0, 1e6, law, 500.0), np.arange(8000) / fs
+    nothing = controller([[0.0]], [[0.0]], [[0.0]], [[0.0]])
+    motion = simulate_loop(rig, nothing, 0 * t, fs=fs, disturbance=120 * np.sin(2 * np.pi * t), oversampling=8)
+    assert np.abs(motion.friction).max() <= W * (1 + 1e-9)
+    slip = np.diff(motion.x - motion.friction / k)  # what the spring does not take
+    before, after = motion.friction[:-1], motion.friction[1:]
+    slips = np.abs(slip) > 1e-3 * np.abs(np.diff(motion.x)).max()
+    assert slips.sum() > 3000
+    clear = slips & (np.sign(before) == np.sign(after))
+    assert (slip[clear] * after[clear] > 0).all()
+    assert np.abs(after[slips]).min() > W / law.stiction * (1 - 1e-9) * (1 if not options else 0.999)

@@ -1,0 +1,99 @@
+"""What a loop around the rig did, and what became of it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.shared.arguments import positive
+from nlfrf.shared.values import value
+
+__all__ = ["LoopResponse"]
+
+#: Of the swing while disturbed: what is smaller is rest.
+SMALLEST_SWING = 1e-6
+
+
+@value
+class LoopResponse:
+    """What a loop did, sample by sample.
+
+    Fields
+    ------
+    t : (n,) ndarray
+        Time [s].
+    r : (n,) ndarray
+        Reference [m].
+    u : (n,) ndarray
+        What the controller asked for at each sample, saturated [N]; it reaches the rig after the delay.
+    x, v : (n,) ndarray
+        Position [m] and velocity [m/s] of the rig at the samples.
+    y : (n,) ndarray
+        Position as the controller saw it: with noise, quantised [m].
+    friction : (n,) ndarray
+        Friction force [N].
+    diverged : bool
+        Whether the loop ran away; the arrays end there.
+
+    Examples
+    --------
+    >>> import control
+    >>> from nlfrf import paper_rig, simulate_loop
+    >>> K = control.ss(control.tf([2e3, 0], [1, -1], 1e-3))                 # an integrator
+    >>> response = simulate_loop(paper_rig(), K, np.full(500, 1e-6), fs=1000)
+    >>> response.diverged, bool(abs(response.e[-1]) < 1e-7)
+    (False, True)
+    """
+
+    t: np.ndarray
+    r: np.ndarray
+    u: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    y: np.ndarray
+    friction: np.ndarray
+    diverged: bool
+
+    @property
+    def e(self) -> np.ndarray:
+        """(n,) error r - x [m]."""
+        return self.r - self.x
+
+    def residual(self, calm: float) -> float:
+        """Swing in the last quarter of the time after `calm` [s], over the swing before; inf where it ran away.
+
+        For a loop that was disturbed until then and left alone afterwards. The swing is between the largest and the
+        smallest error: a loop at rest has none, wherever it rests.
+        """
+        before, after = self.disturbed_and_left_alone(calm)
+        if self.diverged:
+            return np.inf
+        return swing(after[-(after.size // 4) :]) / max(swing(before), np.finfo(float).tiny)
+
+    def outcome(self, calm: float) -> str:
+        """What became of a loop that was disturbed until `calm` [s] and left alone afterwards, judged by its swing.
+
+        "limit cycle": the swing in the last quarter of what follows is within 5 % of, or larger than, that of the
+        quarter before, however small, down to a millionth of the swing before. "settled": less than a hundredth of it.
+        "stable": on its way there, or creeping. "ran away": the simulation had to stop.
+        """
+        if self.diverged:
+            return "ran away"
+        before, after = self.disturbed_and_left_alone(calm)
+        n = after.size // 4
+        last, earlier = swing(after[-n:]), swing(after[-2 * n : -n])
+        if last > max(0.95 * earlier, SMALLEST_SWING * swing(before)):
+            return "limit cycle"
+        return "settled" if self.residual(calm) < 1e-2 else "stable"
+
+    def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
+        """The error before and after `calm` [s]."""
+        positive("calm", calm)
+        before, after = self.e[self.t < calm], self.e[self.t >= calm]
+        if not self.diverged and after.size < 8:
+            raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
+        return before, after
+
+
+def swing(x: np.ndarray) -> float:
+    """Largest less smallest."""
+    return float(np.ptp(x)) if x.size else 0.0

@@ -1,0 +1,118 @@
+"""Compiled sampled loops: a controller, hold and delay around a body with friction, a whole stack in one call.
+
+This kernel calls those of other files, which the cache of compiled code on disk does not look at. A digest of these
+files is therefore part of it: where one of them changes, the code is compiled anew.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+
+from nlfrf.friction import kernel_data
+from nlfrf.friction.kernel_data import Body, Law, X
+from nlfrf.friction.leuven_kernels import advance_hysteretic
+from nlfrf.friction.slider_kernels import advance_sliders
+from nlfrf.friction.slip_kernels import advance_coulomb, advance_gms
+
+__all__ = ["run_loops"]
+
+Array = np.ndarray
+CALLED = ("kernel_data", "leuven_kernels", "slip_kernels", "slider_kernels")
+
+
+def digest() -> str:
+    """Of the files whose kernels are called from here."""
+    folder = Path(__file__).parent
+    return hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in CALLED)).hexdigest()
+
+
+def stamped(stamp: str) -> Callable[..., None]:
+    """The kernel, with the digest among what the cache knows it by."""
+
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def loops(
+        body: Body,
+        law: Law,
+        grid: Array,
+        states: Array,
+        stacks: Array,
+        A: Array,
+        B: Array,
+        C: Array,
+        D: Array,
+        r: Array,
+        disturbance: Array,
+        noise: Array,
+        fs: float,
+        saturation: float,
+        resolution: float,
+        delays: Array,
+        steps: int,
+        rows: Array,
+        lengths: Array,
+    ) -> None:
+        if len(stamp) == 0:
+            return
+        samples = r.shape[1]
+        drive, out = np.empty((steps + 1, 3)), np.empty((1, 4))
+        for i in range(states.shape[0]):
+            xc = np.zeros(A.shape[1])
+            whole = int(delays[i])
+            part = delays[i] - whole
+            asked = np.zeros(samples + whole + 1)
+            lengths[i] = samples
+            state, stack = states[i], stacks[i]
+            for k in range(samples):
+                y = state[X] + noise[i, k]
+                if resolution > 0.0:
+                    y = resolution * np.round(y / resolution)
+                e = r[i, k] - y
+                u = D[i] * e
+                for row in range(xc.size):
+                    u += C[i, row] * xc[row]
+                u = min(max(u, -saturation), saturation)
+                new = B[i] * e
+                for row in range(xc.size):
+                    for column in range(xc.size):
+                        new[row] += A[i, row, column] * xc[column]
+                xc = new
+                asked[k + whole] = u
+                for piece in range(2):
+                    span = part if piece == 0 else 1.0 - part
+                    if span <= 0.0:
+                        continue
+                    force = disturbance[i, k]
+                    if piece == 1:
+                        force += asked[k]
+                    elif k > 0:
+                        force += asked[k - 1]
+                    n = int(np.ceil(span * steps))
+                    drive[:n] = force
+                    h = span / (n * fs)
+                    if law.form == kernel_data.SLIDERS:
+                        stable = advance_sliders(body, law, grid, state, stack, drive[:n], h, n, out)
+                    elif law.form == kernel_data.GMS:
+                        stable = advance_gms(body, law, grid, state, stack, drive[:n], h, n, out)
+                    elif law.form == kernel_data.COULOMB:
+                        stable = advance_coulomb(body, law, grid, state, stack, drive[:n], h, n, out)
+                    else:
+                        stable = advance_hysteretic(body, law, grid, state, stack, drive[:n], h, n, out)
+                    if not stable:
+                        lengths[i] = k
+                        break
+                    if piece == 0 or part == 0.0:
+                        rows[i, k, 0], rows[i, k, 1], rows[i, k, 4] = out[0, 0], out[0, 1], out[0, 3]
+                if lengths[i] < samples:
+                    break
+                rows[i, k, 2], rows[i, k, 3] = y, u
+
+    return loops
+
+
+run_loops = stamped(digest())
