@@ -8,6 +8,8 @@ stability   Routh's array; what a delay does to the roots
 half_line   polynomials positive from zero to infinity
 jets        Taylor models on an interval
 intervals   claims with a delay or a continuous weight, interval by interval
+matrices    matrix inequalities over the rationals
+norms       the norm of a system below a level
 loops       the door: a claim in, `Verification` out
 file        certificates as JSON that someone else can check
 """

@@ -16,6 +16,7 @@ __all__ = [
     "STABILITY",
     "LoopClaim",
     "Matrices",
+    "as_given",
     "content",
     "differences",
     "digest",
@@ -54,6 +55,19 @@ class Matrices:
     def order(self) -> int:
         """Number of states."""
         return int(self.A.shape[0])
+
+
+def as_given(system: Any) -> Matrices:
+    """The matrices of anything that has A, B, C, D and dt (a state space), number by number."""
+    D = np.array(system.D, dtype=float, ndmin=2)
+    n = int(np.size(system.A) ** 0.5 + 0.5)
+    return Matrices(
+        A=np.array(system.A, dtype=float).reshape(n, n),
+        B=np.array(system.B, dtype=float).reshape(n, D.shape[1]),
+        C=np.array(system.C, dtype=float).reshape(D.shape[0], n),
+        D=D,
+        dt=float(system.dt or 0.0),
+    )
 
 
 @value

@@ -18,7 +18,7 @@ from robust.verification.conditions import Terms, conditions
 from robust.verification.exact import rational
 from robust.verification.half_line import Decision, positive_on_half_line
 from robust.verification.intervals import positive_on_intervals
-from robust.verification.stability import hurwitz, hurwitz_with_delay
+from robust.verification.stability import hurwitz_with_delay, routh
 
 __all__ = ["Verification", "verify_loop"]
 
@@ -162,14 +162,6 @@ def stable_weights(axis: Axis) -> Decision:
         if part is not None and not (found := routh(part.den, part.degree)).holds:
             return found
     return Decision(holds=True)
-
-
-def routh(p: Any, degree: int) -> Decision:
-    """Routh's array in balls, and in rationals where balls do not decide and the polynomial is exact."""
-    from flint import arb_poly
-
-    found = hurwitz(arb_poly(p), degree)
-    return hurwitz(p, degree) if found.unclear and not isinstance(p, arb_poly) else found
 
 
 def on_the_half_line(axis: Axis, expressions: list[Any], ends: list[Any]) -> Decision:

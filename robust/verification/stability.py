@@ -11,7 +11,7 @@ from typing import Any
 
 from robust.verification.half_line import Decision
 
-__all__ = ["hurwitz", "hurwitz_with_delay", "squared"]
+__all__ = ["hurwitz", "hurwitz_with_delay", "routh", "squared"]
 
 
 MOST_BITS = 4096
@@ -49,6 +49,14 @@ def hurwitz(p: Any, degree: int) -> Decision:
         padded = [*below[1:], *[0] * (len(above) - len(below))]
         rows = [below, [a - ratio * b for a, b in zip(above[1:], padded, strict=False)]]
     return Decision(holds=True)
+
+
+def routh(p: Any, degree: int) -> Decision:
+    """Routh's array in balls, and in rationals where balls do not decide and the polynomial is exact."""
+    from flint import arb_poly
+
+    found = hurwitz(arb_poly(p), degree)
+    return hurwitz(p, degree) if found.unclear and not isinstance(p, arb_poly) else found
 
 
 def squared(p: Any) -> Any:
