@@ -112,6 +112,8 @@ class LoopClaim:
     def __post_init__(self) -> None:
         for name in SYSTEMS:
             system = getattr(self, name)
+            if system is None and name != "performance":
+                raise ValueError(f"{name} must be a system, got none")
             if system is not None and system.D.shape != (1, 1):
                 raise ValueError(f"{name} must have one input and one output, got D of shape {system.D.shape}")
         if (self.reads, self.inverse) not in FORMS:
@@ -175,16 +177,16 @@ def system_from(given: Any) -> Matrices | None:
         return None
     if set(given) != {*"ABCD", "dt"}:
         raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
-    D = np.array(given["D"], dtype=float)
-    n = len(given["A"])
-    A = np.array(given["A"], dtype=float).reshape(n, n)
-    return Matrices(
-        A=A,
-        B=np.array(given["B"], dtype=float).reshape(n, D.shape[1]),
-        C=np.array(given["C"], dtype=float).reshape(D.shape[0], n),
-        D=D,
-        dt=float(given["dt"]),
-    )
+    try:
+        D = np.array(given["D"], dtype=float, ndmin=2)
+        n = len(given["A"])
+        A, B, C = (
+            np.array(given[name], dtype=float).reshape(shape)
+            for name, shape in (("A", (n, n)), ("B", (n, D.shape[1])), ("C", (D.shape[0], n)))
+        )
+    except ValueError as error:
+        raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
+    return Matrices(A=A, B=B, C=C, D=D, dt=float(given["dt"]))
 
 
 def digest(given: Any) -> str:

@@ -13,14 +13,16 @@ from nlfrf.shared.values import value
 from robust.verification.claim import Matrices
 from robust.verification.exact import rational, rational_matrix
 from robust.verification.half_line import Decision, positive_on_half_line
+from robust.verification.loops import Verification, said
 from robust.verification.matrices import positive_definite
 from robust.verification.stability import routh
 
-__all__ = ["NormClaim", "decide_norm"]
+__all__ = ["NormClaim", "decide_norm", "verify_norm"]
 
 
 MOST_STATES = 40
 BITS = (256, 1024, 4096)
+UNSTABLE = Decision(holds=False, reason="not looked at")
 
 
 @value
@@ -29,6 +31,17 @@ class NormClaim:
 
     system: Matrices
     level: float
+
+
+def verify_norm(claim: NormClaim) -> Verification:
+    """Stability and norm bound of a system re-proved in exact arithmetic."""
+    try:
+        decided = decide_norm(claim)
+    except ValueError as error:
+        return Verification(verified=False, proved=(), failed=(("the system", str(error)),), bits=0)
+    failed = tuple((name, said(found)) for name, found in decided.items() if not found.holds)
+    proved = tuple(name for name, found in decided.items() if found.holds)
+    return Verification(verified=not failed, proved=proved, failed=failed, bits=BITS[-1])
 
 
 def decide_norm(claim: NormClaim) -> dict[str, Decision]:
@@ -52,7 +65,7 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
         back = shifted.inv()
         A, B, C, D = back * (A - identity(n)), back * B * rational(2.0), C * back, D - C * back * B
     stable = routh(A.charpoly(), n) if n else Decision(holds=True)
-    return {"stability": stable, "norm": bounded(A, B, C, D, claim.level) if stable.holds else Decision(holds=False)}
+    return {"stability": stable, "norm": bounded(A, B, C, D, claim.level) if stable.holds else UNSTABLE}
 
 
 def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
