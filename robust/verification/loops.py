@@ -18,7 +18,8 @@ from robust.verification.conditions import Terms, conditions
 from robust.verification.exact import rational
 from robust.verification.half_line import Decision, positive_on_half_line
 from robust.verification.intervals import positive_on_intervals
-from robust.verification.stability import hurwitz_with_delay, routh
+from robust.verification.poles import stable_quotients
+from robust.verification.stability import routh
 
 __all__ = ["Verification", "said", "verify_loop"]
 
@@ -122,7 +123,7 @@ def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> No
         return name not in decided or (not decided[name].holds and decided[name].unclear)
 
     if open_still(NOMINAL):
-        decided[NOMINAL] = nominal_stability(axis)
+        decided[NOMINAL] = stable_quotients(axis.G, axis.K, axis.delay)
     if open_still(WEIGHTS):
         decided[WEIGHTS] = stable_weights(axis)
     if not (decided[NOMINAL].holds and decided[WEIGHTS].holds):
@@ -150,20 +151,6 @@ def squared_scaling(scaling: Any) -> Any:
     from flint import arb
 
     return arb(scaling * scaling)
-
-
-def nominal_stability(axis: Axis) -> Decision:
-    """Every pole of the nominal loop, hidden modes included, strictly stable; with its delay where it has one."""
-    from flint import arb_poly
-
-    N, D = axis.G.num, axis.G.den
-    exact = type(N) is type(axis.K.num)
-    kind = type(N) if exact else arb_poly
-    N, D = N * kind(axis.K.num), D * kind(axis.K.den)
-    degree = axis.G.degree + axis.K.degree
-    if axis.delay > 0:
-        return hurwitz_with_delay(D, N, degree, axis.delay)
-    return routh(N + D, degree)
 
 
 def stable_weights(axis: Axis) -> Decision:

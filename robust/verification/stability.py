@@ -14,6 +14,7 @@ from robust.verification.half_line import Decision
 __all__ = ["hurwitz", "hurwitz_with_delay", "routh", "squared"]
 
 
+BITS = (192, 768, 3072)
 MOST_BITS = 4096
 
 
@@ -52,11 +53,17 @@ def hurwitz(p: Any, degree: int) -> Decision:
 
 
 def routh(p: Any, degree: int) -> Decision:
-    """Routh's array in balls, and in rationals where balls do not decide and the polynomial is exact."""
-    from flint import arb_poly
+    """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
+    from flint import arb_poly, ctx
 
-    found = hurwitz(arb_poly(p), degree)
-    return hurwitz(p, degree) if found.unclear and not isinstance(p, arb_poly) else found
+    if isinstance(p, arb_poly):
+        return hurwitz(p, degree)
+    for bits in BITS:
+        with ctx.workprec(bits):
+            found = hurwitz(arb_poly(p), degree)
+        if not found.unclear:
+            return found
+    return hurwitz(p, degree)
 
 
 def squared(p: Any) -> Any:

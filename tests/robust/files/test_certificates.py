@@ -9,6 +9,7 @@ import pytest
 
 from robust import UncertaintyModel, check, performance_weight, save_certificate, verify_certificate
 from robust.verification.claim import digest
+from tests.support.random_loops import random_case, tf_response
 
 OMEGA = np.array([1.0, 2.0])
 G = control.tf([20], [1, 8, 20])
@@ -179,3 +180,19 @@ def test_what_check_proves_is_verified(form, perturbation):
         for certificate in held:
             found = certificate.verify()
             assert found.verified, (certificate.subject, found.failed)
+
+
+def test_random_loops_that_check_certifies_are_verified():
+    """All of them, with hold, delay and four forms; `benchmarks.bench_verification` does the same with 500."""
+    rng, count = np.random.default_rng(4), 0
+    while count < 20:
+        case = random_case(rng)
+        if not case["stable"] or case["target"] >= 1:
+            continue
+        radius = 0.5 * np.abs(tf_response(case["w"], OMEGA))
+        model = UncertaintyModel(case["G"], case["w"], case["form"], OMEGA, radius, perturbation="LTI")
+        for certificate in check(model, case["K"], delay=case["delay"]).certificates:
+            if certificate.holds:
+                found = certificate.verify()
+                assert found.verified, (case["kind"], case["form"], found.failed)
+                count += 1
