@@ -19,6 +19,8 @@ from .certificates.certificate import Certificate as Certificate
 
 # Files
 from .files.biquads import controller_sections as controller_sections
+from .files.certificates import save_certificate as save_certificate
+from .files.certificates import verify_certificate as verify_certificate
 from .files.matlab import export_matlab as export_matlab
 from .files.models import load_controller as load_controller
 from .files.models import load_model as load_model
@@ -86,3 +88,6 @@ from .uncertain.model import UncertaintyModel as UncertaintyModel
 from .uncertain.model import uncertainty as uncertainty
 from .uncertain.validation import Validation as Validation
 from .uncertain.validation import validate as validate
+
+# Verification: proofs that hold to the last bit
+from .verification.loops import Verification as Verification

@@ -164,7 +164,9 @@ def check(
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
     no_certify: Annotated[bool, typer.Option("--no-certify", help="Look at a grid only; proves nothing.")] = False,
     solver: Annotated[str, typer.Option(help="CLARABEL or SCS.")] = "CLARABEL",
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Report to write (.txt).")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Report to write (.txt); its certificate comes beside it.")
+    ] = None,
     picture: Picture = None,
 ) -> None:
     """Check a controller against a model: nominal stability, the whole set, and a proof over all frequencies."""
@@ -178,10 +180,34 @@ def check(
     if out is not None:
         write_text(out, f"{report}\n")
         print(f"wrote {out}")
+        if any(certificate.holds for certificate in report.certificates):
+            handed = out.with_suffix(".certificate.json")
+            robust.save_certificate(report, handed)
+            print(f"wrote {handed}")
+            with working("verifying"):
+                print(robust.verify_certificate(handed))
     if picture is not None:
         from robust.plot import plot_check, plot_loop
 
         draw(picture, [(plot_loop, report), (plot_check, report)])
+
+
+@app.command()
+def verify(
+    file: Annotated[Path, typer.Argument(help="Certificate written by 'robust check --out' (.certificate.json).")],
+    model: Annotated[Path | None, typer.Option(help="Model that it has to be about.")] = None,
+    controller: Annotated[Path | None, typer.Option(help="Controller that it has to be about.")] = None,
+    seconds: Annotated[float, typer.Option(help="Time after which what is left counts as not verified.")] = 60.0,
+) -> None:
+    """Prove a certificate again to the last bit, all rounding outward; exit code 1 where any claim is not proved."""
+    plant = None if model is None else robust.load_model(model)
+    K = None if controller is None else robust.load_controller(controller)
+    with working("verifying"):
+        found = robust.verify_certificate(file, model=plant, K=K, time_cap=seconds)
+    print(found)
+    print("VERIFIED" if found.verified else "NOT VERIFIED")
+    if not found.verified:
+        raise typer.Exit(1)
 
 
 @app.command()

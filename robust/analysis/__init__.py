@@ -5,6 +5,7 @@ check_lines      the same where the plant is known on measured lines only
 check_structure  the same with several uncertainties
 loop             plant, controller, hold and delay on one time base: curves and margins
 curves           what the loop does over frequency, for its whole set
+claims           what a check claims, in the form in which it is verified
 proofs           robust stability and performance proved at every frequency
 report           `RobustnessReport`: what was found
 verdict          what it means, in words

@@ -23,6 +23,7 @@ from nlfrf import Bla
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.wording import shown
 from robust.analysis.check_lines import check_lines
+from robust.analysis.claims import claim_of
 from robust.analysis.curves import Peaks
 from robust.analysis.loop import assemble, find_peaks, nominal_instability
 from robust.analysis.proofs import prove_set
@@ -102,7 +103,8 @@ def check(
     places = np.array([peaks.omega_rs, peaks.omega_rp, peaks.omega_disk])
     omega = np.unique(np.concatenate([omega, places[(places > omega[0]) & (places < omega[-1])]]))
     curves = loop.curves(omega)
-    proofs = prove_set(loop, omega, peaks.rs, certify=certify, solver=solver, **of)
+    claim = claim_of(model, K, loop.w_P, delay)
+    proofs = prove_set(loop, omega, peaks.rs, claim=claim, certify=certify, solver=solver)
     return fill_report(
         curves,
         peaks,

@@ -9,6 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.analysis.claims import claimed
 from robust.analysis.loop import Loop, weighted
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
@@ -19,6 +20,7 @@ from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import Matrices, constant, over_frequency, response, timebase
 from robust.systems.norms import well_conditioned
 from robust.uncertain.forms import FORMS
+from robust.verification.claim import OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim
 
 __all__ = ["Proofs", "prove_set"]
 
@@ -46,16 +48,16 @@ class Proofs:
     performance: bool = False
 
 
-def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, perturbation: str, certify: bool, solver: str) -> Proofs:
-    """Whatever can be proved where the largest rs found is `peak`."""
+def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, claim: LoopClaim, certify: bool, solver: str) -> Proofs:
+    """Whatever can be proved of the claim where the largest rs found is `peak`."""
     if peak >= 1 or not certify:
         return Proofs(certificates=(), violated=peak >= 1)
-    stability = prove_stability(loop, omega, solver)
+    stability = claimed(prove_stability(loop, omega, solver), claim, STABILITY)
     violated = stability.reason.startswith("violated")
     stable = stability.holds and not violated
     if not stable or loop.w_P is None:
         return Proofs(certificates=(stability,), violated=violated, stable=stable)
-    performance = prove_performance(loop, omega, one_scaling=perturbation == "operator")
+    performance = prove_performance(loop, omega, claim)
     return Proofs(
         certificates=(stability, performance), violated=violated, stable=stable, performance=performance.holds
     )
@@ -88,15 +90,15 @@ def parts(loop: Loop, *, performance: bool) -> LoopFactors:
     )
 
 
-def prove_performance(loop: Loop, omega: np.ndarray, *, one_scaling: bool) -> Certificate:
+def prove_performance(loop: Loop, omega: np.ndarray, claim: LoopClaim) -> Certificate:
     """|w_P| max |S_p| < 1 at every frequency, interval by interval.
 
     For an operator perturbation it is the norm of the two-block loop under one scaling that holds at all frequencies.
     """
     subject = "robust performance"
-    if not one_scaling:
+    if claim.perturbation != "operator":
         outcome = prove_loop(parts(loop, performance=True), omega[[0, -1]], loop.top, time_cap=BUDGET)
-        return as_certificate(subject, outcome, "interval by interval")
+        return claimed(as_certificate(subject, outcome, "interval by interval"), claim, PERFORMANCE)
     if loop.pade_delay:
         return refused(subject, 1.0, "not attempted for operators with a delay in a continuous loop")
     out, into = loop.ports()
@@ -113,7 +115,8 @@ def prove_performance(loop: Loop, omega: np.ndarray, *, one_scaling: bool) -> Ce
         return float(np.linalg.norm(matrix, 2))
 
     outcome = prove(frozen, exact, starting_points(loop, A, omega), np.inf, time_cap=BUDGET)
-    return as_certificate(subject, in_omega(loop, outcome), "Hamiltonian with one scaling, interval by interval")
+    found = as_certificate(subject, in_omega(loop, outcome), "Hamiltonian with one scaling, interval by interval")
+    return claimed(found, claim, OPERATOR_PERFORMANCE, scaling=d)
 
 
 def loop_matrix(loop: Loop, omega: np.ndarray) -> np.ndarray:

@@ -153,6 +153,8 @@ class RobustnessReport:
             how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
             if certificate.holds and len(certificate.intervals) > 1:
                 how += f" ({len(certificate.intervals)} of them)"
+            if certificate.holds:
+                how += ", judged in floating point"
             lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
         if self.nominally_stable and np.isfinite(self.disk_margin):
             lines += paragraph(

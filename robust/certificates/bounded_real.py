@@ -20,6 +20,8 @@ from robust.certificates.solver import TIME_CAP, attempt
 from robust.systems.bilinear import to_continuous, to_discrete
 from robust.systems.lti import Matrices, scaled_states, timebase
 from robust.systems.norms import EPS, hinf_norm, well_conditioned
+from robust.verification.claim import as_given
+from robust.verification.norms import NormClaim
 
 __all__ = ["certify_norm"]
 
@@ -79,7 +81,15 @@ def certify_norm(
     everywhere = np.array([[0.0, np.pi / dt if dt else np.inf]])
 
     def proved(method: str) -> Certificate:
-        return Certificate(subject=subject, holds=True, level=level, method=method, intervals=everywhere, reason="")
+        return Certificate(
+            subject=subject,
+            holds=True,
+            level=level,
+            method=method,
+            intervals=everywhere,
+            reason="",
+            claim=NormClaim(system=as_given(system), level=level),
+        )
 
     inner = level * (1 - SLACK)
     A, B, C, D = system.A, system.B / np.sqrt(inner), system.C / np.sqrt(inner), system.D / inner

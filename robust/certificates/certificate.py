@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.shared.values import value
+from robust.verification.claim import LoopClaim
+from robust.verification.loops import Verification, verify_loop
+from robust.verification.norms import NormClaim, verify_norm
 
 __all__ = ["Certificate", "refused"]
 
@@ -12,6 +15,9 @@ __all__ = ["Certificate", "refused"]
 @value
 class Certificate:
     """What was proved, how, and if not, why not.
+
+    `holds` is judged in floating point, with slacks far above its rounding; `verify` proves the same again to the last
+    bit, from the matrices as they were given.
 
     Fields
     ------
@@ -28,6 +34,8 @@ class Certificate:
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
         Why it does not hold; empty when it does.
+    claim : LoopClaim, NormClaim or None
+        What holds, with every number as given, to be proved again; None where the proof is of another kind (mu).
 
     References
     ----------
@@ -40,6 +48,9 @@ class Certificate:
     >>> proof = certify_norm(control.tf([1], [1, 1]), 1.1)
     >>> proof.holds, certify_norm(control.tf([1], [1, 1]), 0.9).holds
     (True, False)
+    >>> print(proof.verify())
+    stability: proved, rigorous
+    norm: proved, rigorous
     """
 
     subject: str
@@ -48,6 +59,31 @@ class Certificate:
     method: str
     intervals: np.ndarray
     reason: str
+    claim: LoopClaim | NormClaim | None = None
+
+    def verify(self, *, time_cap: float = 60.0) -> Verification:
+        """Prove it again with outward rounding, by code that knows nothing of how it was found.
+
+        Parameters
+        ----------
+        time_cap : float
+            Seconds after which what is left counts as not verified.
+
+        Returns
+        -------
+        Verification
+            What is "proved, rigorous", and what is not, with the reason.
+
+        References
+        ----------
+        F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", 2017.
+        """
+        if isinstance(self.claim, LoopClaim):
+            return verify_loop(self.claim, time_cap=time_cap)
+        if isinstance(self.claim, NormClaim):
+            return verify_norm(self.claim)
+        reason = "judged in floating point only: no exact claim is kept of it" if self.holds else self.reason
+        return Verification(verified=False, proved=(), failed=((self.subject, reason),), bits=0)
 
 
 def refused(subject: str, level: float, reason: str) -> Certificate:

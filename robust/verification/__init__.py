@@ -5,9 +5,12 @@ exact       transfer functions over the rationals; hold and delay in balls
 axis        the parts of a claimed loop on one imaginary axis
 conditions  what a claim asks at a frequency, in sums and products
 stability   Routh's array; what a delay does to the roots
+poles       loops and matrices decided stable or not
 half_line   polynomials positive from zero to infinity
 jets        Taylor models on an interval
 intervals   claims with a delay or a continuous weight, interval by interval
+matrices    matrix inequalities over the rationals
+norms       the norm of a system below a level
 loops       the door: a claim in, `Verification` out
 file        certificates as JSON that someone else can check
 """

@@ -10,7 +10,7 @@ from robust.verification.conditions import Terms
 from robust.verification.exact import Quotient, behind_samples, held, mapped, quotient, rational
 from robust.verification.stability import squared
 
-__all__ = ["Axis", "Squares", "at_infinity", "axis_of", "polynomials", "squares"]
+__all__ = ["Axis", "Squares", "at_infinity", "axis_of", "loop_axis", "polynomials", "squares"]
 
 
 WHOLE_SAMPLES, WHOLE_SAMPLES_DISCRETE, SAME_CLOCK = 1e-9, 1e-6, 1e-9
@@ -47,15 +47,22 @@ class Axis:
 
 def axis_of(claim: LoopClaim) -> Axis:
     """Put the parts of a claim on one axis, by the rules that `LoopClaim` states, or refuse with a ValueError."""
-    plant, K, delay = claim.plant, claim.controller, rational(claim.delay)
-    dt = rational(plant.dt or K.dt)
+    G, K, dt, delay = loop_axis(claim.plant, claim.controller, claim.delay)
+    w, w_timed = weight("weight", claim.weight, dt)
+    P, P_timed = (None, False) if claim.performance is None else weight("performance", claim.performance, dt)
+    return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed)
+
+
+def loop_axis(plant: Matrices, K: Matrices, seconds: float) -> tuple[Quotient, Quotient, Any, Any]:
+    """Plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant."""
+    delay, dt = rational(seconds), rational(plant.dt or K.dt)
     if plant.dt:
         if K.order and not same_clock(K.dt, plant.dt):
             raise ValueError(f"controller must have the sampling time of the plant, {plant.dt} s, got {K.dt} s")
         samples = delay / dt
         whole = int((samples + rational(0.5)).floor())
         if abs(samples - whole) > rational(WHOLE_SAMPLES_DISCRETE):
-            raise ValueError(f"delay must be whole samples of {plant.dt} s, got {claim.delay} s")
+            raise ValueError(f"delay must be whole samples of {plant.dt} s, got {seconds} s")
         G, delay = mapped(behind_samples(quotient(plant), whole)), rational(0.0)
     elif dt:
         whole = int((delay / dt + rational(WHOLE_SAMPLES)).floor())
@@ -65,10 +72,7 @@ def axis_of(claim: LoopClaim) -> Axis:
         G, delay = mapped(held(plant, dt, whole, rest)), rational(0.0)
     else:
         G = quotient(plant)
-    controller = mapped(quotient(K)) if dt else quotient(K)
-    w, w_timed = weight("weight", claim.weight, dt)
-    P, P_timed = (None, False) if claim.performance is None else weight("performance", claim.performance, dt)
-    return Axis(G=G, K=controller, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed)
+    return G, mapped(quotient(K)) if dt else quotient(K), dt, delay
 
 
 def same_clock(dt: float, other: float) -> bool:

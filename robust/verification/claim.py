@@ -16,6 +16,7 @@ __all__ = [
     "STABILITY",
     "LoopClaim",
     "Matrices",
+    "as_given",
     "content",
     "differences",
     "digest",
@@ -54,6 +55,19 @@ class Matrices:
     def order(self) -> int:
         """Number of states."""
         return int(self.A.shape[0])
+
+
+def as_given(system: Any) -> Matrices:
+    """The matrices of anything that has A, B, C, D and dt (a state space), number by number."""
+    D = np.array(system.D, dtype=float, ndmin=2)
+    n = int(np.size(system.A) ** 0.5 + 0.5)
+    return Matrices(
+        A=np.array(system.A, dtype=float).reshape(n, n),
+        B=np.array(system.B, dtype=float).reshape(n, D.shape[1]),
+        C=np.array(system.C, dtype=float).reshape(D.shape[0], n),
+        D=D,
+        dt=float(system.dt or 0.0),
+    )
 
 
 @value
@@ -98,6 +112,8 @@ class LoopClaim:
     def __post_init__(self) -> None:
         for name in SYSTEMS:
             system = getattr(self, name)
+            if system is None and name != "performance":
+                raise ValueError(f"{name} must be a system, got none")
             if system is not None and system.D.shape != (1, 1):
                 raise ValueError(f"{name} must have one input and one output, got D of shape {system.D.shape}")
         if (self.reads, self.inverse) not in FORMS:
@@ -161,16 +177,16 @@ def system_from(given: Any) -> Matrices | None:
         return None
     if set(given) != {*"ABCD", "dt"}:
         raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
-    D = np.array(given["D"], dtype=float)
-    n = len(given["A"])
-    A = np.array(given["A"], dtype=float).reshape(n, n)
-    return Matrices(
-        A=A,
-        B=np.array(given["B"], dtype=float).reshape(n, D.shape[1]),
-        C=np.array(given["C"], dtype=float).reshape(D.shape[0], n),
-        D=D,
-        dt=float(given["dt"]),
-    )
+    try:
+        D = np.array(given["D"], dtype=float, ndmin=2)
+        n = len(given["A"])
+        A, B, C = (
+            np.array(given[name], dtype=float).reshape(shape)
+            for name, shape in (("A", (n, n)), ("B", (n, D.shape[1])), ("C", (D.shape[0], n)))
+        )
+    except ValueError as error:
+        raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
+    return Matrices(A=A, B=B, C=C, D=D, dt=float(given["dt"]))
 
 
 def digest(given: Any) -> str:

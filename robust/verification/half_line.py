@@ -7,6 +7,7 @@ with the square root of the distance from zero, so that a polynomial that nearly
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def signs(coefficients: list[Any]) -> str:
     return "split" if any(c < 0 for c in coefficients) else "unclear"
 
 
-def positive_on_half_line(p: Any) -> Decision:
+def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
     """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint. Infinity is not looked at.
 
     >>> from flint import fmpq, fmpq_poly
@@ -70,6 +71,8 @@ def positive_on_half_line(p: Any) -> Decision:
     for _ in range(MOST_PIECES):
         if not todo:
             return Decision(holds=True)
+        if time.monotonic() > deadline:
+            return Decision(holds=False, reason="undecided, as time was up")
         a, b = todo.pop()
         found = signs(bernstein(p, exactly(p, a), exactly(p, b)) if np.isfinite(b) else beyond(p, a))
         if found == "proved":

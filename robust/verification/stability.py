@@ -11,9 +11,10 @@ from typing import Any
 
 from robust.verification.half_line import Decision
 
-__all__ = ["hurwitz", "hurwitz_with_delay", "squared"]
+__all__ = ["hurwitz", "hurwitz_with_delay", "routh", "squared"]
 
 
+BITS = (192, 768, 3072)
 MOST_BITS = 4096
 
 
@@ -49,6 +50,20 @@ def hurwitz(p: Any, degree: int) -> Decision:
         padded = [*below[1:], *[0] * (len(above) - len(below))]
         rows = [below, [a - ratio * b for a, b in zip(above[1:], padded, strict=False)]]
     return Decision(holds=True)
+
+
+def routh(p: Any, degree: int) -> Decision:
+    """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
+    from flint import arb_poly, ctx
+
+    if isinstance(p, arb_poly):
+        return hurwitz(p, degree)
+    for bits in BITS:
+        with ctx.workprec(bits):
+            found = hurwitz(arb_poly(p), degree)
+        if not found.unclear:
+            return found
+    return hurwitz(p, degree)
 
 
 def squared(p: Any) -> Any:

@@ -22,6 +22,7 @@ OWN = {
     *("nlfrf.run", "nlfrf.save_bla", "nlfrf.save_multisine", "nlfrf.save_record", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),
     *("robust.load_controller", "robust.load_model", "robust.save_controller", "robust.save_model"),
+    "robust.save_certificate",
     *("robust.write_report", "nlfrf.hysteresis.Linear", "nlfrf.hysteresis.Table"),
 }
 

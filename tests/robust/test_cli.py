@@ -129,3 +129,28 @@ def test_export_says_what_is_wrong_with_a_controller(robust_command, tmp_path):
     code, _, err = robust_command("export newer.json -o K.mat")
     assert code == 2
     assert "version 1 of robust-controller" in err
+
+
+def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
+    for command in (
+        "model bla.npz --poles 2 --zeros 0 --order 3 -o m.json",
+        "design m.json --bandwidth 6 --sample-time 0.001 --delay 0.001 -o K.json",
+        "check m.json K.json --delay 0.001 --bandwidth 1 -o r.txt",
+        "design m.json --bandwidth 5 --sample-time 0.001 --delay 0.001 -o other.json",
+    ):
+        code, said, wrong = robust_command(command)
+        assert code == 0, wrong
+        if command.startswith("check"):
+            assert "wrote r.certificate.json" in said
+            assert said.count("proved, rigorous") == 4
+    code, said, _ = robust_command("verify r.certificate.json --model m.json --controller K.json")
+    assert code == 0
+    assert said.splitlines()[-1] == "VERIFIED"
+    code, said, _ = robust_command("verify r.certificate.json --controller other.json")
+    assert code == 1
+    assert "the controller: NOT verified: not the one of the certificate" in said
+    text = (tmp_path / "r.certificate.json").read_text()
+    (tmp_path / "changed.json").write_text(text.replace('"delay": 0.001', '"delay": 0.0009'))
+    code, _, wrong = robust_command("verify changed.json")
+    assert code == 2
+    assert "whose digest does not fit" in wrong

@@ -6,19 +6,9 @@ import pytest
 from flint import acb, arb_poly, ctx, fmpq
 
 from robust.verification.claim import Matrices
+from robust.verification.claim import as_given as matrices
 from robust.verification.exact import behind_samples, held, mapped, quotient, rational
 from tests.support.random_loops import hold_and_delay, tf_response
-
-
-def matrices(system):
-    n = system.nstates
-    return Matrices(
-        A=np.reshape(system.A, (n, n)),
-        B=np.reshape(system.B, (n, 1)),
-        C=np.reshape(system.C, (1, n)),
-        D=np.asarray(system.D, dtype=float),
-        dt=float(system.dt or 0),
-    )
 
 
 def at(found, s):

@@ -6,8 +6,8 @@ import pytest
 from flint import ctx
 
 from robust.verification.claim import LoopClaim
+from robust.verification.claim import as_given as matrices
 from robust.verification.loops import verify_loop
-from tests.robust.verification.test_exact import matrices
 from tests.support.precise_loops import PreciseLoop, just_above
 from tests.support.random_loops import curves, random_case, roots, tf_response, zpk
 

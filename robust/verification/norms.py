@@ -1,0 +1,101 @@
+"""A norm bound of a system with any number of inputs and outputs, decided in exact arithmetic.
+
+A stable system has norm below a level at every frequency iff level^2 - D'D > 0 and the Hamiltonian matrix has no
+eigenvalue on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989). Its characteristic polynomial has rational
+coefficients and only even powers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nlfrf.shared.values import value
+from robust.verification.claim import Matrices
+from robust.verification.exact import rational, rational_matrix
+from robust.verification.half_line import Decision, positive_on_half_line
+from robust.verification.loops import Verification, said
+from robust.verification.matrices import positive_definite
+from robust.verification.stability import routh
+
+__all__ = ["NormClaim", "decide_norm", "verify_norm"]
+
+
+MOST_STATES = 40
+BITS = (256, 1024, 4096)
+UNSTABLE = Decision(holds=False, reason="not looked at")
+
+
+@value
+class NormClaim:
+    """What is claimed of a system: stable, with H-infinity norm below the level."""
+
+    system: Matrices
+    level: float
+
+
+def verify_norm(claim: NormClaim) -> Verification:
+    """Stability and norm bound of a system re-proved in exact arithmetic."""
+    try:
+        decided = decide_norm(claim)
+    except ValueError as error:
+        return Verification(verified=False, proved=(), failed=(("the system", str(error)),), bits=0)
+    failed = tuple((name, said(found)) for name, found in decided.items() if not found.holds)
+    proved = tuple(name for name, found in decided.items() if found.holds)
+    return Verification(verified=not failed, proved=proved, failed=failed, bits=BITS[-1])
+
+
+def decide_norm(claim: NormClaim) -> dict[str, Decision]:
+    """Stability and the bound, each decided; for an unstable system the bound is not looked at.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                   # 1/(s + 1): the norm is one
+    >>> [decide_norm(NormClaim(system=lag, level=x))["norm"].holds for x in (1.0, np.nextafter(1, 2))]
+    [False, True]
+    """
+    system = claim.system
+    n = system.order
+    if n > MOST_STATES:
+        raise ValueError(f"system must have at most {MOST_STATES} states to be verified, got {n}")
+    A, B, C, D = (rational_matrix(getattr(system, name)) for name in "ABCD")
+    if system.dt and n:
+        shifted = A + identity(n)
+        if shifted.det() == 0:
+            return {"stability": Decision(holds=False, reason="a pole at -1")}
+        back = shifted.inv()
+        A, B, C, D = back * (A - identity(n)), back * B * rational(2.0), C * back, D - C * back * B
+    stable = routh(A.charpoly(), n) if n else Decision(holds=True)
+    return {"stability": stable, "norm": bounded(A, B, C, D, claim.level) if stable.holds else UNSTABLE}
+
+
+def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
+    """Whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
+    from flint import arb_poly, ctx, fmpq_mat
+
+    n, m = A.nrows(), D.ncols()
+    R = identity(m) * (rational(level) ** 2) - D.transpose() * D
+    if not positive_definite(R):
+        return Decision(holds=False, reason="not below the level at infinite frequency")
+    if n == 0:
+        return Decision(holds=True)
+    inverse = R.inv()
+    F = A + B * inverse * D.transpose() * C
+    upper, lower = B * inverse * B.transpose(), C.transpose() * C + C.transpose() * D * inverse * D.transpose() * C
+    rows = [x + y for x, y in zip(F.tolist(), upper.tolist(), strict=True)]
+    rows += [x + y for x, y in zip((-lower).tolist(), (-F.transpose()).tolist(), strict=True)]
+    p = fmpq_mat(rows).charpoly().coeffs()[::2]  # in s^2 = -y
+    on_axis = [c if (k + n) % 2 == 0 else -c for k, c in enumerate(p)]
+    found = Decision(holds=False)
+    for bits in BITS:
+        with ctx.workprec(bits):
+            found = positive_on_half_line(arb_poly(on_axis))
+        if found.holds or not found.unclear:
+            break
+    return found
+
+
+def identity(n: int) -> Any:
+    """The identity over the rationals."""
+    from flint import fmpq_mat
+
+    return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
