@@ -16,7 +16,7 @@ def held(frm, other):
 
 @pytest.mark.parametrize("level", ["300mV", "100mV"])
 def test_the_second_half_of_the_mirrors_sets_lies_in_the_bound_of_the_first(measured, level):
-    """Floren and others, ISMA-USD 2024, CC BY 4.0. A full grid: the level comes from the roughness of one set."""
+    """Floren and others, ISMA 2024, CC BY 4.0. A full grid: the level comes from the roughness of one set."""
     folder = measured / "fine_steering_mirror"
     u, y = (np.load(folder / f"{name}_{level}_train.npy").transpose(1, 2, 3, 0) for name in "uy")
     lines = nlfrf.LineGrid(excited=np.arange(600, 1600))
@@ -37,12 +37,11 @@ def test_the_second_half_of_the_mirrors_sets_lies_in_the_bound_of_the_first(meas
 
 
 def test_the_beam_has_its_peaks_where_its_owner_says(measured):
-    """F. Ribeiro 2015, BSD 2-clause: patches driven alike and in opposition by one sweep, a Hadamard set without psi."""
+    """F. Ribeiro 2015, BSD 2-clause: patches driven alike and in opposition by one sweep: no psi."""
     data = np.load(measured / "beam_ring" / "beam_ring_2x2.npz")
     lines = nlfrf.LineGrid(excited=np.arange(1200, 4200))
-    record = nlfrf.MultiRecord(
-        u=data["u"], y=data["y"], fs=1000, lines=lines, inputs=("upper patch", "lower patch"), outputs=("upper", "lower")
-    )
+    names = {"inputs": ("upper patch", "lower patch"), "outputs": ("upper", "lower")}
+    record = nlfrf.MultiRecord(u=data["u"], y=data["y"], fs=1000, lines=lines, **names)
     with pytest.warns(nlfrf.DataWarning) as said:
         frm = nlfrf.identify(record, transient="none")
     text = " ".join(str(one.message) for one in said)

@@ -39,6 +39,10 @@ def values_of_nlfrf():
     yield nlfrf.level_study(rig, band, [0.5, 1.0], n_discard=10)
     yield nlfrf.run(rig, np.zeros(20), fs=512.0)
     yield nlfrf.simulate_loop(rig, control.ss([], [], [], [[1.0]], 0.01), np.ones(20), fs=100.0)
+    several = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, rng=1)
+    u = np.repeat(several.u[:, :, None], 2, axis=2)
+    channels = nlfrf.MultiRecord(u=u, y=u[::-1], fs=128, lines=several.lines)
+    yield from (several, channels, nlfrf.identify(channels))
     yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
     yield hysteresis.MaxwellSlip(stiffness=[1.0, 2.0], strength=[0.3, 0.7])
 
