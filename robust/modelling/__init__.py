@@ -2,6 +2,8 @@
 
 nominal          the nominal model: a rational function through a measured FRF
 orders           how many poles the FRF asks for
+matrix_nominal   the nominal model of a measured matrix
+shared_poles     several inputs and outputs: poles shared by all entries, residues of low rank
 rational         vector fitting: rational functions through complex data
 refinement       the same, refined by its roots
 weights          weights that cover a radius, with as little above it as the order allows

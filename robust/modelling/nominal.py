@@ -8,19 +8,17 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf import Bla
+from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import integer, nonnegative, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
+from robust.modelling.matrix_nominal import MAX_POLES, fit_matrix
 from robust.modelling.rational import Roots, numerator, starting_poles, to_plane, vector_fit
 from robust.modelling.refinement import refine
 from robust.systems.realisation import from_roots, in_order
 from robust.systems.sampling import delay_samples
 
 __all__ = ["NominalFit", "fit_nominal", "frd"]
-
-
-MAX_POLES = 40
 
 
 @value
@@ -35,11 +33,11 @@ class NominalFit:
         Delay [s] in series with G.
     omega : (F,) ndarray
         The lines it was fitted to [rad/s]; those of several records one after the other.
-    response : (F,) complex ndarray
+    response : (F,) complex ndarray, or (n_y, n_u, F)
         Response of the model there, delay included.
-    residual : (F,) complex ndarray
+    residual : (F,) complex ndarray, or (n_y, n_u, F)
         Measured minus response.
-    std : (F,) ndarray
+    std : (F,) ndarray, or (n_y, n_u, F)
         Standard deviation of each line that the fit was weighted by; nan where no variance was given.
     cost : float
         Sum of |residual|^2 / var.
@@ -90,23 +88,23 @@ class Lines:
     dof: np.ndarray
 
 
-def frd(bla: Bla) -> control.FrequencyResponseData:
+def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
     """The best linear approximation as a python-control FRF, to plot, multiply and compare with models.
 
     Parameters
     ----------
-    bla : nlfrf.Bla
-        A measured BLA.
+    bla : nlfrf.Bla or nlfrf.Frm
+        A measured BLA, or a matrix of them.
 
     Returns
     -------
     control.FrequencyResponseData
-        One input, one output, at the excited lines [rad/s].
+        Inputs and outputs as measured, at the excited lines [rad/s].
 
     Raises
     ------
     ValueError
-        Anything that is not a Bla.
+        Anything that is neither a Bla nor an Frm.
 
     Examples
     --------
@@ -118,8 +116,8 @@ def frd(bla: Bla) -> control.FrequencyResponseData:
     >>> bool(np.allclose(measured.omega, 2 * np.pi * ms.f))
     True
     """
-    if not isinstance(bla, Bla):
-        raise ValueError(f"bla must be an nlfrf.Bla, got {shown(bla)}")
+    if not isinstance(bla, Bla | Frm):
+        raise ValueError(f"bla must be an nlfrf.Bla or nlfrf.Frm, got {shown(bla)}")
     return control.FrequencyResponseData(bla.G, bla.omega)
 
 
@@ -132,6 +130,7 @@ def fit_nominal(
     dt: float = 0,
     stable: bool = True,
     std: np.ndarray | None = None,
+    rank: int = 1,
 ) -> NominalFit:
     """Fit a transfer function to a measured FRF: the model a controller is designed on.
 
@@ -140,12 +139,13 @@ def fit_nominal(
 
     Parameters
     ----------
-    bla : nlfrf.Bla, list of them, or control.FrequencyResponseData
-        What was measured. A list is a plant at several levels or days: one model for all.
+    bla : nlfrf.Bla, list of them, nlfrf.Frm or control.FrequencyResponseData
+        What was measured. A list is a plant at several levels or days: one model for all. The model of an Frm has poles
+        that all entries share and residues of rank one, n_poles states in all, weighted by the covariance.
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
-        Number of zeros, n_poles - 1 when not given.
+        Number of zeros, n_poles - 1 when not given. Of an Frm either none is given, or n_poles for a direct term.
     delay : float or "estimate"
         Delay [s] in series; in discrete time a whole number of samples.
     dt : float
@@ -155,6 +155,8 @@ def fit_nominal(
     std : (F,) ndarray, optional
         Standard deviation of each line of a FrequencyResponseData (a Bla brings its own). Without it, lines
         are weighted by 1/|G| and no cost is expected.
+    rank : int
+        Rank of the residues of an Frm: 2 for the equal modes of a symmetric machine.
 
     Returns
     -------
@@ -178,6 +180,8 @@ def fit_nominal(
     >>> np.abs(fit.G.poles()).round(9).tolist()
     [50.0, 50.0]
     """
+    if isinstance(bla, Frm):
+        return NominalFit(**fit_matrix(bla, n_poles, n_zeros, delay, nonnegative("dt", dt), stable, rank))
     lines = measured(bla, std)
     n_poles = integer("n_poles", n_poles, least=0)
     n_zeros = integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)

@@ -6,7 +6,16 @@ import numpy as np
 
 from robust.systems.realisation import in_order
 
-__all__ = ["Roots", "numerator", "stacked", "starting_poles", "to_plane", "vector_fit"]
+__all__ = [
+    "Roots",
+    "numerator",
+    "partial_fractions",
+    "relocated",
+    "stacked",
+    "starting_poles",
+    "to_plane",
+    "vector_fit",
+]
 
 
 UNDAMPED = 1e-8  # damping under which a pole counts as one on the axis

@@ -12,7 +12,7 @@ from nlfrf.shared.arguments import nonnegative, positive
 from robust.systems.bilinear import to_discrete
 from robust.systems.connections import in_series
 from robust.systems.lti import timebase
-from robust.systems.realisation import state_space
+from robust.systems.realisation import multivariable, state_space
 
 __all__ = ["delay_samples", "delayed", "discretize", "sampled"]
 
@@ -27,7 +27,7 @@ def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> contro
     Parameters
     ----------
     system : control.StateSpace
-        Continuous plant.
+        Continuous plant, of one or several inputs and outputs.
     dt : float
         Sampling time [s] of the controller.
     delay : float
@@ -59,10 +59,10 @@ def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> contro
     rest = max(0.0, delay - whole * dt)
     rest = 0.0 if rest < 1e-9 * dt else rest
     A, B, C, D = system.A, system.B, system.C, system.D
-    n = A.shape[0]
+    n, m = B.shape
 
     def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
-        both = np.zeros((n + 1, n + 1))
+        both = np.zeros((n + m, n + m))
         both[:n, :n], both[:n, n:] = A, B
         both = expm(both * duration)
         return both[:n, :n], both[:n, n:]
@@ -74,21 +74,21 @@ def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> contro
     if n_memory == 0:
         return control.StateSpace(Phi, late, C, D, dt)
     # states: x, then u[k-1], u[k-2], ..., u[k-n_memory]
-    size = n + n_memory
-    Ad, Bd, Cd = np.zeros((size, size)), np.zeros((size, 1)), np.zeros((1, size))
+    size = n + n_memory * m
+    Ad, Bd, Cd = np.zeros((size, size)), np.zeros((size, m)), np.zeros((C.shape[0], size))
     Ad[:n, :n] = Phi
-    Bd[n, 0] = 1.0
-    Ad[n + 1 :, n:-1] = np.eye(n_memory - 1)
+    Bd[n : n + m] = np.eye(m)
+    Ad[n + m :, n:-m] = np.eye((n_memory - 1) * m)
     Cd[:, :n] = C
     newest = late if rest > 0 else held(dt)[1]
     if whole == 0:
         Bd[:n] = newest
     else:
-        Ad[:n, n + whole - 1 : n + whole] = newest
+        Ad[:n, n + (whole - 1) * m : n + whole * m] = newest
     if rest > 0:
-        Ad[:n, n + whole : n + whole + 1] = after @ early
-    Cd[:, n + n_memory - 1] = D[:, 0]
-    return control.StateSpace(Ad, Bd, Cd, np.zeros((1, 1)), dt)
+        Ad[:n, n + whole * m : n + (whole + 1) * m] = after @ early
+    Cd[:, n + (n_memory - 1) * m :] = D
+    return control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt)
 
 
 def delay_samples(name: str, delay: float, dt: float) -> int:
@@ -141,7 +141,7 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        Continuous controller.
+        Continuous controller, of one or several inputs and outputs.
     dt : float
         Sampling time [s].
     prewarp : float
@@ -167,7 +167,9 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
     >>> round(float(K.poles()[0].real), 9), round(float(K.zeros()[0].real), 9)
     (1.0, 0.818181818)
     """
-    K, dt, prewarp = state_space("K", K), positive("dt", dt), nonnegative("prewarp", prewarp)
+    several = isinstance(K, control.StateSpace) and (K.ninputs, K.noutputs) != (1, 1)
+    K = multivariable("K", K) if several else state_space("K", K)
+    dt, prewarp = positive("dt", dt), nonnegative("prewarp", prewarp)
     if timebase(K):
         raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")
     if prewarp * dt >= np.pi:
