@@ -6,5 +6,6 @@ mixsyn             weighted S, K S and T made small together
 hinfsyn            any generalised plant
 dk                 D-K iteration: several uncertainties and a performance
 generalised_plant  the plant in the form the equations ask for, and the way back
+singular           problems with zeros on the axis or at infinity: controllers and lower bounds by circles beside it
 central            the two equations at one level, and the controller from them
 """
