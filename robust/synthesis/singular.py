@@ -178,7 +178,7 @@ def judged(P: control.StateSpace, problem: Plant, found: Found, step: float, dea
 
 
 def norm_as_given(closed: control.StateSpace) -> float:
-    """The norm, and not less than what evaluation finds in the coordinates as they are: it tells."""
+    """The norm, and at least what evaluation finds in the coordinates of the loop as they are."""
     poles = in_s(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
     near = np.concatenate([np.abs(poles.imag), np.abs(poles)])
     omega = np.unique(near[:, None] * (1 + np.linspace(-0.03, 0.03, 31)))
