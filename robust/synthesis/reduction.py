@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuous_lyapunov, solve_sylvester
 
-from robust.systems.bilinear import Matrices
+from robust.systems.lti import Matrices
 
 __all__ = ["balanced", "coprime", "split", "weighted"]
 
