@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import control
 import numpy as np
 
+from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.analysis.verdict import VERDICTS, factor, paragraph
@@ -14,7 +16,7 @@ from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
 from robust.mu.blocks import structure
 from robust.mu.certify import certify_mu
-from robust.mu.lower import mu_lower
+from robust.mu.lower import searched
 from robust.mu.real_parameters import Crossing, crossing
 from robust.mu.upper import bound, mu_upper, refined
 from robust.systems.grids import structure_grid
@@ -108,7 +110,7 @@ class StructuredReport:
         return "\n".join(lines)
 
 
-def check_structure(system: UncertainSystem, *, certify: bool = True) -> StructuredReport:
+def check_structure(system: UncertainSystem, *, certify: bool = True, time_cap: float = 60.0) -> StructuredReport:
     """Check a loop with several uncertainties by the structured singular value, and say what was proved.
 
     Parameters
@@ -117,6 +119,9 @@ def check_structure(system: UncertainSystem, *, certify: bool = True) -> Structu
         From `interconnection`.
     certify : bool
         Prove the result at all frequencies; without it nothing better than "not certified" comes out.
+    time_cap : float
+        Seconds. Where they were too few the bounds found by then, larger ones, are what is judged, and the reason says
+        so.
 
     Returns
     -------
@@ -147,13 +152,14 @@ def check_structure(system: UncertainSystem, *, certify: bool = True) -> Structu
         raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {shown(system)}")
     if not system.blocks:
         raise ValueError("system must have at least one block to check, got none")
+    deadline = time.monotonic() + positive("time_cap", time_cap)
     omega = structure_grid(system.N)
     wrong = instability(system.N)
     if wrong:
         return unstable(omega, wrong)
-    curves = bound_curves(system, omega)
-    broken, worst = worst_found(system, curves)
-    certificates = proofs(system, curves) if certify and curves.peak < 1 and not broken <= 1 else ()
+    curves = bound_curves(system, omega, deadline - 0.5 * time_cap)
+    broken, worst = worst_found(system, curves, deadline - 0.3 * time_cap)
+    certificates = proofs(system, curves, deadline) if certify and curves.peak < 1 and not broken <= 1 else ()
     stable = bool(certificates and certificates[0].holds)
     performs = len(certificates) == 2 and certificates[1].holds
     verdict, reason = judge(system, curves, broken, certify, certificates)
@@ -202,6 +208,7 @@ class Curves:
     mu: np.ndarray
     mu_rp: np.ndarray
     parameters: Crossing | None
+    late: bool
 
     @property
     def peak(self) -> float:
@@ -214,47 +221,70 @@ class Curves:
         return float(self.mu_rp.max())
 
 
-def bound_curves(system: UncertainSystem, omega: np.ndarray) -> Curves:
+def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) -> Curves:
     """Both bounds on one grid that sees the peaks of each, and where real parameters break the loop."""
-    omega, mu = refined(system.loop, system.structure, omega)
-    parameters = smallest_parameters(system, omega, float(mu.max()))
-    if parameters is not None:
-        omega = np.union1d(omega, parameters.omega)
+    now = time.monotonic()
+    half = now + (0.4 if system.inputs else 0.7) * (deadline - now)
+    first, known = refined(system.loop, system.structure, omega, half)
+    parameters = smallest_parameters(system, first, float(known.max()), deadline)
+    omega = first if parameters is None else np.union1d(first, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
-        omega = np.union1d(omega, refined(system.N, system.with_performance, omega)[0])
-        rp = bound(system.N, system.with_performance, omega)
-    mu = bound(system.loop, system.structure, omega)
+        seen, rp_seen = refined(system.N, system.with_performance, omega, deadline)
+        omega = np.union1d(omega, seen)
+        rp = filled(system.N, system.with_performance, omega, (seen, rp_seen), deadline)
+    mu = filled(system.loop, system.structure, omega, (first, known), deadline)
     if parameters is not None:  # it is a fact, the bound comes after the last digits of the frequency
         mu = np.where(omega == parameters.omega, np.maximum(mu, 1 / parameters.size), mu)
-    return Curves(omega=omega, mu=mu, mu_rp=rp, parameters=parameters)
+    return Curves(
+        omega=omega, mu=mu, mu_rp=rp, parameters=parameters, late=time.monotonic() > now + 0.9 * (deadline - now)
+    )
 
 
-def proofs(system: UncertainSystem, curves: Curves) -> tuple[Certificate, ...]:
+def filled(
+    N: control.StateSpace, blocks: Any, omega: np.ndarray, known: tuple[np.ndarray, np.ndarray], deadline: float
+) -> np.ndarray:
+    """(W,) the bound at omega, computed only where it is not known."""
+    at, values = known
+    found = np.full(omega.size, np.nan)
+    found[np.searchsorted(omega, at)] = values
+    new = np.isnan(found)
+    if new.any():
+        found[new] = bound(N, blocks, omega[new], deadline)
+    return found
+
+
+def proofs(system: UncertainSystem, curves: Curves, deadline: float) -> tuple[Certificate, ...]:
     """Of stability, and of performance where stability is proved and nothing on the grid contradicts it."""
-    stability = proof(system, system.loop, system.structure, "robust stability", curves.omega)
+    stability = proof(system, system.loop, system.structure, "robust stability", curves.omega, deadline)
     if not (stability.holds and curves.peak_rp < 1):
         return (stability,)
-    return stability, proof(system, system.N, system.with_performance, "robust performance", curves.omega)
+    performance = proof(system, system.N, system.with_performance, "robust performance", curves.omega, deadline)
+    return stability, performance
 
 
-def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float) -> Crossing | None:
+def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float, deadline: float) -> Crossing | None:
     """Real parameters that break the loop: they do so between the lines of any grid, where mu on it says nothing."""
     blocks = system.structure
     if not any(block.kind == "real" for block in system.blocks.values()):
         return None
     complex_ = [(*b[:2], "repeated") if b[-1] == "real" else b for b in blocks]
-    least = float(bound(system.loop, complex_, omega).max())  # as complex numbers they would have to be this small
+    now = time.monotonic()
+    least = float(
+        bound(system.loop, complex_, omega, now + 0.3 * (deadline - now)).max()
+    )  # as complex numbers they would have to be this small
     if least == 0:
         return None
     return crossing(system.loop, structure("blocks", blocks), 1 / least, min(2 / max(peak, 1e-300), FARTHEST / least))
 
 
-def worst_found(system: UncertainSystem, curves: Curves) -> tuple[float, Any]:
+def worst_found(system: UncertainSystem, curves: Curves, deadline: float) -> tuple[float, Any]:
     """Factor at which a perturbation makes the loop singular, the smallest found where mu is large, and its parts."""
     omega, mu, parameters = curves.omega, curves.mu, curves.parameters
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
-    found = mu_lower(along(system.loop, omega[candidates]), system.structure, n_starts=2)
+    responses = np.moveaxis(along(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
+    cut = structure("blocks", system.structure)
+    found = searched(responses, cut, 2, np.random.default_rng(0), deadline)
     k = int(found.value.argmax())
     size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
     if parameters is not None and parameters.size < size:
@@ -270,7 +300,9 @@ def worst_found(system: UncertainSystem, curves: Curves) -> tuple[float, Any]:
     return size, parts
 
 
-def proof(system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray) -> Certificate:
+def proof(
+    system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: str, omega: np.ndarray, deadline: float
+) -> Certificate:
     """mu < 1 at every frequency; with one scaling for all of them where a block may be nonlinear.
 
     A repeated operator counts as a full block: no scaling but a number commutes with a nonlinear one.
@@ -278,7 +310,7 @@ def proof(system: UncertainSystem, N: control.StateSpace, blocks: Any, subject: 
     nonlinear = any(block.perturbation == "operator" for block in system.blocks.values())
     one_full_block = len(blocks) == 1 and len(blocks[0]) == 2
     if not nonlinear or one_full_block:
-        found = certify_mu(N, blocks, 1.0)
+        found = certify_mu(N, blocks, 1.0, time_cap=min(10.0, max(deadline - time.monotonic(), 0.1)))
         return Certificate(**{**vars_of(found), "subject": subject})
     response = along(N, omega)
     D_L, D_R, _ = mu_upper(response, [b[:2] for b in blocks]).scaling
@@ -318,7 +350,8 @@ def judge(
         return "robust", "every perturbation of the set leaves the loop stable"
     if peak >= 1:
         reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
-        return "not certified", f"{reached}, but no perturbation was found that breaks the loop"
+        late = " by the time cap" if curves.late else ""
+        return "not certified", f"{reached}{late}, but no perturbation was found that breaks the loop"
     if not certify:
         return "not certified", f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
     return "not certified", f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"

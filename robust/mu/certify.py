@@ -6,6 +6,7 @@ linear system, decided by its Hamiltonian (`robust.certificates.intervals`). Int
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import control
@@ -78,14 +79,15 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
     wrong = instability(N)
     if wrong:
         return refused(subject, level, f"the system is not stable: {wrong}")
-    frozen = frozen_scalings(N, s, blocks, level)
+    deadline = time.monotonic() + positive("time_cap", time_cap)
+    frozen = frozen_scalings(N, s, blocks, level, deadline - 0.5 * time_cap)
     real = bool(s.skew.size)
     outcome = prove(
         frozen.loop,
         frozen.size,
         around(frozen.speeds),
         np.inf,
-        time_cap=time_cap,
+        time_cap=max(deadline - time.monotonic(), 1e-3),
         most=MOST_INTERVALS,
         slack=SLACK_REAL if real else SLACK,
         changes=frozen.changes if real else None,
@@ -122,6 +124,8 @@ class FrozenScalings:
         Whether the scalings are positive and diagonal, so that they may be interpolated.
     own : dict
         Scalings found for one x alone.
+    deadline : float
+        For a search at one x, of time.monotonic().
     """
 
     N: control.StateSpace
@@ -133,6 +137,7 @@ class FrozenScalings:
     bound: MuBound
     simple: bool
     own: dict[float, Scaling]
+    deadline: float
 
     def omega_of(self, x: Any) -> Any:
         """Frequency [rad/s]."""
@@ -153,7 +158,7 @@ class FrozenScalings:
         norm = float(np.linalg.norm(in_norm_form(self.scaling(x), C, response[:, :, 0], self.level)[1], 2))
         if norm < 1:
             return norm
-        bound = bounded(np.moveaxis(response, 2, 0), self.blocks, self.level)
+        bound = bounded(np.moveaxis(response, 2, 0), self.blocks, self.level, self.deadline)
         self.own[x] = picked(bound, 0)
         reached = float(bound.value[0]) / self.level
         return min(reached, float(np.linalg.norm(in_norm_form(self.own[x], C, response[:, :, 0], self.level)[1], 2)))
@@ -172,7 +177,9 @@ class FrozenScalings:
         return sign_changes((A, B @ into, D_L @ C / below, D_L @ D @ into / below), G / self.level)
 
 
-def frozen_scalings(N: control.StateSpace, s: BlockStructure, blocks: Any, level: float) -> FrozenScalings:
+def frozen_scalings(
+    N: control.StateSpace, s: BlockStructure, blocks: Any, level: float, deadline: float
+) -> FrozenScalings:
     """The system in good coordinates, and the scalings of its bound on a grid around its poles."""
     dt = timebase(N)
     matrices = well_conditioned(continuous_image(N))
@@ -187,7 +194,8 @@ def frozen_scalings(N: control.StateSpace, s: BlockStructure, blocks: Any, level
         matrices=matrices,
         speeds=speeds,
         grid=grid,
-        bound=bounded(np.moveaxis(response, 2, 0), blocks, level),
+        bound=bounded(np.moveaxis(response, 2, 0), blocks, level, deadline),
+        deadline=deadline + 0.5 * (deadline - time.monotonic()),
         simple=s.scalar and not s.skew.size,
         own={},
     )

@@ -6,6 +6,7 @@ Doyle 1988); real blocks by a search among perturbations with a real eigenvalue.
 
 from __future__ import annotations
 
+import time
 from functools import lru_cache, partial
 from typing import Any
 
@@ -15,7 +16,7 @@ from scipy.optimize import minimize
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, hermitian, response_matrices, scalings
 
-__all__ = ["mu_lower"]
+__all__ = ["mu_lower", "searched"]
 
 
 RACE, FINISH = 15, 400  # steps from every start, and from the best of them
@@ -62,9 +63,12 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     (3.0, 0.0)
     """
     M = response_matrices("N", N)
-    s = fitting("blocks", blocks, M.shape[1:])
-    rng = np.random.default_rng(rng)
-    left, right, bound = scaled_vectors(M, s)
+    return searched(M, fitting("blocks", blocks, M.shape[1:]), n_starts, np.random.default_rng(rng), np.inf)
+
+
+def searched(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float) -> MuBound:
+    """The largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
+    left, right, bound = scaled_vectors(M, s, deadline)
     starts = [from_vectors(left, right, s, rng if k else None, random=k % 3 == 2) for k in range(n_starts + 1)]
     raced = [ascended(M, start, s, RACE) for start in starts]
     order = np.argsort([-radius for _, radius in raced], axis=0)
@@ -74,14 +78,16 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     if s.skew.size:
         candidates = starts + candidates
         if set(s.kinds) != {"real"}:
-            best, delta = without_real(M, s, n_starts, rng)
+            best, delta = without_real(M, s, n_starts, rng, deadline)
             candidates.append(delta * best[:, None, None])
     for candidate in candidates:
         at = np.flatnonzero(best < (1 - MET) * bound)  # elsewhere it is mu
-        if not at.size:
+        if not at.size or time.monotonic() > deadline:
             break
         if s.skew.size:
-            candidate = np.stack([real_crossing(M[k], candidate[k], s) for k in at])
+            candidate = np.stack(
+                [real_crossing(M[k], candidate[k], s) if time.monotonic() < deadline else candidate[k] for k in at]
+            )
         else:
             candidate, _ = ascended(M[at], candidate[at], s, FINISH)
         value, candidate = judged(M[at], candidate, s)
@@ -90,12 +96,15 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
 
 
-def without_real(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any) -> tuple[np.ndarray, np.ndarray]:
+def without_real(
+    M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float
+) -> tuple[np.ndarray, np.ndarray]:
     """The lower bound and its perturbation with every real block at zero."""
     some = [k for k, kind in enumerate(s.kinds) if kind != "real"]
     rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in some]) for cut in (s.rows, s.cols))
     blocks = [(s.rows[k].stop - s.rows[k].start, s.cols[k].stop - s.cols[k].start, s.kinds[k]) for k in some]
-    bound = mu_lower(np.moveaxis(M[:, rows[:, None], cols], 0, 2), blocks, n_starts=n_starts, rng=rng)
+    alone = M[:, rows[:, None], cols]
+    bound = searched(alone, fitting("blocks", blocks, alone.shape[1:]), n_starts, rng, deadline)
     delta = np.zeros((M.shape[0], *s.shape[::-1]), complex)
     delta[:, cols[:, None], rows] = np.nan_to_num(np.moveaxis(bound.delta, 2, 0))
     return bound.value.copy(), delta
@@ -120,7 +129,7 @@ def judged(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndar
     return np.where(fine, 1 / np.where(size > 0, size, 1.0), 0.0), np.where(fine[:, None, None], delta, np.nan)
 
 
-def scaled_vectors(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def scaled_vectors(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(W, n_in, 3), (W, n_out, 3) directions at which the least bound (W,) is reached, largest first; and that bound.
 
     There the largest eigenvalues meet, and where the bound is mu itself a combination of their directions is the
@@ -128,7 +137,8 @@ def scaled_vectors(M: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.nda
     """
     size = np.linalg.norm(M, axis=(1, 2))
     M = M / np.where(size > 0, size, 1.0)[:, None, None]  # the right directions are as long as N of size one makes them
-    D_L, D_R, G = scalings(M, s)
+    now = time.monotonic()
+    D_L, D_R, G = scalings(M, s, 0.0, now + 0.5 * (deadline - now))
     scaled = D_L @ M @ np.linalg.inv(D_R)
     square = hermitian(scaled) @ scaled
     if s.skew.size:

@@ -9,6 +9,7 @@ For complex blocks, with X = D^H D, this is sigma(D_L N D_R^-1) < beta (Doyle 19
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import control
@@ -38,6 +39,7 @@ MOST_STEPS = 80
 MOST_STEPS_REAL = 200
 GAP = 1e-9
 SPRING = 0.1
+MOST_ENTRIES = 4_000_000  # of the arrays of one Newton step
 
 
 @value(copy=False)
@@ -110,13 +112,16 @@ def mu_upper(N: np.ndarray, blocks: Any) -> MuBound:
     return bounded(response_matrices("N", N), blocks)
 
 
-def bounded(M: np.ndarray, blocks: Any, target: float = 0.0) -> MuBound:
-    """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it."""
+def bounded(M: np.ndarray, blocks: Any, target: float = 0.0, deadline: float = np.inf) -> MuBound:
+    """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it.
+
+    Whatever scalings there are at the deadline (of time.monotonic()) make a bound too.
+    """
     s = fitting("blocks", blocks, M.shape[1:])
     size = np.linalg.norm(M, axis=(1, 2))
     scale = np.where(size > 0, size, 1.0)
     M = M / scale[:, None, None]
-    D_L, D_R, G = scalings(M, s, target / scale)
+    D_L, D_R, G = scalings(M, s, target / scale, deadline)
     one_L, one_R = (np.broadcast_to(np.eye(n, dtype=complex), (M.shape[0], n, n)) for n in s.shape)
     best = recomputed(M, D_L, D_R, G)
     best = np.where(best * scale < target, 0.0, best)  # good enough: no other is looked at
@@ -183,14 +188,30 @@ def osborne(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
 
 
 def scalings(
-    N: np.ndarray, s: BlockStructure, target: np.ndarray | float = 0.0
+    N: np.ndarray, s: BlockStructure, target: np.ndarray | float = 0.0, deadline: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
 
-    With a target, the centre of the scalings that prove it, where it can be reached: the ones with most room.
+    With a target, the centre of the scalings that prove it, where it can be reached: the ones with most room. Many
+    scalings on many frequencies are found a few frequencies at a time, each with its share of the time left.
     """
     W = N.shape[0]
     target = np.broadcast_to(np.square(target), W)
+    parts = np.array_split(np.arange(W), max(1, W * (len(s.left) + len(s.skew)) * N.shape[2] ** 2 // MOST_ENTRIES))
+    found = []
+    for k, part in enumerate(parts):
+        now = time.monotonic()
+        share = now + (deadline - now) / (len(parts) - k)
+        found.append(centres(N[part], s, target[part], share))
+    D_L, D_R, G = (np.concatenate(each) for each in zip(*found, strict=True))
+    return D_L, D_R, G
+
+
+def centres(
+    N: np.ndarray, s: BlockStructure, target: np.ndarray, deadline: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same for (W,) squares of the target, by steps of all frequencies at once."""
+    W = N.shape[0]
     d = osborne(N, s)
     D_L, D_R = (
         np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(complex)
@@ -215,7 +236,7 @@ def scalings(
         alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
         keep = ~done & np.isfinite(bound)
         todo, M, L, R, g, alpha = todo[keep], M[keep], L[keep], R[keep], g[keep], alpha[keep]
-        if not todo.size:
+        if not todo.size or time.monotonic() > deadline:
             break
     return D_L, D_R, G
 
@@ -297,20 +318,25 @@ def centred(
 ZOOMS = 4
 
 
-def bound(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> np.ndarray:
+def bound(N: control.StateSpace, blocks: Any, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
     """(W,) upper bound at omega."""
-    return np.asarray(mu_upper(along(N, omega), blocks).value)
+    return np.asarray(bounded(response_matrices("N", along(N, omega)), blocks, 0.0, deadline).value)
 
 
-def refined(N: control.StateSpace, blocks: Any, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def refined(
+    N: control.StateSpace, blocks: Any, omega: np.ndarray, deadline: float = np.inf
+) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies with more of them around the peak, and the bound there."""
-    mu = bound(N, blocks, omega)
+    now = time.monotonic()
+    mu = bound(N, blocks, omega, now + 0.7 * (deadline - now))
     for _ in range(ZOOMS):  # around the largest, five times closer each time
+        if time.monotonic() > deadline:
+            break
         k = int(mu.argmax())
         low = omega[k - 1] if k > 1 else omega[1] / 10
         more = np.geomspace(low, omega[min(k + 1, omega.size - 1)], 11)[1:-1]
         more = np.setdiff1d(more, omega)
         both = np.concatenate([omega, more])
         order = np.argsort(both)
-        omega, mu = both[order], np.concatenate([mu, bound(N, blocks, more)])[order]
+        omega, mu = both[order], np.concatenate([mu, bound(N, blocks, more, deadline)])[order]
     return omega, mu

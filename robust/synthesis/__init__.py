@@ -4,7 +4,10 @@ design             `Design`: a controller and the level it reaches
 ncfsyn             loop shaping by Glover and McFarlane
 mixsyn             weighted S, K S and T made small together
 hinfsyn            any generalised plant
+reduce_controller  a controller of lower order that keeps what was proved
+reduction          balanced truncation: plain, weighted, of coprime factors
 dk                 D-K iteration: several uncertainties and a performance
 generalised_plant  the plant in the form the equations ask for, and the way back
+singular           problems with zeros on the axis or at infinity: controllers and lower bounds by circles beside it
 central            the two equations at one level, and the controller from them
 """

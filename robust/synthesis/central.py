@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from scipy.linalg import cholesky
 
 from nlfrf.shared.values import value
-from robust.synthesis.generalised_plant import Plant
+from robust.synthesis.generalised_plant import Plant, dual
 from robust.systems.lti import Matrices
 from robust.systems.riccati import stabilising
 
-__all__ = ["central", "least_level", "solved"]
+__all__ = ["LARGEST_GAMMA", "bracket", "central", "control_equation", "least_level", "left_by_control", "solved"]
+
+
+LARGEST_GAMMA = 1e10
 
 
 @value(copy=False)
@@ -26,36 +33,49 @@ class Solution:
 
 def least_level(plant: Plant) -> float:
     """What the direct term alone leaves: no controller gets below it."""
-    u, y = plant.B2.shape[1], plant.C2.shape[0]
-    D = plant.D11
-    upper, left = D[: D.shape[0] - u], D[:, : D.shape[1] - y]
-    return max((float(np.linalg.norm(part, 2)) for part in (upper, left) if part.size), default=0.0)
+    return max(left_by_control(plant), left_by_control(dual(plant)))
 
 
-def solved(plant: Plant, gamma: float) -> Solution | None:
+def left_by_control(plant: Plant) -> float:
+    """The part of the direct term in outputs that u does not reach."""
+    upper = plant.D11[: plant.D11.shape[0] - plant.B2.shape[1]]
+    return float(np.linalg.norm(upper, 2)) if upper.size else 0.0
+
+
+def solved(plant: Plant, gamma: float, *, quick: bool = False) -> Solution | None:
     """X and Y where the level can be reached: both stabilising, semidefinite, with spectral radius under gamma^2."""
-    A, B1, B2, C1, C2, D11, D12, D21 = (
-        plant.A, plant.B1, plant.B2, plant.C1, plant.C2, plant.D11, plant.D12, plant.D21,
-    )  # fmt: skip
     if gamma <= least_level(plant) * (1 + 1e-9):
         return None
-    B, C = np.hstack([B1, B2]), np.vstack([C1, C2])
-    across, down = np.hstack([D11, D12]), np.vstack([D11, D21])
-    R = across.T @ across - np.diag(np.r_[np.full(B1.shape[1], gamma**2), np.zeros(B2.shape[1])])
-    R_dual = down @ down.T - np.diag(np.r_[np.full(C1.shape[0], gamma**2), np.zeros(C2.shape[0])])
-    X = stabilising(A, B, C1.T @ C1, R, C1.T @ across)
-    if X is None:
+    control = control_equation(plant, gamma, quick=quick)
+    if control is None:
         return None
-    Y = stabilising(A.T, C.T, B1 @ B1.T, R_dual, B1 @ down.T)
-    if Y is None or np.max(np.linalg.eigvals(X @ Y).real, initial=0.0) >= gamma**2:
+    filtering = control_equation(dual(plant), gamma, quick=quick)
+    if filtering is None or np.max(np.linalg.eigvals(control[0] @ filtering[0]).real, initial=0.0) >= gamma**2:
         return None
-    F = -np.linalg.solve(R, across.T @ C1 + B.T @ X)
-    H = -np.linalg.solve(R_dual, down @ B1.T + C @ Y).T
-    return Solution(gamma=gamma, X=X, Y=Y, F=F, H=H)
+    return Solution(gamma=gamma, X=control[0], Y=filtering[0], F=control[1], H=filtering[1].T)
 
 
-def central(plant: Plant, at: Solution) -> Matrices:
-    """The central controller of a level (Zhou, Doyle & Glover 1996, Theorem 17.1)."""
+def control_equation(plant: Plant, gamma: float, *, quick: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
+    """X and F of a level where the states and w are known; of the dual plant, Y and H'. Only D12 need have full rank.
+
+    What is not possible with all of x and w known is not possible with y either: where there is no X, the level is a
+    lower bound.
+    """
+    if gamma <= left_by_control(plant) * (1 + 1e-9):
+        return None
+    B, D = np.hstack([plant.B1, plant.B2]), np.hstack([plant.D11, plant.D12])
+    n_w, n_u = plant.B1.shape[1], plant.B2.shape[1]
+    R = D.T @ D - np.diag(np.r_[np.full(n_w, gamma**2), np.zeros(n_u)])
+    X = stabilising(plant.A, B, plant.C1.T @ plant.C1, R, plant.C1.T @ D, quick=quick)
+    return None if X is None else (X, -np.linalg.solve(R, D.T @ plant.C1 + B.T @ X))
+
+
+def central(plant: Plant, at: Solution, *, rolled_off: bool = False) -> Matrices:
+    """The central controller of a level, or the one of least direct term (Zhou, Doyle & Glover 1996, Theorem 17.1).
+
+    All controllers of the level are F_l(M, Q) with |Q| < gamma; the central one has Q = 0. In a problem of one block
+    that one makes the whole direct term of the loop zero, at times with a K that is infinite there.
+    """
     (n_z, n_w), n_u, n_y = plant.D11.shape, plant.B2.shape[1], plant.C2.shape[0]
     g2 = at.gamma**2
     D = plant.D11
@@ -66,6 +86,9 @@ def central(plant: Plant, at: Solution) -> Matrices:
     D_hat = -D1121 @ D1111.T @ np.linalg.solve(outer, D1112) - D1122
     left = cholesky(np.eye(n_u) - D1121 @ np.linalg.solve(inner, D1121.T), lower=True)
     right = cholesky(np.eye(n_y) - D1112.T @ np.linalg.solve(outer, D1112))
+    if rolled_off:
+        Q = -np.linalg.solve(left, np.linalg.solve(right.T, D_hat.T).T)
+        D_hat = D_hat + left @ Q @ right * min(1.0, 0.9 * at.gamma / max(float(np.linalg.norm(Q, 2)), 1e-300))
     F1, F2 = at.F[n_w - n_y : n_w], at.F[n_w:]
     H1, H2 = at.H[:, n_z - n_u : n_z], at.H[:, n_z:]
     Z = np.linalg.inv(np.eye(plant.A.shape[0]) - at.Y @ at.X / g2)
@@ -75,3 +98,26 @@ def central(plant: Plant, at: Solution) -> Matrices:
     C_K = F2 + D_hat @ np.linalg.solve(right, C_hat)
     A_K = plant.A + np.hstack([plant.B1, plant.B2]) @ at.F + B_K @ np.linalg.solve(right, C_hat)
     return A_K, B_K, C_K, D_hat
+
+
+def bracket(
+    holds: Callable[[float], Any], ends: tuple[float, float], tolerance: float, deadline: float, *, enough: float = 0.0
+) -> tuple[float, float, int]:
+    """Largest level seen to fail, smallest seen to hold (inf: none), and how many were tried; from what is known."""
+    low, high = ends
+    n_steps, gamma = 0, max(1.0, 2 * low) if np.isinf(high) else high / 2
+    while time.monotonic() < deadline:
+        if high <= max(low, enough) * (1 + tolerance) or low > LARGEST_GAMMA or high < 1e-9:
+            break
+        if np.isfinite(high):
+            floor = max(low, enough)
+            # far from both ends go down by decades; near, halve
+            gamma = high / 8 if floor < high / 64 else float(np.sqrt(floor * high))
+        elif n_steps:
+            gamma = low * 4
+        n_steps += 1
+        if holds(gamma):
+            high = gamma
+        else:
+            low = gamma
+    return low, high, n_steps

@@ -6,15 +6,28 @@ Continuous time, numbers near one, no path from u to y without dynamics, D12 = [
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf.shared.values import value
-from robust.systems.bilinear import to_continuous, to_discrete
+from robust.systems.bilinear import from_half_plane, to_continuous, to_discrete, to_half_plane
 from robust.systems.lti import Matrices, evaluate, scaled_states, timebase
+from robust.systems.norms import modal
 
-__all__ = ["Plant", "controller_of", "hidden_mode", "normalised", "prepared", "regularised"]
+__all__ = [
+    "Plant",
+    "controller_of",
+    "dual",
+    "hidden_mode",
+    "in_region",
+    "normalised",
+    "prepared",
+    "ranks",
+    "regularised",
+    "zero_on_axis",
+]
 
 
 @value
@@ -35,6 +48,12 @@ class Plant:
         Controller of the plant with normalised D12, D21 to that of the plant itself: into_u K out_of_y.
     dt : float
         Sampling time [s], 0 for continuous.
+    region : tuple of float
+        Ends of the circle that was mapped onto the axis, in scaled time; empty: none.
+    D22_region : (n_y, n_u) ndarray
+        Direct term removed after that.
+    added : bool
+        Whether small outputs of u or disturbances of y were added.
     """
 
     A: np.ndarray
@@ -52,6 +71,9 @@ class Plant:
     into_u: np.ndarray
     out_of_y: np.ndarray
     dt: float
+    region: tuple[float, ...] = ()
+    D22_region: Any = None
+    added: bool = False
 
 
 def prepared(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
@@ -137,23 +159,75 @@ def hidden_mode(plant: Plant) -> str:
     return ""
 
 
-def regularised(plant: Plant, size: float, *, states: bool) -> Plant:
-    """The plant with small outputs of u and disturbances of y where D12, D21 lack rank; with `states` on states too."""
-    if size == 0:
-        return plant
-    n, n_u, n_y = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0]
-    on_state = np.eye(n) if states else np.zeros((n, 0))
-    k = on_state.shape[1]
-    u_size = 0.0 if full_rank(plant.D12) else size * usual_gain(plant.A, plant.B2, plant.C1, plant.D12)
-    y_size = 0.0 if full_rank(plant.D21.T) else size * usual_gain(plant.A, plant.B1, plant.C2, plant.D21)
-    at_b, at_c = (size * float(np.linalg.norm(M)) / np.sqrt(max(n, 1)) for M in (plant.B1, plant.C1))
-    B1 = np.hstack([plant.B1, at_b * on_state, np.zeros((n, n_y))])
-    C1 = np.vstack([plant.C1, at_c * on_state.T, np.zeros((n_u, n))])
-    D21 = np.hstack([plant.D21, np.zeros((n_y, k)), y_size * np.eye(n_y)])
-    D12 = np.vstack([plant.D12, np.zeros((k, n_u)), u_size * np.eye(n_u)])
-    D11 = np.zeros((C1.shape[0], B1.shape[1]))
-    D11[: plant.D11.shape[0], : plant.D11.shape[1]] = plant.D11
-    return replace(plant, B1=B1, C1=C1, D11=D11, D12=D12, D21=D21)
+def in_region(plant: Plant, a: float, b: float) -> Plant:
+    """The plant with the circle through a and b in place of the axis: what is asked for inside or outside of it.
+
+    A disc in the right half plane (0 < a < b) asks for less than the half plane: its least norm is a lower bound. All
+    but a disc in the left half plane (b < a < 0) asks for more: its controllers are good, and keep the poles in that
+    disc. Zeros of the plant on the axis and at infinity lie on neither circle.
+    """
+    n_w, n_z = plant.B1.shape[1], plant.C1.shape[0]
+    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
+    D = np.block([[plant.D11, plant.D12], [plant.D21, np.zeros((plant.C2.shape[0], plant.B2.shape[1]))]])
+    A, B, C, D = to_half_plane((plant.A, B, C, D), a, b)
+    A, B, C = scaled_states(A, B, C)
+    return replace(
+        plant,
+        A=A,
+        B1=B[:, :n_w],
+        B2=B[:, n_w:],
+        C1=C[:n_z],
+        C2=C[n_z:],
+        D11=D[:n_z, :n_w],
+        D12=D[:n_z, n_w:],
+        D21=D[n_z:, :n_w],
+        region=(a, b),
+        D22_region=D[n_z:, n_w:],
+    )
+
+
+def dual(plant: Plant) -> Plant:
+    """The transposed plant: its control is the filtering of this one."""
+    return replace(
+        plant, A=plant.A.T, B1=plant.C1.T, B2=plant.C2.T, C1=plant.B1.T, C2=plant.B2.T,
+        D11=plant.D11.T, D12=plant.D21.T, D21=plant.D12.T,
+    )  # fmt: skip
+
+
+def zero_on_axis(plant: Plant) -> bool:
+    """Whether P12 (D12 of full rank) has a zero on the axis: no Riccati equation has a stabilising solution there."""
+    back = np.linalg.pinv(plant.D12)
+    A = plant.A - plant.B2 @ back @ plant.C1
+    C = plant.C1 - plant.D12 @ back @ plant.C1
+    size = max(1e-300, float(np.linalg.norm(A)))
+    for mode in np.linalg.eigvals(A) if A.size else ():
+        if abs(mode.real) < 1e-6 * size and mode.imag >= 0:
+            seen = np.vstack([A - 1j * mode.imag * np.eye(A.shape[0]), C])
+            if np.linalg.svd(seen, compute_uv=False)[-1] < 1e-13 * size:
+                return True
+    return False
+
+
+def regularised(plant: Plant, size: float) -> Plant:
+    """The plant with small outputs of u and disturbances of y where D12, D21 lack rank."""
+    n, n_u, n_y, n_w = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0], plant.B1.shape[1]
+    reaches, sees = ranks(plant)
+    if not reaches:
+        u_size = size * usual_gain(plant.A, plant.B2, plant.C1, plant.D12)
+        C1, D12 = np.vstack([plant.C1, np.zeros((n_u, n))]), np.vstack([plant.D12, u_size * np.eye(n_u)])
+        plant = replace(plant, added=True, C1=C1, D12=D12, D11=np.vstack([plant.D11, np.zeros((n_u, n_w))]))
+    if not sees:
+        y_size = size * usual_gain(plant.A, plant.B1, plant.C2, plant.D21)
+        B1, D21 = np.hstack([plant.B1, np.zeros((n, n_y))]), np.hstack([plant.D21, y_size * np.eye(n_y)])
+        plant = replace(
+            plant, added=True, B1=B1, D21=D21, D11=np.hstack([plant.D11, np.zeros((plant.D11.shape[0], n_y))])
+        )
+    return plant
+
+
+def ranks(plant: Plant) -> tuple[bool, bool]:
+    """Whether D12 and D21 have full rank: u shows in z, w in y."""
+    return full_rank(plant.D12), full_rank(plant.D21.T)
 
 
 def full_rank(D: np.ndarray) -> bool:
@@ -178,7 +252,7 @@ def normalised(plant: Plant) -> Plant | None:
     """
     n_u, n_y = plant.B2.shape[1], plant.C2.shape[0]
     n_z, n_w = plant.D11.shape
-    if not (full_rank(plant.D12) and full_rank(plant.D21.T)):
+    if not all(ranks(plant)):
         return None
     Uz, su, Vu = np.linalg.svd(plant.D12)
     Uy, sy, Vw = np.linalg.svd(plant.D21)
@@ -203,12 +277,26 @@ def normalised(plant: Plant) -> Plant | None:
 def controller_of(plant: Plant, K: Matrices) -> control.StateSpace:
     """The controller of the normalised plant as one of the plant that was given."""
     A, B, C, D = K
-    A, B, C = A * plant.speed, B * np.sqrt(plant.speed), C * np.sqrt(plant.speed)
     B, C, D = B @ plant.out_of_y, plant.into_u @ C, plant.into_u @ D @ plant.out_of_y
+    if plant.region:
+        A, B, C, D = in_modes(*from_half_plane(behind(plant.D22_region, A, B, C, D), *plant.region))
+    A, B, C = A * plant.speed, B * np.sqrt(plant.speed), C * np.sqrt(plant.speed)
     A, B, C, D = behind(plant.D22_image, A, B, C, D)
     if plant.dt:
         A, B, C, D = to_discrete(A, B, C, D)
     return control.StateSpace(*behind(plant.D22, A, B, C, D + plant.first), plant.dt)
+
+
+def in_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+    """In modal coordinates where it has them: near the least level modes lie decades apart and hide one another."""
+    if not A.size:
+        return A, B, C, D
+    A, B, C = scaled_states(A, B, C)
+    coordinates = modal(A)
+    if coordinates is None:
+        return A, B, C, D
+    forth, back = coordinates
+    return forth @ A @ back, forth @ B, C @ back, D
 
 
 def behind(D22: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:

@@ -14,8 +14,17 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer, nonnegative, positive, real
 from nlfrf.shared.values import value
-from robust.synthesis.central import central, least_level, solved
-from robust.synthesis.generalised_plant import Plant, controller_of, hidden_mode, normalised, prepared, regularised
+from robust.synthesis.central import LARGEST_GAMMA, bracket, central, least_level, solved
+from robust.synthesis.generalised_plant import (
+    Plant,
+    controller_of,
+    dual,
+    hidden_mode,
+    normalised,
+    prepared,
+    zero_on_axis,
+)
+from robust.synthesis.singular import between_circles
 from robust.systems.lft import lower
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import multivariable
@@ -24,9 +33,7 @@ from robust.systems.stability import instability
 __all__ = ["Synthesis", "hinfsyn"]
 
 
-#: What is added where a problem is singular, relative to the scaled plant, and whether to the states too.
-REGULARISATIONS = ((0.0, False), (1e-4, False), (1e-4, True), (1e-3, True), (1e-2, True))
-LARGEST_GAMMA = 1e10
+NEAR = 1.03  # gamma over the lower bound of a singular problem that needs no comment
 STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
 
 
@@ -41,9 +48,11 @@ class Synthesis:
     gamma : float
         Norm of F_l(P, K), recomputed from the closed loop; inf where that is not stable.
     gamma_min, gamma_low : float
-        Least gamma at which the existence conditions were met, and the largest at which they were seen to fail.
+        Least gamma at which the existence conditions were met, and a level that no controller reaches: the largest at
+        which they were seen to fail. Where the problem is singular both are that level, of the problem as it was given.
     regularisation : float
-        Size of what had to be added to make the problem regular (0: nothing). gamma is the norm without it.
+        Distance of the circle that took the place of the axis in a singular problem, relative to the slowest pole
+        (0: the problem is regular). gamma is the norm without it.
     n_steps : int
         Values of gamma tried.
     reason : str
@@ -115,12 +124,14 @@ def hinfsyn(
     Notes
     -----
     Where D12 or D21 lacks rank, or a zero of P12 or P21 lies on the stability boundary (an integrating plant in a
-    mixed-sensitivity problem), the problem is singular; small disturbances and outputs are then added.
+    mixed-sensitivity problem), the problem is singular: its infimum is approached and not reached. Circles on either
+    side of the axis then take its place, closing in on it: controllers from the outside, a lower bound from the inside.
+    Where more than 3 % is left between the two, the reason says so.
 
     References
     ----------
     Doyle, Glover, Khargonekar & Francis 1989; Glover & Doyle 1988 and Zhou, Doyle & Glover 1996, Theorem
-    17.1 (with D11).
+    17.1 (with D11); Chiang & Safonov 1992 (circles in place of the axis).
 
     Examples
     --------
@@ -154,14 +165,37 @@ def hinfsyn(
     best = Synthesis(
         K=nothing, gamma=np.inf, gamma_min=np.inf, gamma_low=0.0, regularisation=0.0, n_steps=0, reason="no time"
     )
-    for size, states in REGULARISATIONS:
-        problem = normalised(regularised(plant, size, states=states))
-        if problem is None:
-            continue
-        best = better(best, synthesised(P, problem, best, size, (gamma_min, tolerance, factor), deadline))
-        if best.found or time.monotonic() > deadline:
-            break
-    return best
+    problem = normalised(plant)
+    if problem is not None and not (zero_on_axis(problem) or zero_on_axis(dual(problem))):
+        best = synthesised(P, problem, best, (gamma_min, tolerance, factor), deadline)
+    if best.found or time.monotonic() > deadline:
+        return best
+    return without_axis(P, plant, best, (gamma_min, factor), deadline)
+
+
+def without_axis(
+    P: control.StateSpace, plant: Plant, nothing: Synthesis, wanted: tuple[float, float], deadline: float
+) -> Synthesis:
+    """The best controller of a singular problem, with a lower bound of the problem itself."""
+    found = between_circles(P, plant, *wanted, deadline)
+    if found.K is None:
+        why = "the time cap was reached" if found.late else "no level met the existence conditions, however regularised"
+        return replace(nothing, n_steps=nothing.n_steps + found.n_steps, reason=why)
+    low = min(found.low, found.gamma)
+    reason = ""
+    if found.gamma > NEAR * low and found.gamma > wanted[0]:
+        why = "the time cap was reached" if found.late else "the problem is singular"
+        reason = f"{why}: gamma {found.gamma:.4g} was reached, and below {low:.4g} there is nothing"
+    return replace(
+        nothing,
+        K=found.K,
+        gamma=found.gamma,
+        gamma_min=low,
+        gamma_low=low,
+        regularisation=found.size,
+        n_steps=nothing.n_steps + found.n_steps,
+        reason=reason,
+    )
 
 
 def better(a: Synthesis, b: Synthesis) -> Synthesis:
@@ -173,14 +207,14 @@ def synthesised(
     P: control.StateSpace,
     problem: Plant,
     nothing: Synthesis,
-    size: float,
     wanted: tuple[float, float, float],
     deadline: float,
 ) -> Synthesis:
     """The best controller of one regular problem, judged on P itself; `nothing` with the reason where none is good."""
     enough, tolerance, factor = wanted
-    low, high, n_steps = bracket(problem, enough, tolerance, deadline)
-    best = replace(nothing, gamma_low=low, gamma_min=high, n_steps=nothing.n_steps + n_steps, regularisation=size)
+    ends = least_level(problem), np.inf
+    low, high, n_steps = bracket(lambda gamma: solved(problem, gamma), ends, tolerance, deadline, enough=enough)
+    best = replace(nothing, gamma_low=low, gamma_min=high, n_steps=nothing.n_steps + n_steps)
     late = time.monotonic() > deadline
     if not np.isfinite(high):
         what = (
@@ -205,24 +239,3 @@ def synthesised(
         if achieved <= gamma * 1.001 or time.monotonic() > deadline:
             break
     return best
-
-
-def bracket(problem: Plant, enough: float, tolerance: float, deadline: float) -> tuple[float, float, int]:
-    """Largest level seen to fail, smallest seen to hold (inf: none), and how many were tried."""
-    low, high = least_level(problem), np.inf
-    n_steps, gamma = 0, max(1.0, 2 * low)
-    while time.monotonic() < deadline:
-        n_steps += 1
-        if solved(problem, gamma):
-            high = gamma
-        else:
-            low = gamma
-        if high <= max(low, enough) * (1 + tolerance) or low > LARGEST_GAMMA or high < 1e-9:
-            break
-        if not np.isfinite(high):
-            gamma = low * 4
-        else:
-            floor = max(low, enough)
-            # far from both ends go down by decades; near, halve
-            gamma = high / 8 if floor < high / 64 else float(np.sqrt(floor * high))
-    return low, high, n_steps

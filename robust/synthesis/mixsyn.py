@@ -61,7 +61,8 @@ def mixsyn(
     Returns
     -------
     Design
-        gamma recomputed from the closed loop; inf, and the reason, where no controller was found.
+        gamma recomputed from the closed loop; inf, and the reason, where no controller was found. gamma_min is a lower
+        bound for any controller; without a w_u the infimum is only approached, by controllers that grow faster.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def mixsyn(
     found = hinfsyn(weighted_plant(G, stacked, dt), 1, 1, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     reason = found.reason if found.found else f"not found: {found.reason}"
-    return Design(K=K, gamma=found.gamma, gamma_min=found.gamma_min, met=found.found, reason=reason)
+    return Design(K=K, gamma=found.gamma, gamma_min=found.gamma_low, met=found.found, reason=reason)
 
 
 def is_model(model: Any) -> bool:

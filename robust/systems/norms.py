@@ -11,7 +11,7 @@ from scipy.linalg import eig, matrix_balance, solve_continuous_lyapunov
 from robust.systems.bilinear import continuous_image
 from robust.systems.lti import Matrices, evaluate, scaled_states, timebase
 
-__all__ = ["EPS", "crossings", "hinf_norm", "largest_gain", "sign_changes", "well_conditioned"]
+__all__ = ["EPS", "crossings", "hinf_norm", "largest_gain", "modal", "sign_changes", "well_conditioned"]
 
 
 EPS = np.finfo(float).eps

@@ -28,7 +28,7 @@ ARROWS = {
     "robust.mu": "certificates systems",
     "robust.uncertain": "modelling mu systems",
     "robust.analysis": "uncertain mu certificates verification systems",
-    "robust.synthesis": "uncertain modelling mu certificates systems",
+    "robust.synthesis": "analysis uncertain modelling mu certificates systems",
     "robust.fixed_structure": "analysis synthesis uncertain certificates systems",
     "robust.friction_proof": "certificates systems",
     "robust.plot": "analysis uncertain modelling systems",

@@ -1,5 +1,7 @@
 """Several uncertainties joined by name: closed forms, python-control's own joining, perturbations that break."""
 
+import time
+
 import control
 import numpy as np
 import pytest
@@ -208,3 +210,28 @@ G = control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y")
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_the_time_cap_is_kept_where_scalings_are_many():
+    """Two parameters repeated eight times on eight states: no answer in four minutes before."""
+    rng, n = np.random.default_rng(0), 8
+    A = rng.standard_normal((n, n))
+    A = A - (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(n)
+    plant = control.ss(
+        A, np.hstack([np.eye(n)] * 2), rng.standard_normal((2 * n, n)), np.zeros((2 * n, 2 * n)),
+        inputs=[f"w{k}" for k in range(2 * n)], outputs=[f"z{k}" for k in range(2 * n)],
+    )  # fmt: skip
+    halves = [range(n), range(n, 2 * n)]
+    blocks = {
+        f"p{k}": Block([f"z{i}" for i in half], [f"w{i}" for i in half], 0.2, kind="real")
+        for k, half in enumerate(halves)
+    }
+    begin = time.monotonic()
+    report = check_structure(interconnection([plant], blocks), time_cap=2.0)
+    assert time.monotonic() - begin < 10
+    assert report.verdict == "not certified"
+    assert "by the time cap" in report.reason
+    assert np.isfinite(report.mu).all()
+    assert report.margin_rs <= report.margin_broken
+    with pytest.raises(ValueError, match="time_cap must be positive"):
+        check_structure(interconnection([plant], blocks), time_cap=0)

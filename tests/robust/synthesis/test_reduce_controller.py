@@ -1,0 +1,153 @@
+"""Controllers of lower order: error bounds in closed form, what is exact by construction, what the check keeps."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import UncertaintyModel, check, mixsyn, ncfsyn, performance_weight, reduce_controller, sampled
+from robust.synthesis.reduction import balanced, coprime, weighted
+from robust.systems.lti import response
+from robust.systems.norms import hinf_norm
+
+BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+W = control.tf([0.05, 0.1], [0.02, 1])
+
+
+def model(G=BOOK, w=W, perturbation="LTI"):
+    omega = np.geomspace(1e-2, 1e2, 40)
+    return UncertaintyModel(
+        G, w, "multiplicative", omega, 0.99 * np.abs(response(control.ss(w), omega)), perturbation=perturbation
+    )
+
+
+def matrices(system):
+    system = control.ss(system)
+    return system.A, system.B, system.C, system.D
+
+
+def random_stable(rng, n):
+    A = rng.standard_normal((n, n))
+    A = A - (np.linalg.eigvals(A).real.max() + 0.3) * np.eye(n)
+    return A, rng.standard_normal((n, 1)), rng.standard_normal((1, n)), rng.standard_normal((1, 1))
+
+
+def hankel(A, B, C):
+    P, Q = control.lyap(A, B @ B.T), control.lyap(A.T, C.T @ C)
+    return np.sort(np.sqrt(np.linalg.eigvals(P @ Q).real))[::-1]
+
+
+def test_the_error_stays_below_twice_the_tail_of_the_hankel_singular_values():
+    """Glover 1984, Enns 1984; SP eq. 11.25; nor below the first one left out."""
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        K = random_stable(rng, 7)
+        sizes = hankel(*K[:3])
+        for way, n, (A, B, C, D) in balanced(K):
+            error = control.ss(*K) - control.ss(A, B, C, D)
+            reached = hinf_norm(error)[0]
+            assert reached <= 2 * sizes[n:].sum() * (1 + 1e-6) + 1e-9, (way, n)
+            if n < 7:
+                assert reached >= sizes[n] * (1 - 1e-6)
+
+
+def test_what_is_exact_by_construction():
+    K = random_stable(np.random.default_rng(1), 6)
+    at_zero, at_infinity = response(control.ss(*K), np.array([0.0]))[0], K[3][0, 0]
+    for ways in (balanced(K), weighted(K, matrices(control.tf([1], [1, 1])), matrices(control.tf([1, 0.1], [1, 2])))):
+        for way, _, small in ways:
+            if "residualised" in way:
+                assert response(control.ss(*small), np.array([0.0]))[0] == pytest.approx(at_zero, rel=1e-8)
+            else:
+                assert small[3][0, 0] == at_infinity
+
+
+def test_weights_of_one_change_nothing_and_a_band_is_kept():
+    rng = np.random.default_rng(2)
+    K, one = random_stable(rng, 6), (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
+    omega = np.geomspace(1e-2, 1e2, 50)
+    for (_, n, a), (_, m, b) in zip(balanced(K), weighted(K, one, one), strict=True):
+        assert n == m
+        np.testing.assert_allclose(response(control.ss(*a), omega), response(control.ss(*b), omega), rtol=1e-6)
+    # two modes of one size: the weight says which one stays
+    two = matrices(control.tf([1], [1, 0.1, 1]) + control.tf([100], [1, 1, 100]))
+    low = matrices(control.tf([1], [1, 1, 1]))
+    small = {n: s for way, n, s in weighted(two, low, low) if "truncated" in way}[2]
+    assert np.abs(np.linalg.eigvals(small[0])) == pytest.approx([1, 1], rel=0.05)
+
+
+def test_unstable_and_integrating_modes_stay():
+    K = (
+        control.tf([1, 2], [1, 0])
+        * control.tf([1], [1, -0.5])
+        * control.tf([1], [0.01, 1])
+        * control.tf([1, 4], [1, 5])
+    )
+    for _, n, (A, *_) in balanced(matrices(K)):
+        unstable = np.sort(np.linalg.eigvals(A).real)[-2:]
+        assert n >= 2
+        np.testing.assert_allclose(unstable, [0.0, 0.5], atol=1e-9)
+    exact = [small for way, n, small in coprime(matrices(K)) if "residualised" in way and n == 3]
+    assert np.abs(np.linalg.eigvals(exact[0][0])).min() < 1e-8  # M(0) = 0 is kept
+
+
+def test_all_states_are_the_controller_itself():
+    K = random_stable(np.random.default_rng(4), 5)
+    A = np.block([[K[0], np.zeros((5, 2))], [np.zeros((2, 5)), -np.eye(2)]])  # two states that nothing drives
+    B, C = np.vstack([K[1], np.zeros((2, 1))]), np.hstack([K[2], np.ones((1, 2))])
+    omega = np.geomspace(1e-2, 1e2, 50)
+    for ways in (balanced((A, B, C, K[3])), coprime((A, B, C, K[3]))):
+        small = {n: s for _, n, s in ways}[5]
+        np.testing.assert_allclose(response(control.ss(*small), omega), response(control.ss(*K), omega), rtol=1e-6)
+
+
+@pytest.mark.parametrize("dt", [0, 0.01])
+def test_performance_that_was_proved_is_proved_again(dt):
+    w_P = performance_weight(2, M_S=2.5)
+    K = mixsyn(model(), performance_weight(3, M_S=2.2), w_u=0.3, dt=dt, time_cap=30).K
+    found = reduce_controller(K, model(), w_P)
+    assert found.before.robust_performance
+    assert found.kept
+    assert found.order == 1 < K.nstates == 5
+    again = check(model(), found.K, w_P=w_P)
+    assert again.verdict == "robust"
+    assert again.robust_performance
+    assert found.K.dt == K.dt
+
+
+def test_without_performance_the_loop_stays_where_it_was():
+    """K = 0 keeps every verdict on a stable plant: the closed loop may move by a tenth."""
+    K = ncfsyn(BOOK, control.tf([1, 2], [1, 0])).K
+    found = reduce_controller(K, model())
+    assert 0 < found.order < K.nstates
+    omega = np.geomspace(1e-3, 1e3, 2000)
+    loops = [response(control.ss(BOOK), omega) * response(each, omega) for each in (K, found.K)]
+    T = [L / (1 + L) for L in loops]
+    assert 0 < np.abs(T[0] - T[1]).max() < 0.1
+    lower = reduce_controller(K, model(), order=found.order - 1)
+    assert not lower.kept
+    assert "moved" in lower.reason or "verdict" in lower.reason
+    assert lower.order == lower.K.nstates == found.order - 1
+
+
+def test_a_statistical_set_and_a_sampled_controller():
+    K = ncfsyn(sampled(control.ss(BOOK), 0.01), control.tf([1.02, -0.98], [1, -1], 0.01)).K
+    found = reduce_controller(K, model(perturbation="statistical"))
+    assert found.report.verdict == "statistically robust"
+    assert found.order < K.nstates
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: reduce_controller(control.tf([100], [1, 1, 0]), model()),
+            "K must be one of which something is proved",
+        ),
+        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), order=1), "order must be below the 1 states of K"),
+        (lambda: reduce_controller("K", model()), "K must be"),
+        (lambda: reduce_controller(control.tf([1], [1, 1]), model(), time_cap=0), "time_cap must be positive"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
