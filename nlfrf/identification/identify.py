@@ -112,7 +112,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
     periodic, known = (record.u, spectra.U) if spectra.R is None else (record.r, spectra.R)
     refuse_wrong_lines(periodic, record.lines, known[:, spectra.where.excited])
-    spectra, n_periods = check_realizations(spectra, record.u, record.n_periods - (treatment == "discard"))
+    spectra, n_periods = check_realizations(spectra, periodic, record.n_periods - (treatment == "discard"))
     excited = spectra.on_excited()
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)

@@ -34,14 +34,14 @@ FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def check_realizations(spectra: Spectra, u: np.ndarray, n_periods: int) -> tuple[Spectra, int]:
+def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -> tuple[Spectra, int]:
     """Realisations that can be averaged: with input on every line, of one excitation, each with phases of its own.
 
     Parameters
     ----------
     spectra : Spectra
-    u : (M, P, N) ndarray
-        The input itself, whose peaks tell of phases that were chosen.
+    periodic : (M, P, N) ndarray
+        What was played, the reference where there is one: its peaks tell of phases that were chosen.
     n_periods : int
         Periods behind the spectra.
 
@@ -64,7 +64,7 @@ def check_realizations(spectra: Spectra, u: np.ndarray, n_periods: int) -> tuple
         if len(groups) < n:
             warn_of_repeats(groups, n)
             distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
-    warn_of_low_peaks(u[distinct, 0], excited)
+    warn_of_low_peaks(periodic[distinct, 0], excited)
     return spectra, n_periods
 
 
@@ -82,7 +82,7 @@ def warn_of_repeats(groups: list[list[int]], n: int) -> None:
 
 def warn_of_low_peaks(u: np.ndarray, excited: Spectra) -> None:
     """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped."""
-    amplitude = rms(excited.U)
+    amplitude = rms(excited.U if excited.R is None else excited.R)
     if amplitude.size < FEWEST_SUMMED:
         return
     middle = np.add.reduce(u, axis=1) / u.shape[1]
