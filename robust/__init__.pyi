@@ -83,9 +83,12 @@ from .systems.sampling import discretize as discretize
 from .systems.sampling import sampled as sampled
 
 # Uncertain: sets of plants
+from .uncertain.breaking import BreakingPerturbation as BreakingPerturbation
+from .uncertain.breaking import breaking_perturbation as breaking_perturbation
 from .uncertain.interconnection import Block as Block
 from .uncertain.interconnection import UncertainSystem as UncertainSystem
 from .uncertain.interconnection import interconnection as interconnection
+from .uncertain.matrix_model import MatrixUncertainty as MatrixUncertainty
 from .uncertain.model import UncertaintyModel as UncertaintyModel
 from .uncertain.model import uncertainty as uncertainty
 from .uncertain.validation import Validation as Validation

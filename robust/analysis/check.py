@@ -14,7 +14,7 @@ A controller that runs sampled is checked sampled: hold and computation delay go
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, overload
 
 import control
 import numpy as np
@@ -23,6 +23,7 @@ from nlfrf import Bla
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.wording import shown
 from robust.analysis.check_lines import check_lines
+from robust.analysis.check_structure import StructuredReport, check_structure
 from robust.analysis.claims import claim_of
 from robust.analysis.curves import Peaks
 from robust.analysis.loop import assemble, find_peaks, nominal_instability
@@ -30,9 +31,36 @@ from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_set, on_unstable
 from robust.certificates.solver import SOLVERS
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["check"]
+
+
+@overload
+def check(
+    model: MatrixUncertainty,
+    K: Any,
+    *,
+    w_P: Any = ...,
+    delay: float = ...,
+    certify: bool = ...,
+    solver: str = ...,
+    n_unstable: int = ...,
+) -> StructuredReport: ...
+
+
+@overload
+def check(
+    model: UncertaintyModel | Bla | control.FrequencyResponseData,
+    K: Any,
+    *,
+    w_P: Any = ...,
+    delay: float = ...,
+    certify: bool = ...,
+    solver: str = ...,
+    n_unstable: int = ...,
+) -> RobustnessReport: ...
 
 
 def check(
@@ -44,12 +72,12 @@ def check(
     certify: bool = True,
     solver: str = "CLARABEL",
     n_unstable: int = 0,
-) -> RobustnessReport:
+) -> RobustnessReport | StructuredReport:
     """Check a controller against a model with uncertainty, and say what was proved.
 
     Parameters
     ----------
-    model : UncertaintyModel, nlfrf.Bla or control.FrequencyResponseData
+    model : UncertaintyModel, MatrixUncertainty, nlfrf.Bla or control.FrequencyResponseData
         The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on its lines only,
         and so is the result.
     K : control.StateSpace, TransferFunction or float
@@ -69,7 +97,7 @@ def check(
     Returns
     -------
     RobustnessReport
-        A bad controller is a result, not an error.
+        A bad controller is a result, not an error. Of a MatrixUncertainty the `StructuredReport` of `check_structure`.
 
     Raises
     ------
@@ -90,6 +118,12 @@ def check(
     ('robust', True)
     """
     one_of("solver", solver, SOLVERS)
+    if isinstance(model, MatrixUncertainty):
+        if delay:
+            raise ValueError(
+                f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top"
+            )
+        return check_structure(model.loop(K, w_P=w_P), certify=certify)
     if isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):

@@ -3,9 +3,9 @@
     G(s) = sum_r C_r B_r^T / (s - p_r) + conjugates (+ D),    C_r (n_y, rank), B_r (n_u, rank)
 
 minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2. The poles of a machine are those of all its
-entries, and a mode moves one shape: residues of rank one, so that n poles take n states and not n n_u. Started by
-entries, and a mode moves one shape: residues of rank one, so that n poles take n states, not n n_u. Started by vector
-least-norm steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
+entries, and a mode moves one shape: residues of rank one, n states and not n n_u for n poles. Started by vector fitting
+with poles shared by all entries, residues cut to their rank; then Levenberg-Marquardt on p, C and B, with least-norm
+steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
 """
 
 from __future__ import annotations

@@ -14,13 +14,13 @@ into stability. "LTI" and "operator" are claims about the perturbation that only
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, overload
 
 import control
 import numpy as np
 
-from nlfrf import Bla
-from nlfrf.shared.arguments import integer, nonnegative, one_of, probability, real, real_array
+from nlfrf import Bla, Frm
+from nlfrf.shared.arguments import integer, one_of, probability, real, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.modelling.nominal import NominalFit
@@ -30,8 +30,10 @@ from robust.systems.realisation import frequency_response, least_stable, state_s
 from robust.systems.sampling import delayed
 from robust.systems.stability import stable
 from robust.uncertain.forms import FORMS, PERTURBATIONS, RELATIVE
+from robust.uncertain.matrix_model import MatrixUncertainty
+from robust.uncertain.matrix_radius import matrix_uncertainty
 from robust.uncertain.perturbations import perturbed, random_perturbation
-from robust.uncertain.radius import DECADES_ABOVE, PARTS, extrapolated, family, nominal_response, total_of
+from robust.uncertain.radius import PARTS, extrapolated, family, nominal_response, slope, total_of, worded
 
 __all__ = ["UncertaintyModel", "uncertainty"]
 
@@ -225,8 +227,42 @@ class UncertaintyModel:
         return plants
 
 
+@overload
+def uncertainty(
+    bla: Frm,
+    nominal: Any,
+    *,
+    form: str = ...,
+    order: int = ...,
+    confidence: float = ...,
+    simultaneous: bool = ...,
+    even: bool = ...,
+    systematic: float | None = ...,
+    below: str | float = ...,
+    above: str | float = ...,
+    perturbation: str = ...,
+) -> MatrixUncertainty: ...
+
+
+@overload
 def uncertainty(
     bla: Bla | Sequence[Bla],
+    nominal: Any,
+    *,
+    form: str = ...,
+    order: int = ...,
+    confidence: float = ...,
+    simultaneous: bool = ...,
+    even: bool = ...,
+    systematic: float | None = ...,
+    below: str | float = ...,
+    above: str | float = ...,
+    perturbation: str = ...,
+) -> UncertaintyModel: ...
+
+
+def uncertainty(
+    bla: Bla | Sequence[Bla] | Frm,
     nominal: Any,
     *,
     form: str = RELATIVE,
@@ -238,7 +274,7 @@ def uncertainty(
     below: str | float = "flat",
     above: str | float = 20.0,
     perturbation: str = "statistical",
-) -> UncertaintyModel:
+) -> UncertaintyModel | MatrixUncertainty:
     """Turn a measured BLA with its levels into a set of plants around a nominal model.
 
     On each line the disc about the nominal holds the FRF of a new realisation with the stated confidence: radius =
@@ -249,13 +285,15 @@ def uncertainty(
     Parameters
     ----------
     bla : nlfrf.Bla or list of them
-        What was measured; several levels, offsets or days make a plant family, with the largest radius of all.
+        What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or an
+        nlfrf.Frm: the set is a `MatrixUncertainty`.
     nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive".
+        "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive". Of an Frm "elements" (when not
+        given), "additive" or "input": to be chosen before looking.
     order : int
-        Order of the weight.
+        Order of the weight, or of each of them.
     confidence : float
         Probability per line (or for all lines together when `simultaneous`).
     simultaneous : bool
@@ -272,7 +310,7 @@ def uncertainty(
 
     Returns
     -------
-    UncertaintyModel
+    UncertaintyModel, or MatrixUncertainty of an Frm
 
     Raises
     ------
@@ -293,6 +331,19 @@ def uncertainty(
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.2))
     ('multiplicative', 'statistical', True)
     """
+    if isinstance(bla, Frm):
+        return matrix_uncertainty(
+            bla,
+            nominal,
+            form="elements" if form == RELATIVE else form,
+            order=order,
+            confidence=confidence,
+            simultaneous=bool(simultaneous),
+            even=even,
+            below=below,
+            above=above,
+            perturbation=perturbation,
+        )
     many = list(bla) if isinstance(bla, Sequence) else [bla]
     if not many or not all(isinstance(b, Bla) for b in many):
         raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
@@ -339,13 +390,3 @@ def measured_as(bla: Bla) -> str:
         f"{bla.grid} multisine, {bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz, {bla.n_realizations} realisations "
         f"x {bla.n_periods} periods, level from {bla.level_source}"
     )
-
-
-def slope(name: str, rule: Any) -> float:
-    """dB per decade away from the band."""
-    return 0.0 if isinstance(rule, str) and one_of(name, rule, ("flat",)) else nonnegative(name, rule)
-
-
-def worded(rule: float) -> str:
-    """The extrapolation rule in words."""
-    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"

@@ -8,10 +8,11 @@ import control
 import numpy as np
 
 from nlfrf import Bla
+from nlfrf.shared.arguments import nonnegative, one_of
 from robust.systems.lti import response
 from robust.systems.realisation import frequency_response
 
-__all__ = ["DECADES_ABOVE", "PARTS", "extrapolated", "family", "nominal_response", "record_disc", "total_of"]
+__all__ = ["PARTS", "extrapolated", "family", "nominal_response", "record_disc", "slope", "total_of", "worded"]
 
 
 #: What a radius is made of.
@@ -129,3 +130,13 @@ def extrapolated(
         ]
     )
     return np.concatenate([low, omega, high]), out
+
+
+def slope(name: str, rule: Any) -> float:
+    """dB per decade away from the band."""
+    return 0.0 if isinstance(rule, str) and one_of(name, rule, ("flat",)) else nonnegative(name, rule)
+
+
+def worded(rule: float) -> str:
+    """The extrapolation rule in words."""
+    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"

@@ -53,6 +53,12 @@ def values_of_robust():
     block = robust.Block("y", "pole", 2.5, kind="real")
     system = robust.interconnection([two, loop], {"pole": block})
     P = control.ss([[-1.0]], [[1, 0, 1]], [[0], [-0.5], [-1]], [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    w, two_by_two = control.ss([], [], [], [[0.5]]), control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    several = robust.MatrixUncertainty(
+        nominal=two_by_two, form="additive", left=(w, w), right=(w, w), omega=[1.0], radius=0.5 * np.ones((4, 1)),
+        confidence=0.95,
+    )  # fmt: skip
+    yield from (several, robust.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))
     yield from (BLA, FIT, MODEL, K, block, system, robust.check_structure(system))
     yield from (robust.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))
     yield from (robust.fit_weight(MODEL.omega, MODEL.radius, order=2), robust.disk_margin(FIT.G * K))

@@ -1,0 +1,276 @@
+"""``MatrixUncertainty``: a nominal of several inputs and outputs, and what a measured `Frm` leaves open about it.
+
+    form       set, gain of every Delta at most one              blocks
+    elements   G_ji + w_ji Delta_ji                              n_y n_u numbers
+    additive   G + W_l Delta W_r                                 one full n_y by n_u
+    input      G (I + W_l Delta W_r)                             one full n_u by n_u, for a square G
+
+with diagonal W_l, W_r. Never one scalar radius: it would cost a factor of ten where entries differ in size. "elements"
+serves where one channel is critical, a full block where all are, where outputs move together, and from 4 by 4 on. The
+form has to be chosen before looking at what comes out: who tries two has tested twice.
+
+              +---- W_r <--+
+              |            |                additive: d is added to y
+              v  z         | u              input:    d is added to u, behind where z is read
+            Delta          |
+              | d          |
+              +--> W_l --> (+) with G
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import block_diag
+
+from nlfrf.shared.arguments import one_of, real_array
+from nlfrf.shared.values import value
+from robust.systems.lft import joined, lower
+from robust.systems.lti import timebase
+from robust.systems.realisation import multivariable
+from robust.systems.stability import stable
+from robust.uncertain.forms import PERTURBATIONS
+from robust.uncertain.interconnection import Block, UncertainSystem
+
+__all__ = ["MATRIX_FORMS", "MatrixUncertainty"]
+
+
+MATRIX_FORMS = ("elements", "additive", "input")
+
+
+@value
+class MatrixUncertainty:
+    """A set of plants of several inputs and outputs around a nominal, as wide as a measured `Frm` asks for.
+
+    Fields
+    ------
+    nominal : control.StateSpace
+        Nominal plant, n_y outputs by n_u inputs, with its delay inside.
+    form : str
+        "elements", "additive" or "input", see the head of this room.
+    left, right : tuple of control.StateSpace
+        Stable weights, one a channel: W_l and W_r. Of "elements" the n_y n_u weights stand in `right`, columns of G one
+        after the other, and `left` is empty.
+    omega : (W,) ndarray
+        Measured frequencies [rad/s].
+    radius : (n, W) ndarray
+        What the weights cover, those of `left` before those of `right`.
+    confidence : float
+        Probability with which a line of another set lies in the set.
+    simultaneous : bool
+        Whether it holds for all lines together.
+    perturbation : str
+        "statistical", "LTI" or "operator", as for `UncertaintyModel`.
+    inputs, outputs : tuple of str
+        Names of the channels.
+    extrapolation, source : str
+        In words.
+
+    Raises
+    ------
+    ValueError
+        Weights that are unstable, do not cover their radius or do not fit the form, sampling times that differ.
+
+    References
+    ----------
+    SP 8.2 (representing uncertainty), 8.6 (robust stability of full and structured blocks).
+
+    Examples
+    --------
+    >>> G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    >>> w = control.ss([], [], [], [[0.2]])
+    >>> omega = np.array([1.0, 2.0])
+    >>> model = MatrixUncertainty(
+    ...     nominal=G, form="additive", left=(w, w), right=(w, w), omega=omega, radius=np.full((4, 2), 0.2),
+    ...     confidence=0.95)
+    >>> K = control.ss([], [], [], 2 * np.eye(2))
+    >>> round(float(np.linalg.norm(model.loop(K).loop(0j), 2)), 6)           # 0.2 |K S(0)| 0.2 = 0.04 2/3
+    0.026667
+    """
+
+    nominal: control.StateSpace
+    form: str
+    left: tuple[control.StateSpace, ...]
+    right: tuple[control.StateSpace, ...]
+    omega: np.ndarray
+    radius: np.ndarray
+    confidence: float
+    simultaneous: bool = False
+    perturbation: str = "statistical"
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    extrapolation: str = "not stated"
+    source: str = "not stated"
+
+    def __post_init__(self) -> None:
+        one_of("form", self.form, MATRIX_FORMS)
+        one_of("perturbation", self.perturbation, PERTURBATIONS)
+        G = multivariable("nominal", self.nominal)
+        object.__setattr__(self, "nominal", G)
+        n_y, n_u = G.noutputs, G.ninputs
+        wanted = {"elements": (0, n_y * n_u), "additive": (n_y, n_u), "input": (n_u, n_u)}[self.form]
+        if (len(self.left), len(self.right)) != wanted:
+            raise ValueError(
+                f"left and right must hold {wanted[0]} and {wanted[1]} weights for the {self.form} form, "
+                f"got {len(self.left)} and {len(self.right)}"
+            )
+        if self.form == "input" and n_y != n_u:
+            raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
+        omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=2)
+        object.__setattr__(self, "omega", omega)
+        object.__setattr__(self, "radius", radius)
+        if self.radius.shape != (sum(wanted), self.omega.size):
+            raise ValueError(f"radius must have shape {(sum(wanted), self.omega.size)}, got {self.radius.shape}")
+        for k, weight in enumerate((*self.left, *self.right)):
+            if not stable(weight):
+                raise ValueError(f"weights must be stable, got an unstable one in place {k}")
+            if weight.nstates and timebase(weight) != timebase(G):
+                raise ValueError(f"weights must have the sampling time of the nominal, {timebase(G):g} s")
+            cover = np.abs(gain_of(weight, self.omega)) / self.radius[k]
+            if cover.min() < 1 - 1e-6:
+                raise ValueError(f"weights must cover their radius, got a ratio of {cover.min():g} in place {k}")
+        for name, letter, n in (("inputs", "u", n_u), ("outputs", "y", n_y)):
+            names = tuple(getattr(self, name)) or tuple(f"{letter}{i + 1}" for i in range(n))
+            object.__setattr__(self, name, names)
+
+    @property
+    def n_outputs(self) -> int:
+        """Outputs n_y."""
+        return self.nominal.noutputs
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs n_u."""
+        return self.nominal.ninputs
+
+    def __str__(self) -> str:
+        """One line."""
+        dt = timebase(self.nominal)
+        orders = [weight.nstates for weight in (*self.left, *self.right)]
+        return (
+            f"{self.form} uncertainty of {self.n_outputs} outputs by {self.n_inputs} inputs, {self.perturbation}, "
+            f"{100 * self.confidence:g} % {'for all lines together' if self.simultaneous else 'per line'}: nominal "
+            f"{self.nominal.nstates} states{f' at {1 / dt:g} Hz' if dt else ''}, weights of orders "
+            f"{min(orders)} to {max(orders)}; {self.extrapolation}"
+        )
+
+    def open_loop(self) -> control.StateSpace:
+        """From (what Delta drives, u) to (what Delta reads, y)."""
+        G, dt = self.nominal, self.nominal.dt
+        n_y, n_u = self.n_outputs, self.n_inputs
+        if self.form == "elements":  # column i of G after the other: read u_i, act on y_j
+            reads, acts = np.repeat(np.eye(n_u), n_y, axis=0), np.tile(np.eye(n_y), n_u)
+            W_l: control.StateSpace = control.StateSpace([], [], [], np.eye(n_y * n_u), dt)
+        else:
+            reads, W_l = np.eye(n_u), joined(list(self.left), dt)
+            acts = np.eye(n_y) if self.form == "additive" else np.eye(n_u)
+        W_r = joined(list(self.right), dt)
+        m = W_l.ninputs
+        into = acts if self.form == "input" else np.zeros((n_u, acts.shape[1]))  # of d behind W_l into G
+        onto = np.zeros((n_y, acts.shape[1])) if self.form == "input" else acts
+        A = block_diag(G.A, W_l.A, W_r.A)
+        A[: G.nstates, G.nstates : G.nstates + W_l.nstates] = G.B @ into @ W_l.C
+        B = np.block(
+            [
+                [G.B @ into @ W_l.D, G.B],
+                [W_l.B, np.zeros((W_l.nstates, n_u))],
+                [np.zeros((W_r.nstates, m)), W_r.B @ reads],
+            ]
+        )
+        C = np.block(
+            [
+                [np.zeros((W_r.noutputs, G.nstates + W_l.nstates)), W_r.C],
+                [G.C, (onto + G.D @ into) @ W_l.C, np.zeros((n_y, W_r.nstates))],
+            ]
+        )
+        D = np.block([[np.zeros((W_r.noutputs, m)), W_r.D @ reads], [(onto + G.D @ into) @ W_l.D, G.D]])
+        return control.StateSpace(A, B, C, D, dt)
+
+    def perturbed(self, Delta: Any) -> control.StateSpace:
+        """The plant of the set that belongs to a perturbation, by itself: to replay the worst one.
+
+        Delta : control.StateSpace from what it reads to what it drives, or a real matrix; of "elements" diagonal.
+        """
+        P, Delta = self.open_loop(), multivariable("Delta", Delta)
+        n, m = Delta.ninputs, Delta.noutputs
+        if (P.noutputs - self.n_outputs, P.ninputs - self.n_inputs) != (n, m):
+            raise ValueError(
+                f"Delta must have {P.noutputs - self.n_outputs} inputs and {P.ninputs - self.n_inputs} outputs for the "
+                f"{self.form} form, got {n} and {m}"
+            )
+        rows, columns = np.r_[n : P.noutputs, :n], np.r_[m : P.ninputs, :m]
+        turned = control.StateSpace(P.A, P.B[:, columns], P.C[rows], P.D[np.ix_(rows, columns)], P.dt)
+        return lower(turned, Delta)
+
+    def loop(self, K: Any, *, w_P: Any = None) -> UncertainSystem:
+        """The loop u = K (r - y) with the perturbations pulled out, for `check_structure`, `mu_upper`, `dk_iteration`.
+
+        w_P : control.StateSpace, optional
+            Performance weight on r - y: one for all outputs, or a square one over them.
+        """
+        K = multivariable("K", K)
+        n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
+        if (K.ninputs, K.noutputs) != (n_y, n_u):
+            raise ValueError(
+                f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
+                f"got {K.ninputs} and {K.noutputs}"
+            )
+        if K.nstates and timebase(K) != dt:
+            raise ValueError(
+                f"K must have the sampling time of the model, {dt:g} s, got {timebase(K):g} s. A model for a sampled "
+                "controller starts from fit_nominal(frm, ..., dt=) or sampled(nominal, dt)."
+            )
+        P = self.open_loop()
+        n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
+        names = tuple(f"r{j + 1}" for j in range(n_y)) if w_P is not None else ()
+        outside = np.eye(n_y) if w_P is not None else np.zeros((n_y, 0))
+        # (d, r, u) -> (z, e) with e = r - y, and e once more where it is weighted
+        copies = [P.C[:n_z], *([-P.C[n_z:]] if names else []), -P.C[n_z:]]
+        B = np.hstack([P.B[:, :n_d], np.zeros((P.nstates, outside.shape[1])), P.B[:, n_d:]])
+        z_row = np.hstack([P.D[:n_z, :n_d], np.zeros((n_z, outside.shape[1])), P.D[:n_z, n_d:]])
+        e_row = np.hstack([-P.D[n_z:, :n_d], outside, -P.D[n_z:, n_d:]])
+        D = np.vstack([z_row, *([e_row] if names else []), e_row])
+        N = lower(control.StateSpace(P.A, B, np.vstack(copies), D, P.dt), K)
+        if names:
+            N = behind_performance(N, n_z, weight_over("w_P", w_P, n_y))
+        return UncertainSystem(
+            N=N,
+            blocks=self.blocks(n_z, n_d),
+            inputs=names,
+            outputs=tuple(f"weighted {name}" for name in self.outputs) if names else (),
+        )
+
+    def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
+        """The perturbations by name."""
+        of = {"perturbation": self.perturbation}
+        if self.form != "elements":
+            return {self.form: Block([f"z{k}" for k in range(n_z)], [f"d{k}" for k in range(n_d)], **of)}
+        pairs = [(out, name) for name in self.inputs for out in self.outputs]
+        return {f"{out} by {name}": Block(f"z{k}", f"d{k}", **of) for k, (out, name) in enumerate(pairs)}
+
+
+def gain_of(weight: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """(W,) response of a weight of one input and output."""
+    dt = timebase(weight)
+    return np.asarray(weight(np.exp(1j * omega * dt) if dt else 1j * omega, squeeze=True)) * np.ones(omega.size)
+
+
+def weight_over(name: str, weight: Any, n: int) -> control.StateSpace:
+    """A weight as a square system over n signals."""
+    weight = multivariable(name, weight)
+    if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
+        return joined([weight] * n, weight.dt)
+    if (weight.ninputs, weight.noutputs) != (n, n):
+        raise ValueError(f"{name} must have 1 or {n} inputs and outputs, got {weight.ninputs} and {weight.noutputs}")
+    return weight
+
+
+def behind_performance(N: control.StateSpace, n_z: int, w: control.StateSpace) -> control.StateSpace:
+    """N with its last outputs behind a weight."""
+    n, m = N.nstates, w.nstates
+    A = np.block([[N.A, np.zeros((n, m))], [w.B @ N.C[n_z:], w.A]])
+    B = np.vstack([N.B, w.B @ N.D[n_z:]])
+    C = np.block([[N.C[:n_z], np.zeros((n_z, m))], [w.D @ N.C[n_z:], w.C]])
+    return control.StateSpace(A, B, C, np.vstack([N.D[:n_z], w.D @ N.D[n_z:]]), N.dt)

@@ -1,0 +1,171 @@
+"""How wide a set around the nominal of a measured matrix has to be: scatter of a new set, even level, misfit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Frm
+from nlfrf.shared.arguments import integer, one_of, probability
+from robust.modelling.nominal import NominalFit
+from robust.modelling.weights import fit_weight
+from robust.systems.connections import in_series
+from robust.systems.lft import joined
+from robust.systems.lti import timebase
+from robust.systems.realisation import multivariable
+from robust.systems.sampling import delayed
+from robust.uncertain.matrix_model import MATRIX_FORMS, MatrixUncertainty
+from robust.uncertain.radius import extrapolated, record_disc, slope, total_of, worded
+
+__all__ = ["matrix_uncertainty"]
+
+
+PADE_ORDER = 2
+SMOOTHED = 9  # lines over which a covariance is averaged, relative to |G|: an order of weights does not follow scatter
+FLAT = 1.06  # largest over smallest radius up to which a weight is a number
+
+
+def matrix_uncertainty(
+    frm: Frm,
+    nominal: Any,
+    *,
+    form: str,
+    order: int,
+    confidence: float,
+    simultaneous: bool,
+    even: bool,
+    below: str | float,
+    above: str | float,
+    perturbation: str,
+) -> MatrixUncertainty:
+    """`uncertainty` of a measured matrix."""
+    one_of("form", form, MATRIX_FORMS)
+    below, above = slope("below", below), slope("above", above)
+    p, order = probability("confidence", confidence), integer("order", order, least=0)
+    if isinstance(nominal, NominalFit):
+        nominal = behind_delay(nominal.G, nominal.delay)
+    nominal = multivariable("nominal", nominal)
+    if (nominal.noutputs, nominal.ninputs) != (frm.n_outputs, frm.n_inputs):
+        raise ValueError(
+            f"nominal must have {frm.n_outputs} outputs and {frm.n_inputs} inputs, as the record, "
+            f"got {nominal.noutputs} and {nominal.ninputs}"
+        )
+    dt = timebase(nominal)
+    model = np.asarray(nominal(np.exp(1j * frm.omega * dt) if dt else 1j * frm.omega, squeeze=False))
+    discs = entry_discs(frm, model, p, simultaneous, even)
+    if form == "elements":
+        radius, split = np.concatenate([discs[:, i] for i in range(frm.n_inputs)]), 0
+    else:
+        left, right = full_block(frm, model, misfits(frm, model), p, simultaneous, even, form)
+        radius, split = np.concatenate([left, right]), len(left)
+    # what is assumed outside the band is said once, of W_l
+    rules = [(below, above)] * (split or len(radius)) + [(0.0, 0.0)] * (len(radius) - split if split else 0)
+    weights = tuple(covering(frm.omega, one, order, *rule, dt) for one, rule in zip(radius, rules, strict=True))
+    return MatrixUncertainty(
+        nominal=nominal,
+        form=form,
+        left=weights[:split],
+        right=weights[split:],
+        omega=frm.omega,
+        radius=radius,
+        confidence=p,
+        simultaneous=simultaneous,
+        perturbation=perturbation,
+        inputs=frm.inputs,
+        outputs=frm.outputs,
+        extrapolation=f"below the band {worded(below)}, above it {worded(above)}",
+        source=(
+            f"{frm.design} {frm.grid} multisine, {frm.f.size} lines {frm.f[0]:g} to {frm.f[-1]:g} Hz, "
+            f"{frm.n_realizations} sets of {frm.n_inputs} experiments x {frm.n_periods} periods, level from "
+            f"{frm.level_source}"
+        ),
+    )
+
+
+def behind_delay(G: control.StateSpace, delay: float) -> control.StateSpace:
+    """The plant with all its inputs behind a delay."""
+    if delay == 0:
+        return G
+    one = delayed(control.StateSpace([], [], [], [[1.0]], G.dt), delay, order=PADE_ORDER)
+    return in_series(joined([one] * G.ninputs, G.dt), G)
+
+
+def entry_discs(frm: Frm, model: np.ndarray, p: float, simultaneous: bool, even: bool) -> np.ndarray:
+    """(n_y, n_u, F) radii of the entries about the nominal that hold all of them together with probability p."""
+    each = p ** (1 / (frm.n_outputs * frm.n_inputs))
+    discs = np.empty(model.shape)
+    for j, i in np.ndindex(model.shape[:2]):
+        nominal = control.FrequencyResponseData(model[j, i], frm.omega)
+        discs[j, i] = total_of(record_disc(frm.entry(j, i), nominal, each, simultaneous, even, None))
+    return discs
+
+
+def misfits(frm: Frm, model: np.ndarray) -> np.ndarray:
+    """(n_y, n_u, F) what the nominal misses beyond scatter, entry by entry."""
+    out = np.empty(model.shape)
+    for j, i in np.ndindex(model.shape[:2]):
+        nominal = control.FrequencyResponseData(model[j, i], frm.omega)
+        out[j, i] = record_disc(frm.entry(j, i), nominal, 0.95, False, False, None)["misfit"]
+    return out
+
+
+def full_block(
+    frm: Frm, model: np.ndarray, misfit: np.ndarray, p: float, simultaneous: bool, even: bool, form: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Radii (n, F) of diagonal W_l and W_r whose full block holds the matrix of a new set.
+
+    W_l W_l^H >= (1 + 1/t) x_p C + (1 + t) B with the misfit B = n_y diag_j sum_i m_ji^2 / gamma_ii, t to make its
+    trace least; a Hermitian X lies under the diagonal lambda_max(corr X) X_jj.
+    """
+    gamma = np.moveaxis(frm.gamma, 2, 0)
+    x = quantiles(frm, p, simultaneous)
+    C = frm.covariance_of("realization")
+    if even:
+        C = C + frm.n_realizations * np.nan_to_num(frm.cov_even)
+    own = np.einsum("iif->if", frm.gamma).real
+    C = x[:, None, None] * smoothed(np.moveaxis(C, 2, 0), model, own)
+    n_y = frm.n_outputs
+    B = n_y * np.einsum("jif,if->fj", misfit**2, 1 / own)
+    trace_C, trace_B = np.einsum("fjj->f", C).real, B.sum(axis=1) + np.finfo(float).tiny
+    t = np.sqrt(trace_C / trace_B) + np.finfo(float).tiny
+    X = (1 + 1 / t)[:, None, None] * C + ((1 + t)[:, None] * B)[:, :, None] * np.eye(n_y)
+    if form == "input":
+        inverse = np.linalg.inv(np.moveaxis(model, 2, 0))
+        X = inverse @ X @ np.swapaxes(inverse, 1, 2).conj()
+    return diagonal_over(X), diagonal_over(gamma)
+
+
+def quantiles(frm: Frm, p: float, simultaneous: bool) -> np.ndarray:
+    """(F,) the quantile of Roy's root: the block of an `Frm` over its root of the covariance."""
+    left, _ = frm.block(p, simultaneous=simultaneous)
+    size = np.einsum("jkf,jkf->f", left, left.conj()).real
+    return size / np.einsum("jjf->f", frm.cov_bound).real
+
+
+def smoothed(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(F, n_y, n_y) averaged over neighbouring lines, relative to the size of the nominal's rows."""
+    size = np.sqrt(np.einsum("jif,if->fj", np.abs(model) ** 2, 1 / own))
+    relative = C / size[:, :, None] / size[:, None]
+    half, F = SMOOTHED // 2, len(C)
+    sums = np.concatenate([np.zeros((1, *C.shape[1:])), np.cumsum(relative, axis=0)])
+    first = np.clip(np.arange(F) - half, 0, max(F - SMOOTHED, 0))
+    last = np.minimum(first + SMOOTHED, F)
+    return (sums[last] - sums[first]) / (last - first)[:, None, None] * size[:, :, None] * size[:, None]
+
+
+def diagonal_over(X: np.ndarray) -> np.ndarray:
+    """(n, F) roots of the diagonal that lies over a Hermitian (F, n, n): lambda_max of its correlation."""
+    size = np.sqrt(np.einsum("fjj->fj", X).real)
+    correlation = X / size[:, :, None] / size[:, None]
+    return (size * np.sqrt(np.linalg.eigvalsh(correlation)[:, -1:])).T
+
+
+def covering(
+    omega: np.ndarray, radius: np.ndarray, order: int, below: float, above: float, dt: float
+) -> control.StateSpace:
+    """A weight over a radius: a number where that is flat and nothing rises outside the band."""
+    if radius.max() < FLAT * radius.min() and below == above == 0:
+        return control.StateSpace([], [], [], [[radius.max()]], dt)
+    return fit_weight(*extrapolated(omega, radius, below, above, dt), order=order, dt=dt).W
