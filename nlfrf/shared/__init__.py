@@ -1,10 +1,10 @@
 """The ground that both packages stand on; it knows nothing of records or controllers.
 
 values        ``@value``: frozen data, checked when made
-arguments     refusals of bad arguments, each in one line
-wording       frequencies, lists and strange things in words
+arguments     refusals of bad arguments, each in one line; `DataWarning`
+wording       frequencies, counts and strange things in words
 whole_files   files that are written whole or not at all
 command       what the two commands share: versions, warnings and refusals in one line
 axes          axes, grids and decibels of every picture
-leastsquares  small least-squares problems in many windows at once
+leastsquares  small least-squares problems in many windows of lines at once
 """

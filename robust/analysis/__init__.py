@@ -3,14 +3,14 @@
 check            the door: one model, one controller, one report
 check_lines      the same where the plant is known on measured lines only
 check_structure  the same with several uncertainties
-loop             plant, controller, hold and delay on one time base: curves and margins
-curves           what the loop does over frequency, for its whole set
+loop             plant, controller, hold and delay on one time base: is it stable, where are its peaks, and with another plant
+curves           S, T, rs, rp over frequency for the whole set, at the poles of the parts too
 claims           what a check claims, in the form in which it is verified
-proofs           robust stability and performance proved at every frequency
-report           `RobustnessReport`: what was found
-verdict          what it means, in words
-worst_case       the worst plant of the set, to replay
-family           loops around random plants of the set
+proofs           stability and performance of the whole set proved at every frequency
+report           `RobustnessReport`: its fields, how it is filled and printed
+verdict          what was found, in words: verdict, reason, advice, what is proved and what is not
+worst_case       the one plant of the set that hurts most, to replay
+family           loops around random plants of the set, to look at
 disk_margin      gain and phase at once, in all channels at once
 gap              the distance between plants (nu-gap), and the margin of a loop for it
 """

@@ -1,8 +1,8 @@
 """Bounds proved at every frequency: a certificate is numbers judged here, never the word of a solver.
 
-certificate   what was proved, how, and if not, why not
+certificate   `Certificate`: what was proved, how, and if not, why not
 bounded_real  one linear matrix inequality for a whole norm
 intervals     weights frozen on an interval, a Hamiltonian test on each
-single_loop   responses and their discs, interval by interval; a delay as it is
+single_loop   a proof for one loop from its responses, interval by interval, a delay taken as it is
 solver        cvxpy behind a time cap, by solvers that may fail in any way
 """

@@ -2,9 +2,9 @@
 
 design_frf      the door: what is asked, and what came out of it
 structures      K = X/Y, linear in its parameters
-plants          the plants, line by line
+plants          one plant or a family stacked line after line, each a disc as the controller sees it
 demands         what is asked of the loop, line by line, as a convex program takes it
-starts          a stabilising controller to begin from
+starts          a simple stabilising controller to begin from, or the one that was given
 convex_concave  the iteration, from there to one that no step improves
 cone_program    one convex step, in second-order cones
 """

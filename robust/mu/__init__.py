@@ -1,8 +1,8 @@
 """The structured singular value mu: the smallest perturbation of given blocks that makes det(I - N Delta) = 0.
 
-blocks           what the perturbation is made of, and the scalings that commute with it
-upper            upper bounds by scalings, recomputed from them
-lower            lower bounds: a perturbation that does it, verified
+blocks           the structure: which blocks, which scalings commute with it
+upper            upper bounds by scalings, refined around their peaks
+lower            lower bounds: a perturbation that makes the loop singular, verified
 lmi              the upper bound by a convex program, to check against
 gain             what a set of perturbations can make of a gain
 certify          a level of mu proved at every frequency

@@ -1,7 +1,7 @@
 """Pictures. They compute nothing beyond units; the curves come from the values.
 
-    models   the nominal, its set, what the radius is made of
-    loops    a loop, its check, its family
+    models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
+    loops    pictures of loops: gains, check, Nyquist with discs, family, bounds
     colours  colours and units that they share
 
 The pictures are handed on from here: `from robust.plot import plot_check`.

@@ -7,7 +7,7 @@ hinfsyn            any generalised plant
 reduce_controller  a controller of lower order that keeps what was proved
 reduction          balanced truncation: plain, weighted, of coprime factors
 dk                 D-K iteration: several uncertainties and a performance
-generalised_plant  the plant in the form the equations ask for, and the way back
+generalised_plant  the plant made ready: hidden modes refused, scaled, regular, normalised; and K taken back
 singular           problems with zeros on the axis or at infinity: controllers and lower bounds by circles beside it
-central            the two equations at one level, and the controller from them
+central            the two Riccati equations at one level, and the central controller from them
 """

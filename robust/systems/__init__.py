@@ -4,14 +4,14 @@ r --->(+)-- e -->[ K ]-- u -->[ G ]---+--> y        L = G K,  S = 1/(1 + L),  T 
       -^                              |
        +------------------------------+
 
-realisation  whatever a user calls a system, as one state space
-lti          response, poles, zeros
-closed_loop  the loop above as one state space, with the ports of an uncertainty
+realisation  whatever a user calls a system, an FRF or a weight, checked, as one state space; roots into sections
+lti          response at frequencies, poles, zeros, sampling time; states in units of their own
+closed_loop  the loop above by its ports, and the worst case over a disc in closed form
 connections  systems in series, in parallel, in a loop of their own
-lft          systems closed through one another (linear fractional transformations)
-sampling     plants as a sampled controller sees them; controllers made discrete
-bilinear     the map between the circle and the axis
-stability    poles beyond rounding, and what a delay does to them
+lft          systems of several inputs and outputs closed through one another: upper and lower F(P, K)
+sampling     plants behind hold and delay as a sampled controller sees them; controllers made discrete
+bilinear     the map between the unit circle and the axis
+stability    is it stable: poles beyond rounding, and what a delay does to them
 nyquist      how often 1 + L winds about zero on the lines of an FRF
 norms        the H-infinity norm
 riccati      stabilising solutions of Riccati equations
