@@ -6,7 +6,7 @@ realizations      realisations: refused where an input is missing or another spe
 spectra           DFT of the periods: their means and their noise on the lines, input and output
 transient         the transient: whether there is one, and local fits between the lines to take it off
 frf               the FRF over realisations, its variance by noise and in total
-distortion_level  the variance of one realisation: read off detection lines or off roughness, once the smooth FRF is taken off
+distortion_level  the variance of one realisation, off detection lines or roughness, the smooth FRF taken off
 detection_lines   even and odd levels from the lines that were not excited
 calibration       what a detection line tells about an excited line, grid by grid
 localfit          rational fits of the FRF in windows of lines, and the scatter they leave
