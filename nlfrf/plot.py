@@ -46,10 +46,6 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
         Probability of the bound that is drawn.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     ax = axes(ax)
     known = bla.G != 0  # an even system leaves excited lines empty
@@ -131,10 +127,6 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
         "u", "y" or "r".
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     one_of("signal", signal, ("u", "y", "r"))
     samples = getattr(record, signal)

@@ -41,8 +41,7 @@ def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     --------
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> import tempfile
     >>> folder = tempfile.TemporaryDirectory()
     >>> bla = nlfrf.identify(record)
@@ -80,8 +79,7 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
     --------
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> import tempfile
     >>> folder = tempfile.TemporaryDirectory()
     >>> export_csv(nlfrf.identify(record), f"{folder.name}/bla.csv")

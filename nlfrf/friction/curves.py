@@ -73,7 +73,7 @@ class Tanh(Yielding):
     Raises
     ------
     ValueError
-        Numbers that are not positive.
+        A K0 or Fy of the tanh that is not positive.
 
     References
     ----------
@@ -107,7 +107,7 @@ class Exponential(Yielding):
     Raises
     ------
     ValueError
-        Numbers that are not positive.
+        A K0 or Fy of the exponential that is not positive.
 
     References
     ----------
@@ -140,7 +140,7 @@ class Parabola(Yielding):
     Raises
     ------
     ValueError
-        Numbers that are not positive.
+        A K0 or Fy of the parabola that is not positive.
 
     References
     ----------
@@ -174,7 +174,7 @@ class ElasticPlastic(Yielding):
     Raises
     ------
     ValueError
-        Numbers that are not positive.
+        A K0 or a breaking force that is not positive.
 
     References
     ----------

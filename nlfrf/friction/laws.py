@@ -91,7 +91,7 @@ class Dahl:
     Raises
     ------
     ValueError
-        Numbers that are not positive.
+        A sigma0, Fc or n that is not positive.
 
     References
     ----------
@@ -134,7 +134,7 @@ class LuGre:
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A stiffness, force or velocity that is not positive, Fs below Fc.
 
     References
     ----------

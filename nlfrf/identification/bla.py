@@ -78,8 +78,7 @@ class Bla:
 
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> bla = nlfrf.identify(record)
     >>> bool(np.all(np.abs(bla.G - 2.3) < bla.bound(simultaneous=True)))
     True
@@ -254,8 +253,7 @@ class DistortionLevels:
 
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> levels = nlfrf.identify(record).levels
     >>> bool(np.abs(levels.odd).max() > 1e-3), bool(np.abs(levels.even).max() < 1e-12)
     (True, True)

@@ -44,8 +44,7 @@ class SecondOpinion:
     --------
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> opinion = nlfrf.second_opinion(record)
     >>> bool(np.all(opinion.roughness > 0)), opinion.disagree.shape == opinion.f.shape
     (True, True)

@@ -2,7 +2,7 @@
 
 values        ``@value``: frozen data, checked when made
 arguments     refusals of bad arguments, each in one line; `DataWarning`
-wording       frequencies, counts and strange things in words
+wording       frequencies, counts, strange things, labelled paragraphs in words
 whole_files   files that are written whole or not at all
 command       what the two commands share: versions, warnings and refusals in one line
 axes          axes, grids and decibels of every picture

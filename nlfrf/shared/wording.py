@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
-__all__ = ["counted", "hertz", "shown"]
+__all__ = ["counted", "hertz", "paragraph", "shown"]
 
 
 def shown(thing: Any) -> str:
@@ -25,3 +26,9 @@ def hertz(omega: float) -> str:
 def counted(n: int, what: str) -> str:
     """A count with its noun."""
     return f"{n} {what}" + "s" * (n != 1)
+
+
+def paragraph(label: str, text: str) -> list[str]:
+    """A labelled paragraph that fits a screen 100 wide."""
+    rows = wrap(text, 86) or [""]
+    return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []

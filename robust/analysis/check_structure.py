@@ -10,8 +10,8 @@ import numpy as np
 
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz, shown
-from robust.analysis.verdict import VERDICTS, factor, paragraph
+from nlfrf.shared.wording import hertz, paragraph, shown
+from robust.analysis.verdict import VERDICTS, factor
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
 from robust.mu.blocks import structure

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz
+from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
-from robust.analysis.verdict import VERDICTS, factor, paragraph
+from robust.analysis.verdict import VERDICTS, factor
 from robust.certificates.certificate import Certificate
 from robust.uncertain.forms import loop_discs
 
@@ -66,10 +66,9 @@ class RobustnessReport:
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel
-    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
-    >>> from robust import check
+    >>> from robust import UncertaintyModel, check
+    >>> plant, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(plant, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> report = check(model, 2.0)
     >>> report.verdict, bool(report.margin_rs * max(report.rs) > 0.999)
     ('statistically robust', True)

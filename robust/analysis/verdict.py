@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,7 @@ from robust.analysis.proofs import Proofs
 from robust.systems.lti import poles, response
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["VERDICTS", "factor", "on_lines_only", "on_set", "on_unstable", "paragraph"]
-
-
+__all__ = ["VERDICTS", "factor", "on_lines_only", "on_set", "on_unstable"]
 CURES = {
     "noise": "noise: average more periods",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
@@ -211,12 +208,6 @@ VERDICTS = {
     "not robust": "fails for a plant of the set, or for the nominal one",
     "not certified": "neither proved nor disproved",
 }
-
-
-def paragraph(label: str, text: str) -> list[str]:
-    """A labelled paragraph that fits a screen 100 wide."""
-    rows = wrap(text, 86) or [""]
-    return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
 
 
 def factor(margin: float) -> str:

@@ -46,8 +46,8 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     --------
     >>> import control
     >>> from robust import UncertaintyModel
-    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
-    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> lag, w, omega = control.tf([1], [1, 1]), control.tf([0.2], [1]), np.array([1.0, 2.0])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", omega, omega / 10)
     >>> low, high = loop_bounds(model, control.tf([4], [1, 1]))     # |w_P| > 1 up to 3.9 rad/s, |w| < 1: a lower bound
     >>> bool(np.allclose(low, (1 + 4 / np.sqrt(1 + model.omega**2)) / 0.8)), high.tolist()
     (True, [inf, inf])

@@ -34,7 +34,7 @@ def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A frequency that is not positive, a phase that is not between zero and pi/2.
 
     References
     ----------
@@ -72,7 +72,7 @@ def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A frequency that is not positive, a gain of one or less.
 
     References
     ----------
@@ -114,7 +114,7 @@ def notch(omega: float, *, depth: float = 0.1, width: float = 0.5, dt: float = 0
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A frequency, depth or width that is not positive.
 
     References
     ----------
@@ -153,7 +153,7 @@ def roll_off(omega: float, *, order: int = 1, zeta: float = 0.7, dt: float = 0.0
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A frequency that is not positive, an order other than one or two.
 
     References
     ----------

@@ -110,8 +110,7 @@ def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
     --------
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> measured = frd(nlfrf.identify(record))
     >>> bool(np.allclose(measured.omega, 2 * np.pi * ms.f))
     True

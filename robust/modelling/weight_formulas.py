@@ -36,7 +36,7 @@ def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, ord
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A bandwidth that is not positive, an A that is not below M_S.
 
     References
     ----------
@@ -81,7 +81,7 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A frequency that is not positive, an A that is not below M_u.
 
     References
     ----------
@@ -124,7 +124,7 @@ def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.
     Raises
     ------
     ValueError
-        Numbers out of range.
+        A delay that is not positive, a gain error out of [0, 1).
 
     References
     ----------

@@ -28,10 +28,6 @@ def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     report : RobustnessReport
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     ax = axes(ax)
     f = hz(report.omega)
@@ -90,10 +86,6 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
         How many discs to draw.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     from matplotlib.patches import Circle
 
@@ -134,10 +126,6 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
         From `sample_loops`.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     ax = axes(ax)
     f = hz(family.omega)
@@ -177,10 +165,6 @@ def plot_bounds(
         From `loop_bounds`.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     ax = axes(ax)
     f, (low, high) = hz(model.omega), bounds

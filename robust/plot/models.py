@@ -29,10 +29,6 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     model : UncertaintyModel
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     ax = axes(ax)
     f = hz(model.omega)
@@ -117,10 +113,6 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
         From `validate`.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
-
-    Returns
-    -------
-    matplotlib Axes
     """
     ax = axes(ax)
     f, out = hz(validation.omega), validation.distance > 1

@@ -40,8 +40,7 @@ class Validation:
     --------
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> bla = nlfrf.identify(record)
     >>> from robust import uncertainty, validate
     >>> seen = validate(uncertainty(bla, control.tf([2.3], [1]), order=0), bla)
@@ -86,8 +85,7 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
     >>> import nlfrf
     >>> from robust import uncertainty
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> u = ms.u[None]
-    >>> record = nlfrf.Record(u=u, y=2 * u + 0.1 * u**3, fs=128, lines=ms.lines)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> bla = nlfrf.identify(record)
     >>> validate(uncertainty(bla, control.tf([2.3], [1]), order=0), bla).n_outside
     0
