@@ -16,8 +16,7 @@ from robust.plot import plot_check, plot_loop
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/08"), help="folder for the pictures")
-out = parser.parse_args().out
-out.mkdir(parents=True, exist_ok=True)
+(out := parser.parse_args().out).mkdir(parents=True, exist_ok=True)
 
 # 1. The plant a controller at 1 kHz with half a millisecond of computation sees, and the set around it.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)

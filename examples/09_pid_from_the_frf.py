@@ -17,8 +17,7 @@ from robust.plot import plot_check, plot_loop, plot_nyquist
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/09"), help="folder for the pictures")
-out = parser.parse_args().out
-out.mkdir(parents=True, exist_ok=True)
+(out := parser.parse_args().out).mkdir(parents=True, exist_ok=True)
 
 # 1. One record of the friction rig, two periods of a special-odd multisine at the level the machine will work at.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)

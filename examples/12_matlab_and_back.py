@@ -27,7 +27,8 @@ out.mkdir(parents=True, exist_ok=True)
 
 # 1. The model, in every file the package writes.
 ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
-bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
+record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
+bla = nlfrf.identify(record)
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 robust.export_matlab(model, out / "plant.mat")
 robust.save_model(model, out / "plant.json")

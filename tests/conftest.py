@@ -1,4 +1,4 @@
-"""Shared by all tests: where measured records lie."""
+"""Shared by all tests: where measured records lie, axes to draw on."""
 
 import os
 from pathlib import Path
@@ -13,3 +13,13 @@ def measured():
     if not (folder / "motor_bench").is_dir():
         pytest.skip(f"no measured records in {folder}; set NLFRF_DATA to the folder that holds motor_bench")
     return folder
+
+
+@pytest.fixture
+def ax():
+    """Axes of a figure of their own, closed afterwards."""
+    from matplotlib import pyplot as plt
+
+    figure, ax = plt.subplots()
+    yield ax
+    plt.close(figure)

@@ -223,7 +223,7 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
     Raises
     ------
     ValueError
-        A step too long to be stable, with the oversampling that would do; no sample.
+        As in `run`.
 
     Examples
     --------

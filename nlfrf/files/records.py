@@ -213,10 +213,9 @@ def save_record(record: Record, path: str | os.PathLike[str]) -> None:
 
     Examples
     --------
-    >>> import nlfrf
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
+    >>> import nlfrf, tempfile
     >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> folder = tempfile.TemporaryDirectory()
     >>> save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.csv")
     >>> Path(folder.name, "run.csv").read_text().splitlines()[0]
     't [s],u,y'

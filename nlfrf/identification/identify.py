@@ -143,14 +143,14 @@ def assemble_bla(
         var_bound = ((n - 1) * var_total + level.dof * level.variance / n) / dof
         source = source if source == "realizations" else f"realizations and {source}"
     return Bla(
-        f=grid.excited * record.f0,
-        G=frf.G,
         lines=grid,
-        grid=grid.kind,
         fs=record.fs,
         n_samples=record.n_samples,
+        f=grid.excited * record.f0,
         n_realizations=n,
         n_periods=n_periods,
+        G=frf.G,
+        grid=grid.kind,
         transient=treatment,
         level_source=source,
         var_noise=frf.var_noise,

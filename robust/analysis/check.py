@@ -134,11 +134,11 @@ def check(
     if wrong:
         return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, wrong), stable=False, **of)
     peaks = find_peaks(loop, omega, (float(model.omega[0]), float(model.omega[-1])))
-    places = np.array([peaks.omega_rs, peaks.omega_rp, peaks.omega_disk])
+    places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
     omega = np.unique(np.concatenate([omega, places[(places > omega[0]) & (places < omega[-1])]]))
     curves = loop.curves(omega)
     claim = claim_of(model, K, loop.w_P, delay)
-    proofs = prove_set(loop, omega, peaks.rs, claim=claim, certify=certify, solver=solver)
+    proofs = prove_set(loop, omega, peaks.rs[0], claim=claim, certify=certify, solver=solver)
     return fill_report(
         curves,
         peaks,

@@ -36,7 +36,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     hold = " with zero-order hold" if dt and not sampling_time(model) else ""
     words = on_lines_only(
         omega,
-        peaks.rs,
+        peaks.rs[0],
         encirclements=encirclements,
         wanted=wanted,
         clear=clear,

@@ -83,36 +83,35 @@ class Curves:
         return factor_allowed(np.abs(self.w_P) * np.abs(self.S), self.a, self.b)
 
 
+#: A largest value and its frequency [rad/s].
+Peak = tuple[float, float]
+NOWHERE: Peak = (np.nan, np.nan)
+
+
 @value
 class Peaks:
-    """Where the curves of a loop are largest: rs and its frequency, the margins, and theirs (nan: none).
+    """The largest values of the curves of a loop, each with its frequency [rad/s]; nan where there is none.
 
     Fields
     ------
-    rs, omega_rs : float
-        Largest |b|, and where [rad/s].
-    margin_rp, omega_rp : float
-        Factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited [rad/s].
-    half_disk, omega_disk : float
-        Largest |S - 1/2|, and where [rad/s].
+    rs : (float, float)
+        Largest |b|.
+    margin_rp : (float, float)
+        Factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited.
+    half_disk : (float, float)
+        Largest |S - 1/2|.
     """
 
-    rs: float = np.nan
-    omega_rs: float = np.nan
-    margin_rp: float = np.nan
-    omega_rp: float = np.nan
-    half_disk: float = np.nan
-    omega_disk: float = np.nan
+    rs: Peak = NOWHERE
+    margin_rp: Peak = NOWHERE
+    half_disk: Peak = NOWHERE
 
     @property
-    def margin_rs(self) -> float:
-        """Factor by which the uncertainty may grow before a plant of the set is unstable in the loop."""
-        return inverted(self.rs)
-
-    @property
-    def disk_margin(self) -> float:
-        """Symmetric disk margin."""
-        return inverted(self.half_disk)
+    def margins(self) -> dict[str, Any]:
+        """The margins and where they are limited, named as in the report."""
+        (rs, omega_rs), (rp, omega_rp), (half, omega_disk) = self.rs, self.margin_rp, self.half_disk
+        places = {"omega_rs": omega_rs, "omega_rp": omega_rp, "omega_disk": omega_disk}
+        return {"margin_rs": inverted(rs), "margin_rp": rp, "disk_margin": inverted(half)} | places
 
 
 def inverted(peak: float) -> float:
@@ -134,11 +133,11 @@ def finite(response: np.ndarray) -> np.ndarray:
 def peaks_on_lines(curves: Curves) -> Peaks:
     """The largest values on the frequencies of the curves, nothing between them."""
     omega, rs, half = curves.omega, curves.rs, curves.half_disk
-    known: dict[str, float] = {"half_disk": float(half.max()), "omega_disk": float(omega[half.argmax()])}
+    known = {"half_disk": (float(half.max()), float(omega[half.argmax()]))}
     if np.isfinite(rs).all():
-        known |= {"rs": float(rs.max()), "omega_rs": float(omega[rs.argmax()])}
+        known["rs"] = float(rs.max()), float(omega[rs.argmax()])
         if curves.w_P is not None:
             met = curves.np_ < 1
             factors = curves.growth if met.all() else np.where(met, 1.0, 0.0)
-            known |= {"margin_rp": float(factors.min()), "omega_rp": float(omega[factors.argmin()])}
+            known["margin_rp"] = float(factors.min()), float(omega[factors.argmin()])
     return Peaks(**known)

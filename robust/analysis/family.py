@@ -39,8 +39,8 @@ class LoopFamily:
     --------
     >>> import control
     >>> from robust import UncertaintyModel
-    >>> lag, w, omega = control.tf([1], [1, 1]), control.tf([0.2], [1]), np.array([1.0, 2.0])
-    >>> model = UncertaintyModel(lag, w, "multiplicative", omega, omega / 10)
+    >>> w = control.tf([0.2], [1])
+    >>> model = UncertaintyModel(control.tf([1], [1, 1]), w, "multiplicative", np.array([1.0]), np.array([0.1]))
     >>> family = sample_loops(model, 2.0, 5, rng=0)
     >>> bool(family.stable.all()), bool(np.all(np.abs(family.S) <= family.worst * (1 + 1e-6)))
     (True, True)
@@ -84,8 +84,8 @@ def sample_loops(
     --------
     >>> import control
     >>> from robust import UncertaintyModel
-    >>> lag, w, omega = control.tf([1], [1, 1]), control.tf([0.2], [1]), np.array([1.0, 2.0])
-    >>> model = UncertaintyModel(lag, w, "multiplicative", omega, omega / 10)
+    >>> at, radius = np.array([1.0, 2.0]), np.array([0.1, 0.2])
+    >>> model = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", at, radius)
     >>> sample_loops(model, 2.0, 5, rng=0).stable.tolist()
     [True, True, True, True, True]
     """

@@ -231,16 +231,10 @@ def weighted(loop: Loop) -> control.StateSpace:
 
 def find_peaks(loop: Loop, omega: np.ndarray, band: tuple[float, float]) -> Peaks:
     """The largest values of the curves over all frequencies: from the grid omega, refined."""
-    rs, omega_rs = loop.peak(lambda points: loop.curves(points).rs, omega, band)
-    half_disk, omega_disk = loop.peak(lambda points: loop.curves(points).half_disk, omega, band)
-    margin_rp, omega_rp = performance_margin(loop, omega, band)
     return Peaks(
-        rs=rs,
-        omega_rs=omega_rs,
-        margin_rp=margin_rp,
-        omega_rp=omega_rp,
-        half_disk=half_disk,
-        omega_disk=omega_disk,
+        rs=loop.peak(lambda points: loop.curves(points).rs, omega, band),
+        margin_rp=performance_margin(loop, omega, band),
+        half_disk=loop.peak(lambda points: loop.curves(points).half_disk, omega, band),
     )
 
 

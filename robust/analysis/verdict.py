@@ -133,7 +133,7 @@ def on_set(
     return {
         "verdict": verdict,
         "reason": reason,
-        "advice": advice(model, peaks.omega_rs),
+        "advice": advice(model, peaks.rs[1]),
         "proved": proved,
         "not_proved": not_proved,
         "context": context(model, loop),
@@ -183,7 +183,7 @@ def on_lines_only(
 def judge(model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, certify: bool) -> tuple[str, str]:
     """The verdict on stability and why."""
     if proofs.violated:
-        found = f"rs = {peaks.rs:.4g} at {hertz(peaks.omega_rs)}"
+        found = f"rs = {peaks.rs[0]:.4g} at {hertz(peaks.rs[1])}"
         how = proofs.certificates[0].reason if proofs.certificates else found
         return "not robust", f"a plant of the set is unstable in this loop: {how}"
     if proofs.stable:
@@ -195,7 +195,7 @@ def judge(model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, cer
         verdict, reason = kind[model.perturbation]
         folds = "; those above the Nyquist frequency are left out" if loop.unsampled is not None else ""
         return verdict, reason + folds
-    below = f"rs stays below {peaks.rs:.4g} on the grid"
+    below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
     if not certify:
         return "not certified", f"{below}, and no proof was asked for (certify=False)"
     return "not certified", f"{below}, but no proof was found: {proofs.certificates[0].reason}"

@@ -30,8 +30,10 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
 
     Returns
     -------
-    low, high : (W,) ndarray
-        On `model.omega`.
+    low : (W,) ndarray
+        Least |L|, on `model.omega`.
+    high : (W,) ndarray
+        Largest |L| there.
 
     Raises
     ------

@@ -125,10 +125,8 @@ def plot_loop_bounds(
 
     Parameters
     ----------
-    model : UncertaintyModel
-        The set.
-    w_P : control.StateSpace or TransferFunction
-        Performance weight.
+    model, w_P
+        As in `loop_bounds`.
     K : control.StateSpace, TransferFunction or float, optional
         Controller to begin with; 1 when not given.
     delay : float

@@ -36,7 +36,8 @@ def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, ord
     Raises
     ------
     ValueError
-        A bandwidth that is not positive, an A that is not below M_S.
+        A bandwidth that is not positive.
+        An A that is not below M_S, an M_S that is not above one.
 
     References
     ----------
@@ -77,6 +78,7 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
     Returns
     -------
     control.StateSpace
+        Of that order, biproper.
 
     Raises
     ------

@@ -41,8 +41,8 @@ class Validation:
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
-    >>> bla = nlfrf.identify(record)
     >>> from robust import uncertainty, validate
+    >>> bla = nlfrf.identify(record)
     >>> seen = validate(uncertainty(bla, control.tf([2.3], [1]), order=0), bla)
     >>> seen.n_outside, seen.n_lines == ms.f.size
     (0, True)
@@ -78,16 +78,16 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
 
     References
     ----------
-    The binomial distribution of lines outside, taken as independent.
+    Lines outside are binomial, taken as independent.
 
     Examples
     --------
-    >>> import nlfrf
-    >>> from robust import uncertainty
+    >>> import nlfrf, robust
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> bla = nlfrf.identify(record)
-    >>> validate(uncertainty(bla, control.tf([2.3], [1]), order=0), bla).n_outside
+    >>> model = robust.uncertainty(bla, control.tf([2.3], [1]), order=0)
+    >>> validate(model, bla).n_outside
     0
     """
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))

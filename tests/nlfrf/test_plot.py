@@ -5,24 +5,13 @@ import numpy as np
 import pytest
 
 matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 from nlfrf import Record, identify, multisine, second_opinion
 from nlfrf import plot as pictures
+from tests.support.pictures import labels
 
 MS = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
 U = np.stack([MS.u[0], MS.u[0]])[None]
-
-
-@pytest.fixture
-def ax():
-    figure, ax = plt.subplots()
-    yield ax
-    plt.close(figure)
-
-
-def labels(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def test_samples_are_drawn_period_by_period(ax):

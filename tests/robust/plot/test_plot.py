@@ -12,6 +12,7 @@ from robust import check, frd, loop_bounds, ncfsyn, performance_weight, sample_l
 from robust import plot as pictures
 from robust.systems.lti import response
 from tests.support.bla import make_bla
+from tests.support.pictures import labels
 
 F = np.arange(1, 120, 2) * 0.25
 
@@ -27,17 +28,6 @@ MODEL = uncertainty(BLA, SCAN.fit, order=3)
 K = ncfsyn(MODEL, control.tf([4.0], [1, 0])).K
 W_P = performance_weight(1.0, A=0.1)
 REPORT = check(MODEL, K, w_P=W_P)
-
-
-@pytest.fixture
-def ax():
-    figure, ax = plt.subplots()
-    yield ax
-    plt.close(figure)
-
-
-def labels(ax):
-    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 def curve(ax, label):

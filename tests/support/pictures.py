@@ -1,0 +1,6 @@
+"""What a picture shows."""
+
+
+def labels(ax):
+    """The texts of its legend."""
+    return [text.get_text() for text in ax.get_legend().get_texts()]
