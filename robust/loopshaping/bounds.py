@@ -38,7 +38,8 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     Raises
     ------
     ValueError
-        A weight with several inputs or outputs.
+        A weight with several inputs or outputs;
+        one that is no system at all.
 
     References
     ----------

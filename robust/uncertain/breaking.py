@@ -23,6 +23,7 @@ from robust.systems.grids import structure_grid
 from robust.systems.lft import joined
 from robust.systems.lti import along, timebase
 from robust.systems.stability import instability
+from robust.uncertain.forms import ELEMENTS
 from robust.uncertain.matrix_model import MatrixUncertainty
 
 __all__ = ["BreakingPerturbation", "all_passes", "as_system", "breaking_perturbation"]
@@ -124,7 +125,7 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
     return BreakingPerturbation(
         size=float(1 / found.value[k]),
         omega=float(some[k]),
-        Delta=as_system(delta, float(some[k]), dt, full=model.form != "elements"),
+        Delta=as_system(delta, float(some[k]), dt, full=model.form != ELEMENTS),
         model=model,
     )
 

@@ -20,7 +20,18 @@ import numpy as np
 from nlfrf.shared.values import value
 from robust.systems.connections import feedback, in_parallel, in_series, inverse, one_plus
 
-__all__ = ["FORMS", "PERTURBATIONS", "RELATIVE", "loop_discs", "worst_terms"]
+__all__ = [
+    "ADDITIVE",
+    "ELEMENTS",
+    "FORMS",
+    "INPUT",
+    "MATRIX_FORMS",
+    "PERTURBATIONS",
+    "RELATIVE",
+    "Form",
+    "loop_discs",
+    "worst_terms",
+]
 
 Array = np.ndarray
 
@@ -187,6 +198,8 @@ FORMS = {
         ),
     )
 }
+#: Forms of a plant with several inputs and outputs; `matrix_model` says what they are.
+MATRIX_FORMS = ELEMENTS, ADDITIVE, INPUT = ("elements", "additive", "input")
 #: The form that is meant where none is named.
 RELATIVE = "multiplicative"
 

@@ -31,13 +31,10 @@ from robust.systems.lft import joined, lower
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable
 from robust.systems.stability import stable
-from robust.uncertain.forms import PERTURBATIONS
+from robust.uncertain.forms import ADDITIVE, ELEMENTS, INPUT, MATRIX_FORMS, PERTURBATIONS
 from robust.uncertain.interconnection import Block, UncertainSystem
 
-__all__ = ["MATRIX_FORMS", "MatrixUncertainty"]
-
-
-MATRIX_FORMS = ("elements", "additive", "input")
+__all__ = ["MatrixUncertainty"]
 
 
 @value
@@ -110,13 +107,13 @@ class MatrixUncertainty:
         G = multivariable("nominal", self.nominal)
         object.__setattr__(self, "nominal", G)
         n_y, n_u = G.noutputs, G.ninputs
-        wanted = {"elements": (0, n_y * n_u), "additive": (n_y, n_u), "input": (n_u, n_u)}[self.form]
+        wanted = {ELEMENTS: (0, n_y * n_u), ADDITIVE: (n_y, n_u), INPUT: (n_u, n_u)}[self.form]
         if (len(self.left), len(self.right)) != wanted:
             raise ValueError(
                 f"left and right must hold {wanted[0]} and {wanted[1]} weights for the {self.form} form, "
                 f"got {len(self.left)} and {len(self.right)}"
             )
-        if self.form == "input" and n_y != n_u:
+        if self.form == INPUT and n_y != n_u:
             raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
         omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=2)
         object.__setattr__(self, "omega", omega)
@@ -160,16 +157,16 @@ class MatrixUncertainty:
         """From (what Delta drives, u) to (what Delta reads, y)."""
         G, dt = self.nominal, self.nominal.dt
         n_y, n_u = self.n_outputs, self.n_inputs
-        if self.form == "elements":  # column i of G after the other: read u_i, act on y_j
+        if self.form == ELEMENTS:  # column i of G after the other: read u_i, act on y_j
             reads, acts = np.repeat(np.eye(n_u), n_y, axis=0), np.tile(np.eye(n_y), n_u)
             W_l: control.StateSpace = control.StateSpace([], [], [], np.eye(n_y * n_u), dt)
         else:
             reads, W_l = np.eye(n_u), joined(list(self.left), dt)
-            acts = np.eye(n_y) if self.form == "additive" else np.eye(n_u)
+            acts = np.eye(n_y) if self.form == ADDITIVE else np.eye(n_u)
         W_r = joined(list(self.right), dt)
         m = W_l.ninputs
-        into = acts if self.form == "input" else np.zeros((n_u, acts.shape[1]))  # of d behind W_l into G
-        onto = np.zeros((n_y, acts.shape[1])) if self.form == "input" else acts
+        into = acts if self.form == INPUT else np.zeros((n_u, acts.shape[1]))  # of d behind W_l into G
+        onto = np.zeros((n_y, acts.shape[1])) if self.form == INPUT else acts
         A = block_diag(G.A, W_l.A, W_r.A)
         A[: G.nstates, G.nstates : G.nstates + W_l.nstates] = G.B @ into @ W_l.C
         B = np.block(
@@ -245,7 +242,7 @@ class MatrixUncertainty:
     def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
         """The perturbations by name."""
         of = {"perturbation": self.perturbation}
-        if self.form != "elements":
+        if self.form != ELEMENTS:
             return {self.form: Block([f"z{k}" for k in range(n_z)], [f"d{k}" for k in range(n_d)], **of)}
         pairs = [(out, name) for name in self.inputs for out in self.outputs]
         return {f"{out} by {name}": Block(f"z{k}", f"d{k}", **of) for k, (out, name) in enumerate(pairs)}

@@ -16,7 +16,8 @@ from robust.systems.lft import joined
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable
 from robust.systems.sampling import delayed
-from robust.uncertain.matrix_model import MATRIX_FORMS, MatrixUncertainty
+from robust.uncertain.forms import ELEMENTS, INPUT, MATRIX_FORMS
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.radius import extrapolated, record_disc, slope, total_of, worded
 
 __all__ = ["matrix_uncertainty"]
@@ -55,7 +56,7 @@ def matrix_uncertainty(
     dt = timebase(nominal)
     model = np.asarray(nominal(np.exp(1j * frm.omega * dt) if dt else 1j * frm.omega, squeeze=False))
     discs = entry_discs(frm, model, p, simultaneous, even)
-    if form == "elements":
+    if form == ELEMENTS:
         radius, split = np.concatenate([discs[:, i] for i in range(frm.n_inputs)]), 0
     else:
         left, right = full_block(frm, model, misfits(frm, model), p, simultaneous, even, form)
@@ -131,7 +132,7 @@ def full_block(
     trace_C, trace_B = np.einsum("fjj->f", C).real, B.sum(axis=1) + np.finfo(float).tiny
     t = np.sqrt(trace_C / trace_B) + np.finfo(float).tiny
     X = (1 + 1 / t)[:, None, None] * C + ((1 + t)[:, None] * B)[:, :, None] * np.eye(n_y)
-    if form == "input":
+    if form == INPUT:
         inverse = np.linalg.inv(np.moveaxis(model, 2, 0))
         X = inverse @ X @ np.swapaxes(inverse, 1, 2).conj()
     return diagonal_over(X), diagonal_over(gamma)

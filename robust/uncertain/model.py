@@ -29,7 +29,7 @@ from robust.systems.lti import response, timebase
 from robust.systems.realisation import frequency_response, least_stable, state_space
 from robust.systems.sampling import delayed
 from robust.systems.stability import stable
-from robust.uncertain.forms import FORMS, PERTURBATIONS, RELATIVE
+from robust.uncertain.forms import ELEMENTS, FORMS, PERTURBATIONS, RELATIVE
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.matrix_radius import matrix_uncertainty
 from robust.uncertain.perturbations import perturbed, random_perturbation
@@ -334,7 +334,7 @@ def uncertainty(
         return matrix_uncertainty(
             bla,
             nominal,
-            form="elements" if form == RELATIVE else form,
+            form=ELEMENTS if form == RELATIVE else form,
             order=order,
             confidence=confidence,
             simultaneous=bool(simultaneous),
