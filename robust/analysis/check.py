@@ -24,9 +24,9 @@ from nlfrf.shared.arguments import one_of
 from nlfrf.shared.wording import shown
 from robust.analysis.check_lines import check_lines
 from robust.analysis.check_structure import StructuredReport, check_structure
-from robust.analysis.claims import claim_of
+from robust.analysis.claims import claim_of, decided
 from robust.analysis.curves import Peaks
-from robust.analysis.loop import assemble, find_peaks, nominal_instability
+from robust.analysis.loop import assemble, find_peaks
 from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_set, on_unstable
@@ -130,14 +130,14 @@ def check(
         raise ValueError(f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {shown(model)}")
     loop = assemble(model, K, w_P, delay)
     omega, of = loop.grid(model.omega), {"perturbation": model.perturbation}
-    wrong = nominal_instability(loop)
+    claim = claim_of(model, K, loop.w_P, delay)
+    wrong = decided(loop, claim)
     if wrong:
         return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, wrong), stable=False, **of)
     peaks = find_peaks(loop, omega, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
     omega = np.unique(np.concatenate([omega, places[(places > omega[0]) & (places < omega[-1])]]))
     curves = loop.curves(omega)
-    claim = claim_of(model, K, loop.w_P, delay)
     proofs = prove_set(loop, omega, peaks.rs[0], claim=claim, certify=certify, solver=solver)
     return fill_report(
         curves,

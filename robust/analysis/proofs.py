@@ -12,7 +12,7 @@ from nlfrf.shared.wording import hertz
 from robust.analysis.claims import claimed
 from robust.analysis.loop import Loop, weighted
 from robust.certificates.bounded_real import certify_norm
-from robust.certificates.certificate import Certificate, refused
+from robust.certificates.certificate import EXACT, Certificate, refused
 from robust.certificates.intervals import Outcome, around, prove
 from robust.certificates.single_loop import LoopFactors, product, prove_loop
 from robust.systems.bilinear import continuous_image
@@ -21,6 +21,7 @@ from robust.systems.lti import Matrices, constant, over_frequency, response, tim
 from robust.systems.norms import well_conditioned
 from robust.uncertain.forms import FORMS
 from robust.verification.claim import OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim
+from robust.verification.loops import verify_loop
 
 __all__ = ["Proofs", "prove_set"]
 
@@ -53,14 +54,33 @@ def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, claim: LoopClaim, c
     if peak >= 1 or not certify:
         return Proofs(certificates=(), violated=peak >= 1)
     stability = claimed(prove_stability(loop, omega, solver), claim, STABILITY)
+    stability = stability if settled(stability) else prove_exactly(stability, claim, STABILITY, loop.top)
     violated = stability.reason.startswith("violated")
     stable = stability.holds and not violated
     if not stable or loop.w_P is None:
         return Proofs(certificates=(stability,), violated=violated, stable=stable)
     performance = prove_performance(loop, omega, claim)
+    if not settled(performance) and claim.perturbation != "operator":
+        performance = prove_exactly(performance, claim, PERFORMANCE, loop.top)
     return Proofs(
         certificates=(stability, performance), violated=violated, stable=stable, performance=performance.holds
     )
+
+
+def settled(found: Certificate) -> bool:
+    """Whether a proof was found, or a place where there is none."""
+    return found.holds or found.reason.startswith("violated")
+
+
+def prove_exactly(failed: Certificate, claim: LoopClaim, name: str, top: float) -> Certificate:
+    """The proof that floating point did not find, in exact arithmetic; the failure where that finds none either."""
+    found = verify_loop(replace(claim, claims=(name,)), time_cap=BUDGET)
+    if found.verified:
+        everywhere = np.array([[0.0, top]])
+        proof = replace(failed, holds=True, method=EXACT, intervals=everywhere, reason="")
+        return claimed(proof, claim, name)
+    reason = dict(found.failed).get(name, "")
+    return replace(failed, reason=reason) if reason.startswith("violated") else failed
 
 
 def prove_stability(loop: Loop, omega: np.ndarray, solver: str) -> Certificate:

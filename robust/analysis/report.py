@@ -153,7 +153,7 @@ class RobustnessReport:
             if certificate.holds and len(certificate.intervals) > 1:
                 how += f" ({len(certificate.intervals)} of them)"
             if certificate.holds:
-                how += ", judged in floating point"
+                how += f", {certificate.judged}"
             lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
         if self.nominally_stable and np.isfinite(self.disk_margin):
             lines += paragraph(

@@ -9,7 +9,10 @@ from robust.verification.claim import LoopClaim
 from robust.verification.loops import Verification, verify_loop
 from robust.verification.norms import NormClaim, verify_norm
 
-__all__ = ["Certificate", "refused"]
+__all__ = ["EXACT", "Certificate", "refused"]
+
+
+EXACT = "exact arithmetic"  # where nothing is left to floating point
 
 
 @value
@@ -29,7 +32,8 @@ class Certificate:
         The norm is below this level at every frequency.
     method : str
         "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "interval by interval" (from the responses),
-        "Hamiltonian with one scaling, interval by interval" (operator perturbations), or "".
+        "Hamiltonian with one scaling, interval by interval" (operator perturbations), "exact arithmetic" (where those
+        failed: proved, rigorous), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
@@ -60,6 +64,11 @@ class Certificate:
     intervals: np.ndarray
     reason: str
     claim: LoopClaim | NormClaim | None = None
+
+    @property
+    def judged(self) -> str:
+        """In which arithmetic it was judged: "proved, rigorous" to the last bit, or "judged in floating point"."""
+        return "proved, rigorous" if self.method == EXACT else "judged in floating point"
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
         """Prove it again with outward rounding, by code that knows nothing of how it was found.

@@ -59,7 +59,7 @@ def save_certificate(report: RobustnessReport, path: PathLike) -> None:
         claims=tuple(name for c in found for name in c.claim.claims),
         scaling=found[-1].claim.scaling,
     )
-    how = [{"subject": c.subject, "judged in floating point by": c.method} for c in found]
+    how = [{"subject": c.subject, "found by": c.method} for c in found]
     write_claim(path, claim, how)
 
 

@@ -116,7 +116,7 @@ def check_section(report: RobustnessReport) -> Section:
         )
     table = [("subject", "bound", "proved at all frequencies", "how, or why not")]
     for c in report.certificates:
-        how = f"{c.method}, {counted(len(c.intervals), 'interval')}, in floating point" if c.holds else c.reason
+        how = f"{c.method}, {counted(len(c.intervals), 'interval')}, {c.judged}" if c.holds else c.reason
         table.append((c.subject, f"{c.level:g}", "yes" if c.holds else "no", how))
     return Section(
         name="check",
