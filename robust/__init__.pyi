@@ -63,6 +63,8 @@ from .mu.certify import certify_mu as certify_mu
 from .mu.gain import worst_gain as worst_gain
 from .mu.lmi import mu_upper_lmi as mu_upper_lmi
 from .mu.lower import mu_lower as mu_lower
+from .mu.parameter_margin import ParameterMargin as ParameterMargin
+from .mu.parameter_margin import parameter_margin as parameter_margin
 from .mu.upper import MuBound as MuBound
 from .mu.upper import mu_upper as mu_upper
 
