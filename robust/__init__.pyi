@@ -77,6 +77,8 @@ from .synthesis.hinfsyn import hinfsyn as hinfsyn
 from .synthesis.mixsyn import mixsyn as mixsyn
 from .synthesis.ncfsyn import crossover_weight as crossover_weight
 from .synthesis.ncfsyn import ncfsyn as ncfsyn
+from .synthesis.prefilter import Prefilter as Prefilter
+from .synthesis.prefilter import prefilter as prefilter
 from .synthesis.reduce_controller import Reduction as Reduction
 from .synthesis.reduce_controller import reduce_controller as reduce_controller
 
