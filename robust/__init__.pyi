@@ -63,6 +63,8 @@ from .mu.certify import certify_mu as certify_mu
 from .mu.gain import worst_gain as worst_gain
 from .mu.lmi import mu_upper_lmi as mu_upper_lmi
 from .mu.lower import mu_lower as mu_lower
+from .mu.parameter_margin import ParameterMargin as ParameterMargin
+from .mu.parameter_margin import parameter_margin as parameter_margin
 from .mu.upper import MuBound as MuBound
 from .mu.upper import mu_upper as mu_upper
 
@@ -75,6 +77,8 @@ from .synthesis.hinfsyn import hinfsyn as hinfsyn
 from .synthesis.mixsyn import mixsyn as mixsyn
 from .synthesis.ncfsyn import crossover_weight as crossover_weight
 from .synthesis.ncfsyn import ncfsyn as ncfsyn
+from .synthesis.prefilter import Prefilter as Prefilter
+from .synthesis.prefilter import prefilter as prefilter
 from .synthesis.reduce_controller import Reduction as Reduction
 from .synthesis.reduce_controller import reduce_controller as reduce_controller
 

@@ -7,4 +7,5 @@ lmi              the upper bound by a convex program, to check against
 gain             what a set of perturbations can make of a gain
 certify          a level of mu proved at every frequency
 real_parameters  the smallest real parameters that reach the stability boundary
+parameter_margin  the box of real parameters a loop bears, proved part by part
 """

@@ -4,6 +4,7 @@ design             `Design`: a controller and the level it reaches
 ncfsyn             loop shaping by Glover and McFarlane
 mixsyn             weighted S, K S and T made small together
 hinfsyn            any generalised plant
+prefilter          a loop that follows a reference model, and what the set makes of it
 reduce_controller  a controller of lower order that keeps what was proved
 reduction          balanced truncation: plain, weighted, of coprime factors
 dk                 D-K iteration: several uncertainties and a performance
