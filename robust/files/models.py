@@ -184,6 +184,7 @@ def load_controller(path: PathLike) -> control.StateSpace:
     Returns
     -------
     control.StateSpace
+        With the sampling time that was saved.
 
     Raises
     ------
