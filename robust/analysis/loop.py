@@ -124,7 +124,7 @@ class Loop:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
         A = closed_loop(self.G, self.K, ("e",), ("r",))[0]
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
-        return loop_grid(lines, np.linalg.eigvals(A) if A.size else np.zeros(0, complex), parts, self.dt)
+        return loop_grid(lines, np.linalg.eigvals(A) if A.size else np.zeros(0, complex), parts, self.dt, self.shift)
 
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
         """Largest value of a curve of this loop and where (`systems.grids.highest`)."""

@@ -11,14 +11,22 @@ from robust.systems.lti import in_s, poles, timebase, zeros
 
 __all__ = ["highest", "loop_grid", "plant_lines", "structure_grid"]
 
-#: Of the frequencies of a loop, how far from their median [as a factor] one is still looked at.
+#: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
 FARTHEST_MODE = 1e9
+#: Where a mode is looked at that lies farther away, relative to it.
+BESIDE = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
+#: Ripples of a delay that are looked at, and points on each.
+RIPPLES, POINTS = 150, 8
+#: Maxima that are looked at closer: all within this factor of the largest, and no more than so many.
+NEARLY, MOST_MAXIMA = 0.9, 40
 
 
-def loop_grid(lines: np.ndarray, loop_poles: np.ndarray, systems: list[control.StateSpace], dt: float) -> np.ndarray:
-    """Frequencies [rad/s] dense enough to look at a loop: the lines, a log grid, every resonance of loop and systems.
+def loop_grid(
+    lines: np.ndarray, loop_poles: np.ndarray, systems: list[control.StateSpace], dt: float, delay: float = 0.0
+) -> np.ndarray:
+    """Frequencies [rad/s] dense enough to look at a loop: the lines, a log grid, every mode of loop and systems.
 
-    The poles of the loop are given on its time base dt, the systems each on their own.
+    The poles of the loop are given on its time base dt, the systems each on their own; a delay [s] makes ripples.
     """
     top = np.pi / dt if dt else np.inf
     roots = [in_s(loop_poles, dt)]
@@ -33,8 +41,11 @@ def loop_grid(lines: np.ndarray, loop_poles: np.ndarray, systems: list[control.S
     low, high = size.min() / 100, min(size.max() * 100, top)
     sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
     keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
-    omega = np.unique(np.concatenate([keep, np.geomspace(low, high, 500), around(sharp, 41)]))
-    return omega[(omega >= low) & (omega <= min(high, top * (1 - 1e-9)))]
+    ripples = np.arange(1, RIPPLES * POINTS) * (2 * np.pi / (POINTS * delay)) if delay else np.zeros(0)
+    omega = np.concatenate([keep, np.geomspace(low, high, 500), around(sharp, 41), ripples])
+    far = np.abs(s)[(np.abs(s) <= centre / FARTHEST_MODE) | (np.abs(s) >= FARTHEST_MODE * centre)]
+    omega = np.concatenate([omega[(omega >= low) & (omega <= high)], np.outer(far, BESIDE).ravel()])
+    return np.unique(omega[(omega > 1e-150) & (omega < min(1e150, top * (1 - 1e-9)))])
 
 
 def structure_grid(N: control.StateSpace) -> np.ndarray:
@@ -82,7 +93,8 @@ def highest(
     values = np.where(np.isnan(values), np.inf, values)
     best, where = float(values.max()), float(points[values.argmax()])
     inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
-    inner = inner[np.argsort(-values[inner])][:5]
+    inner = inner[np.argsort(-values[inner])][:MOST_MAXIMA]
+    inner = np.concatenate([inner[:5], inner[5:][values[inner[5:]] > NEARLY * best]])
     low, high = np.log(points[inner - 1]), np.log(points[inner + 1])
     for _ in range(6 if inner.size else 0):  # all maxima at once, ten times closer each time
         near = low[:, None] + np.linspace(0, 1, 21) * (high - low)[:, None]
