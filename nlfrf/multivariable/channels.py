@@ -10,7 +10,7 @@ from nlfrf.identification.transient import find_treatment, local_fit
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.values import value
 
-__all__ = ["ChannelSpectra", "channel_spectra", "nearest_places"]
+__all__ = ["ChannelSpectra", "channel_spectra", "nearest_lines", "nearest_places"]
 
 
 @value(copy=False)
@@ -107,7 +107,11 @@ def without_transient(x: np.ndarray, X: np.ndarray, lines: np.ndarray) -> tuple[
 
 def nearest_places(grid: LineGrid, kind: str, n: int) -> np.ndarray:
     """(F, n) for each excited line the n nearest lines of a kind, nearest first, as indices into that kind."""
-    at, lines = grid.excited, getattr(grid, kind)
+    return nearest_lines(grid.excited, getattr(grid, kind), n)
+
+
+def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
+    """(F, n) indices into `lines` of the n lines nearest to each of `at`, nearest first; one-sided at the ends."""
     n = min(n, lines.size)
     reach = min(2 * n, lines.size)
     first = np.clip(np.searchsorted(lines, at) - n, 0, lines.size - reach)

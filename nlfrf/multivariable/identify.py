@@ -11,10 +11,10 @@ import numpy as np
 from nlfrf.identification import identify as single
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
-from nlfrf.multivariable.conditions import calibrated, check_experiments, independent_experiments
+from nlfrf.multivariable.conditions import calibrated, check_experiments, independent_experiments, is_zippered
 from nlfrf.multivariable.frm import Frm, positive_part
 from nlfrf.multivariable.local_matrix import LEAST, fit_matrix
-from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf
+from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf, zippered_frf
 from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
@@ -109,9 +109,10 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     grid = record.lines
     spectra, treatment = channel_spectra(record, transient)
     check_experiments(record, spectra)
-    frf = matrix_frf(spectra)
-    source = choose_source(level_from, record, n_detection)
-    R, n_u = len(frf.each), record.n_inputs
+    zippered = is_zippered(spectra)
+    frf = zippered_frf(spectra) if zippered else matrix_frf(spectra)
+    R, per_set = len(frf.each), 1 if zippered else record.n_inputs
+    source = choose_source(level_from, record, n_detection, R)
     smooth = frf.G if grid.excited.size < LEAST or R >= ENOUGH else fit_matrix(frf.G, grid).G
     part = linear_part(spectra, smooth)
     independent = independent_experiments(spectra)
@@ -124,8 +125,8 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     if grid.even.size:
         even = level_from_lines(spectra, grid, part, "even", n_detection, independent).cov
     total = level.cov if R == 1 else frf.cov_scatter
-    dof = level.dof + n_u * (R - 1)
-    pooled = level.cov if R == 1 else (n_u * (R - 1) * total + level.dof * level.cov) / dof
+    dof = level.dof + per_set * (R - 1)
+    pooled = level.cov if R == 1 else (per_set * (R - 1) * total + level.dof * level.cov) / dof
     return Frm(
         f=grid.excited * record.f0,
         G=frf.G,
@@ -133,7 +134,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         outputs=record.outputs,
         lines=grid,
         grid=grid.kind,
-        design="orthogonal",
+        design="zippered" if zippered else "orthogonal",
         fs=record.fs,
         n_samples=record.n_samples,
         n_realizations=R,
@@ -159,9 +160,9 @@ def nothing(frf: MatrixFrf) -> MatrixLevel:
     return MatrixLevel(cov=np.zeros_like(frf.cov_scatter), dof=np.zeros(F), factor=np.ones(F))
 
 
-def choose_source(level_from: str, record: MultiRecord, n_detection: int) -> str:
+def choose_source(level_from: str, record: MultiRecord, n_detection: int, R: int) -> str:
     """Which source the level is taken from, with a warning where detection lines are passed over."""
-    grid, R = record.lines, record.n_experiments // record.n_inputs
+    grid = record.lines
     if level_from == "detection" and grid.odd.size < n_detection:
         raise ValueError(
             f"lines must hold at least n_detection = {n_detection} odd detection lines for "

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.multivariable.channels import nearest_places
+from nlfrf.multivariable.channels import nearest_lines
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "LocalMatrix", "fit_matrix", "interpolate_matrix"]
+__all__ = ["LEAST", "LocalMatrix", "fit_matrix", "fit_matrix_at", "interpolate_matrix", "leverage"]
 
 
 ORDER = 2
@@ -41,22 +41,33 @@ class LocalMatrix:
         Those lines.
     dof : (F,) ndarray
         Complex degrees of freedom of one entry's residual.
+    a : (F, 2) complex ndarray
+        The denominator 1 + a1 r + a2 r^2; zero where it is a polynomial.
+    r : (F, n) ndarray
+        Distances in the window, from -1 to 1.
     """
 
     G: np.ndarray
     residual: np.ndarray
     window: np.ndarray
     dof: np.ndarray
+    a: np.ndarray
+    r: np.ndarray
 
 
 def fit_matrix(G: np.ndarray, grid: LineGrid) -> LocalMatrix:
     """Fit (n_y, n_u, F) on each of the excited lines of a grid over the nine around it."""
-    n_y, n_u, F = G.shape
-    if F < LEAST:
-        raise ValueError(f"lines must hold at least {LEAST} excited lines for a local fit, got {F}")
-    window = nearest_places(grid, "excited", WIDTH)
+    return fit_matrix_at(G, grid.excited, grid.excited)
+
+
+def fit_matrix_at(G: np.ndarray, lines: np.ndarray, at: np.ndarray) -> LocalMatrix:
+    """Fit (n_y, n_u, .) known on some lines at others, over the nine known lines nearest to each."""
+    n_y, n_u, F = *G.shape[:2], at.size
+    if lines.size < LEAST:
+        raise ValueError(f"lines must hold at least {LEAST} excited lines for a local fit, got {lines.size}")
+    window = nearest_lines(at, lines, WIDTH)
     n = window.shape[1]
-    r = (grid.excited[window] - grid.excited[:, None]).astype(float)
+    r = (lines[window] - at[:, None]).astype(float)
     r /= np.abs(r).max(axis=1, keepdims=True)
     Q, T = np.linalg.qr(r[..., None] ** np.arange(ORDER + 1))  # (F, n, 3)
     at_zero = Q @ np.linalg.solve(np.swapaxes(T, 1, 2), np.eye(ORDER + 1)[0][:, None])  # row of the fit at r = 0
@@ -69,7 +80,7 @@ def fit_matrix(G: np.ndarray, grid: LineGrid) -> LocalMatrix:
 
     E, first, second = rest(near), rest(-r[:, None, None] * near), rest(-(r[:, None, None] ** 2) * near)
     value_at_zero = (near.reshape(F, -1, n) @ at_zero)[..., 0]
-    dof = np.full(F, float(n - ORDER - 1))
+    dof, kept = np.full(F, float(n - ORDER - 1)), np.zeros((F, 2), dtype=complex)
     if n >= 2 * ORDER + 4:
         # rows of one size, so that an output in other units weighs the same
         size = np.sqrt(np.mean(np.abs(near) ** 2, axis=(2, 3), keepdims=True)) + np.finfo(float).tiny
@@ -88,7 +99,31 @@ def fit_matrix(G: np.ndarray, grid: LineGrid) -> LocalMatrix:
         value_at_zero = np.where(better[:, None], bent, value_at_zero)
         E = np.where(better[:, None, None, None], E_r, E)
         dof = np.where(better, dof_r, dof)
-    return LocalMatrix(G=np.moveaxis(value_at_zero.reshape(F, n_y, n_u), 0, 2), residual=E, window=window, dof=dof)
+        kept = np.where(better[:, None], a[:, :, 0], 0.0)
+    return LocalMatrix(
+        G=np.moveaxis(value_at_zero.reshape(F, n_y, n_u), 0, 2), residual=E, window=window, dof=dof, a=kept, r=r
+    )
+
+
+def leverage(G: np.ndarray, fit: LocalMatrix) -> np.ndarray:
+    """(F,) variance of the fitted value over that of one line, the largest over the rows of a column G (n_y, 1, .).
+
+    To first order, of B0 in (1 + a1 r + a2 r^2) G = B0 + B1 r + B2 r^2, the errors of G weighted by the denominator.
+    """
+    r, n_y = fit.r, len(G)
+    F, n = r.shape
+    near = np.moveaxis(G[:, 0][:, fit.window], 1, 0)  # (F, n_y, n)
+    size = np.sqrt(np.mean(np.abs(near) ** 2, axis=2, keepdims=True)) + np.finfo(float).tiny
+    powers = r[..., None] ** np.arange(ORDER + 1)
+    A = np.zeros((F, n_y * n, n_y * (ORDER + 1) + 2), dtype=complex)
+    for j in range(n_y):
+        A[:, j * n : (j + 1) * n, j * (ORDER + 1) : (j + 1) * (ORDER + 1)] = powers
+    A[:, :, -2] = (-r[:, None] * near / size).reshape(F, -1)
+    A[:, :, -1] = (-(r[:, None] ** 2) * near / size).reshape(F, -1)
+    A[~fit.a.any(axis=1), :, -2:] = 0.0
+    weight = np.tile(np.abs(1 + r * fit.a[:, :1] + r**2 * fit.a[:, 1:]), (1, n_y))
+    rows = np.linalg.pinv(A, rcond=1e-10)[:, : n_y * (ORDER + 1) : ORDER + 1] * weight[:, None]
+    return np.sum(np.abs(rows) ** 2, axis=2).max(axis=1)
 
 
 def interpolate_matrix(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:

@@ -205,3 +205,26 @@ def test_the_bounds_of_a_matrix_and_its_entries():
     assert "y2 by u1" in str(frm)
     with pytest.raises(ValueError, match="output and input must be below 2 and 2"):
         frm.entry(2, 0)
+
+
+def test_a_zippered_record_gives_the_matrix_from_one_experiment():
+    """Noise alone on a smooth plant: entries and matrices hold; what is interpolated is said."""
+    ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, design="zippered", rng=11)
+    inside = []
+    with pytest.warns(nlfrf.DataWarning, match=r"each line drives one input \(zippered\)"):
+        clean = nlfrf.identify(linear(ms), transient="none")
+    assert (clean.design, clean.n_experiments) == ("zippered", 1)
+    assert np.abs(clean.G - G0[:, :2, None]).max() < 1e-12
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", nlfrf.DataWarning)
+        frms = [nlfrf.identify(linear(ms, noise=0.05, rng=e), transient="none") for e in range(40)]
+        many = nlfrf.identify(
+            linear(nlfrf.multisine("random-odd", **BAND, n_inputs=2, design="zippered", n_realizations=3, rng=12))
+        )
+        loop = linear(ms)
+        with pytest.raises(ValueError, match="r must be left out for a zippered record"):
+            nlfrf.identify(nlfrf.MultiRecord(u=loop.u, y=loop.y, r=loop.u, fs=512, lines=ms.lines))
+    inside = [np.abs(frm.G - G0[:, :2, None]) < frm.bound() for frm in frms]
+    assert 0.93 < np.mean(inside) < 0.998
+    assert many.n_realizations == 3
+    np.testing.assert_array_equal(many.dof, 3 * clean.dof + 2)
