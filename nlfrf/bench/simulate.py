@@ -136,7 +136,7 @@ def simulate(
     warn_lost(float(sum(outcome["lost"] for outcome in outcomes)))
     y = np.stack([outcome["y"] for outcome in outcomes])
     u = np.broadcast_to(ms.u[:, np.newaxis, :], y.shape)
-    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines)
+    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold)
 
 
 def run_experiment(experiment: Experiment) -> Arrays:

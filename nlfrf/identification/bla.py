@@ -67,6 +67,10 @@ class Bla:
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.
+    hold : str
+        How the input ran between its samples, as the `Record` says: with "zoh" the hold of 1/fs is in G.
+    u_name, y_name, u_unit, y_unit : str
+        Names and units of the channels; empty where they are not known.
 
     References
     ----------
@@ -103,6 +107,11 @@ class Bla:
     levels: DistortionLevels
     var_bound: np.ndarray
     coherence: Any = None
+    hold: str = "unknown"
+    u_name: str = ""
+    y_name: str = ""
+    u_unit: str = ""
+    y_unit: str = ""
 
     def __post_init__(self) -> None:
         if self.coherence is None:
@@ -114,6 +123,13 @@ class Bla:
     def omega(self) -> np.ndarray:
         """(F,) excited frequencies [rad/s]."""
         return 2 * np.pi * self.f
+
+    @property
+    def unit(self) -> str:
+        """Unit of G, that of y over that of u; empty where neither is known."""
+        if not (self.u_unit or self.y_unit):
+            return ""
+        return f"{self.y_unit or '1'}/{self.u_unit or '1'}"
 
     @property
     def upper_limit(self) -> np.ndarray:

@@ -162,6 +162,11 @@ def assemble_bla(
         grid_factor=level.grid_factor if n == 1 else np.ones(grid.excited.size),
         levels=output_levels(record, excited, answer),
         var_bound=var_bound,
+        hold=record.hold,
+        u_name=record.u_name,
+        y_name=record.y_name,
+        u_unit=record.u_unit,
+        y_unit=record.y_unit,
     )
 
 

@@ -32,6 +32,7 @@ from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_set, on_unstable
 from robust.certificates.solver import SOLVERS
 from robust.uncertain.matrix_model import MatrixUncertainty
+from robust.uncertain.measured import warn_of_unknown_hold
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["check"]
@@ -129,6 +130,8 @@ def check(
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {shown(model)}")
     loop = assemble(model, K, w_P, delay)
+    if loop.dt:
+        warn_of_unknown_hold(model, loop.dt)
     omega, of = loop.grid(model.omega), {"perturbation": model.perturbation}
     claim = claim_of(model, K, loop.w_P, delay)
     wrong = decided(loop, claim)

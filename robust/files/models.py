@@ -83,6 +83,9 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
         "delay": encoded(model.delay),
         "extrapolation": model.extrapolation,
         "source": model.source,
+        "hold": model.hold,
+        "fs": encoded(model.fs),
+        "unit": model.unit,
     }
     content |= {f"radius_{name}": encoded(getattr(model, f"radius_{name}")) for name in PARTS}
     written(content, path)
@@ -128,6 +131,9 @@ def load_model(path: PathLike) -> UncertaintyModel:
             delay=float(decoded(content["delay"])),
             extrapolation=str(content["extrapolation"]),
             source=str(content["source"]),
+            hold=str(content.get("hold", "unknown")),  # files of 0.1.0 do not say
+            fs=float(decoded(content.get("fs"))),
+            unit=str(content.get("unit", "")),
             **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
         )
     except (KeyError, TypeError, IndexError) as error:

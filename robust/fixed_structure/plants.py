@@ -18,7 +18,7 @@ from robust.systems.lti import response, timebase
 from robust.systems.nyquist import continued, integrators, slope_at_start
 from robust.systems.realisation import state_space
 from robust.uncertain.forms import FORMS, RELATIVE
-from robust.uncertain.measured import as_seen, on_lines
+from robust.uncertain.measured import as_seen, on_lines, warn_of_unknown_hold
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["SeenPlant", "see", "stacked_plants"]
@@ -92,6 +92,8 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         step = timebase(plant.nominal)
         if step and dt and abs(step / dt - 1) > 1e-9:
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
+        if dt and isinstance(plant, UncertaintyModel):
+            warn_of_unknown_hold(plant, dt)
         loop = assemble(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
         lines, form = plant.omega, plant.form
         omega = design_grid(loop, lines, extra, weights)

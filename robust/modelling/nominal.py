@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf import Bla, Frm
-from nlfrf.shared.arguments import integer, nonnegative, real_array
+from nlfrf.shared.arguments import integer, nonnegative
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
+from robust.modelling.fit_uncertainty import FitUncertainty, estimate_uncertainty, probability_of_cost
 from robust.modelling.matrix_nominal import MAX_POLES, fit_matrix
+from robust.modelling.measured_lines import Lines, measured_lines
 from robust.modelling.rational import Roots, numerator, starting_poles, to_plane, vector_fit
 from robust.modelling.refinement import refine
 from robust.systems.realisation import from_roots, in_order
@@ -46,6 +47,13 @@ class NominalFit:
         given. A cost well above it means undermodelling: `uncertainty` puts what is missing into the radius.
     n_parameters : int
         Free real parameters.
+    uncertainty : FitUncertainty
+        Standard deviations of its poles, zeros, gain and delay; None where the fit was not made by `fit_nominal`.
+    p_value : float
+        Probability with which scatter alone leaves a cost as large; nan where no variance was given.
+    hold : str
+        What is known of the hold in the record: "zoh" or "band-limited" where it was accounted for (a continuous model
+        is then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" where it was not.
 
     References
     ----------
@@ -68,6 +76,9 @@ class NominalFit:
     cost: float
     expected_cost: float
     n_parameters: int
+    uncertainty: Any = None
+    p_value: float = float("nan")
+    hold: str = "unknown"
 
     def __str__(self) -> str:
         ratio = self.cost / self.expected_cost
@@ -75,17 +86,26 @@ class NominalFit:
         return (
             f"nominal model: {self.G.nstates} poles, {kind}, delay {self.delay * 1e3:.3g} ms; "
             f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
+            + ("" if np.isnan(self.p_value) else f" (p = {self.p_value:.2g})")
+            + told_roots(self.uncertainty, bool(self.G.dt))
         )
 
 
-@value
-class Lines:
-    """Measured lines of one or several records, one after the other: omega (F,), G (F,), variance (F,), dof (F,)."""
-
-    omega: np.ndarray
-    G: np.ndarray
-    var: np.ndarray
-    dof: np.ndarray
+def told_roots(known: FitUncertainty | None, discrete: bool) -> str:
+    """Poles and zeros with their standard deviations, a line each kind; a pair once."""
+    if known is None:
+        return ""
+    said = ""
+    unit = "" if discrete else " rad/s"
+    for name, roots, std in (("poles", known.poles, known.std_poles), ("zeros", known.zeros, known.std_zeros)):
+        each = [
+            f"{r.real:.4g}" + (f" ± {abs(r.imag):.4g}j" if r.imag else "") + f" (std {sd:.2g})"
+            for r, sd in zip(roots, std, strict=True)
+            if r.imag >= 0
+        ]
+        said += f"\n  {name}{unit}: {', '.join(each)}" if each else ""
+    said += f"\n  gain: relative std {known.std_gain:.2g}"
+    return said + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")
 
 
 def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
@@ -181,10 +201,50 @@ def fit_nominal(
     """
     if isinstance(bla, Frm):
         return NominalFit(**fit_matrix(bla, n_poles, n_zeros, delay, nonnegative("dt", dt), stable, rank))
-    lines = measured(bla, std)
+    dt = nonnegative("dt", dt)
+    lines = measured_lines(bla, std, dt)
+    orders, n_parameters = checked_orders(lines, n_poles, n_zeros, dt, delay)
+    if isinstance(delay, str):
+        found = estimate_delay(lines, orders, dt, stable)
+    else:
+        delay = nonnegative("delay", delay)
+        found = best_fit(lines, orders, dt, stable, delay_samples("delay", delay, dt) * dt if dt else delay)
+    zeros, poles, gain, tau, _ = found
+    excess = orders[0] - orders[1]
+    model = zpk_response(lines.omega, zeros, poles, gain, tau, dt, excess)
+    residual = lines.G - model
+    cost = float(np.sum(np.abs(residual) ** 2 / lines.var))
+    left = max(lines.omega.size - n_parameters / 2, 0.5)
+    expected = float(np.sum(lines.dof / np.maximum(lines.dof - 1, np.finfo(float).tiny)) * (left / lines.omega.size))
+    free = isinstance(delay, str) and not dt
+    scale = np.fmax(cost, expected) / left
+    s = s_points(lines.omega, dt)
+    return NominalFit(
+        G=from_roots(*to_plane(zeros, poles, gain, dt, excess), dt),
+        delay=float(tau),
+        omega=lines.omega,
+        response=model,
+        residual=residual,
+        std=np.where(np.isnan(lines.dof), np.nan, np.sqrt(lines.var)),
+        cost=cost,
+        expected_cost=expected,
+        n_parameters=n_parameters,
+        uncertainty=estimate_uncertainty(
+            s, lines.omega, model, np.sqrt(lines.var), zeros, poles, scale, dt, free_delay=free
+        ),
+        p_value=probability_of_cost(cost, lines.dof, n_parameters),
+        hold=lines.hold,
+    )
+
+
+def checked_orders(
+    lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: float | str
+) -> tuple[tuple[int, int], int]:
+    """Numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
     n_poles = integer("n_poles", n_poles, least=0)
     n_zeros = integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
-    dt = nonnegative("dt", dt)
+    if isinstance(delay, str) and delay != "estimate":
+        raise ValueError(f'delay must be a number [s] or "estimate", got {shown(delay)}')
     if n_poles > MAX_POLES:
         raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
     if n_zeros > n_poles:
@@ -200,71 +260,7 @@ def fit_nominal(
             f"dt must put the Nyquist frequency above the last line, {lines.omega.max() / 2 / np.pi:g} Hz, "
             f"got dt = {dt:g} s with Nyquist {0.5 / dt:g} Hz"
         )
-    orders = (n_poles, n_zeros)
-    if isinstance(delay, str):
-        if delay != "estimate":
-            raise ValueError(f'delay must be a number [s] or "estimate", got {shown(delay)}')
-        found = estimate_delay(lines, orders, dt, stable)
-    else:
-        delay = nonnegative("delay", delay)
-        if dt:
-            delay = delay_samples("delay", delay, dt) * dt
-        found = best_fit(lines, orders, dt, stable, delay)
-    zeros, poles, gain, delay, _ = found
-    G = from_roots(*to_plane(zeros, poles, gain, dt, n_poles - n_zeros), dt)
-    model = zpk_response(lines.omega, zeros, poles, gain, delay, dt, n_poles - n_zeros)
-    residual = lines.G - model
-    expected = lines.dof / np.maximum(lines.dof - 1, np.finfo(float).tiny)
-    return NominalFit(
-        G=G,
-        delay=float(delay),
-        omega=lines.omega,
-        response=model,
-        residual=residual,
-        std=np.where(np.isnan(lines.dof), np.nan, np.sqrt(lines.var)),
-        cost=float(np.sum(np.abs(residual) ** 2 / lines.var)),
-        expected_cost=float(np.sum(expected) * (1 - n_parameters / (2 * lines.omega.size))),
-        n_parameters=n_parameters,
-    )
-
-
-def measured(bla: Any, std: np.ndarray | None) -> Lines:
-    """Lines, variances and degrees of freedom behind whatever was given."""
-    if isinstance(bla, control.FrequencyResponseData):
-        if (bla.ninputs, bla.noutputs) != (1, 1):
-            raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
-        G = np.asarray(bla.frdata[0, 0], dtype=complex)
-        if std is None:
-            if np.any(G) and not np.all(G):
-                at = float(np.asarray(bla.omega)[np.argmin(np.abs(G))])
-                raise ValueError(
-                    f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s"
-                )
-            var, dof = np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
-        else:
-            var, dof = real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)
-            if var.shape != G.shape or np.any(var <= 0):
-                raise ValueError(f"std must hold one positive number per line ({G.size}), got {shown(std)}")
-        omega = np.asarray(bla.omega, dtype=float)
-    else:
-        many = list(bla) if isinstance(bla, Sequence) else [bla]
-        if not many or not all(isinstance(b, Bla) for b in many):
-            raise ValueError(
-                f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {shown(bla)}"
-            )
-        if std is not None:
-            raise ValueError("std must only be given with a FrequencyResponseData, got it with a Bla")
-        omega = np.concatenate([b.omega for b in many])
-        G = np.concatenate([b.G for b in many])
-        var = np.concatenate([b.var_bound for b in many])
-        dof = np.concatenate([b.dof for b in many])
-    if not (np.isfinite(G).all() and np.any(G)):
-        raise ValueError("bla must hold a finite FRF that is not zero everywhere")
-    if np.any(omega <= 0):
-        raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
-    # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
-    floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
-    return Lines(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof))
+    return (n_poles, n_zeros), n_parameters
 
 
 def best_fit(

@@ -14,7 +14,10 @@ from robust.systems.connections import in_series
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable, state_space
 
-__all__ = ["delay_samples", "delayed", "discretize", "sampled"]
+__all__ = ["delay_samples", "delayed", "discretize", "hold_between", "hold_response", "sampled"]
+
+
+NEAR = 1e-6  # how far two sampling times may be apart that are one
 
 
 def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> control.StateSpace:
@@ -176,3 +179,32 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
         raise ValueError(f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g} rad/s")
     scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
     return control.StateSpace(*to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D), dt)
+
+
+def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:
+    """(W,) response of a zero-order hold of dt [s] followed by a sampler, sin(x)/x exp(-j x) with x = omega dt/2.
+
+    Without what folds down from above the Nyquist frequency, which the line alone does not tell.
+    """
+    x = np.asarray(omega, dtype=float) * dt / 2
+    return np.asarray(np.sinc(x / np.pi) * np.exp(-1j * x))
+
+
+def hold_between(omega: np.ndarray, hold: str, fs: float, dt: float) -> np.ndarray:
+    """(W,) factor from an FRF that was measured with one hold to that of a model of sampling time dt (0: continuous).
+
+    Parameters
+    ----------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    hold : str
+        Of the record: "zoh" (of 1/fs, in the FRF), "band-limited" (none), "unknown" (left as it is).
+    fs : float
+        Sampling frequency of the record [Hz].
+    dt : float
+        Sampling time of the model [s].
+    """
+    if hold == "unknown" or (hold == "zoh" and abs(dt * fs - 1) < NEAR):
+        return np.ones(np.size(omega), dtype=complex)
+    put_in = hold_response(omega, dt) if dt else np.ones(np.size(omega), dtype=complex)
+    return put_in / hold_response(omega, 1 / fs) if hold == "zoh" else put_in

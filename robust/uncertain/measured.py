@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import control
@@ -9,13 +10,18 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf.shared.wording import shown
+from robust.modelling.design_warning import DesignWarning
 from robust.modelling.nominal import frd
-from robust.systems.lti import response
+from robust.systems.lti import response, timebase
+from robust.systems.sampling import hold_between, hold_response
 from robust.uncertain.forms import RELATIVE
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import record_disc, total_of
 
-__all__ = ["as_seen", "on_lines", "sampling_time"]
+__all__ = ["as_seen", "on_lines", "sampling_time", "warn_of_unknown_hold"]
+
+
+NEAR = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
 
 
 def sampling_time(model: Any) -> float:
@@ -29,10 +35,28 @@ def as_seen(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, delay: floa
 
     What folds down from above Nyquist is not known and left out.
     """
-    if dt and not sampling_time(model):
-        x = omega * dt / 2
-        G = G * np.sin(x) / x * np.exp(-1j * x)
+    hold = getattr(model, "hold", "unknown")
+    if hold != "unknown":
+        G = G * hold_between(omega, hold, model.fs, dt)
+    elif dt and not sampling_time(model):
+        warn_of_unknown_hold(model, dt)
+        G = G * hold_response(omega, dt)
     return G * np.exp(-1j * omega * delay)
+
+
+def warn_of_unknown_hold(model: Any, dt: float) -> None:
+    """Warn where a record at the rate of the controller may have the hold in it, which is then counted twice."""
+    parametric = isinstance(model, UncertaintyModel) and not model.measured_only
+    if (parametric and timebase(model.nominal)) or getattr(model, "hold", "known") != "unknown":
+        return
+    if dt * model.fs < NEAR:
+        warnings.warn(
+            f"hold of the record must be known, at {model.fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
+            ' and if u was the command of a converter it was in the record already. Load it with hold="zoh" (u is the '
+            'command) or hold="band-limited" (u was measured behind the hold)',
+            DesignWarning,
+            stacklevel=4,
+        )
 
 
 def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str]:

@@ -23,6 +23,7 @@ from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import integer, one_of, probability, real, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
+from robust.modelling.measured_lines import behind_hold
 from robust.modelling.nominal import NominalFit
 from robust.modelling.weights import fit_weight
 from robust.systems.lti import response, timebase
@@ -75,6 +76,13 @@ class UncertaintyModel:
         In words, what was assumed outside the measured band.
     source : str
         In words, what was measured.
+    hold : str
+        How the input of the record ran between its samples: "zoh", "band-limited", or "unknown"; where it is known, a
+        continuous nominal is the plant without a hold, a discrete one the plant behind it.
+    fs : float
+        Sampling frequency of the record [Hz]; nan where it is not known.
+    unit : str
+        Unit of the plant, y over u; empty where it is not known.
 
     Raises
     ------
@@ -111,10 +119,14 @@ class UncertaintyModel:
     delay: float = 0.0
     extrapolation: str = "not stated"
     source: str = "not stated"
+    hold: str = "unknown"
+    fs: float = float("nan")
+    unit: str = ""
 
     def __post_init__(self) -> None:
         one_of("form", self.form, tuple(FORMS))
         one_of("perturbation", self.perturbation, PERTURBATIONS)
+        one_of("hold", self.hold, ("zoh", "band-limited", "unknown"))
         omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=1)
         if omega.shape != radius.shape or omega.size == 0:
             raise ValueError(f"radius must have one value per frequency ({omega.size}), got {radius.size}")
@@ -355,6 +367,7 @@ def uncertainty(
         nominal = delayed(nominal.G, delay, order=PADE_ORDER)
     if not isinstance(nominal, control.FrequencyResponseData):
         nominal = state_space("nominal", nominal)
+        many = [behind_hold(b, timebase(nominal)) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
     omega, discs = family(many, nominal, p, simultaneous, even, systematic)
     center = np.abs(nominal_response(nominal, omega))
@@ -380,6 +393,9 @@ def uncertainty(
         delay=delay,
         extrapolation=f"below the band {worded(below)}, above it {worded(above)}",
         source="; ".join(measured_as(b) for b in many),
+        hold=many[0].hold if len({b.hold for b in many}) == 1 else "unknown",
+        fs=min(b.fs for b in many),
+        unit=many[0].unit if len({b.unit for b in many}) == 1 else "",
     )
 
 

@@ -8,6 +8,8 @@ from scipy.stats import binom
 
 from nlfrf import Bla
 from nlfrf.shared.values import value
+from robust.modelling.measured_lines import behind_hold
+from robust.systems.lti import timebase
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["Validation", "validate"]
@@ -97,6 +99,8 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
         raise ValueError("model must state a confidence to be validated against, got none")
     p = model.confidence ** (1 / model.omega.size) if model.simultaneous else model.confidence
     n = int(inside.sum())
+    if not model.measured_only:
+        bla = behind_hold(bla, timebase(model.nominal))
     omega = bla.omega[inside]
     distance = model.distance(control.FrequencyResponseData(bla.G[inside], omega))
     outside = distance > 1

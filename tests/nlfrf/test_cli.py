@@ -188,7 +188,7 @@ def test_several_files_and_the_design_that_was_played(nlfrf_command, tmp_path):
         "identify", *files, *["--input", "force", "--output", "way", "--design", "ms.npz", "-o", "bla.npz"]
     )
     assert code == 0
-    assert set(err.strip().splitlines()) == {line for line in err.splitlines() if "seems clipped" in line}
+    assert all("seems clipped" in line or "its crest factor is" in line for line in err.splitlines())
     bla = load_bla(tmp_path / "bla.npz")
     assert (bla.n_realizations, bla.f.size) == (3, ms.f.size)
     assert np.abs(bla.G - 3).max() < 0.02

@@ -73,5 +73,6 @@ def make_bla(
             noise_odd=np.zeros(0),
             noise_even=np.zeros(0),
         ),
+        hold="band-limited",
         var_bound=estimated,
     )

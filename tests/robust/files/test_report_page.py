@@ -41,7 +41,7 @@ def recorded(level=1.0):
     u = ms.u[0]
     y = np.fft.irfft(np.fft.rfft(u + 0.02 * u**3) * G, 1024)
     y = np.stack([y, y]) + 1e-3 * np.random.default_rng(4).standard_normal((2, 1024))
-    return Record(u=np.stack([u, u])[None], y=y[None], fs=512, lines=ms.lines)
+    return Record(u=np.stack([u, u])[None], y=y[None], fs=512, lines=ms.lines, hold="band-limited")
 
 
 RECORD = recorded()

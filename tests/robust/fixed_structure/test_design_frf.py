@@ -330,7 +330,8 @@ def test_refusals(call, message):
 def test_pid_for_the_measured_motor_bench(measured):
     """From the record alone, sampled with a delay; then held against a model the design did not know."""
     file = measured / "motor_bench" / "MultisineTypeB.mat"
-    bla = nlfrf.identify(nlfrf.load_record(file, u="iq_adx", y="theta_mx", fs=2500, n_samples=2500, n_discard=1))
+    cut = {"fs": 2500, "n_samples": 2500, "n_discard": 1, "hold": "band-limited"}
+    bla = nlfrf.identify(nlfrf.load_record(file, u="iq_adx", y="theta_mx", **cut))
     design = design_frf(bla, "PID", M_S=1.8, M_T=1.6, dt=4e-4, delay=4e-4)
     assert design.met, design.reason
     on_lines = check(bla, design.K, delay=4e-4)
