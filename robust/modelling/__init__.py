@@ -1,7 +1,6 @@
 """Functions that stand for data or for demands, with the order you ask for.
 
 nominal          the nominal model: a rational function through a measured FRF
-measured_lines   the lines it is fitted to, behind the hold it has
 fit_uncertainty  standard deviations of poles, zeros, gain and delay
 orders           how many poles the FRF asks for
 matrix_nominal   the nominal model of a measured matrix

@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf.shared.values import value
 from robust.modelling.rational import stacked
 
-__all__ = ["FitUncertainty", "estimate_uncertainty", "probability_of_cost"]
+__all__ = ["FitUncertainty", "estimate_uncertainty", "probability_of_cost", "told_roots"]
 
 
 @value(copy=False)
@@ -177,3 +177,20 @@ def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> floa
     shared = float(np.sum(np.where(dof > 1e6, 0.0, (d / (d - 1)) ** 2 * np.minimum(d, d.size) / np.maximum(d - 2, 1))))
     variance = (own + shared) * left
     return float(gammaincc(mean**2 / variance, mean / variance * cost))
+
+
+def told_roots(known: FitUncertainty | None, discrete: bool) -> str:
+    """Poles and zeros with their standard deviations, a line each kind; a pair once."""
+    if known is None:
+        return ""
+    said = ""
+    unit = "" if discrete else " rad/s"
+    for name, roots, std in (("poles", known.poles, known.std_poles), ("zeros", known.zeros, known.std_zeros)):
+        each = [
+            f"{r.real:.4g}" + (f" ± {abs(r.imag):.4g}j" if r.imag else "") + f" (std {sd:.2g})"
+            for r, sd in zip(roots, std, strict=True)
+            if r.imag >= 0
+        ]
+        said += f"\n  {name}{unit}: {', '.join(each)}" if each else ""
+    said += f"\n  gain: relative std {known.std_gain:.2g}"
+    return said + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf import Bla, Frm
-from nlfrf.shared.arguments import integer, nonnegative
+from nlfrf.shared.arguments import integer, nonnegative, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
-from robust.modelling.fit_uncertainty import FitUncertainty, estimate_uncertainty, probability_of_cost
+from robust.modelling.fit_uncertainty import estimate_uncertainty, probability_of_cost, told_roots
 from robust.modelling.matrix_nominal import MAX_POLES, fit_matrix
-from robust.modelling.measured_lines import Lines, measured_lines
-from robust.modelling.rational import Roots, numerator, starting_poles, to_plane, vector_fit
+from robust.modelling.rational import (
+    Roots,
+    known_factor,
+    numerator,
+    s_points,
+    starting_poles,
+    to_plane,
+    vector_fit,
+    zpk_response,
+)
 from robust.modelling.refinement import refine
 from robust.systems.realisation import from_roots, in_order
-from robust.systems.sampling import delay_samples
+from robust.systems.sampling import delay_samples, hold_between
 
-__all__ = ["NominalFit", "fit_nominal", "frd"]
+__all__ = ["NominalFit", "behind_hold", "fit_nominal", "frd"]
 
 
 @value
@@ -91,21 +101,15 @@ class NominalFit:
         )
 
 
-def told_roots(known: FitUncertainty | None, discrete: bool) -> str:
-    """Poles and zeros with their standard deviations, a line each kind; a pair once."""
-    if known is None:
-        return ""
-    said = ""
-    unit = "" if discrete else " rad/s"
-    for name, roots, std in (("poles", known.poles, known.std_poles), ("zeros", known.zeros, known.std_zeros)):
-        each = [
-            f"{r.real:.4g}" + (f" ± {abs(r.imag):.4g}j" if r.imag else "") + f" (std {sd:.2g})"
-            for r, sd in zip(roots, std, strict=True)
-            if r.imag >= 0
-        ]
-        said += f"\n  {name}{unit}: {', '.join(each)}" if each else ""
-    said += f"\n  gain: relative std {known.std_gain:.2g}"
-    return said + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")
+@value
+class Lines:
+    """Measured lines of one or several records, one after the other: omega, G, variance, dof (F,); their hold."""
+
+    omega: np.ndarray
+    G: np.ndarray
+    var: np.ndarray
+    dof: np.ndarray
+    hold: str = "unknown"
 
 
 def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
@@ -263,6 +267,64 @@ def checked_orders(
     return (n_poles, n_zeros), n_parameters
 
 
+def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
+    """Lines, variances and degrees of freedom behind whatever was given, behind the hold that a model of dt has."""
+    hold = "unknown"
+    if isinstance(bla, control.FrequencyResponseData):
+        if (bla.ninputs, bla.noutputs) != (1, 1):
+            raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
+        G = np.asarray(bla.frdata[0, 0], dtype=complex)
+        if std is None:
+            if np.any(G) and not np.all(G):
+                at = float(np.asarray(bla.omega)[np.argmin(np.abs(G))])
+                raise ValueError(
+                    f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s"
+                )
+            var, dof = np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
+        else:
+            var, dof = real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)
+            if var.shape != G.shape or np.any(var <= 0):
+                raise ValueError(f"std must hold one positive number per line ({G.size}), got {shown(std)}")
+        omega = np.asarray(bla.omega, dtype=float)
+    else:
+        many = list(bla) if isinstance(bla, Sequence) else [bla]
+        if not many or not all(isinstance(b, Bla) for b in many):
+            raise ValueError(
+                f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {shown(bla)}"
+            )
+        if std is not None:
+            raise ValueError("std must only be given with a FrequencyResponseData, got it with a Bla")
+        omega = np.concatenate([b.omega for b in many])
+        many = [behind_hold(b, dt) for b in many]
+        G = np.concatenate([b.G for b in many])
+        var = np.concatenate([b.var_bound for b in many])
+        dof = np.concatenate([b.dof for b in many])
+        hold = many[0].hold if len({b.hold for b in many}) == 1 else "unknown"
+    if not (np.isfinite(G).all() and np.any(G)):
+        raise ValueError("bla must hold a finite FRF that is not zero everywhere")
+    if np.any(omega <= 0):
+        raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
+    # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
+    floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
+    return Lines(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof), hold=hold)
+
+
+def behind_hold(bla: Bla, dt: float) -> Bla:
+    """The same BLA as a model of sampling time dt describes it: without a hold (dt = 0), or behind one of dt.
+
+    What the record's hold was is said by `bla.hold`; where nobody said it, nothing is changed.
+    """
+    factor = hold_between(bla.omega, bla.hold, bla.fs, dt)
+    if np.all(factor == 1):
+        return bla
+    square = np.abs(factor) ** 2
+    variances: dict[str, Any] = {
+        name: getattr(bla, name) * square
+        for name in ("var_noise", "var_total", "var_distortion", "var_even", "var_bound")
+    }
+    return replace(bla, G=bla.G * factor, **variances)
+
+
 def best_fit(
     lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, *, free_delay: bool = False
 ) -> Roots:
@@ -280,29 +342,6 @@ def best_fit(
         for start in candidates
     ]
     return min(refined, key=lambda roots: roots[4])
-
-
-def s_points(omega: np.ndarray, dt: float) -> np.ndarray:
-    """j omega, or its bilinear image j 2/dt tan(omega dt/2): both kinds of model are fitted in the s plane."""
-    return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
-
-
-def known_factor(omega: np.ndarray, delay: float, dt: float, excess: int) -> np.ndarray:
-    """What the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
-    q = np.exp(-1j * omega * delay)
-    return q * (1 - s_points(omega, dt) * dt / 2) ** excess if dt else q
-
-
-def zpk_response(
-    omega: np.ndarray, zeros: np.ndarray, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
-) -> np.ndarray:
-    """(F,) response of the model at the lines."""
-    s = s_points(omega, dt)[:, None]
-    out = gain * known_factor(omega, delay, dt, excess)
-    # pole by zero, so that high orders neither overflow nor underflow
-    for k in range(poles.size):
-        out = out / (s[:, 0] - poles[k]) * ((s[:, 0] - zeros[k]) if k < zeros.size else 1.0)
-    return out
 
 
 def started(lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, spacing: str) -> Roots:

@@ -8,13 +8,16 @@ from robust.systems.realisation import in_order
 
 __all__ = [
     "Roots",
+    "known_factor",
     "numerator",
     "partial_fractions",
     "relocated",
+    "s_points",
     "stacked",
     "starting_poles",
     "to_plane",
     "vector_fit",
+    "zpk_response",
 ]
 
 
@@ -158,3 +161,26 @@ def to_plane(
     # s - a = (2/dt) (z - z_a) / ((z + 1)(1 + z_a)/2 ...): collected, each root contributes (1 - a dt/2) / (dt/2)
     scale = np.prod((1 - zeros * dt / 2) / (dt / 2)) / np.prod((1 - poles * dt / 2) / (dt / 2))
     return z, p, float((gain * scale).real * 2.0**excess)
+
+
+def s_points(omega: np.ndarray, dt: float) -> np.ndarray:
+    """j omega, or its bilinear image j 2/dt tan(omega dt/2): both kinds of model are fitted in the s plane."""
+    return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
+
+
+def known_factor(omega: np.ndarray, delay: float, dt: float, excess: int) -> np.ndarray:
+    """What the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
+    q = np.exp(-1j * omega * delay)
+    return q * (1 - s_points(omega, dt) * dt / 2) ** excess if dt else q
+
+
+def zpk_response(
+    omega: np.ndarray, zeros: np.ndarray, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
+) -> np.ndarray:
+    """(F,) response of the model at the lines."""
+    s = s_points(omega, dt)[:, None]
+    out = gain * known_factor(omega, delay, dt, excess)
+    # pole by zero, so that high orders neither overflow nor underflow
+    for k in range(poles.size):
+        out = out / (s[:, 0] - poles[k]) * ((s[:, 0] - zeros[k]) if k < zeros.size else 1.0)
+    return out

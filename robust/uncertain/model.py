@@ -23,8 +23,7 @@ from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import integer, one_of, probability, real, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
-from robust.modelling.measured_lines import behind_hold
-from robust.modelling.nominal import NominalFit
+from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.weights import fit_weight
 from robust.systems.lti import response, timebase
 from robust.systems.realisation import frequency_response, least_stable, state_space
@@ -76,13 +75,7 @@ class UncertaintyModel:
         In words, what was assumed outside the measured band.
     source : str
         In words, what was measured.
-    hold : str
-        How the input of the record ran between its samples: "zoh", "band-limited", or "unknown"; where it is known, a
-        continuous nominal is the plant without a hold, a discrete one the plant behind it.
-    fs : float
-        Sampling frequency of the record [Hz]; nan where it is not known.
-    unit : str
-        Unit of the plant, y over u; empty where it is not known.
+    hold, fs, unit : of the record: hold of its input, as `Bla.hold`; sampling frequency [Hz]; unit of y over u.
 
     Raises
     ------
@@ -126,7 +119,6 @@ class UncertaintyModel:
     def __post_init__(self) -> None:
         one_of("form", self.form, tuple(FORMS))
         one_of("perturbation", self.perturbation, PERTURBATIONS)
-        one_of("hold", self.hold, ("zoh", "band-limited", "unknown"))
         omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=1)
         if omega.shape != radius.shape or omega.size == 0:
             raise ValueError(f"radius must have one value per frequency ({omega.size}), got {radius.size}")
@@ -395,7 +387,7 @@ def uncertainty(
         source="; ".join(measured_as(b) for b in many),
         hold=many[0].hold if len({b.hold for b in many}) == 1 else "unknown",
         fs=min(b.fs for b in many),
-        unit=many[0].unit if len({b.unit for b in many}) == 1 else "",
+        unit=many[0].unit,
     )
 
 

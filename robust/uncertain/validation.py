@@ -8,7 +8,7 @@ from scipy.stats import binom
 
 from nlfrf import Bla
 from nlfrf.shared.values import value
-from robust.modelling.measured_lines import behind_hold
+from robust.modelling.nominal import behind_hold
 from robust.systems.lti import timebase
 from robust.uncertain.model import UncertaintyModel
 

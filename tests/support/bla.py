@@ -20,6 +20,7 @@ def make_bla(
     fs=None,
     rng=None,
     n_realizations=1,
+    hold="unknown",
 ):
     """A Bla scattered about G(j omega) (callable, or an array at f) with known standard deviations.
 
@@ -73,6 +74,6 @@ def make_bla(
             noise_odd=np.zeros(0),
             noise_even=np.zeros(0),
         ),
-        hold="band-limited",
+        hold=hold,
         var_bound=estimated,
     )

@@ -203,7 +203,7 @@ def test_advice_names_the_part_that_limits():
 
 def test_the_report_fits_a_screen():
     f = np.arange(1, 60, 2) * 0.05
-    bla = make_bla(lambda s: 1 / (s + 1), f, f0=0.05, sigma_distortion=0.02)
+    bla = make_bla(lambda s: 1 / (s + 1), f, f0=0.05, sigma_distortion=0.02, hold="band-limited")
     model = uncertainty(bla, fit_nominal(bla, n_poles=1, n_zeros=0), order=2)
     text = str(check(model, control.ss([], [], [], [[1.0]], 0.1), w_P=performance_weight(0.1, A=0.9), delay=0.02))
     assert len(text.splitlines()) <= 40

@@ -284,7 +284,9 @@ def rig_like():
         return 1e-3 * w * w / (s * s + 0.2 * w * s + w * w)
 
     size = np.abs(plant(2j * np.pi * LINES))
-    return make_bla(plant, LINES, f0=0.5, sigma_noise=0.005 * size, sigma_distortion=0.05 * size, rng=3, fs=500)
+    return make_bla(
+        plant, LINES, f0=0.5, sigma_noise=0.005 * size, sigma_distortion=0.05 * size, rng=3, fs=500, hold="band-limited"
+    )
 
 
 def test_pid_from_one_record():
