@@ -14,6 +14,10 @@ from robust.modelling.nominal import NominalFit, fit_nominal
 __all__ = ["OrderScan", "scan_orders"]
 
 
+OUTSIDE = 1.5  # how far outside the band a pole lies at least to be named
+NO_SIGNIFICANCE = 0.5  # standard deviation over its size from which a pole is named
+
+
 @value
 class OrderScan:
     """Fits of growing order, and which of them the data ask for.
@@ -63,7 +67,8 @@ class OrderScan:
         return "\n".join(
             f"{n:3d} poles  cost {c:10.4g}  {c / e:9.4g} times scatter  criterion {k:10.4g}"
             + " <-" * bool(n == self.best)
-            for n, c, e, k in columns
+            + (f"  {doubt}" if doubt else "")
+            for (n, c, e, k), doubt in zip(columns, map(doubtful_poles, self.fits), strict=True)
         )
 
 
@@ -130,4 +135,26 @@ def scan_orders(
         criterion=criterion,
         best=orders[int(np.argmin(criterion))],
         fits=fits,
+    )
+
+
+def doubtful_poles(fit: NominalFit) -> str:
+    """In words, the poles of a continuous fit that the data do not carry: far outside the band, or of no significance.
+
+    >>> import control
+    >>> omega = np.linspace(1, 20, 40)
+    >>> measured = control.FrequencyResponseData(1 / (1j * omega + 500), omega)
+    >>> doubtful_poles(fit_nominal(measured, n_poles=1, n_zeros=0, std=np.full(40, 1e-5)))
+    'poles outside the band: 79.58 Hz'
+    """
+    if fit.uncertainty is None or fit.G.dt:
+        return ""
+    poles, std = fit.uncertainty.poles, fit.uncertainty.std_poles
+    size, once = np.abs(poles), poles.imag >= 0
+    outside = (size < fit.omega.min() / OUTSIDE) | (size > fit.omega.max() * OUTSIDE)
+    kinds = {"outside the band": outside, "of no significance": ~outside & (std > NO_SIGNIFICANCE * size)}
+    return "; ".join(
+        f"poles {kind}: {', '.join(f'{w / 2 / np.pi:.4g} Hz' for w in size[here & once])}"
+        for kind, here in kinds.items()
+        if here.any()
     )

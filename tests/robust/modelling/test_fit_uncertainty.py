@@ -79,3 +79,14 @@ def test_a_cost_with_estimated_variances_is_judged_by_their_scatter():
         p.append(probability_of_cost(float(np.sum(e / var)), np.full(F, float(dof)), 0))
     assert 0.02 < np.mean(np.array(p) < 0.05) < 0.10
     assert np.isnan(probability_of_cost(1.0, np.full(5, np.nan), 2))
+
+
+def test_a_scan_names_poles_that_the_data_do_not_carry():
+    rng = np.random.default_rng(4)
+    G = (
+        3600 / (S**2 + 4 * S + 3600) * np.exp(-S / 2000)
+    )  # half a sample of hold: a scan answers with a pole that it cannot place
+    frd = control.FrequencyResponseData(G + noise(rng, 1e-3), OMEGA)
+    scan = robust.scan_orders(frd, n_poles=(2, 3), std=np.full(OMEGA.size, 1e-3))
+    assert "poles of no significance: " in str(scan).splitlines()[1]
+    assert "poles of" not in str(robust.scan_orders(frd, n_poles=(2,), delay=1 / 2000, std=np.full(OMEGA.size, 1e-3)))
