@@ -13,7 +13,7 @@ import numpy as np
 
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.detection_lines import Answer, nonlinear_answer
-from nlfrf.identification.distortion_level import Level, choose_source, read_level, smooth_frf
+from nlfrf.identification.distortion_level import Level, choose_source, pool_levels, read_level, smooth_frf
 from nlfrf.identification.frf import Frf, average_frf
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
@@ -134,14 +134,10 @@ def assemble_bla(
 ) -> Bla:
     """What was found, with the level weighed against the scatter of the realisations."""
     grid, n = record.lines, excited.U.shape[0]
-    if n == 1:
-        var_total = var_bound = level.variance
-        dof = level.dof
-    else:
-        var_total = frf.var_total
-        dof = n - 1 + level.dof
-        var_bound = ((n - 1) * var_total + level.dof * level.variance / n) / dof
-        source = source if source == "realizations" else f"realizations and {source}"
+    var_bound, dof = pool_levels(frf, level, n)
+    var_total = level.variance if n == 1 else frf.var_total
+    if n > 1 and source != "realizations":
+        source = f"realizations and {source}"
     return Bla(
         lines=grid,
         fs=record.fs,
