@@ -67,8 +67,8 @@ class Bla:
     levels : DistortionLevels
         Output amplitudes on excited and detection lines.
     var_bound : (F,) ndarray
-        The variance of G behind `bound`: the scatter over realisations pooled with the level, each for what it is worth;
-        of one realisation the largest that its level can be read as.
+        The variance of G behind `bound`: the scatter over realisations pooled with the level, each for what it is
+        worth; of one realisation the largest that its level can be read as.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.

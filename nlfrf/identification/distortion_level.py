@@ -16,7 +16,7 @@ from nlfrf.shared.arguments import DataWarning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
 from nlfrf.shared.values import value
 
-__all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "read_level", "smooth_frf"]
+__all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "pool_levels", "read_level", "smooth_frf"]
 
 
 SIDE = 9  # lines over which a level is held against the scatter
@@ -129,9 +129,8 @@ def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, Loc
         return fit.G.mean(axis=0), fit
     if excited.lines.size < LEAST or excited.U.shape[0] >= ENOUGH:
         return frf.G, None
-    return fit_locally(frf.G[None], rms(excited.U)[None], excited.where).G[
-        0
-    ], None  # less scatter: it whitens more evenly
+    fit = fit_locally(frf.G[None], rms(excited.U)[None], excited.where)  # less scatter: it whitens more evenly
+    return fit.G[0], None
 
 
 def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
