@@ -62,7 +62,7 @@ def detected_power(
     gain_excited: np.ndarray,
     window: np.ndarray,
     follows: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Distortion read on a window of detection lines for each excited line.
 
     Distortion that arises before a resonance follows |G|^2 across it, distortion that arises behind it does not, nor
@@ -90,6 +90,8 @@ def detected_power(
         Mean of the measured over the expected power: near one.
     n_used : (..., F) ndarray
         Lines used: fewer than n where |G| changes much within the window.
+    likelihood : (..., F) ndarray
+        Log-likelihood of the powers on a window under what is expected, but for a constant.
     """
     P, N, A = power[window], noise[window], gain[window] / gain_excited[:, None]
     used = (narrowed(A) & (window >= 0)).astype(float)
@@ -102,7 +104,8 @@ def detected_power(
         d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)
         expected = A * d[..., None] + floor
         weight = used / (expected * expected)
-    return d, np.vecdot(used, P / expected) / n_used, n_used
+    ratio = P / expected
+    return d, np.vecdot(used, ratio) / n_used, n_used, -np.vecdot(used, np.log(expected) + ratio)
 
 
 def narrowed(gain: np.ndarray) -> np.ndarray:

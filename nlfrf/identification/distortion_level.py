@@ -20,6 +20,7 @@ __all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "pool_l
 
 
 SIDE = 9  # lines over which a level is held against the scatter
+DECIDED = 3.0  # log-likelihood by which one way of reading the lines beats the other: 20 to 1
 FEW = 2.0  # lines: over the number of lines the variance by which one realisation's distortion is not normal
 DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands for: 1.1 dB, as calibrations are good
 MANY = 20  # lines over which roughness shows most of the distortion
@@ -69,11 +70,14 @@ def level_from_detection(excited: Spectra, answer: Answer, grid: LineGrid) -> Le
     factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, where.near_odd)
     factors = np.ones((len(where.near_detection), factor.size))
     factors[:2] = factor
-    variance, n_used = read_detected(U, answer, where.excited, where.near_detection, factors)
+    variance, n_used, likelihood = read_detected(U, answer, where.excited, where.near_detection, factors)
+    # of two readings the larger, but where the powers around decide: a line stands in as many windows as these have
+    decided = local_mean(likelihood[0] - likelihood[1], SIDE) * SIDE * excited.U.shape[0] / n_used[0]
+    larger = np.maximum(variance[0], variance[1])
     even = variance[2] if grid.even.size else np.full(factor.size, np.nan)
     return Level(
         variance=variance[0],
-        cautious=np.maximum(variance[0], variance[1]),
+        cautious=np.where(decided > DECIDED, variance[0], np.where(decided < -DECIDED, variance[1], larger)),
         dof=n_used[0] * excited.U.shape[0],
         grid_factor=factor,
         even=even,
@@ -112,14 +116,14 @@ def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
 
 def read_detected(
     U: np.ndarray, answer: Answer, here: np.ndarray, windows: np.ndarray, factors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Variances (k, F) of one realisation's FRF, with inputs of amplitude U, that k kinds of lines tell; lines used."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Variances (k, F) of one realisation's FRF for inputs of amplitude U, by k readings; lines used; likelihoods."""
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
     power, gain = mean_power(answer.Yc), squared(answer.G)
     follows = np.arange(len(windows))[:, None, None] != 1
-    distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], windows, follows)
-    return ratio * (factors * distortion + noise[here]) / U**2, n_used
+    distortion, ratio, n_used, likelihood = detected_power(power, noise, gain, gain[here], windows, follows)
+    return ratio * (factors * distortion + noise[here]) / U**2, n_used, likelihood
 
 
 def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, LocalFit | None]:
