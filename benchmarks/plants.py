@@ -13,10 +13,7 @@ ZETA, F_N = 0.02, 30.0  # the mode of the linear plant and of the Duffing oscill
 
 def linear(u, fs):
     """A mode of 2 % damping, in steady state."""
-    n = u.shape[-1]
-    s = 2j * np.pi * np.fft.rfftfreq(n, 1 / fs)
-    w = 2 * np.pi * F_N
-    return np.fft.irfft(np.fft.rfft(u, axis=-1) * w**2 / (s**2 + 2 * ZETA * w * s + w**2), n, axis=-1)
+    return mode(u, fs, ZETA, F_N)
 
 
 def cubic(u, fs):
@@ -24,32 +21,91 @@ def cubic(u, fs):
     return u + 0.1 * u**3
 
 
-def duffing(u, fs, hardening=0.001, n_discard=3):
-    """The same mode with a hardening spring, by RK4 on the band-limited input, all realisations at once."""
+def mode(u, fs, zeta, f_n):
+    """Any mode, in steady state."""
     n = u.shape[-1]
-    fine = np.fft.irfft(np.fft.rfft(u, axis=-1), 4 * n, axis=-1) * 4  # four input samples a step: begin, middle, end
-    h, w = 1 / (2 * fs), 2 * np.pi * F_N
-    x, v = np.zeros(u.shape[0]), np.zeros(u.shape[0])
-    y = np.empty_like(u)
+    s = 2j * np.pi * np.fft.rfftfreq(n, 1 / fs)
+    w = 2 * np.pi * f_n
+    return np.fft.irfft(np.fft.rfft(u, axis=-1) * w**2 / (s**2 + 2 * zeta * w * s + w**2), n, axis=-1)
 
-    def slope(x, v, force):
-        return v, w**2 * (force - x - hardening * x**3) - 2 * ZETA * w * v
+
+def even(u, fs):
+    """A cubic with an even part."""
+    return u + 0.2 * u**2 + 0.05 * u**3
+
+
+def quintic(u, fs):
+    """y = u + 0.02 u^5: part of its distortion is the same gain on all lines, which no roughness shows."""
+    return u + 0.02 * u**5
+
+
+def saturation(u, fs):
+    """tanh."""
+    return np.tanh(1.5 * u)
+
+
+def weak(u, fs):
+    """A cubic that noise hides."""
+    return u + 0.01 * u**3
+
+
+def wiener(u, fs):
+    """A well damped mode, and the cubic behind it: its distortion does not follow |G|."""
+    x = mode(u, fs, 0.3, 20.0)
+    return x + 0.1 * x**3
+
+
+def hammerstein(u, fs):
+    """The cubic before a mode: its distortion follows |G|."""
+    return mode(u + 0.1 * u**3, fs, 0.05, 30.0)
+
+
+def spring(u, fs, force, zeta, f_n, n_discard):
+    """A mass on a spring of any law, by RK4 on the band-limited input, all realisations at once."""
+    n = u.shape[-1]
+    # four input samples a step: begin, middle, end
+    fine = np.ascontiguousarray(np.fft.irfft(np.fft.rfft(u, axis=-1), 4 * n, axis=-1).T) * 4
+    h, w = 1 / (2 * fs), 2 * np.pi * f_n
+    x, v = np.zeros(u.shape[0]), np.zeros(u.shape[0])
+    y = np.empty((n, u.shape[0]))
+
+    def slope(x, v, f):
+        return v, w**2 * (f - force(x)) - 2 * zeta * w * v
 
     for period in range(n_discard + 1):
         for i in range(2 * n):
             if period == n_discard and i % 2 == 0:
-                y[:, i // 2] = x
-            f0, f1, f2 = fine[:, 2 * i], fine[:, 2 * i + 1], fine[:, (2 * i + 2) % (4 * n)]
+                y[i // 2] = x
+            f0, f1, f2 = fine[2 * i], fine[2 * i + 1], fine[(2 * i + 2) % (4 * n)]
             a = slope(x, v, f0)
             b = slope(x + h / 2 * a[0], v + h / 2 * a[1], f1)
             c = slope(x + h / 2 * b[0], v + h / 2 * b[1], f1)
             d = slope(x + h * c[0], v + h * c[1], f2)
             x = x + h / 6 * (a[0] + 2 * b[0] + 2 * c[0] + d[0])
             v = v + h / 6 * (a[1] + 2 * b[1] + 2 * c[1] + d[1])
-    return y
+    return np.ascontiguousarray(y.T)
+
+
+def duffing(u, fs, hardening=0.001):
+    """The same mode as the linear one, with a hardening spring."""
+    return spring(u, fs, lambda x: x + hardening * x**3, ZETA, F_N, 3)
+
+
+def one_sided(u, fs):
+    """A mode at 10 Hz whose spring is twice as stiff one way: even and odd distortion at a resonance."""
+    return spring(u, fs, lambda x: x + np.maximum(x, 0), 0.05, 10.0, 2)
 
 
 STATIC = {"linear": linear, "cubic": cubic, "Duffing": duffing}
+OTHERS = {
+    "even": even,
+    "quintic": quintic,
+    "saturation": saturation,
+    "weak": weak,
+    "Wiener": wiener,
+    "Hammerstein": hammerstein,
+    "one-sided": one_sided,
+}
 RMS = {"linear": 1.0, "cubic": 1.0, "Duffing": 1.0, "friction 1": 0.25, "friction 3": 2.5}
 
 
@@ -64,6 +120,13 @@ def realisations(plant, kind, n_realizations, rng):
         return ms, ms.u, STATIC[plant](ms.u, ms.fs)
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=1)
     return ms, record.u[:, 0], record.y[:, 0]
+
+
+def played(ms, plant, n, rng):
+    """(u, y): n realisations of a multisine, by phases of their own, and the steady-state output of a plant to them."""
+    phase = rng.uniform(0, 2 * np.pi, (n, ms.f.size))
+    u = replace(ms, phase=phase).u
+    return u, (STATIC | OTHERS)[plant](u, ms.fs)
 
 
 def resonance(plant, bla_lines, G):

@@ -26,7 +26,7 @@ levels = (0.25, 0.5)  # N rms
 ms = [nlfrf.multisine(fs=2048, n_samples=8192, f_min=0.25, f_max=150, rms=rms, rng=1) for rms in levels]
 blas = [nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), m, n_periods=2)) for m in ms]
 model = robust.uncertainty(blas, robust.fit_nominal(blas, n_poles=3), order=6)
-w_P = robust.performance_weight(2 * np.pi * 1.2, M_S=4, A=0.1)
+w_P = robust.performance_weight(2 * np.pi * 1.0, M_S=4, A=0.1)
 low, high = robust.loop_bounds(model, w_P)
 f = model.omega / (2 * np.pi)
 print(f"|L| must be high up to {f[low > 0].max():.3g} Hz (there above {low[low > 0][-1]:.3g})")

@@ -13,9 +13,13 @@ from nlfrf.shared.values import value
 __all__ = ["Bla", "DistortionLevels"]
 
 
-#: Share of the distortion that bends the FRF smoothly, so that its roughness does not show it: 10 to 30 % on cubic,
-#: Duffing and friction plants (benchmarks/coverage.py).
-SMOOTH = 0.3
+#: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
+#: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
+UNSEEN = {"roughness": 0.5, "detection": 0.2}
+#: Lines: over the number of lines, what the distortion of a new realisation has over that of the one at hand, as few
+#: lines make a level that differs from realisation to realisation.
+FEW = 4.0
+AROUND = 9  # lines over which noise and distortion are told apart
 
 
 @value
@@ -63,7 +67,8 @@ class Bla:
     levels : DistortionLevels
         Output amplitudes on excited and detection lines.
     var_bound : (F,) ndarray
-        The variance of G behind `bound`: `var_total`, pooled with the detection lines where M >= 2.
+        The variance of G behind `bound`: the scatter over realisations pooled with the level, each for what it is
+        worth; of one realisation the largest that its level can be read as.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.
@@ -163,9 +168,9 @@ class Bla:
         one_of("of", of, ("bla", "realization"))
         variance = self.var_bound
         if of == "realization":
-            noise = np.nan_to_num(self.var_noise)
-            scatter = self.n_realizations * np.maximum(self.var_bound - noise, 0.0)
-            variance = variance + (1 + SMOOTH * ("roughness" in self.level_source)) * scatter
+            missing = UNSEEN.get(self.level_source.split()[-1], 0.0) + FEW / self.f.size
+            scatter = (self.n_realizations + missing) * self.distorted_share()
+            variance = variance * (1 + scatter)
         return np.sqrt(quantile * variance)
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
@@ -192,6 +197,23 @@ class Bla:
             p = p ** (1 / self.f.size)
         # L ((1 - p)^(-1/L) - 1), by expm1 so that large L do not cancel
         return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
+
+    def distorted_share(self) -> np.ndarray:
+        """(F,) the share of `var_bound` that is distortion: a new realisation scatters by it, not by the noise.
+
+        Line by line the difference of two estimates is nothing half of the time where noise prevails, so it is taken
+        over nine lines, with an allowance for chance; where one line by itself shows more, it counts by itself.
+        """
+        noise, total = np.nan_to_num(self.var_noise), self.var_total if self.n_realizations == 1 else self.var_bound
+        if not noise.any():
+            return np.ones(self.f.size)
+        dof_noise = self.n_realizations * max(self.n_periods - 1, 1)
+        weight = 1 / np.maximum(total + noise, np.finfo(float).tiny)
+        around = local_mean(noise * weight, AROUND) / np.maximum(local_mean(total * weight, AROUND), 1e-300)
+        around = 1 - around * (1 - np.sqrt(1 / self.dof + 1 / (AROUND * dof_noise)) / 3)
+        alone = noise / np.maximum(total, np.finfo(float).tiny)
+        alone = 1 - alone - 2 * np.sqrt(1 / self.dof + alone**2 / dof_noise)
+        return np.clip(np.maximum(around, alone), 0.0, 1.0)
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
         """Order of magnitude of how far the BLA lies from the FRF of the linear part alone: not a bound.

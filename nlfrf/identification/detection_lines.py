@@ -61,13 +61,15 @@ def detected_power(
     gain: np.ndarray,
     gain_excited: np.ndarray,
     window: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    follows: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Distortion read on a window of detection lines for each excited line.
 
-    Distortion at the output follows |G|^2 across a resonance, noise does not: so the expected power on line j of a
-    window is taken as q_j = d |G_j|^2 + n_j, with the noise n_j known from the periods and d from maximum likelihood
-    (scoring on exponentially distributed powers). What is measured over what is expected is then averaged over the
-    window, so that lines of very different power weigh the same.
+    Distortion that arises before a resonance follows |G|^2 across it, distortion that arises behind it does not, nor
+    does noise: so the expected power on line j of a window is taken as q_j = d |G_j|^2 + n_j or as q_j = d + n_j, with
+    the noise n_j known from the periods and d from maximum likelihood (scoring on exponentially distributed powers).
+    What is measured over what is expected is then averaged over the window, so that lines of very different power weigh
+    the same.
 
     Parameters
     ----------
@@ -77,18 +79,23 @@ def detected_power(
         |G|^2 on the excited lines.
     window : (..., F, n) int ndarray
         Detection lines of each excited line, nearest first, by their place among all lines; -1: none.
+    follows : (..., 1, 1) bool ndarray
+        Whether the distortion is taken to follow |G|^2.
 
     Returns
     -------
     distortion : (..., F) ndarray
-        Power of the distortion on the scale of the excited line, d |G|^2.
+        Power of the distortion on the scale of the excited line.
     ratio : (..., F) ndarray
         Mean of the measured over the expected power: near one.
     n_used : (..., F) ndarray
         Lines used: fewer than n where |G| changes much within the window.
+    likelihood : (..., F) ndarray
+        Log-likelihood of the powers on a window under what is expected, but for a constant.
     """
     P, N, A = power[window], noise[window], gain[window] / gain_excited[:, None]
     used = (narrowed(A) & (window >= 0)).astype(float)
+    A = np.where(follows, A, 1.0)
     n_used = np.add.reduce(used, axis=-1)
     excess, square = A * (P - N), A * A
     floor = np.maximum(N, np.finfo(float).tiny ** 0.25)  # its square can still be divided by
@@ -97,7 +104,8 @@ def detected_power(
         d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)
         expected = A * d[..., None] + floor
         weight = used / (expected * expected)
-    return d, np.vecdot(used, P / expected) / n_used, n_used
+    ratio = P / expected
+    return d, np.vecdot(used, ratio) / n_used, n_used, -np.vecdot(used, np.log(expected) + ratio)
 
 
 def narrowed(gain: np.ndarray) -> np.ndarray:

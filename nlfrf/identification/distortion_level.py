@@ -16,9 +16,14 @@ from nlfrf.shared.arguments import DataWarning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
 from nlfrf.shared.values import value
 
-__all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "read_level", "smooth_frf"]
+__all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "pool_levels", "read_level", "smooth_frf"]
 
 
+SIDE = 9  # lines over which a level is held against the scatter
+DECIDED = 3.0  # log-likelihood by which one way of reading the lines beats the other: 20 to 1
+FEW = 2.0  # lines: over the number of lines the variance by which one realisation's distortion is not normal
+DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands for: 1.1 dB, as calibrations are good
+MANY = 20  # lines over which roughness shows most of the distortion
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
 
 
@@ -30,6 +35,8 @@ class Level:
     ------
     variance : (F,) ndarray
         At each excited line, averaged over realisations, noise included.
+    cautious : (F,) ndarray
+        The largest that the same lines can be read as: the distortion may arise before a resonance or behind it.
     dof : (F,) ndarray
         Complex degrees of freedom behind it.
     grid_factor : (F,) ndarray
@@ -40,6 +47,7 @@ class Level:
     """
 
     variance: np.ndarray
+    cautious: np.ndarray
     dof: np.ndarray
     grid_factor: np.ndarray
     even: np.ndarray
@@ -52,7 +60,7 @@ def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | No
     even = even_variance(excited, answer)
     if fit is None:
         nothing = np.zeros(even.size)
-        return Level(variance=nothing, dof=nothing, grid_factor=np.ones(even.size), even=even)
+        return Level(variance=nothing, cautious=nothing, dof=nothing, grid_factor=np.ones(even.size), even=even)
     return level_from_roughness(fit, even)
 
 
@@ -61,10 +69,41 @@ def level_from_detection(excited: Spectra, answer: Answer, grid: LineGrid) -> Le
     U, where = rms(excited.U), excited.where
     factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, where.near_odd)
     factors = np.ones((len(where.near_detection), factor.size))
-    factors[0] = factor
-    variance, n_used = read_detected(U, answer, where.excited, where.near_detection, factors)
-    even = variance[1] if grid.even.size else np.full(factor.size, np.nan)
-    return Level(variance=variance[0], dof=n_used[0] * excited.U.shape[0], grid_factor=factor, even=even)
+    factors[:2] = factor
+    variance, n_used, likelihood = read_detected(U, answer, where.excited, where.near_detection, factors)
+    # of two readings the larger, but where the powers around decide: a line stands in as many windows as these have
+    decided = local_mean(likelihood[0] - likelihood[1], SIDE) * SIDE * excited.U.shape[0] / n_used[0]
+    larger = np.maximum(variance[0], variance[1])
+    even = variance[2] if grid.even.size else np.full(factor.size, np.nan)
+    return Level(
+        variance=variance[0],
+        cautious=np.where(decided > DECIDED, variance[0], np.where(decided < -DECIDED, variance[1], larger)),
+        dof=n_used[0] * excited.U.shape[0],
+        grid_factor=factor,
+        even=even,
+    )
+
+
+def pool_levels(frf: Frf, level: Level, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The variance behind the bound (F,) and its complex degrees of freedom: scatter over n realisations, and level.
+
+    A level is worth what its calibration is. Where it reads something else than the scatter, over nine lines, or by
+    far too little on one, it has no say.
+    """
+    few = 1 + FEW / frf.G.size
+    if n == 1:
+        return few * level.cautious, level.dof
+    if not level.dof.any():
+        return frf.var_total, np.full(frf.G.size, n - 1.0)
+    scatter = n * frf.var_total
+    tiny = np.finfo(float).tiny
+    ratio = (scatter + tiny) / (few * level.cautious + tiny)
+    alone, around = np.maximum(np.log(ratio), 0.0), np.log(local_mean(ratio, SIDE))
+    chance = 1 / (n - 1) + 1 / level.dof
+    doubt = DOUBT + np.maximum(alone**2 - 4 * chance, 0.0) + np.maximum(around**2 - 4 * chance / SIDE, 0.0)
+    dof_level = 1 / (1 / level.dof + doubt)
+    dof = n - 1 + dof_level
+    return ((n - 1) * frf.var_total + dof_level * few * level.cautious / n) / dof, dof
 
 
 def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
@@ -77,13 +116,14 @@ def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
 
 def read_detected(
     U: np.ndarray, answer: Answer, here: np.ndarray, windows: np.ndarray, factors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Variances (k, F) of one realisation's FRF, with inputs of amplitude U, that k kinds of lines tell; lines used."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Variances (k, F) of one realisation's FRF for inputs of amplitude U, by k readings; lines used; likelihoods."""
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
     power, gain = mean_power(answer.Yc), squared(answer.G)
-    distortion, ratio, n_used = detected_power(power, noise, gain, gain[here], windows)
-    return ratio * (factors * distortion + noise[here]) / U**2, n_used
+    follows = np.arange(len(windows))[:, None, None] != 1
+    distortion, ratio, n_used, likelihood = detected_power(power, noise, gain, gain[here], windows, follows)
+    return ratio * (factors * distortion + noise[here]) / U**2, n_used, likelihood
 
 
 def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, LocalFit | None]:
@@ -93,9 +133,8 @@ def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, Loc
         return fit.G.mean(axis=0), fit
     if excited.lines.size < LEAST or excited.U.shape[0] >= ENOUGH:
         return frf.G, None
-    return fit_locally(frf.G[None], rms(excited.U)[None], excited.where).G[
-        0
-    ], None  # less scatter: it whitens more evenly
+    fit = fit_locally(frf.G[None], rms(excited.U)[None], excited.where)  # less scatter: it whitens more evenly
+    return fit.G[0], None
 
 
 def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
@@ -106,7 +145,8 @@ def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
 
 def level_from_roughness(fit: LocalFit, even: np.ndarray) -> Level:
     """From the roughness of each realisation's FRF over the excited lines."""
-    return Level(variance=fit.variance.mean(axis=0), dof=fit.dof.sum(axis=0), grid_factor=np.ones(even.size), even=even)
+    variance, ones = fit.variance.mean(axis=0), np.ones(even.size)
+    return Level(variance=variance, cautious=variance, dof=fit.dof.sum(axis=0), grid_factor=ones, even=even)
 
 
 def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
@@ -152,7 +192,8 @@ def why_roughness(grid: LineGrid, n_detection: int) -> str:
         reason = f"the grid of this record has {n_odd} odd detection lines, fewer than n_detection = {n_detection}"
     else:
         reason = f"the detection lines of this {kind} grid do not calibrate"
+    few = f"; on {grid.excited.size} lines it may read too low as well" if grid.excited.size < MANY else ""
     return (
         f"{reason}; the level was taken from the roughness of the FRF, which reads too high where the FRF bends within "
-        "a few lines. A special-odd or random-odd multisine gives a level that can be calibrated."
+        f"a few lines{few}. A special-odd or random-odd multisine gives a level that can be calibrated."
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.detection_lines import Answer, nonlinear_answer
-from nlfrf.identification.distortion_level import Level, choose_source, read_level, smooth_frf
+from nlfrf.identification.distortion_level import Level, choose_source, pool_levels, read_level, smooth_frf
 from nlfrf.identification.frf import Frf, average_frf
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
@@ -112,8 +112,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
     periodic, known = (record.u, spectra.U) if spectra.R is None else (record.r, spectra.R)
     refuse_wrong_lines(periodic, record.lines, known[:, spectra.where.excited])
-    spectra, n_periods = check_realizations(spectra, periodic, record.n_periods - (treatment == "discard"))
-    excited = spectra.on_excited()
+    spectra, excited, n_periods = check_realizations(spectra, periodic, record.n_periods - (treatment == "discard"))
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
@@ -134,14 +133,10 @@ def assemble_bla(
 ) -> Bla:
     """What was found, with the level weighed against the scatter of the realisations."""
     grid, n = record.lines, excited.U.shape[0]
-    if n == 1:
-        var_total = var_bound = level.variance
-        dof = level.dof
-    else:
-        var_total = frf.var_total
-        dof = n - 1 + level.dof
-        var_bound = ((n - 1) * var_total + level.dof * level.variance / n) / dof
-        source = source if source == "realizations" else f"realizations and {source}"
+    var_bound, dof = pool_levels(frf, level, n)
+    var_total = level.variance if n == 1 else frf.var_total
+    if n > 1 and source != "realizations":
+        source = f"realizations and {source}"
     return Bla(
         lines=grid,
         fs=record.fs,

@@ -22,10 +22,11 @@ __all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
 
 
 ORDER = 2
-EARNED = 0.5  # the denominator has to earn its place: noise alone would be fitted by it now and then
+EARNED = 0.25  # the denominator has to earn its place: at 0.5 noise alone was fitted by it in one window of five
 POOLED = 9  # neighbouring lines over which it is judged
 LEAST_NOISE = 0.5  # share of the known noise that a roughness shows at least
 NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
+SMALLEST = 0.1  # denominator, against that at the line itself: a pole of the fit near the window is no distortion
 LEAST = ORDER + 3  # lines that leave two degrees of freedom
 
 
@@ -89,10 +90,13 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
         earned = local_mean((EARNED * variance - variance_r)[:, end : last - end + 1], POOLED) > 0
         better = earned.take(np.clip(np.arange(last + 1) - end, 0, last - 2 * end), axis=1)
         fitted = np.where(better, fitted - np.vecdot(a.conj(), value_at_zero[..., 1:]), fitted)
-        variance = np.where(better, variance_r, variance)
+        inverse = np.where(better[..., None], np.abs(1 - np.vecmat(a.conj(), powers[:, 1:])), 1.0)
+        # the residual under the denominator follows |G|; without it, it is flat: nobody knows which the distortion does
+        flat = power(remainder / np.maximum(inverse, SMALLEST)) / (n - n_rational)
+        variance = np.where(better, np.maximum(variance_r, flat), variance)
         dof = np.where(better, n - n_rational, dof)
         if noise is not None:
-            denominator = np.where(better[..., None], np.abs(1 - np.vecmat(a.conj(), powers[:, 1:])), 1.0)
+            denominator = np.where(flat[..., None] > variance_r[..., None], 1.0, inverse)
     if noise is not None:
         smooth = local_mean(noise * weight**2, NOISE_LINES)
         # and not far under the noise that is known to be there

@@ -29,8 +29,8 @@ class Places:
     near_excited, near_odd : (F, n) int ndarray
         For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds.
     near_detection : (k, F, n) int ndarray
-        For each excited line the nearest odd and, where there are any, even lines, as places among all lines; -1 where
-        there are fewer.
+        For each excited line the nearest odd lines, the same again, as they are read in two ways, and where there are
+        any the even ones, as places among all lines; -1 where there are fewer.
     near_even : (1, F, n) int ndarray
         The even ones alone.
     """
@@ -51,7 +51,7 @@ def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
     lines = np.sort(np.concatenate([grid.excited, grid.odd, grid.even]))
     excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
     near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (grid.odd, grid.even))
-    windows = [odd[near_odd], even[near_even]] if even.size else [odd[near_odd]]
+    windows = [odd[near_odd], odd[near_odd], *([even[near_even]] if even.size else [])]
     near_detection = np.full((len(windows), excited.size, max(one.shape[1] for one in windows)), -1)
     for row, one in zip(near_detection, windows, strict=True):
         row[:, : one.shape[1]] = one

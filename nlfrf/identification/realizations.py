@@ -31,10 +31,11 @@ BY_CHANCE = 1e-9  # probability with which independent phases may pass for the s
 ALIKE = 0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
 FEWEST = 4  # lines that can tell phases apart
 FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
+PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -> tuple[Spectra, int]:
+def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -> tuple[Spectra, Spectra, int]:
     """Realisations that can be averaged: with input on every line, of one excitation, each with phases of its own.
 
     Parameters
@@ -47,7 +48,8 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
 
     Returns
     -------
-    The spectra, with realisations that repeat another one as periods of it, and the periods behind each.
+    The spectra, with realisations that repeat another one as periods of it, the same on the excited lines alone, and
+    the periods behind each.
 
     Warns
     -----
@@ -65,7 +67,7 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
             warn_of_repeats(groups, n)
             distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
     warn_of_low_peaks(periodic[distinct, 0], excited)
-    return spectra, n_periods
+    return spectra, (excited if isinstance(distinct, slice) else spectra.on_excited()), n_periods
 
 
 def warn_of_repeats(groups: list[list[int]], n: int) -> None:
@@ -120,8 +122,10 @@ def join_repeats(spectra: Spectra, n_periods: int, excited: Spectra) -> tuple[Sp
 def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
     """Which realisations (M, F) have the same phases but for a delay, as lists of their numbers."""
     n, n_lines = U.shape
-    same = alike(U, squared(U @ U[:MOST].conj().T), 1)
     steps = equal_steps(where)
+    same = np.eye(n, min(n, MOST), dtype=bool)
+    if steps.shape[1] < PLENTY:
+        same |= alike(U, squared(U @ U[:MOST].conj().T), 1)
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
