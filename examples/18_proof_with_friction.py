@@ -61,7 +61,10 @@ for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
         stiffness=assumed.friction.K0 * rng.dirichlet(np.ones(4)),
         strength=rng.dirichlet(np.ones(4)),
         stiction=assumed.friction.stiction,
-        **{"vs": 0.01, "dwell": 0.05, "wavelength": 1e-4, "asymmetry": 0.3},
+        vs=0.01,
+        dwell=0.05,
+        wavelength=1e-4,
+        asymmetry=0.3,
     )
     rig = nlfrf.Rig(float(assumed.mass[0]), float(assumed.stiffness[0]), law)
     responses = nlfrf.simulate_loops(rig, [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks, oversampling=8)

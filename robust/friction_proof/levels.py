@@ -51,8 +51,10 @@ class FrictionClass:
     >>> blas = [nlfrf.identify(nlfrf.simulate(rig, nlfrf.multisine("special-odd", rms=rms, **grid), n_periods=2))
     ...         for rms in (0.1, 0.25, 2.5)]
     >>> found = friction_class(blas)                        # the rig has 1 kg, 80 kN/m and 64 kN/m
-    >>> bool(abs(found.mass[0] - 1) < 0.1), bool(abs(found.stiffness[0] / 80e3 - 1) < 0.05), bool(found.friction.K0 > 64e3)
-    (True, True, True)
+    >>> bool(abs(found.mass[0] - 1) < 0.1), bool(abs(found.stiffness[0] / 80e3 - 1) < 0.05)
+    (True, True)
+    >>> bool(64e3 < found.friction.K0 < 80e3)
+    True
     """
 
     machine: SlidingMachine
@@ -162,11 +164,11 @@ def resonance(bla: Bla) -> tuple[tuple[float, float, float], tuple[float, float]
 
 def told(k: np.ndarray, m: np.ndarray, stds: tuple[float, float], margin: float, friction: AnyFriction) -> str:
     """What was read, what is assumed, what the data cannot show."""
-    fell = 100 * (k[1] / k[0] - 1)
+    fell = f"k still fell by {100 * (k[1] / k[0] - 1):.2g} % to it"
     return (
         f"Assumed, read from {k.size} levels: m = {m[0]:.4g} +- {stds[1]:.1g} kg, k = {k[0] / 1e3:.4g} +- "
-        f"{stds[0] / 1e3:.1g} kN/m at the highest level (k still fell by {fell:.2g} % to it), c = 0; K0 = "
-        f"{friction.K0 / 1e3:.4g} kN/m, {margin:g} times the stiffness lost from the lowest level "
-        f"({k[-1] / 1e3:.4g} kN/m) to it; stiction {friction.stiction:g}, which no level shows. The levels support this "
-        "class, they do not prove it: friction that creeps below break-away looks the same."
+        f"{stds[0] / 1e3:.1g} kN/m at the highest level ({fell}), c = 0; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times "
+        f"the stiffness lost from the lowest level ({k[-1] / 1e3:.4g} kN/m) to it; stiction {friction.stiction:g}, which no "
+        "level shows. The levels support this class, they do not prove it: friction that creeps below break-away looks "
+        "the same."
     )
