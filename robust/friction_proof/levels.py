@@ -167,8 +167,8 @@ def told(k: np.ndarray, m: np.ndarray, stds: tuple[float, float], margin: float,
     fell = f"k still fell by {100 * (k[1] / k[0] - 1):.2g} % to it"
     return (
         f"Assumed, read from {k.size} levels: m = {m[0]:.4g} +- {stds[1]:.1g} kg, k = {k[0] / 1e3:.4g} +- "
-        f"{stds[0] / 1e3:.1g} kN/m at the highest level ({fell}), c = 0; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times "
-        f"the stiffness lost from the lowest level ({k[-1] / 1e3:.4g} kN/m) to it; stiction {friction.stiction:g}, which no "
-        "level shows. The levels support this class, they do not prove it: friction that creeps below break-away looks "
-        "the same."
+        f"{stds[0] / 1e3:.1g} kN/m at the highest level ({fell}), c = 0; K0 = {friction.K0 / 1e3:.4g} kN/m, "
+        f"{margin:g} times the stiffness lost from the lowest level ({k[-1] / 1e3:.4g} kN/m) to it; stiction "
+        f"{friction.stiction:g}, which no level shows. The levels support this class, they do not prove it: friction "
+        "that creeps below break-away looks the same."
     )
