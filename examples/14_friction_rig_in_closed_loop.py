@@ -4,11 +4,11 @@ A mass on a spring with friction is identified at one level of force and at thre
 too bold are designed and checked, and every one is then put around the nonlinear machine: a burst of random force,
 gentle or hard, and silence. A set made at one level says nothing of other levels; a set over the levels does.
 
-A dozen controllers take some seconds; the few hundred that show the pattern, some minutes:
-
-python examples/14_friction_rig_in_closed_loop.py --crossovers 10 --gains 12
-
-Of the 80 promised from one level, 31 end in a limit cycle after the hard burst; of the 25 from three levels, none.
+A dozen controllers take some seconds; the few hundred that show the pattern (--crossovers 10 --gains 12) some minutes.
+Of the 80 promised from one level, 31 end in a limit cycle after the hard burst; of the 25 from three levels, none. That
+is true of these bursts, not of the machine: `robust.prove_friction` finds that 66 of the 80 and all of the 25 have no
+stable loop while the machine slides, and surely run away from a kick of 0.014 to 0.92 m/s, with any friction of at most
+1 N; three of the 40 "not robust" from one level, and 16 of the 95 from three, it proves for a whole class of friction.
 """
 
 import argparse

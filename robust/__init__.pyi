@@ -35,6 +35,8 @@ from .fixed_structure.design_frf import design_frf as design_frf
 from .friction_proof.classes import any_bounded as any_bounded
 from .friction_proof.classes import any_maxwell_slip as any_maxwell_slip
 from .friction_proof.classes import any_passive as any_passive
+from .friction_proof.levels import FrictionClass as FrictionClass
+from .friction_proof.levels import friction_class as friction_class
 from .friction_proof.machine import sliding_machine as sliding_machine
 from .friction_proof.proof import FrictionProof as FrictionProof
 from .friction_proof.proof import prove_friction as prove_friction

@@ -211,6 +211,44 @@ def verify(
 
 
 @app.command()
+def prove(
+    machine: Annotated[
+        list[Path], typer.Argument(help="Model written by 'robust model', or BLAs at three levels or more.")
+    ],
+    controller: Annotated[Path, typer.Argument(help="Controller written by 'robust design'.")],
+    stiffness: Annotated[
+        float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; read from the BLAs otherwise.")
+    ] = None,
+    stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
+    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
+    limits: Annotated[bool, typer.Option("--limits", help="Look for the largest stiffness and stiction too.")] = False,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Result to write (.txt).")] = None,
+) -> None:
+    """Prove that a machine with friction comes to rest, with every friction of a class, or name one that breaks it."""
+    K = robust.load_controller(controller)
+    if len(machine) == 1:
+        if stiffness is None:
+            raise ValueError("stiffness must be given with a model [N/m]; BLAs at three levels tell it")
+        plant = robust.load_model(machine[0])
+        if plant.measured_only:
+            raise ValueError(f"machine must have a parametric nominal, got {machine[0]} with an FRF")
+        sliding, text = robust.sliding_machine(plant.nominal), ""
+        friction = robust.any_maxwell_slip(stiffness, stiction)
+    else:
+        found = robust.friction_class([nlfrf.load_bla(path) for path in machine], stiction=stiction)
+        sliding, friction, text = found.machine, found.friction, f"{found}\n"
+        if stiffness is not None:
+            friction = robust.any_maxwell_slip(stiffness, stiction)
+    with working("proving"):
+        proof = robust.prove_friction(sliding, K, friction, delay=delay, Fs=force, limits=limits)
+    print(f"{text}{proof}")
+    if out is not None:
+        write_text(out, f"{text}{proof}\n")
+        print(f"wrote {out}")
+
+
+@app.command()
 def orders(
     bla: Annotated[list[Path], typer.Argument(help="BLA written by 'nlfrf identify'; several make a plant family.")],
     most: Annotated[int, typer.Option(help="Largest number of poles to try.")] = 8,

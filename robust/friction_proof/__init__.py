@@ -9,8 +9,8 @@ multipliers  weights of filters on the friction, by a linear program
 dissipation  the inequality they give, in states that come to rest
 riccati      a storage function proposed by a periodic Riccati equation
 bernstein    the judge of it
-certify      from weights to a certificate
-limits       how much stiffer or stickier a friction may be
+certify      from weights to a certificate, and how far it reaches
+levels       machine and class read from measured levels
 bounded      friction that is only known to be bounded: sure run-away, hunting
 passive      every passive friction
 """

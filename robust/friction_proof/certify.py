@@ -1,6 +1,8 @@
-"""From weights to a judged certificate for the Maxwell-slip friction of a class."""
+"""From weights to a judged certificate for the Maxwell-slip friction of a class, up to the stiffest that is proved."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,14 +13,17 @@ from robust.friction_proof.dissipation import Dissipation, maxwell_slip_dissipat
 from robust.friction_proof.loop import SlidingLoop
 from robust.friction_proof.multipliers import filter_rates, frequencies, mobility, rows, weights
 from robust.friction_proof.riccati import proposed_storage
+from robust.friction_proof.springs import unstable_spring
 
-__all__ = ["FrictionCertificate", "certified_dissipation", "certify_maxwell_slip"]
+__all__ = ["FrictionCertificate", "certified_dissipation", "certify_maxwell_slip", "proved_limits"]
 
 METHOD = "periodic Riccati equation, Bernstein"
 SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
 INTERVALS = (8, 32, 128)
 FINEST = 512
 NEAR = 1e-3  # a failure so small that the finest intervals are worth their time
+WITHIN = 1.02  # ratio of the two ends where a bisection stops
+LARGEST = 64.0  # times what was asked
 
 
 @value
@@ -93,3 +98,33 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> str:
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
     return judge(judged, storage_function(judged.form, P, slack, FINEST))[0] if worst < NEAR and not quick else failure
+
+
+def proved_limits(
+    loop: SlidingLoop, K0: float, rho: float, bristle_time: float, reference: float
+) -> tuple[float, float]:
+    """Largest K0 at this rho, and largest rho at this K0, that a proof was found for; both are proved as they stand."""
+
+    def stiffness_proved(ratio: float) -> bool:
+        if unstable_spring(loop, ratio * K0) is not None:
+            return False
+        return certify_maxwell_slip(loop, ratio * K0, rho, bristle_time, reference, quick=True).certificate.holds
+
+    def stiction_proved(ratio: float) -> bool:
+        return certify_maxwell_slip(loop, K0, ratio * rho, bristle_time, reference, quick=True).certificate.holds
+
+    return K0 * largest(stiffness_proved), rho * largest(stiction_proved)
+
+
+def largest(holds: Callable[[float], bool]) -> float:
+    """Largest ratio from one on that holds, as a bisection finds it; at most `LARGEST`."""
+    low = 1.0
+    high = 2.0
+    while high <= LARGEST and holds(high):
+        low, high = high, 2 * high
+    if high > LARGEST:
+        return low
+    while high / low > WITHIN:
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low

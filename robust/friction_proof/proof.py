@@ -10,9 +10,8 @@ from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.friction_proof.bounded import hunting_bound, sure_kick
-from robust.friction_proof.certify import certify_maxwell_slip
+from robust.friction_proof.certify import certify_maxwell_slip, proved_limits
 from robust.friction_proof.classes import AnyFriction
-from robust.friction_proof.limits import proved_limits
 from robust.friction_proof.loop import SlidingLoop, sliding_loop
 from robust.friction_proof.machine import SlidingMachine
 from robust.friction_proof.passive import damping_left

@@ -80,6 +80,16 @@ PRINTED = {
         r"three levels +statistically robust +hard +[1-9]\d* +0 +0 +0\n",
         r"three levels +not robust",
     ],
+    "18_proof_with_friction": [
+        r"K0 = 7\d\.\d kN/m, 1\.25 times",
+        r"--- PID ---\nproved: Comes to rest from every state with every Maxwell-slip friction",
+        r"--- integrator alone ---\nrefuted: the sliding loop is unstable",
+        r"Surely runs away from a kick of 0\.2\d\d m/s",
+        r"not every friction of the class: with a spring of 7\d\.\d kN/m",
+        r"PID +proved +a friction of the class +0 of 12 kicks",
+        r"integrator alone +refuted +a friction of the class +[1-9]",
+        r"too much damping, late +refuted +a friction of the class +[1-9]",
+    ],
     "15_several_uncertainties": [
         r"one disc over the levels 10\.\d, the rest 0\.8",
         r" 1\.00 Hz +0\.99 +1\.1",  # the disc refuses every integral controller, the numbers do not

@@ -1,0 +1,83 @@
+"""What can be proved of the machine itself: three levels, a class of friction, and a proof for all of it.
+
+A mass on a spring with friction is identified at three levels. They tell the machine while it slides, and how much
+stiffer it is while it sticks: a class of friction with infinitely many members. Then controllers with integral action:
+for each, either a proof that the machine comes to rest with every friction of the class, from every state, or a member
+that breaks it. Both are then played on the machine, with frictions drawn from the class and with one outside it.
+"""
+
+import argparse
+import warnings
+from pathlib import Path
+
+import control
+import matplotlib.pyplot as plt
+import numpy as np
+
+import nlfrf
+import robust
+from nlfrf.friction import VaryingSliders
+
+parser = argparse.ArgumentParser(description=__doc__)
+parser.add_argument("--out", type=Path, default=Path("demo/18"), help="folder for text and picture")
+args = parser.parse_args()
+args.out.mkdir(parents=True, exist_ok=True)
+# a motion that dies out leaves ever smaller hysteresis loops inside one another; the innermost may go
+warnings.filterwarnings("ignore", message="the hysteresis memory", category=nlfrf.DataWarning)
+
+T, LEVELS = 1e-3, (0.1, 0.25, 2.5)  # sample time [s]; rms of the force [N]
+
+
+def identified(rms):
+    """The BLA of the rig at one level, from one special-odd record."""
+    ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=250, rms=rms, rng=1)
+    return nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
+
+
+def pid(Kp, Ki, Kd):
+    """Kp + Ki T/(z - 1) + Kd (1 - 1/z)/T, in N/m, N/ms and Ns/m."""
+    return control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[Ki * T, -Kd / T]], [[Kp + Kd / T]], T)
+
+
+assumed = robust.friction_class([identified(rms) for rms in LEVELS])
+text = [str(assumed), ""]
+
+CONTROLLERS = {
+    "PID": (pid(20e3, 3e5, 60.0), 0.0),
+    "integrator alone": (pid(0.0, 4e5, 0.0), 0.0),
+    "too much damping, late": (pid(80e3, 1e5, 240.0), T),
+}
+proofs = {}
+for name, (K, delay) in CONTROLLERS.items():
+    proof = proofs[name] = robust.prove_friction(assumed.machine, K, assumed.friction, delay=delay, Fs=1.0)
+    text += [f"--- {name} ---", str(proof), ""]
+
+# Frictions of the class, and kicks: the sliders vary with speed, rest, position and direction.
+rng = np.random.default_rng(0)
+kicks = np.column_stack([np.zeros(12), np.geomspace(0.01, 1.0, 12)])
+figure, axes = plt.subplots(1, len(CONTROLLERS), figsize=(13, 4), layout="constrained")
+for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
+    law = VaryingSliders(
+        stiffness=assumed.friction.K0 * rng.dirichlet(np.ones(4)),
+        strength=rng.dirichlet(np.ones(4)),
+        stiction=assumed.friction.stiction,
+        vs=0.01,
+        dwell=0.05,
+        wavelength=1e-4,
+        asymmetry=0.3,
+    )
+    rig = nlfrf.Rig(float(assumed.mass[0]), float(assumed.stiffness[0]), law)
+    responses = nlfrf.simulate_loops(rig, [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks, oversampling=8)
+    outside = nlfrf.simulate_loops(nlfrf.paper_rig(), [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks)
+    for kind, found in (("a friction of the class", responses), ("the rig, which creeps: outside the class", outside)):
+        moving = sum(r.diverged or np.ptp(r.x[-400:]) > 1e-3 * np.ptp(r.x) for r in found)
+        text.append(
+            f"{name:24}{proofs[name].verdict:14}{kind:42}{moving:3d} of {len(found)} kicks still move after 4 s"
+        )
+    for response in (responses[0], responses[-1]):
+        ax.semilogy(response.t, np.maximum(np.abs(response.v), 1e-7), lw=0.8, label=f"kick {response.v[0]:.2g} m/s")
+    ax.set(xlabel="time [s]", ylabel="|velocity| [m/s]", title=f"{name}: {proofs[name].verdict}", ylim=(1e-7, 1e3))
+    ax.legend(fontsize="small")
+figure.savefig(args.out / "proof.png", dpi=110)
+(args.out / "proof.txt").write_text("\n".join(text) + "\n")
+print("\n".join(text))
