@@ -29,6 +29,9 @@ from robust.uncertain.matrix_model import MatrixUncertainty
 __all__ = ["BreakingPerturbation", "all_passes", "as_system", "breaking_perturbation"]
 
 
+NEAR = 1e-4  # of the lowest frequency, or of the distance to Nyquist
+
+
 @value
 class BreakingPerturbation:
     """A perturbation of a `MatrixUncertainty` that puts a pole of the loop on the stability boundary.
@@ -115,12 +118,14 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
         raise ValueError(f"K must leave the nominal loop stable, got one that is {wrong}")
     N = system.loop
     omega, mu = refined(N, system.structure, structure_grid(N))
-    some = omega[np.argsort(-mu)[:6]]
+    dt = timebase(N)
+    # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
+    top = np.pi / dt * (1 - NEAR) if dt else np.inf
+    some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], NEAR * omega[omega > 0].min(), top))
     found = mu_lower(along(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:
         raise ValueError("K must react to the plant at all for a perturbation to break the loop, got one that does not")
-    dt = timebase(N)
     delta = found.delta[:, :, k] * found.value[k]  # of gain one
     return BreakingPerturbation(
         size=float(1 / found.value[k]),
