@@ -45,6 +45,10 @@ __all__ = ["Found", "between_circles", "fixed_gain"]
 RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
 ADDED = (1e-2, 1e-6)  # where rank is lacking everywhere, relative to the scaled plant: a decade less a rung, and least
 WITHOUT_CIRCLE = 1e-4  # added where the axis is kept: the last resort
+COARSE = (1, 1), (0, 0)  # of these: where finer ones found nothing near the bound
+NOT_NEAR = 1.1
+ENOUGH = 1.005  # beside `factor`: how near the lower bound is near enough
+DISTINCT = (1e6, 1e4)  # condition of D12 and D21 up to which bounds are drawn from both, from one alone
 TOLERANCE = 1e-3  # to which the levels of a rung are found
 TRUSTED = 1.003  # a bound may contradict a controller by this before rounding is blamed
 SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail too, or rounding has the word
@@ -86,12 +90,14 @@ def between_circles(P: control.StateSpace, plant: Plant, enough: float, factor: 
     """The best controller by circles that close in on the axis, until it is within `factor` of the lower bound."""
     found, step = Found(), max(1.001, factor**0.5)
     for rung in RUNGS:
+        if rung in COARSE and found.gamma <= NOT_NEAR * found.low:
+            continue
         for problem in outside(plant, *rung):
             found = judged(P, problem, replace(found, tried=10.0 ** -rung[0]), step, deadline)
         if found.K is not None:
             found = replace(found, low=max(found.low, fixed_gain(P, found.K)))
             found = bounded(plant, rung, found, deadline)
-        if found.gamma <= max(factor * found.low, enough) or time.monotonic() > deadline:
+        if found.gamma <= max(ENOUGH * factor * found.low, enough) or time.monotonic() > deadline:
             return replace(found, late=time.monotonic() > deadline)
     last = normalised(regularised(plant, WITHOUT_CIRCLE))
     if last is not None and not (zero_on_axis(last) or zero_on_axis(dual(last))):
@@ -122,10 +128,15 @@ def outside(plant: Plant, below: int, above: int) -> list[Plant]:
 def bounded(plant: Plant, rung: tuple[int, int], found: Found, deadline: float) -> Found:
     """With the level that fails inside a disc in the right half plane, which no controller reaches."""
     problem = in_region(plant, *circle(plant, *rung))
-    reaches, sees = ranks(problem)
-    # with rank lacking on one side everywhere, what the other side alone leaves
-    sides = [problem] if reaches and sees else [all_known(problem)] * reaches + [all_known(dual(problem))] * sees
-    test = partial(solved, quick=True) if reaches and sees else control_equation
+    # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
+    spread = [
+        float(np.linalg.cond(D)) if full else np.inf
+        for full, D in zip(ranks(problem), (problem.D12, problem.D21), strict=True)
+    ]
+    both = max(spread) < DISTINCT[0]
+    # where rank is lacking on one side everywhere, what the other side alone leaves
+    known = [all_known(side) for side, size in zip((problem, dual(problem)), spread, strict=True) if size < DISTINCT[1]]
+    sides, test = ([problem], partial(solved, quick=True)) if both else (known, control_equation)
     for side in sides:
         regular, reached = normalised(side), found.gamma * TRUSTED
         # a level that a controller reaches cannot fail: then rounding has the word, and nothing is learnt
