@@ -250,25 +250,7 @@ def multisine(
     n_realizations = integer("n_realizations", n_realizations, least=1)
     rng = np.random.default_rng(rng)
     first, last = band_lines(fs, n_samples, positive("f_min", f_min), positive("f_max", f_max))
-    if kind == "custom":
-        if lines is None:
-            raise ValueError("lines must be given for a custom grid, got None")
-        grid = lines if isinstance(lines, LineGrid) else LineGrid(excited=lines)
-        if grid.excited[0] < first or grid.excited[-1] > last:
-            raise ValueError(
-                f"lines must lie inside the band, lines {first} to {last}, "
-                f"got lines {grid.excited[0]} to {grid.excited[-1]}"
-            )
-    elif lines is not None:
-        raise ValueError(f'lines must only be given with kind="custom", got kind={kind!r}')
-    else:
-        try:
-            grid = grid_lines(kind, first, last, rng)
-        except ValueError:
-            raise ValueError(
-                f"f_min and f_max must hold at least one line of a {kind} grid between them, "
-                f"got lines {first} to {last}"
-            ) from None
+    grid = grid_in_band(kind, lines, first, last, rng)
     if n_log is not None:
         grid = thinned(grid, integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
@@ -299,6 +281,28 @@ def multisine(
         phase=rng.uniform(0, 2 * np.pi, size=(n_realizations, grid.excited.size)),
         hold=hold,
     )
+
+
+def grid_in_band(kind: str, lines: Any, first: int, last: int, rng: np.random.Generator) -> LineGrid:
+    """The grid of a kind from the first to the last line of the band, or the one that was given."""
+    if kind == "custom":
+        if lines is None:
+            raise ValueError("lines must be given for a custom grid, got None")
+        grid = lines if isinstance(lines, LineGrid) else LineGrid(excited=lines)
+        if grid.excited[0] < first or grid.excited[-1] > last:
+            raise ValueError(
+                f"lines must lie inside the band, lines {first} to {last}, "
+                f"got lines {grid.excited[0]} to {grid.excited[-1]}"
+            )
+        return grid
+    if lines is not None:
+        raise ValueError(f'lines must only be given with kind="custom", got kind={kind!r}')
+    try:
+        return grid_lines(kind, first, last, rng)
+    except ValueError:
+        raise ValueError(
+            f"f_min and f_max must hold at least one line of a {kind} grid between them, got lines {first} to {last}"
+        ) from None
 
 
 def thinned(grid: LineGrid, n_log: int) -> LineGrid:

@@ -32,8 +32,35 @@ def digest() -> str:
     return hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in CALLED)).hexdigest()
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def control_step(A: Array, B: Array, C: Array, D: float, x: Array, e: float) -> float:
+    """Output of a controller for the error e; its state x goes on by one sample."""
+    u = D * e
+    new = B * e
+    for row in range(x.size):
+        u += C[row] * x[row]
+        for column in range(x.size):
+            new[row] += A[row, column] * x[column]
+    x[:] = new
+    return float(u)
+
+
 def stamped(stamp: str) -> Callable[..., None]:
     """The kernel, with the digest among what the cache knows it by."""
+
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def advance(
+        body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
+    ) -> bool:
+        if len(stamp) == 0:
+            return False
+        if law.form == kernel_data.SLIDERS:
+            return bool(advance_sliders(body, law, grid, state, stack, drive, h, n, out))
+        if law.form == kernel_data.GMS:
+            return bool(advance_gms(body, law, grid, state, stack, drive, h, n, out))
+        if law.form == kernel_data.COULOMB:
+            return bool(advance_coulomb(body, law, grid, state, stack, drive, h, n, out))
+        return bool(advance_hysteretic(body, law, grid, state, stack, drive, h, n, out))
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def loops(
@@ -73,15 +100,7 @@ def stamped(stamp: str) -> Callable[..., None]:
                 if resolution > 0.0:
                     y = resolution * np.round(y / resolution)
                 e = r[i, k] - y
-                u = D[i] * e
-                for row in range(xc.size):
-                    u += C[i, row] * xc[row]
-                u = min(max(u, -saturation), saturation)
-                new = B[i] * e
-                for row in range(xc.size):
-                    for column in range(xc.size):
-                        new[row] += A[i, row, column] * xc[column]
-                xc = new
+                u = min(max(control_step(A[i], B[i], C[i], D[i], xc, e), -saturation), saturation)
                 asked[k + whole] = u
                 for piece in range(2):
                     span = part if piece == 0 else 1.0 - part
@@ -95,15 +114,7 @@ def stamped(stamp: str) -> Callable[..., None]:
                     n = int(np.ceil(span * steps))
                     drive[:n] = force
                     h = span / (n * fs)
-                    if law.form == kernel_data.SLIDERS:
-                        stable = advance_sliders(body, law, grid, state, stack, drive[:n], h, n, out)
-                    elif law.form == kernel_data.GMS:
-                        stable = advance_gms(body, law, grid, state, stack, drive[:n], h, n, out)
-                    elif law.form == kernel_data.COULOMB:
-                        stable = advance_coulomb(body, law, grid, state, stack, drive[:n], h, n, out)
-                    else:
-                        stable = advance_hysteretic(body, law, grid, state, stack, drive[:n], h, n, out)
-                    if not stable:
+                    if not advance(body, law, grid, state, stack, drive[:n], h, n, out):
                         lengths[i] = k
                         break
                     if piece == 0 or part == 0.0:

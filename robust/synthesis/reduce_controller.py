@@ -142,16 +142,8 @@ def reduce_controller(
             report = check(model, small, w_P=w_P, delay=delay)
             kept, lost = compared(small, report, before)
             if kept or order is not None:
-                return Reduction(
-                    K=small,
-                    order=n,
-                    method=method,
-                    kept=kept,
-                    report=report,
-                    before=before,
-                    reason=lost,
-                    n_tried=n_tried,
-                )
+                told = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
+                return Reduction(K=small, order=n, method=method, kept=kept, **told)
     return Reduction(
         K=K,
         order=K.nstates,

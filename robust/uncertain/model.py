@@ -334,39 +334,24 @@ def uncertainty(
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.2))
     ('multiplicative', 'statistical', True)
     """
+    asked: dict[str, Any] = {"order": order, "simultaneous": bool(simultaneous), "perturbation": perturbation}
     if isinstance(bla, Frm):
-        return matrix_uncertainty(
-            bla,
-            nominal,
-            form=ELEMENTS if form == RELATIVE else form,
-            order=order,
-            confidence=confidence,
-            simultaneous=bool(simultaneous),
-            even=even,
-            below=below,
-            above=above,
-            perturbation=perturbation,
-        )
+        asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
+        return matrix_uncertainty(bla, nominal, below=below, above=above, **asked)
     many = list(bla) if isinstance(bla, Sequence) else [bla]
     if not many or not all(isinstance(b, Bla) for b in many):
         raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
     one_of("form", form, tuple(FORMS))
     p = probability("confidence", confidence)
     below, above = slope("below", below), slope("above", above)
-    delay = 0.0
-    if isinstance(nominal, NominalFit):
-        delay = nominal.delay
-        nominal = delayed(nominal.G, delay, order=PADE_ORDER)
+    nominal, delay, dt = as_nominal(nominal)
     if not isinstance(nominal, control.FrequencyResponseData):
-        nominal = state_space("nominal", nominal)
-        many = [behind_hold(b, timebase(nominal)) for b in many]
+        many = [behind_hold(b, dt) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
     omega, discs = family(many, nominal, p, simultaneous, even, systematic)
-    center = np.abs(nominal_response(nominal, omega))
     absolute = total_of(discs)
-    factor = FORMS[form].radius_factor(omega, absolute, center)
+    factor = FORMS[form].radius_factor(omega, absolute, np.abs(nominal_response(nominal, omega)))
     radius = absolute * factor
-    dt = 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
         omega, radius, factor = omega[inside], radius[inside], factor[inside]
@@ -389,6 +374,17 @@ def uncertainty(
         fs=min(b.fs for b in many),
         unit=many[0].unit,
     )
+
+
+def as_nominal(nominal: Any) -> tuple[Any, float, float]:
+    """The nominal with its delay inside, that delay and its sampling time [s]."""
+    delay = nominal.delay if isinstance(nominal, NominalFit) else 0.0
+    if isinstance(nominal, NominalFit):
+        nominal = delayed(nominal.G, delay, order=PADE_ORDER)
+    if isinstance(nominal, control.FrequencyResponseData):
+        return nominal, delay, 0.0
+    nominal = state_space("nominal", nominal)
+    return nominal, delay, timebase(nominal)
 
 
 def measured_as(bla: Bla) -> str:

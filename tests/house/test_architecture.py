@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -223,8 +224,9 @@ def test_rooms_stay_small(name, tree):
 def lines_of_code(function):
     """Lines of a function that hold code: no docstring, no comment, no blank."""
     body = function.body[1:] if ast.get_docstring(function) else function.body
+    inner = [node for node in body if isinstance(node, ast.FunctionDef)]  # they are counted for themselves
     used = {line for node in body for leaf in ast.walk(node) for line in span(leaf)}
-    return len(used)
+    return len(used) - sum(len(span(node)) for node in inner)
 
 
 def span(node):
@@ -233,8 +235,9 @@ def span(node):
 
 @EACH
 def test_functions_stay_short(name, tree):
+    public = set(import_module(name.split(".")[0]).__all__)
     for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
-        most = 80
+        most = 40 if function.name in public else 60
         assert lines_of_code(function) <= most, f"{name}.{function.name} has {lines_of_code(function)} lines of code"
 
 
