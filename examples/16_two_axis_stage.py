@@ -1,4 +1,4 @@
-"""A stage of two axes: from one set of experiments to a verdict on a controller matrix, and onto the machine.
+"""A stage of two axes: a set of experiments, a verdict on a controller matrix, the machine.
 
 Two masses on springs, coupled, with friction on both axes, measured at two points that mix them. Two experiments with
 both inputs on give the frequency response matrix and a bound: for its entries, and for the matrix as a whole.

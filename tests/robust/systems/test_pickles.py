@@ -66,7 +66,19 @@ def values_of_robust():
     yield from (robust.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
     yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
     PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
-    yield robust.prove_friction(robust.sliding_machine(1.0, 80e3, 0.4), PD, robust.any_maxwell_slip(64e3))
+    machine, slip = robust.sliding_machine(1.0, 80e3, 0.4), robust.any_maxwell_slip(64e3)
+    levels = {"mass": np.ones(3), "stiffness": np.full(3, 80e3), "damping": np.zeros(3)}
+    known = {"mass_std": 0.01, "stiffness_std": 100.0, "evidence": "three levels"}
+    yield from (
+        robust.prove_friction(machine, PD, slip),
+        robust.FrictionClass(machine=machine, friction=slip, **levels, **known),
+    )
+    lag, exact = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    small = robust.UncertaintyModel(lag, exact, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    PI = control.tf([2, 2], [1, 0])
+    yield from (robust.prefilter(small, PI, lag), robust.check(small, PI).certificates[0].verify())
+    yield robust.reduce_controller(control.tf([1], [1e-4, 1]) * control.tf([3], [1e-3, 1]), small)
+    yield robust.parameter_margin(control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]]), [(1, 1, "real")])
     yield from (robust.mu_upper(np.full((2, 2, 3), 0.3 + 0j), DELTA), robust.certify_norm(FIT.G, 10.0))
 
 
