@@ -1,4 +1,4 @@
-"""What can be proved of the machine itself: three levels, a class of friction, and a proof for all of it.
+"""A proof for the machine itself: three levels, a class of friction, a proof for all of it.
 
 A mass on a spring with friction is identified at three levels. They tell the machine while it slides, and how much
 stiffer it is while it sticks: a class of friction with infinitely many members. Then controllers with integral action:
