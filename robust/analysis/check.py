@@ -132,7 +132,8 @@ def check(
     loop = assemble(model, K, w_P, delay)
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)
-    omega, of = loop.grid(model.omega), {"perturbation": model.perturbation}
+    omega = loop.grid(model.omega)
+    of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
     claim = claim_of(model, K, loop.w_P, delay)
     wrong = decided(loop, claim)
     if wrong:

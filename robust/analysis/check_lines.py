@@ -43,7 +43,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
         has_set=has_set,
         loop=f"{hold}; controller {K.nstates} states",
     )
-    return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable)
+    return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, demand=w_P, delay=delay)
 
 
 def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float, sampled_frf: float) -> None:

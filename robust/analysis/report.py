@@ -58,6 +58,10 @@ class RobustnessReport:
         Form of the uncertainty.
     w_P : (W,) ndarray or None
         |w_P| on the grid, where performance was asked for.
+    demand : control.StateSpace or None
+        The performance weight itself.
+    delay : float
+        Computation delay [s] on top of what the model contains.
 
     References
     ----------
@@ -102,6 +106,8 @@ class RobustnessReport:
     radius: np.ndarray
     form: str
     w_P: Any = None
+    demand: Any = None
+    delay: float = 0.0
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:

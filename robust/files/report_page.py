@@ -64,7 +64,8 @@ def write_report(
     delay : float
         Computation delay [s], as in `check`.
     report : RobustnessReport, optional
-        The check, where it was done already; it is done here when not given.
+        The check, where it was done already, with the demand and the delay that it was done with; it is done here when
+        not given.
     title, notes : str
         Heading, and what else the reader should know.
 
@@ -76,7 +77,7 @@ def write_report(
     Raises
     ------
     ValueError
-        A path that does not end in .html, or parts that `check` refuses.
+        A path that does not end in .html, a delay that is not that of the report, or parts that `check` refuses.
     FileNotFoundError
         A folder that does not exist.
 
@@ -102,6 +103,9 @@ def write_report(
     blas = several(bla) or [nlfrf.identify(one) for one in records]
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay)
+    elif delay not in (0.0, report.delay):
+        raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
+    w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
         excitation_section(records, blas),

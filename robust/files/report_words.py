@@ -27,7 +27,7 @@ def roots_text(roots: np.ndarray, dt: float) -> str:
     with np.errstate(divide="ignore"):
         s = np.log(roots.astype(complex)) / dt if dt else roots
     said = []
-    for root in sorted(s[s.imag > -1e-9 * np.abs(s)], key=abs):
+    for root in sorted(s[s.imag >= -1e-9 * np.abs(s)], key=abs):
         size = abs(root)
         if not np.isfinite(size):
             said.append("z = 0")

@@ -1,0 +1,50 @@
+"""The report page says what the check was made with."""
+
+import re
+
+import control
+import numpy as np
+import pytest
+
+from robust import UncertaintyModel, check, performance_weight, worst_case, write_report
+from robust.files.report_words import roots_text
+
+PLANT = control.tf([1], [1, 1])
+MODEL = UncertaintyModel(
+    PLANT, control.tf([0.2], [1]), "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]), perturbation="LTI"
+)
+
+
+def plain(path):
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02])
+@pytest.mark.parametrize("w_P", [None, performance_weight(0.5, M_S=3.0, A=0.1)])
+def test_a_report_that_was_made_before_is_told_with_what_it_was_made_with(tmp_path, w_P, delay):
+    report = check(MODEL, 2.0, w_P=w_P, delay=delay)
+    assert report.delay == delay
+    assert (report.demand is None) == (w_P is None)
+    write_report(tmp_path / "r.html", MODEL, 2.0, report=report)
+    text = plain(tmp_path / "r.html")
+    assert ("none asked for" in text) == (w_P is None)
+    assert f"{1e3 * delay:g} ms, and" in text
+    worst = worst_case(MODEL, 2.0, delay=delay)
+    assert f"{worst.gain.max():.4g}" in text or f"{worst.achieved:.3g}" in text
+    again = tmp_path / "again.html"
+    write_report(again, MODEL, 2.0, w_P=w_P, delay=delay)
+    stamped = r"\d{4}-\d\d-\d\d \d\d:\d\d [A-Z+\-\d]*"
+    assert re.sub(stamped, "", plain(again)) == re.sub(stamped, "", text)
+
+
+def test_another_delay_than_that_of_the_report_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"delay must be that of the report, 0 s, got 0\.02 s"):
+        write_report(tmp_path / "r.html", MODEL, 2.0, delay=0.02, report=check(MODEL, 2.0))
+    assert not list(tmp_path.iterdir())
+
+
+def test_integrators_are_named():
+    assert roots_text(np.array([0.0, -1.0]), 0.0) == "0 Hz (integrator); 0.1592 Hz"
+    assert roots_text(np.array([1.0, np.exp(-0.01)]), 0.01) == "0 Hz (integrator); 0.1592 Hz"
+    assert roots_text(np.array([0.0, 0.0]), 0.0) == "0 Hz (integrator); 0 Hz (integrator)"
+    assert roots_text(np.array([2j, -2j]), 0.0) == "0.3183 Hz, damping 0"
