@@ -32,7 +32,7 @@ dt, delay = 1e-3, 1e-3
 plant = robust.sampled(model.nominal, dt, delay)
 integrator = robust.crossover_weight(plant, 2 * np.pi * 8)
 K_shaped = robust.ncfsyn(plant, integrator).K
-w_P = robust.performance_weight(2 * np.pi, M_S=2.5, A=1e-2)
+w_P = robust.performance_weight(2 * np.pi * 0.9, M_S=2.6, A=1e-2)
 
 reports = {}
 for name, K in (("shaped", K_shaped), ("integrator", integrator), ("twice the integrator", 2 * integrator)):

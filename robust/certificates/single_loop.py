@@ -93,7 +93,8 @@ class Product:
 def doubted(spread: Spread, doubt: np.ndarray) -> Spread:
     """The same where the value at m is only known to within a factor exp(doubt), phase included."""
     radius, up, low = spread
-    return (1 + radius) * np.exp(doubt) - 1, up * np.exp(doubt), low * np.exp(-doubt)
+    with np.errstate(over="ignore"):  # nothing known there
+        return (1 + radius) * np.exp(doubt) - 1, up * np.exp(doubt), low * np.exp(-doubt)
 
 
 def whole(radius: np.ndarray, up: np.ndarray, low: np.ndarray) -> Spread:
