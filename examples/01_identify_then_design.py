@@ -60,7 +60,7 @@ design = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * args.ba
 robust.save_controller(design.K, args.out / "controller.json")
 
 # 5. What can be claimed of the loop, for which perturbations.
-w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 4, M_S=2.5, A=1e-2)
+w_P = robust.performance_weight(2 * np.pi * args.bandwidth / 6, M_S=2.5, A=1e-2)
 report = robust.check(model, design.K, w_P=w_P)
 robust.write_report(args.out / "report.html", model, design.K, bla=bla, record=record, nominal=nominal, report=report)
 (args.out / "report.txt").write_text(f"{bla}\n{nominal}\n{report}\n")

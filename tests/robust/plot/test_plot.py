@@ -74,7 +74,7 @@ def test_curves_leave_the_picture_below_without_a_plateau(ax):
 
 
 def test_validation_shows_every_line(ax):
-    validation = validate(MODEL, make_bla(lambda s: 1.3 * plant(s), F, f0=0.25, sigma_distortion=0.05 * SIZE, rng=3))
+    validation = validate(MODEL, make_bla(lambda s: 1.2 * plant(s), F, f0=0.25, sigma_distortion=0.05 * SIZE, rng=3))
     assert 0 < validation.n_outside < validation.n_lines == F.size
     pictures.plot_validation(validation, ax=ax)
     assert curve(ax, "outside")[1].size == validation.n_outside
