@@ -92,9 +92,9 @@ for name, report in reports.items():
     axes[0, 2].loglog(report.omega[1:] / 2 / np.pi, report.mu[1:], label=name)
 axes[0, 2].axhline(1, color="k", lw=0.8)
 axes[0, 2].set(title="mu: below one is robustly stable", xlabel="frequency [Hz]", ylabel="[-]")
-axes[1, 2].plot(np.arange(1024) / FS, 1e6 * moved.T)
+axes[1, 2].plot(np.arange(1024) / FS, 1e6 * moved.T, label=["x", "y"])
 axes[1, 2].set(title="the step on the machine", xlabel="time [s]", ylabel="position [um]")
-for ax in (axes[0, 0], axes[0, 2]):
+for ax in (axes[0, 0], axes[0, 2], axes[1, 2]):
     ax.legend(fontsize="small")
 figure.savefig(out / "stage.png", dpi=90)
 print(f"wrote {out}/stage.png")
