@@ -11,7 +11,7 @@ from nlfrf.shared.wording import hertz
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_lines_only
-from robust.systems.lti import constant, response, timebase
+from robust.systems.lti import response, timebase
 from robust.systems.nyquist import unstable_poles, winding
 from robust.systems.realisation import state_space
 from robust.uncertain.measured import as_seen, on_lines, sampling_time
@@ -25,7 +25,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     w_P = None if w_P is None else state_space("w_P", w_P)
     delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation = on_lines(model)
-    dt = timebase(K) if not constant(K) else 0.0
+    dt = timebase(K)
     refuse_misfit(omega, G, dt, sampling_time(model))
     G = as_seen(model, omega, G, dt, delay)
     encirclements, clear = winding(omega, G, K, dt)

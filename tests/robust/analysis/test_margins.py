@@ -41,3 +41,14 @@ def test_ripples_of_a_delay(delay):
         G, K = ([rng.uniform(0.3, 0.9)], [rng.uniform(0.01, 1), 1.0]), ([0.95], [1.0])
         w = ([0.3 * rng.uniform(0.1, 1), 0.2], [1.0, 1.0])
         assert margin(G, K, w, "additive", delay) <= 1.001 / curve(G, K, w, delay, omega, "additive").max()
+
+
+def test_a_number_with_a_clock_is_a_sampled_controller():
+    """K = 2 at 50 Hz holds its output: on measured lines the loop has the hold's delay, as it has for any other K."""
+    omega = np.linspace(1, 60, 200)
+    plant = control.frd(1 / (1j * omega + 1), omega)
+    held = check(plant, control.StateSpace([], [], [], [[2.0]], 0.02))
+    x = omega * 0.01
+    wanted = 2 / (1j * omega + 1) * np.sin(x) / x * np.exp(-1j * x)
+    assert np.abs(held.S - 1 / (1 + wanted)).max() < 1e-12
+    assert np.abs(check(plant, 2.0).S - 1 / (1 + 2 / (1j * omega + 1))).max() < 1e-12
