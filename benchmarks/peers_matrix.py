@@ -1,8 +1,8 @@
 """The matrix of `identify` against best-linear-approximation (Python 3.12), by two interpreters through one file.
 
-    python -m benchmarks.peers_matrix write /tmp/peers.npz          # here
-    python3.12 benchmarks/peers_matrix.py peer /tmp/peers.npz       # with best-linear-approximation 0.1.1
-    python -m benchmarks.peers_matrix compare /tmp/peers.npz        # here again
+    python -m benchmarks.peers_matrix write peers.npz          # here
+    python3.12 benchmarks/peers_matrix.py peer peers.npz       # with best-linear-approximation 0.1.1
+    python -m benchmarks.peers_matrix compare peers.npz        # here again
 
 Their layout is (N, n_u, n_u, R, P), their covariances (F, n_y n_u, n_y n_u) are sample covariances of vec(G), with
 P - 1 and R - 1 degrees of freedom; ours pool the experiments of a set, n_u times as many. Here both are put together by

@@ -77,10 +77,9 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
 
     Examples
     --------
-    >>> import nlfrf
+    >>> import nlfrf, tempfile
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
-    >>> import tempfile
     >>> from pathlib import Path
     >>> folder = tempfile.TemporaryDirectory()
     >>> export_csv(nlfrf.identify(record), f"{folder.name}/bla.csv")

@@ -151,13 +151,19 @@ def test_one_period_has_no_noise_split_and_says_so():
     assert np.all(np.isfinite(bla.bound()))
 
 
-def test_robust_method_equals_formulas_written_independently():
+def seven_noisy_realisations():
+    """A cubic, noise on both sides, two periods each."""
     rng = np.random.default_rng(5)
     M, P = 7, 2
     ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, n_realizations=M, rng=rng)
     u = np.repeat(ms.u[:, None, :], P, axis=1) + 0.01 * rng.standard_normal((M, P, N))
     y = u**3 + 0.01 * rng.standard_normal((M, P, N))
-    bla = identify(Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+    return ms, u, y, identify(Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+
+
+def test_robust_method_equals_formulas_written_independently():
+    ms, u, y, bla = seven_noisy_realisations()
+    M, P = u.shape[:2]
     k = ms.lines.excited
     each, noise = [], np.zeros(k.size)
     for m in range(M):
@@ -179,12 +185,7 @@ def test_robust_method_equals_formulas_written_independently():
 
 def test_robust_method_equals_the_package_best_linear_approximation():
     package = pytest.importorskip("best_linear_approximation", reason="needs best-linear-approximation (Python 3.12)")
-    rng = np.random.default_rng(5)
-    M, P = 7, 2
-    ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, n_realizations=M, rng=rng)
-    u = np.repeat(ms.u[:, None, :], P, axis=1) + 0.01 * rng.standard_normal((M, P, N))
-    y = u**3 + 0.01 * rng.standard_normal((M, P, N))
-    bla = identify(Record(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+    ms, u, y, bla = seven_noisy_realisations()
     columns = [np.moveaxis(x, 2, 0)[:, None] for x in (u, y)]  # samples, channels, M, P
     theirs = package.robust.noisy_input(*columns, fs=FS, excited_bins=ms.lines.excited, show_warnings=False).G
     np.testing.assert_allclose(bla.G, theirs.value.squeeze(), rtol=1e-12)
