@@ -13,6 +13,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf.shared.whole_files import write_text
@@ -23,6 +25,7 @@ from robust.analysis.verdict import VERDICTS
 from robust.files.report_data import bla_section, excitation_section, nominal_section, opinion_section, set_section
 from robust.files.report_sections import check_section, loop_section, settings_section, verdict_section, worst_section
 from robust.modelling.nominal import NominalFit
+from robust.systems.lti import response
 from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
 
@@ -77,7 +80,7 @@ def write_report(
     Raises
     ------
     ValueError
-        A path that does not end in .html, a delay that is not that of the report, or parts that `check` refuses.
+        A path that does not end in .html, a delay or w_P that is not that of the report, parts that `check` refuses.
     FileNotFoundError
         A folder that does not exist.
 
@@ -105,6 +108,8 @@ def write_report(
         report = check(model, K, w_P=w_P, delay=delay)
     elif delay not in (0.0, report.delay):
         raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
+    elif w_P is not None and not is_demand(report, w_P):
+        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
@@ -121,6 +126,13 @@ def write_report(
     text = page(title=title, notes=notes, report=report, sections=sections)
     write_text(path, text)
     return report
+
+
+def is_demand(report: RobustnessReport, w_P: Any) -> bool:
+    """Whether a performance weight is the one that a report was made with."""
+    if report.w_P is None:
+        return False
+    return np.allclose(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P, rtol=1e-6, atol=0)
 
 
 def page(**content: Any) -> str:

@@ -48,3 +48,12 @@ def test_integrators_are_named():
     assert roots_text(np.array([1.0, np.exp(-0.01)]), 0.01) == "0 Hz (integrator); 0.1592 Hz"
     assert roots_text(np.array([0.0, 0.0]), 0.0) == "0 Hz (integrator); 0 Hz (integrator)"
     assert roots_text(np.array([2j, -2j]), 0.0) == "0.3183 Hz, damping 0"
+
+
+def test_another_demand_than_that_of_the_report_is_refused(tmp_path):
+    w_P = performance_weight(0.5, M_S=3.0, A=0.1)
+    for before, asked in ((None, w_P), (w_P, performance_weight(0.4, M_S=3.0, A=0.1))):
+        with pytest.raises(ValueError, match="w_P must be that of the report, got another one"):
+            write_report(tmp_path / "r.html", MODEL, 2.0, w_P=asked, report=check(MODEL, 2.0, w_P=before))
+    assert not list(tmp_path.iterdir())
+    write_report(tmp_path / "r.html", MODEL, 2.0, w_P=w_P, report=check(MODEL, 2.0, w_P=w_P))
