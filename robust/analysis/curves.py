@@ -126,8 +126,11 @@ def loop_curves(form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: n
 
 
 def finite(response: np.ndarray) -> np.ndarray:
-    """(W,) a response with its limit in place of infinity: in S, T, K S and G S it cancels, to all digits there are."""
-    return np.where(np.isfinite(response), response, AT_A_POLE)
+    """(W,) a response with its limit in place of infinity: in S, T, K S and G S it cancels, to all digits there are.
+
+    What is not a number stays that, and counts as the worst there is: it is no pole, it is a failure.
+    """
+    return np.where(np.isinf(response), AT_A_POLE, response)
 
 
 def peaks_on_lines(curves: Curves) -> Peaks:

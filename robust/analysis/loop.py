@@ -23,6 +23,7 @@ from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with", "weighted"]
+
 DELAY_ORDER = 8
 MOST_STATES = 600  # of a plant with its delay line
 N_ALIASES = 30
@@ -85,7 +86,7 @@ class Loop:
         """(W,) response of G."""
         G = response(self.short, omega)
         with np.errstate(invalid="ignore"):  # infinite at a pole on the axis, whatever the phase
-            return np.where(np.isfinite(G), G * np.exp(-1j * omega * self.shift), np.inf)
+            return np.where(np.isinf(G), np.inf, G * np.exp(-1j * omega * self.shift))
 
     def curves(self, omega: Any) -> Curves:
         """What the loop does at the frequencies omega [rad/s], from the responses of its parts."""

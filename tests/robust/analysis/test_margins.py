@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check
+from robust.analysis.curves import loop_curves
+from robust.systems.grids import highest
 
 
 def curve(G, K, w, delay, omega, form):
@@ -52,3 +54,14 @@ def test_a_number_with_a_clock_is_a_sampled_controller():
     wanted = 2 / (1j * omega + 1) * np.sin(x) / x * np.exp(-1j * x)
     assert np.abs(held.S - 1 / (1 + wanted)).max() < 1e-12
     assert np.abs(check(plant, 2.0).S - 1 / (1 + 2 / (1j * omega + 1))).max() < 1e-12
+
+
+def test_a_response_that_is_no_number_is_no_pole():
+    """At a pole S = 0 and T = 1; where a response failed nothing is known, and nothing may look good there."""
+    omega, one = np.array([1.0, 2.0, 3.0]), np.ones(3, complex)
+    curves = loop_curves("multiplicative", omega, np.array([1.0, np.inf, np.nan]) + 0j, one, 0.1 * one, None)
+    assert curves.S[:2] == pytest.approx([0.5, 0.0])
+    assert curves.rs[:2] == pytest.approx([0.05, 0.1])
+    assert np.isnan(curves.S[2])
+    assert np.isnan(curves.rs[2])
+    assert highest(lambda at: np.where(at > 1, np.nan, 0.1), omega, (1.0, 3.0), np.inf)[0] == np.inf
