@@ -174,7 +174,7 @@ class ElasticPlastic(Yielding):
     Raises
     ------
     ValueError
-        A K0 or a breaking force that is not positive.
+        A K0 or a largest force that is not positive.
 
     References
     ----------

@@ -35,10 +35,6 @@ class Magnitude:
     poles: np.ndarray
     gain: float
 
-    def reciprocal(self) -> Magnitude:
-        """1 / |W|."""
-        return Magnitude(zeros=self.poles, poles=self.zeros, gain=1 / self.gain)
-
     def upper(self, low: float, high: float) -> float:
         """A bound from above on [low, high]; high may be infinite. Tight as the interval shrinks."""
         if np.isinf(high):

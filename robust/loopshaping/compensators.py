@@ -114,7 +114,7 @@ def notch(omega: float, *, depth: float = 0.1, width: float = 0.5, dt: float = 0
     Raises
     ------
     ValueError
-        A frequency, depth or width that is not positive.
+        A frequency or width that is not positive, a negative depth.
 
     References
     ----------
@@ -153,7 +153,7 @@ def roll_off(omega: float, *, order: int = 1, zeta: float = 0.7, dt: float = 0.0
     Raises
     ------
     ValueError
-        A frequency that is not positive, an order other than one or two.
+        A frequency or damping that is not positive, an order other than one or two.
 
     References
     ----------

@@ -36,7 +36,7 @@ def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, ord
     Raises
     ------
     ValueError
-        A bandwidth that is not positive.
+        Numbers that are not positive.
         An A that is not below M_S, an M_S that is not above one.
 
     References
@@ -83,7 +83,7 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
     Raises
     ------
     ValueError
-        A frequency that is not positive, an A that is not below M_u.
+        Numbers that are not positive, an A that is not below M_u.
 
     References
     ----------
@@ -126,7 +126,7 @@ def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.
     Raises
     ------
     ValueError
-        A delay that is not positive, a gain error out of [0, 1).
+        A delay that is not positive, a gain error out of [0, 1), an order other than one or three.
 
     References
     ----------

@@ -28,7 +28,7 @@ def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
     Returns
     -------
     (W,) ndarray
-        Largest singular value over the set at each frequency;
+        Bound on the largest singular value over the set at each frequency;
         inf where the perturbations may make the loop singular.
 
     Raises
