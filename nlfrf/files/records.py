@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
@@ -33,11 +33,45 @@ LABELS = ("u_name", "y_name", "u_unit", "y_unit")
 Path_ = str | os.PathLike[str]
 
 
+@overload
+def load_record(
+    path: Path_ | Sequence[Path_],
+    *,
+    u: str = ...,
+    y: str = ...,
+    r: str | None = ...,
+    fs: float | None = ...,
+    n_samples: int | None = ...,
+    lines: LineGrid | None = ...,
+    n_discard: int = ...,
+    resample: bool = ...,
+    design: Multisine | Path_ | None = ...,
+    hold: str | None = ...,
+) -> Record: ...
+
+
+@overload
+def load_record(
+    path: Path_ | Sequence[Path_],
+    *,
+    u: str = ...,
+    y: list[str] | tuple[str, ...],
+    r: str | None = ...,
+    fs: float | None = ...,
+    n_samples: int | None = ...,
+    lines: LineGrid | None = ...,
+    n_discard: int = ...,
+    resample: bool = ...,
+    design: Multisine | Path_ | None = ...,
+    hold: str | None = ...,
+) -> list[Record]: ...
+
+
 def load_record(
     path: Path_ | Sequence[Path_],
     *,
     u: str = "u",
-    y: str | Sequence[str] = "y",
+    y: str | list[str] | tuple[str, ...] = "y",
     r: str | None = None,
     fs: float | None = None,
     n_samples: int | None = None,
@@ -46,7 +80,7 @@ def load_record(
     resample: bool = False,
     design: Multisine | Path_ | None = None,
     hold: str | None = None,
-) -> Any:
+) -> Record | list[Record]:
     """Read a record from a measurement file, or from several of one experiment.
 
     Parameters
