@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 import nlfrf
+from nlfrf.doctor import examine
 from nlfrf.excitation.lines import KINDS
 from nlfrf.files.results import load
 from nlfrf.shared.arguments import nonnegative
@@ -239,6 +240,19 @@ def reproduce(
         findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=resume)
     print((out / "findings.md").read_text().strip())
     print(f"wrote {len(findings)} findings and the figures in {out}")
+
+
+@app.command()
+def doctor() -> None:
+    """Say what is installed here, and what is wrong with it (exit code 1)."""
+    rows, faults = examine()
+    for name, version, asked in rows:
+        print(f"{name:14} {version or 'not installed':16} {asked}")
+    for fault in faults:
+        print(fault)
+    if faults:
+        raise typer.Exit(1)
+    print("all is well")
 
 
 def slug(name: str) -> str:

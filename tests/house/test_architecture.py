@@ -22,6 +22,7 @@ ARROWS = {
     "nlfrf.files": "identification records excitation",
     "nlfrf.studies": "bench identification records excitation",
     "nlfrf.plot": "identification records excitation",
+    "nlfrf.doctor": "",
     "robust.systems": "",
     "robust.verification": "",
     "robust.certificates": "verification systems",

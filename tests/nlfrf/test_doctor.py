@@ -1,0 +1,118 @@
+"""A wheel of ours beside another distribution that has the import name `robust`."""
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from nlfrf.doctor import examine
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)], cwd=ROOT)
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture
+def place(wheel, tmp_path):
+    """A fresh environment that sees the packages of this one, with our wheel in front."""
+    run([sys.executable, "-m", "venv", "--without-pip", str(tmp_path / "env")])
+    site = next((tmp_path / "env").glob("lib/python*/site-packages"))
+    (site / "outer.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")) + "\n")
+    unpack(wheel, site)
+    return site
+
+
+def run(command, **options):
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=True, **options).stdout
+
+
+def unpack(wheel, site):
+    """What an installer does with a pure wheel: its files over those that are there."""
+    with zipfile.ZipFile(wheel) as files:
+        files.extractall(site)
+
+
+def other(site):
+    """The neighbour: one module in a package of the same name."""
+    (site / "robust" / "__init__.py").write_text('"""Somebody else."""\n')
+    info = site / "robust-0.5.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: robust\nVersion: 0.5\n")
+    (info / "RECORD").write_text("robust/__init__.py,,\nrobust-0.5.dist-info/METADATA,,\n")
+    (info / "top_level.txt").write_text("robust\n")
+
+
+def said(site, code):
+    python = site.parents[2] / "bin" / "python"
+    result = subprocess.run(
+        [str(python), "-c", code], cwd=site.parents[2], capture_output=True, text=True, timeout=300, check=False
+    )
+    return result.returncode, result.stdout, result.stderr
+
+
+DOCTOR = "import sys; sys.argv = ['nlfrf', 'doctor']; from nlfrf.cli import main; main()"
+ROBUST = "import sys; sys.argv = ['robust', '--version']; from nlfrf.doctor import robust_command; robust_command()"
+
+
+def test_all_is_well_with_our_wheel(place):
+    code, out, err = said(place, DOCTOR)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[-1] == "all is well"
+    assert said(place, ROBUST)[:2] == (0, "nlfrf + robust 0.1.0\n")
+
+
+def test_a_neighbour_that_overwrote_ours_is_named_with_the_cure(place):
+    other(place)
+    code, out, _ = said(place, DOCTOR)
+    assert code == 1
+    assert out.splitlines()[-1] == (
+        "`import robust` must give our package, got files of the distribution robust 0.5: "
+        "pip uninstall robust, then pip install --force-reinstall --no-deps nlfrf"
+    )
+    code, _, err = said(place, ROBUST)
+    assert code == 2
+    assert "robust 0.5" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_ours_left_empty_by_its_removal(place):
+    (place / "robust" / "__init__.py").unlink()
+    code, _, err = said(place, ROBUST)
+    assert code == 2
+    assert "files gone or changed" in err
+    assert "force-reinstall" in err
+
+
+def test_a_package_of_the_name_that_comes_first_on_the_path(place):
+    front = place.parents[2] / "robust"
+    front.mkdir()
+    (front / "__init__.py").write_text("")
+    code, _, err = said(place, ROBUST)
+    assert code == 2
+    assert f"got the one in {front}" in err
+
+
+def test_a_version_below_the_floor_is_a_fault(monkeypatch):
+    from nlfrf import doctor
+
+    monkeypatch.setattr(doctor, "installed", lambda name: "1.0" if name == "numpy" else "")
+    faults = examine()[1]
+    assert any(fault.startswith("numpy must be >=2.2") and "got 1.0" in fault for fault in faults)
+    assert any(fault.startswith("cvxpy must be installed") for fault in faults)
+
+
+def test_the_wheel_holds_types_schemas_and_no_tests(wheel):
+    with zipfile.ZipFile(wheel) as files:
+        names = set(files.namelist())
+    assert {"nlfrf/py.typed", "robust/py.typed", "robust/__init__.pyi"} <= names
+    assert not [name for name in names if name.startswith(("tests/", "benchmarks/", "examples/"))]
+    files = [path for package in ("nlfrf", "robust") for path in (ROOT / package).rglob("*") if path.is_file()]
+    here = {path.relative_to(ROOT).as_posix() for path in files}
+    assert {name for name in here if not name.endswith((".pyc", ".nbi", ".nbc"))} <= names
