@@ -37,7 +37,8 @@ def examine() -> tuple[list[tuple[str, str, str]], list[str]]:
     >>> [name for name, _, _ in rows if name in ("numpy", "control", "cvxpy")]
     ['control', 'cvxpy', 'numpy']
     """
-    rows = [("nlfrf", installed("nlfrf"), ""), ("Python", platform.python_version(), f"on {platform.platform(terse=True)}")]
+    here = f"on {platform.platform(terse=True)}"
+    rows = [("nlfrf", installed("nlfrf"), ""), ("Python", platform.python_version(), here)]
     faults = []
     for extra, need in sorted(needed(), key=lambda one: (one[0], one[1].name.lower())):
         version = installed(need.name)
