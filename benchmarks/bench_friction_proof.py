@@ -23,7 +23,7 @@ import nlfrf
 import robust
 from benchmarks.friction_loops import T, of_example_14, random_loops
 from nlfrf.friction import LuGre, VaryingSliders
-from robust.friction_proof.loop import sliding_loop
+from robust.sliding.loop import sliding_loop
 
 MACHINE = robust.sliding_machine(1.0, 80e3, 0.4)
 K0 = 64e3

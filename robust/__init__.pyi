@@ -37,7 +37,6 @@ from .friction_proof.classes import any_maxwell_slip as any_maxwell_slip
 from .friction_proof.classes import any_passive as any_passive
 from .friction_proof.levels import FrictionClass as FrictionClass
 from .friction_proof.levels import friction_class as friction_class
-from .friction_proof.machine import sliding_machine as sliding_machine
 from .friction_proof.proof import FrictionProof as FrictionProof
 from .friction_proof.proof import prove_friction as prove_friction
 
@@ -69,6 +68,7 @@ from .mu.parameter_margin import ParameterMargin as ParameterMargin
 from .mu.parameter_margin import parameter_margin as parameter_margin
 from .mu.upper import MuBound as MuBound
 from .mu.upper import mu_upper as mu_upper
+from .sliding.machine import sliding_machine as sliding_machine
 
 # Synthesis: controllers from Riccati equations
 from .synthesis.design import Design as Design

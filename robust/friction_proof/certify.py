@@ -8,20 +8,15 @@ import numpy as np
 
 from nlfrf.shared.values import value
 from robust.certificates.certificate import Certificate, refused
-from robust.friction_proof.bernstein import in_coordinates, judge, judge_constant, storage_function
-from robust.friction_proof.dissipation import Dissipation, maxwell_slip_dissipation
-from robust.friction_proof.loop import SlidingLoop
-from robust.friction_proof.multipliers import filter_rates, frequencies, mobility, rows, weights
-from robust.friction_proof.riccati import proposed_storage
-from robust.friction_proof.springs import unstable_spring
+from robust.friction_proof.dissipation import maxwell_slip_dissipation
+from robust.friction_proof.multipliers import filter_rates, rows, weights
+from robust.sliding.loop import SlidingLoop
+from robust.sliding.response import frequencies, mobility
+from robust.sliding.springs import unstable_spring
+from robust.storage.search import METHOD, certified_dissipation
 
-__all__ = ["FrictionCertificate", "certified_dissipation", "certify_maxwell_slip", "proved_limits"]
+__all__ = ["FrictionCertificate", "certify_maxwell_slip", "proved_limits"]
 
-METHOD = "periodic Riccati equation, Bernstein"
-SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
-INTERVALS = (8, 32, 128)
-FINEST = 512
-NEAR = 1e-3  # a failure so small that the finest intervals are worth their time
 WITHIN = 1.02  # ratio of the two ends where a bisection stops
 LARGEST = 64.0  # times what was asked
 
@@ -73,31 +68,6 @@ def certify_maxwell_slip(
             proof = Certificate(subject=subject, holds=True, level=0.0, method=METHOD, intervals=intervals, reason="")
             return FrictionCertificate(certificate=proof, multipliers=found, omega=omega, form=form)
     return FrictionCertificate(certificate=refused(subject, 0.0, reason), multipliers=found, omega=omega, form=form)
-
-
-def certified_dissipation(form: Dissipation, quick: bool = False) -> str:
-    """Empty if a storage function was found and judged to prove the inequality; else what failed last."""
-    judged = in_coordinates(form)
-    failure = "no storage function was found"
-    nearest = NEAR, 0.0, np.zeros(0)
-    for slack in SLACKS:
-        P = proposed_storage(judged.form, slack)
-        if P is None:
-            continue
-        if not form.spans.size:
-            failure = judge_constant(judged, P)
-            if not failure:
-                return ""
-            continue
-        for n_intervals in INTERVALS:
-            failure, worst = judge(judged, storage_function(judged.form, P, slack, n_intervals))
-            if not failure:
-                return ""
-            if np.isinf(worst) and n_intervals > INTERVALS[0]:  # no solution of this slack: finer will not help
-                break
-        nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
-    worst, slack, P = nearest
-    return judge(judged, storage_function(judged.form, P, slack, FINEST))[0] if worst < NEAR and not quick else failure
 
 
 def proved_limits(

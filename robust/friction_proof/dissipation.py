@@ -16,45 +16,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.shared.values import value
-from robust.friction_proof.loop import SlidingLoop
+from robust.sliding.loop import SlidingLoop
+from robust.storage.form import Dissipation
 
-__all__ = ["Dissipation", "maxwell_slip_dissipation"]
+__all__ = ["maxwell_slip_dissipation"]
 
 SLIGHTLY = 1.001  # rho = 1 as it is taken: at one itself the stored energy is not strictly positive
-
-
-@value
-class Dissipation:
-    """A flow with jumps, a supply it cannot exceed, and what of the stored energy is not z'Pz.
-
-    Fields
-    ------
-    A : (n, n) ndarray
-    B : (n, m) ndarray
-        Flow z' = A z + B d.
-    spans : (S,) ndarray
-    jumps : (S, n, n) ndarray
-        How long each flow lasts [s], and the jump before it; none where nothing is sampled.
-    Q, N, R : (n, n), (n, m), (m, m) ndarray
-        Supply z'Qz + 2 z'Nd + d'Rd.
-    stored : (n + 2, n + 2) ndarray
-        The rest of the stored energy, a form in (z, fh_1, elastic force).
-    B_error : (n, m) ndarray
-    stored_error : (n + 2, n + 2) ndarray
-        How far an entry may be off, because the rest xi_e is known to rounding only.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    spans: np.ndarray
-    jumps: np.ndarray
-    Q: np.ndarray
-    N: np.ndarray
-    R: np.ndarray
-    stored: np.ndarray
-    B_error: np.ndarray
-    stored_error: np.ndarray
 
 
 def maxwell_slip_dissipation(

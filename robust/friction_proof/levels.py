@@ -11,7 +11,7 @@ from nlfrf.shared.arguments import real
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
-from robust.friction_proof.machine import SlidingMachine, sliding_machine
+from robust.sliding.machine import SlidingMachine, sliding_machine
 
 __all__ = ["FrictionClass", "friction_class"]
 

@@ -9,13 +9,13 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
-from robust.friction_proof.bounded import hunting_bound, sure_kick
 from robust.friction_proof.certify import certify_maxwell_slip, proved_limits
 from robust.friction_proof.classes import AnyFriction
-from robust.friction_proof.loop import SlidingLoop, sliding_loop
-from robust.friction_proof.machine import SlidingMachine
-from robust.friction_proof.passive import damping_left
-from robust.friction_proof.springs import unstable_spring
+from robust.sliding.bounded import hunting_bound, sure_kick
+from robust.sliding.loop import SlidingLoop, sliding_loop
+from robust.sliding.machine import SlidingMachine
+from robust.sliding.passive import damping_left
+from robust.sliding.springs import unstable_spring
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from robust import any_bounded, any_maxwell_slip, any_passive, prove_friction, sliding_machine
-from robust.friction_proof.bounded import hunting_bound, sure_kick
-from robust.friction_proof.loop import sliding_loop
 from robust.friction_proof.multipliers import filter_rates, largest_stiffness, rows
-from robust.friction_proof.springs import unstable_spring
+from robust.sliding.bounded import hunting_bound, sure_kick
+from robust.sliding.loop import sliding_loop
+from robust.sliding.springs import unstable_spring
 from tests.support.friction_loops import ORACLES, RIG, T, oracle_loop, pid
 
 

@@ -6,12 +6,14 @@ import pytest
 from scipy.integrate import quad
 
 from robust import any_bounded, any_maxwell_slip, prove_friction, sampled, sliding_machine
-from robust.friction_proof.bernstein import in_coordinates, judge, storage_function
-from robust.friction_proof.certify import SLACKS, certify_maxwell_slip
+from robust.friction_proof.certify import certify_maxwell_slip
 from robust.friction_proof.dissipation import maxwell_slip_dissipation
-from robust.friction_proof.loop import sliding_loop
-from robust.friction_proof.multipliers import filter_rates, frequencies, mobility, rows, weights
-from robust.friction_proof.riccati import proposed_storage
+from robust.friction_proof.multipliers import filter_rates, rows, weights
+from robust.sliding.loop import sliding_loop
+from robust.sliding.response import frequencies, mobility
+from robust.storage.bernstein import in_coordinates, judge, storage_function
+from robust.storage.riccati import proposed_storage
+from robust.storage.search import SLACKS
 from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pid
 
 SLIP = any_maxwell_slip(64e3, 1.05)

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from nlfrf.shared.values import value
-from robust.friction_proof.dissipation import Dissipation
-from robust.friction_proof.riccati import coordinates, supply_with_slack
+from robust.storage.form import Dissipation
+from robust.storage.riccati import coordinates, supply_with_slack
 
 __all__ = ["Judged", "Storage", "in_coordinates", "judge", "judge_constant", "storage_function"]
 

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.values import value
-from robust.friction_proof.machine import SlidingMachine
+from robust.sliding.machine import SlidingMachine
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
 
@@ -91,7 +91,7 @@ class SlidingLoop:
 def sliding_loop(machine: SlidingMachine, K: Any, delay: float = 0.0) -> SlidingLoop:
     """The loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
 
-    >>> from robust.friction_proof.machine import sliding_machine
+    >>> from robust.sliding.machine import sliding_machine
     >>> loop = sliding_loop(sliding_machine(1.0, 80e3, 0.4), 0.0)
     >>> round(loop.growth(), 3)                                    # -c / 2m: nothing but the damping of the rig
     -0.2

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import eig, expm
 
-from robust.friction_proof.loop import SlidingLoop
+from robust.sliding.loop import SlidingLoop
 
 __all__ = ["hunting_bound", "sure_kick"]
 

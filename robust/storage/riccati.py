@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm, ordqz, schur, solve_continuous_lyapunov
 
-from robust.friction_proof.dissipation import Dissipation
+from robust.storage.form import Dissipation
 
 __all__ = ["coordinates", "proposed_storage", "supply_with_slack"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robust.friction_proof.loop import SlidingLoop
+from robust.sliding.loop import SlidingLoop
 
 __all__ = ["unstable_spring"]
 

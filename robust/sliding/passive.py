@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from robust.friction_proof.loop import SlidingLoop
-from robust.friction_proof.machine import SlidingMachine
+from robust.sliding.loop import SlidingLoop
+from robust.sliding.machine import SlidingMachine
 from robust.systems.lti import response
 
 __all__ = ["damping_left"]
