@@ -5,16 +5,18 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 TESTS := $(VENV)/.ready-test
 DOCS := $(VENV)/.ready-docs
+RELEASE := $(VENV)/.ready-release
 
-.PHONY: demo test lint docs picture bench clean help
+.PHONY: demo test lint docs picture bench release-check clean help
 
 help:
-	@echo "make demo     the main job on the built-in rig: files and pictures in demo/"
-	@echo "make test     format, lint, types and every test"
-	@echo "make docs     examples, guide and reference as pages in build/docs/index.html"
-	@echo "make picture  the picture of the README, from the first example"
-	@echo "make bench    speeds and measured coverage, against peers where they install"
-	@echo "make clean    remove what these made"
+	@echo "make demo           the main job on the built-in rig: files and pictures in demo/"
+	@echo "make test           format, lint, types and every test"
+	@echo "make docs           examples, guide and reference as pages in build/docs/index.html"
+	@echo "make picture        the picture of the README, from the first example"
+	@echo "make bench          speeds and measured coverage, against peers where they install"
+	@echo "make release-check  build wheel and source distribution, look into them, try them in clean environments"
+	@echo "make clean          remove what these made"
 
 # What a job needs and no more: the packages, then what tests and documentation want besides.
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
@@ -65,5 +67,12 @@ bench: $(TESTS)
 	$(BIN)/python -m benchmarks.fuzz_loaders
 	$(BIN)/python -m benchmarks.coverage
 
+$(RELEASE): $(READY)
+	$(INSTALL) -e ".[release]"
+	@touch $@
+
+release-check: $(RELEASE)
+	$(BIN)/nox
+
 clean:
-	rm -rf $(VENV) demo build docs/generated dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .nox $(VENV) demo build docs/generated dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 
 from robust.systems.realisation import in_order
 
@@ -21,6 +22,7 @@ __all__ = [
 ]
 
 
+FAR = 1e12  # of the largest frequency: a zero out there is one at infinity
 UNDAMPED = 1e-8  # damping under which a pole counts as one on the axis
 Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane
 
@@ -135,14 +137,22 @@ def numerator(
 
 
 def roots_of(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """Roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}."""
+    """Roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}.
+
+    A pencil: where the last coefficients vanish (data of a lower degree) its roots go to infinity, and the others keep
+    their digits, which they lose when the last row is divided by that coefficient instead.
+    """
     n = beta.size - 1
     if n == 0:
         return np.zeros(0, complex)
-    M = np.diag(up[1:n], 1) - np.diag(up[1:n], -1)
-    last = beta[-1] if beta[-1] != 0 else np.finfo(float).eps * np.abs(beta).max()
-    M[-1] -= up[n] * beta[:-1] / last
-    return np.linalg.eigvals(M)
+    M, B = np.diag(up[1:n], 1) - np.diag(up[1:n], -1), np.eye(n)
+    size = np.abs(beta).max() or 1.0
+    M[-1] = (beta[-1] * M[-1] - up[n] * beta[:-1]) / size
+    B[-1, -1] = beta[-1] / size
+    unit = up[1:].max()
+    over, under = scipy.linalg.eig(M / unit, B, right=False, homogeneous_eigvals=True)
+    far = np.abs(under) * FAR < np.abs(over)
+    return np.where(far, -FAR, over / np.where(far, 1.0, under)) * unit
 
 
 def stacked(a: np.ndarray) -> np.ndarray:

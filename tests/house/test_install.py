@@ -10,10 +10,12 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PINS = [Requirement(line) for line in (ROOT / "constraints.txt").read_text().splitlines() if line]
-FLOOR = re.fullmatch(
-    r">=(\d+\.\d+)", tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
-)
+OLDEST = [
+    Requirement(line) for line in (ROOT / "constraints-oldest.txt").read_text().splitlines() if line[:1] not in "#"
+]
+FLOOR = re.fullmatch(r">=(\d+\.\d+)", PROJECT["requires-python"])
 
 
 @pytest.mark.parametrize("pin", PINS, ids=[pin.name for pin in PINS])
@@ -51,3 +53,26 @@ def test_what_is_installed_is_pinned():
 
 def canonical(name):
     return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def test_the_floors_are_the_oldest_versions_that_were_tried():
+    """A floor in pyproject.toml is what constraints-oldest.txt installs, to the last digit that it names."""
+    tried = {canonical(pin.name): next(iter(pin.specifier)).version for pin in OLDEST}
+    for needed in map(Requirement, PROJECT["dependencies"]):
+        (floor,) = needed.specifier
+        version = tried[canonical(needed.name)]
+        assert floor.operator == ">="
+        assert needed.specifier.contains(version)
+        assert re.fullmatch(rf"{re.escape(floor.version)}(\.0)*", version), f"{needed} was tried with {version}"
+
+
+def test_the_conda_recipe_asks_for_the_same():
+    recipe = (ROOT / "conda" / "recipe.yaml").read_text()
+    asked = re.search(r"  run:\n((?:    - .*\n)+)", recipe)[1]
+    theirs = {"matplotlib-base": "matplotlib", "lazy_loader": "lazy-loader"}
+    found = {theirs.get(name, name): f">={floor}" for name, floor in re.findall(r"- (\S+) >=(\S+)", asked)}
+    own = {one.name: str(one.specifier) for one in map(Requirement, PROJECT["dependencies"])}
+    assert found == own | {"python": PROJECT["requires-python"]}
+    for name, entry in PROJECT["scripts"].items():
+        assert f"- {name} = {entry}\n" in recipe
+    assert f'version: "{metadata.version("nlfrf")}"' in recipe

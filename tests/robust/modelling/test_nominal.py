@@ -195,3 +195,18 @@ def test_no_pole_comes_to_stand_on_a_line():
         assert np.all(np.abs(poles.real) >= 0.99e-8 * np.abs(poles))
         zeros, gain = numerator(s, data, weight, poles, 2)
         assert np.isfinite([*zeros, gain]).all()
+
+
+def test_a_numerator_of_lower_degree_keeps_the_digits_of_its_zeros():
+    """Dividing by the last coefficient, rounding alone, lost the small zeros: every start was wrong."""
+    s = 2j * np.pi * F_LINES
+    poles = np.concatenate([[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in (1.57, 70.0, 370.0)])
+    truth = np.concatenate([[(-0.01 + 1j) * w, (-0.01 - 1j) * w] for w in (1.6, 72.0)])
+    data = np.prod(s[:, None] - truth, axis=1) / np.prod(s[:, None] - poles, axis=1)
+    zeros, gain = numerator(s, data, 1 / np.abs(data), poles, 5)
+    near = zeros[np.argsort(np.abs(zeros))][:4]
+    assert np.sort_complex(near) == pytest.approx(np.sort_complex(truth), rel=1e-9)
+    assert np.abs(zeros).max() > 1e8
+    assert gain * np.prod(s[:, None] - zeros, axis=1) / np.prod(s[:, None] - poles, axis=1) == pytest.approx(
+        data, rel=1e-9
+    )
