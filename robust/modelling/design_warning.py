@@ -53,7 +53,7 @@ def warn_of_fit(
     if one_record and ratio > COSTLY:
         warnings.warn(
             f"a nominal model of {G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
-            "scatter alone would leave, and the misfit goes into the radius of the set. More poles or a delay: robust orders "
+            "scatter alone would leave, and the misfit goes into the radius. More poles or a delay: robust orders "
             "(scan_orders) says what the data ask for",
             DesignWarning,
             stacklevel=3,
