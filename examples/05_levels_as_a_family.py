@@ -22,7 +22,7 @@ out.mkdir(parents=True, exist_ok=True)
 
 # 1. The same multisine at three levels, 20 dB apart: from creep under the friction to sliding. Four realisations each.
 rig = nlfrf.paper_rig()
-ms = nlfrf.multisine(fs=4096, n_samples=8192, f_min=2, f_max=140, n_realizations=4, rng=1)
+ms = nlfrf.multisine(fs=4096, n_samples=8192, f_min=1, f_max=140, n_realizations=4, rng=1)
 study = nlfrf.level_study(rig, ms, [0.025, 0.25, 2.5])
 print("level [N rms]   largest |G| at   |G| there [m/N]   distortion under |G|, median [dB]")
 for level, bla, distortion in zip(study.rms, study.blas, study.distortion, strict=True):

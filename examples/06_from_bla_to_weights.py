@@ -49,7 +49,7 @@ for order in (0, 1, 2, 4):
 print("\nform                     radius at 10 Hz    at 59 Hz")
 for form in ("multiplicative", "additive", "inverse-multiplicative"):
     try:
-        other = robust.uncertainty(first, nominal, form=form, order=2)
+        other = robust.uncertainty(first, nominal, form=form, order=4)
     except ValueError as refusal:
         print(f"{form:22s} {refusal}")
         continue

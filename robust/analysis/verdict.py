@@ -18,39 +18,61 @@ CURES = {
     "noise": "noise: average more periods",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
     "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
-    "misfit": "misfit of the nominal model: give it more poles or a delay",
+    "misfit": "misfit of the nominal model: give it more poles or a delay; robust orders (scan_orders) says which",
     "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
-    "systematic": "the allowance for the systematic part: measure at a second level instead",
+    "systematic": "the allowance for the systematic part: measure at a second level",
+    "weight": "the weight, not the radius: give it a higher order",
+    "assumed": "what is assumed where nothing was measured: measure there",
 }
+SAID, RULES = 1.26, 2.0  # what the weight has beyond the radius is said from 2 dB on, and rules from 6 dB on
 
 
 def advice(model: Any, omega_rs: float) -> str:
-    """What limits the stability margin and what to measure or change next."""
+    """What limits the stability margin and what to measure or change next, by what the weight is made of there."""
     if not np.isfinite(omega_rs):
         return ""
-    low, high = model.omega[0], model.omega[-1]
-    at = f"The margin is limited at {hertz(omega_rs)}"
-    if omega_rs > high * 1.001 or omega_rs < low * 0.999:
-        side = "above" if omega_rs > high else "below"
-        return f"{at}, {side} the measured band, where the radius is assumed ({model.extrapolation}): measure there."
-    parts = model.budget()
+    low, high = float(model.omega[0]), float(model.omega[-1])
+    outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
     k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
-    total = sum(float(part[k]) for part in parts.values() if np.isfinite(part[k]))
-    if not parts or not total > 0:
-        return f"{at}; the model does not say what its radius is made of there."
-    shares = sorted(((float(part[k]) / total, name) for name, part in parts.items() if part[k] > 0), reverse=True)
+    shares = shares_of_radius(model, k)
     listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
-    spare = (
-        f" The weight lies {20 * np.log10(excess(model, k)):.1f} dB over the radius there."
-        if excess(model, k) > 1.26
-        else ""
-    )
-    return f"{at}, where the radius is {listed}. {CURES[shares[0][1]].capitalize()}.{spare}"
+    where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
+    over, rise = excess(model, k), 1.0
+    if outside:
+        side, edge = ("below", "first") if omega_rs < low else ("above", "last")
+        rise = excess(model, k, omega_rs) / over
+        where = (
+            f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
+            f"go on from the {edge} line, {hertz(model.omega[k])}, "
+        ) + where
+    said = [f"The margin is limited at {hertz(omega_rs)}, {where}."]
+    if rise > SAID:
+        said.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
+    if over > SAID:
+        said.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
+    if rise > RULES or (outside and not shares):
+        cause = "assumed"
+    elif over > RULES:
+        cause = "weight"
+    else:
+        cause = shares[0][1] if shares else ""
+    if cause:
+        said.append(f"{CURES[cause][0].upper()}{CURES[cause][1:]}.")
+        said += ["Or measure there."] * (outside and cause != "assumed")
+    return " ".join(said)
 
 
-def excess(model: Any, k: int) -> float:
-    """|weight| over the radius at line k."""
-    return float(np.abs(response(model.weight, model.omega[k : k + 1]))[0] / model.radius[k])
+def shares_of_radius(model: Any, k: int) -> list[tuple[float, str]]:
+    """(share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
+    parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
+    total = sum(parts.values())
+    return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
+
+
+def excess(model: Any, k: int, omega: float | None = None) -> float:
+    """|weight| over the radius at line k; |weight| at another frequency where one is given."""
+    at = model.omega[k] if omega is None else omega
+    return float(np.abs(response(model.weight, np.array([at])))[0] / model.radius[k])
 
 
 def described(model: Any) -> str:

@@ -12,5 +12,5 @@ overbound        the search behind them: from where to start, and what to keep
 excess           |W| as a function of its roots, and how far it lies above a target
 descent          Newton steps on those roots
 weight_formulas  weights by formula: what is asked of S and K S, what a delay may do
-design_warning   `DesignWarning`: usable but suspicious
+design_warning   `DesignWarning`, and what is warned of: usable but suspicious fits, weights
 """

@@ -13,6 +13,7 @@ from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import integer, nonnegative, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
+from robust.modelling.design_warning import warn_of_fit
 from robust.modelling.fit_uncertainty import estimate_uncertainty, probability_of_cost, told_roots
 from robust.modelling.matrix_nominal import MAX_POLES, fit_matrix
 from robust.modelling.rational import (
@@ -223,8 +224,11 @@ def fit_nominal(
     free = isinstance(delay, str) and not dt
     scale = np.fmax(cost, expected) / left
     s = s_points(lines.omega, dt)
+    G = from_roots(*to_plane(zeros, poles, gain, dt, excess), dt)
+    one_record = isinstance(bla, Bla) or (isinstance(bla, Sequence) and len(bla) == 1)
+    warn_of_fit(G, lines, residual, expected, one_record=one_record)
     return NominalFit(
-        G=from_roots(*to_plane(zeros, poles, gain, dt, excess), dt),
+        G=G,
         delay=float(tau),
         omega=lines.omega,
         response=model,

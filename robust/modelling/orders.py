@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from typing import Any
 
@@ -9,12 +10,12 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer
 from nlfrf.shared.values import value
+from robust.modelling.design_warning import OUTSIDE, DesignWarning
 from robust.modelling.nominal import NominalFit, fit_nominal
 
 __all__ = ["OrderScan", "scan_orders"]
 
 
-OUTSIDE = 1.5  # how far outside the band a pole lies at least to be named
 NO_SIGNIFICANCE = 0.5  # standard deviation over its size from which a pole is named
 
 
@@ -118,9 +119,11 @@ def scan_orders(
     excess = integer("relative_degree", relative_degree, least=0)
     if not orders or orders[0] < excess:
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
-    fits = tuple(
-        fit_nominal(bla, n_poles=n, n_zeros=n - excess, delay=delay, dt=dt, stable=stable, std=std) for n in orders
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
+        fits = tuple(
+            fit_nominal(bla, n_poles=n, n_zeros=n - excess, delay=delay, dt=dt, stable=stable, std=std) for n in orders
+        )
     cost = np.array([fit.cost for fit in fits])
     expected = np.array([fit.expected_cost for fit in fits])
     parameters = np.array([fit.n_parameters for fit in fits])
@@ -144,7 +147,7 @@ def doubtful_poles(fit: NominalFit) -> str:
     >>> import control
     >>> omega = np.linspace(1, 20, 40)
     >>> measured = control.FrequencyResponseData(1 / (1j * omega + 500), omega)
-    >>> doubtful_poles(fit_nominal(measured, n_poles=1, n_zeros=0, std=np.full(40, 1e-5)))
+    >>> doubtful_poles(scan_orders(measured, n_poles=[1], std=np.full(40, 1e-5)).fit)
     'poles outside the band: 79.58 Hz'
     """
     if fit.uncertainty is None or fit.G.dt:

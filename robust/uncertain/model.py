@@ -23,6 +23,7 @@ from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import integer, one_of, probability, real, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
+from robust.modelling.design_warning import suspected
 from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.weights import fit_weight
 from robust.systems.lti import response, timebase
@@ -330,7 +331,7 @@ def uncertainty(
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
-    >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0)
+    >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0, above="flat")
     >>> model.form, model.perturbation, bool(np.all(model.radius < 0.25))
     ('multiplicative', 'statistical', True)
     """
@@ -359,7 +360,7 @@ def uncertainty(
     weight = fit_weight(*extrapolated(omega, radius, below, above, dt), order=order, dt=dt).W
     return UncertaintyModel(
         nominal=nominal,
-        weight=weight,
+        weight=suspected(weight, omega, radius),
         form=form,
         omega=omega,
         radius=radius,

@@ -45,7 +45,7 @@ class Validation:
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> from robust import uncertainty, validate
     >>> bla = nlfrf.identify(record)
-    >>> seen = validate(uncertainty(bla, control.tf([2.3], [1]), order=0), bla)
+    >>> seen = validate(uncertainty(bla, control.tf([2.3], [1]), order=0, above="flat"), bla)
     >>> seen.n_outside, seen.n_lines == ms.f.size
     (0, True)
     """
@@ -88,7 +88,7 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> bla = nlfrf.identify(record)
-    >>> model = robust.uncertainty(bla, control.tf([2.3], [1]), order=0)
+    >>> model = robust.uncertainty(bla, control.tf([2.3], [1]), order=0, above="flat")
     >>> validate(model, bla).n_outside
     0
     """

@@ -31,15 +31,17 @@ def plant(s):
     return 200 / (s * s + 3 * s + 900)
 
 
-BLA = make_bla(plant, F, f0=0.3, sigma_noise=1e-3, sigma_distortion=0.01, sigma_even=2e-3, rng=0)
+SCATTER = {"f0": 0.3, "sigma_noise": 1e-3, "sigma_distortion": 0.01, "sigma_even": 2e-3}
+BLA = make_bla(plant, F, rng=0, **SCATTER)
+LATE = make_bla(lambda s: plant(s) * np.exp(-0.02 * s), F, rng=0, **SCATTER)
 
 
 def some_models():
     fit = fit_nominal(BLA, n_poles=2, n_zeros=0)
-    discrete = fit_nominal(BLA, n_poles=2, n_zeros=1, dt=0.01, delay=0.02)
+    discrete = fit_nominal(LATE, n_poles=2, n_zeros=1, dt=0.01, delay=0.02)
     yield "continuous", uncertainty(BLA, fit, order=3)
-    yield "discrete with delay", uncertainty(BLA, discrete, form="additive", order=2, simultaneous=True)
-    yield "FRF", uncertainty(BLA, frd(BLA), order=1, below=10.0)
+    yield "discrete with delay", uncertainty(LATE, discrete, form="additive", order=4, simultaneous=True)
+    yield "FRF", uncertainty(BLA, frd(BLA), order=4, below=10.0)
     yield (
         "made directly",
         UncertaintyModel(

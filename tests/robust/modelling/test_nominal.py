@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nlfrf import Bla
-from robust import fit_nominal, frd
+from robust import DesignWarning, fit_nominal, frd
 from robust.modelling.rational import numerator, starting_poles, vector_fit
 from robust.systems.lti import response
 from robust.systems.sampling import sampled
@@ -40,7 +40,8 @@ def test_twelve_poles_over_many_decades():
 
 
 def test_state_space_and_delay_are_the_response():
-    fit = fit_nominal(make_bla(resonance, F_LINES, f0=0.25), n_poles=2, delay=1e-3)
+    with pytest.warns(DesignWarning, match="misses what was measured"):  # the plant has no delay
+        fit = fit_nominal(make_bla(resonance, F_LINES, f0=0.25), n_poles=2, delay=1e-3)
     assert fit.delay == 1e-3
     assert response(fit.G, fit.omega) * np.exp(-1j * fit.omega * fit.delay) == pytest.approx(fit.response, rel=1e-9)
 
@@ -64,7 +65,21 @@ def test_cost_is_what_scatter_leaves_and_parameters_take():
 def test_undermodelling_shows_in_the_cost():
     plant = six_modes()
     bla = make_bla(plant, 3 * F_LINES, sigma_distortion=0.01 * np.abs(plant(6j * np.pi * F_LINES)), rng=0, f0=0.75)
-    assert fit_nominal(bla, n_poles=8).cost > 100 * fit_nominal(bla, n_poles=12).cost
+    with pytest.warns(DesignWarning, match=r"8 poles misses what was measured: .* robust orders"):
+        few = fit_nominal(bla, n_poles=8)
+    assert few.cost > 100 * fit_nominal(bla, n_poles=12).cost
+    fit_nominal([bla, bla], n_poles=8)  # of several records the misfit is what is asked for
+
+
+def test_a_pole_where_nothing_was_measured_is_warned_of():
+    omega = np.linspace(1, 20, 40)
+    slow, fast = (control.FrequencyResponseData(1 / (1j * omega + p), omega) for p in (0.05, 500.0))
+    for measured, at in ((slow, "0.007958"), (fast, "79.58")):
+        with pytest.warns(DesignWarning, match=rf"a pole where nothing was measured, at {at} Hz; the band is 0.15"):
+            fit_nominal(measured, n_poles=1, n_zeros=0)
+    discrete = control.FrequencyResponseData(1 / (np.exp(1j * omega * 0.01) - np.exp(-0.0005)), omega)
+    with pytest.warns(DesignWarning, match=r"at 0.00795\d Hz"):
+        fit_nominal(discrete, n_poles=1, n_zeros=0, dt=0.01)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0013, 0.0037])
@@ -97,7 +112,8 @@ def test_stable_option():
     bla = make_bla(unstable, np.linspace(0.2, 20, 100))
     free = fit_nominal(bla, n_poles=2, n_zeros=0, stable=False)
     assert free.G.poles().real == pytest.approx([2, 2], abs=1e-6)
-    held = fit_nominal(bla, n_poles=2, n_zeros=0)
+    with pytest.warns(DesignWarning, match="misses what was measured"):
+        held = fit_nominal(bla, n_poles=2, n_zeros=0)
     assert np.all(held.G.poles().real < 0)
     assert held.cost > 100 * free.cost
 

@@ -86,7 +86,7 @@ def test_the_weight_covers_and_the_forms_hold_the_disc(form):
 
 @pytest.mark.parametrize("form", FORMS)
 def test_samples_lie_inside_and_some_on_the_rim(form):
-    model = uncertainty(exact(sigma_distortion=0.05 * SIZE), NOMINAL, form=form, order=2)
+    model = uncertainty(exact(sigma_distortion=0.05 * SIZE), NOMINAL, form=form, order=4)
     plants = model.sample(30, rng=1)
     assert len(plants) == 30
     distances = np.array([model.distance(p) for p in plants])
@@ -163,7 +163,7 @@ def test_discrete_nominal_has_a_discrete_weight_up_to_nyquist():
 
 
 def test_the_delay_of_a_fit_goes_into_the_nominal():
-    bla = exact(sigma_distortion=0.05 * SIZE)
+    bla = make_bla(lambda s: plant(s) * np.exp(-2e-3 * s), F, f0=0.25, sigma_distortion=0.05 * SIZE)
     fit = fit_nominal(bla, n_poles=2, n_zeros=0, delay=2e-3)
     model = uncertainty(bla, fit, order=3)
     assert model.delay == 2e-3

@@ -1,0 +1,72 @@
+"""What the advice says: what the weight is made of where it limits, and where that comes from outside the band."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import DesignWarning, UncertaintyModel, check, fit_nominal, uncertainty
+from tests.support.bla import make_bla
+
+F = np.geomspace(1, 100, 60)
+
+
+def spring_and_mode(s):
+    """A slow lag that rules the low frequencies, and a flexible mode."""
+    return 35 / (1 + s / (2 * np.pi * 2)) + 20 / (1 + 0.05 * s / 300 + (s / 300) ** 2)
+
+
+def test_a_misfit_that_goes_on_below_the_band_is_named_and_cured_by_orders():
+    """All of the radius at the first line is misfit: measuring below the band would not mend that."""
+    size = np.abs(spring_and_mode(2j * np.pi * F))
+    bla = make_bla(spring_and_mode, F, sigma_noise=2e-3 * size)
+    with pytest.warns(DesignWarning, match="2 poles misses what was measured: its cost is"):
+        fit_nominal(bla, n_poles=2, n_zeros=0)
+    mode = control.ss(control.tf([1.5], [1 / 300**2, 0.05 / 300, 1]))  # the mode alone: misfit 34.8 of 34.8
+    model = uncertainty(bla, mode, order=6)
+    assert model.radius[0] == pytest.approx(34.8, rel=0.1)
+    assert model.radius_misfit[0] > 0.99 * model.radius[0]
+    report = check(model, control.tf([1e-2 * 2 * np.pi * 0.01], [1, 2 * np.pi * 0.004]), certify=False)
+    assert report.omega_rs < 2 * np.pi * 1, "limited below the band"
+    assert "below the measured band" in report.advice
+    assert "go on from the first line, 1 Hz, where the radius is misfit 100 %" in report.advice
+    assert "robust orders" in report.advice
+    assert report.advice.endswith("Or measure there.")
+
+
+def model_of(w, **parts):
+    omega = 2 * np.pi * np.array([1.0, 3.0, 10.0])
+    parts = {f"radius_{name}": share * np.full(3, 0.1) for name, share in parts.items()}
+    lag = control.tf([1], [1, 0.1])
+    return UncertaintyModel(lag, w, "multiplicative", omega, np.full(3, 0.1), extrapolation="as told", **parts)
+
+
+def loop_at(f0):
+    """A controller on that lag whose T has its peak at f0 [Hz]."""
+    w0 = 2 * np.pi * f0
+    return control.tf([w0**2], [1, 0.4 * w0])
+
+
+@pytest.mark.parametrize(
+    ("w", "f0", "parts", "said", "cure"),
+    [
+        (0.1, 40.0, {"noise": 0.7, "misfit": 0.3}, "above the measured band", "average more periods"),
+        (0.1, 3.0, {"misfit": 0.7, "odd": 0.3}, "where the radius is misfit 70 %, odd 30 %", "robust orders"),
+        (0.1, 3.0, {"level": 1.0}, "where the radius is level 100 %", "narrow the range of levels"),
+        (0.3, 3.0, {"noise": 1.0}, "The weight lies 9.5 dB over the radius there.", "give it a higher order"),
+        (0.1, 3.0, {}, "the model does not say what its radius is made of there", ""),
+    ],
+)
+def test_the_largest_part_decides(w, f0, parts, said, cure):
+    advice = check(model_of(control.ss([], [], [], [[w]]), **parts), loop_at(f0), certify=False).advice
+    assert said in advice
+    assert cure in advice
+    assert ("Or measure there." in advice) == (f0 > 10)
+
+
+def test_a_rise_that_is_only_assumed_asks_for_a_measurement():
+    w = control.tf([0.1 / (2 * np.pi * 20), 0.1], [1e-5, 1])  # 0.1 in the band, three times that at 60 Hz
+    advice = check(model_of(w, odd=1.0), loop_at(60.0), certify=False).advice
+    assert "above the measured band" in advice
+    assert "The rise assumed from there on makes it 2.8" in advice
+    assert advice.endswith("What is assumed where nothing was measured: measure there.")
+    assert "more periods" not in advice
