@@ -26,11 +26,11 @@ WINGS = (
     *("nlfrf.excitation", "nlfrf.records", "nlfrf.identification", "nlfrf.friction", "nlfrf.bench", "nlfrf.studies"),
     *("nlfrf.files", "nlfrf.plot", "nlfrf.shared"),
     *("robust.modelling", "robust.uncertain", "robust.synthesis", "robust.fixed_structure", "robust.loopshaping"),
-    *("robust.analysis", "robust.mu", "robust.sliding", "robust.friction_proof"),
+    *("robust.shaping_page", "robust.analysis", "robust.mu", "robust.sliding", "robust.friction_proof"),
     *("robust.certificates", "robust.systems", "robust.files", "robust.plot"),
 )
 #: Public modules beside the wings, and the wing whose names they hand on.
-HOMES_OF_FACES = {"nlfrf.hysteresis": "nlfrf.friction", "robust.shaping_plot": "robust.loopshaping"}
+HOMES_OF_FACES = {"nlfrf.hysteresis": "nlfrf.friction", "robust.shaping_plot": "robust.plot"}
 #: Modules of pictures: every plot_ function is public.
 PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
 

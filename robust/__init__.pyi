@@ -70,6 +70,10 @@ from .mu.upper import MuBound as MuBound
 from .mu.upper import mu_upper as mu_upper
 from .sliding.machine import sliding_machine as sliding_machine
 
+# Shaping page: a loop shaped live
+from .shaping_page.page import write_shaping_page as write_shaping_page
+from .shaping_page.widget import shape as shape
+
 # Synthesis: controllers from Riccati equations
 from .synthesis.design import Design as Design
 from .synthesis.dk import DkDesign as DkDesign

@@ -338,6 +338,39 @@ def report(
     print(f"wrote {out}")
 
 
+@app.command()
+def shape(
+    model: Annotated[list[Path], typer.Argument(help="Model written by 'robust model'; several are shown together.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Page to write (.html).")],
+    controller: Annotated[Path | None, typer.Option(help="Controller to begin with.")] = None,
+    sample_time: Annotated[float, typer.Option(help="Sampling time [s] of the controller; 0 for continuous.")] = 0.0,
+    delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
+    bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
+    peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
+    error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
+) -> None:
+    """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
+    from robust.shaping_page.content import page_content
+    from robust.shaping_page.page import page_text
+    from robust.shaping_page.words import Told
+
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"out must end in .html, got {out.name!r}")
+    w_P = None if bandwidth is None else robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    told = Told(
+        names=tuple(path.stem for path in model),
+        files=tuple(map(str, model)),
+        controller="" if controller is None else str(controller),
+        demand=f"robust.performance_weight(2 * np.pi * {bandwidth!r}, M_S={peak!r}, A={error!r})",
+        options="" if bandwidth is None else f"--bandwidth {bandwidth!r} --peak {peak!r} --error {error!r}",
+        title="Shape a loop around " + ", ".join(path.stem for path in model),
+    )
+    models = [robust.load_model(path) for path in model]
+    K = None if controller is None else robust.load_controller(controller)
+    write_text(out, page_text(page_content(models, w_P=w_P, K=K, dt=sample_time, delay=delay, told=told)))
+    print(f"wrote {out}")
+
+
 def number(name: str, text: str) -> float:
     """A number given as text, or a refusal."""
     try:

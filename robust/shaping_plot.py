@@ -1,5 +1,5 @@
-"""A picture to shape a loop in: the public names of `robust.loopshaping.picture`."""
+"""A picture to shape a loop in: the public names of `robust.plot.shaping`."""
 
-from robust.loopshaping.picture import LoopPicture, plot_loop_bounds
+from robust.plot.shaping import LoopPicture, plot_loop_bounds
 
 __all__ = ["LoopPicture", "plot_loop_bounds"]

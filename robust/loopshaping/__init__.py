@@ -2,5 +2,4 @@
 
 compensators  lead, lag, notch, roll-off, PID, to be multiplied
 bounds        where |L| must not be, whatever its phase
-picture       |L| between its bounds, redrawn as the controller changes
 """

@@ -2,6 +2,7 @@
 
     models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds
+    shaping  |L| between its bounds, redrawn as the controller changes
     colours  colours and units that they share
 
 The pictures are handed on from here: `from robust.plot import plot_check`.

@@ -35,8 +35,9 @@ ARROWS = {
     "robust.sliding": "systems",
     "robust.storage": "",
     "robust.friction_proof": "sliding storage certificates systems",
-    "robust.plot": "analysis uncertain modelling systems",
-    "robust.loopshaping": "plot analysis uncertain systems",
+    "robust.plot": "loopshaping analysis uncertain modelling systems",
+    "robust.loopshaping": "uncertain systems",
+    "robust.shaping_page": "loopshaping analysis uncertain systems",
     "robust.files": "plot analysis uncertain modelling verification systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
@@ -46,7 +47,7 @@ FACES = {
 }
 #: Where a heavy package may be imported at all: rooms, or whole wings.
 HEAVY = {
-    "matplotlib": "nlfrf.plot robust.plot nlfrf.shared.axes nlfrf.studies.figures robust.loopshaping.picture "
+    "matplotlib": "nlfrf.plot robust.plot nlfrf.shared.axes nlfrf.studies.figures "
     "robust.files.report_parts nlfrf.cli robust.cli",
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
     "nlfrf.friction.loop_kernels",
@@ -54,8 +55,10 @@ HEAVY = {
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program",
     "jinja2": "robust.files.report_page",
     "flint": "robust.verification",
+    "anywidget": "robust.shaping_page.widget",
+    "traitlets": "robust.shaping_page.widget",
 }
-ALWAYS_LATE = {"matplotlib", "cvxpy", "h5py", "jinja2", "flint"}
+ALWAYS_LATE = {"matplotlib", "cvxpy", "h5py", "jinja2", "flint", "anywidget", "traitlets"}
 
 
 def found_rooms():
