@@ -68,11 +68,11 @@ from .mu.parameter_margin import ParameterMargin as ParameterMargin
 from .mu.parameter_margin import parameter_margin as parameter_margin
 from .mu.upper import MuBound as MuBound
 from .mu.upper import mu_upper as mu_upper
-from .sliding.machine import sliding_machine as sliding_machine
 
 # Shaping page: a loop shaped live
 from .shaping_page.page import write_shaping_page as write_shaping_page
 from .shaping_page.widget import shape as shape
+from .sliding.machine import sliding_machine as sliding_machine
 
 # Synthesis: controllers from Riccati equations
 from .synthesis.design import Design as Design

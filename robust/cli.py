@@ -15,6 +15,7 @@ import robust
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.command import Version, run
 from nlfrf.shared.whole_files import write_text, write_whole
+from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
 
 app = typer.Typer(
@@ -350,24 +351,8 @@ def shape(
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
 ) -> None:
     """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
-    from robust.shaping_page.content import page_content
-    from robust.shaping_page.page import page_text
-    from robust.shaping_page.words import Told
-
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise ValueError(f"out must end in .html, got {out.name!r}")
-    w_P = None if bandwidth is None else robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    told = Told(
-        names=tuple(path.stem for path in model),
-        files=tuple(map(str, model)),
-        controller="" if controller is None else str(controller),
-        demand=f"robust.performance_weight(2 * np.pi * {bandwidth!r}, M_S={peak!r}, A={error!r})",
-        options="" if bandwidth is None else f"--bandwidth {bandwidth!r} --peak {peak!r} --error {error!r}",
-        title="Shape a loop around " + ", ".join(path.stem for path in model),
-    )
-    models = [robust.load_model(path) for path in model]
-    K = None if controller is None else robust.load_controller(controller)
-    write_text(out, page_text(page_content(models, w_P=w_P, K=K, dt=sample_time, delay=delay, told=told)))
+    parts = [robust.load_model(path) for path in model], controller and robust.load_controller(controller)
+    write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
     print(f"wrote {out}")
 
 

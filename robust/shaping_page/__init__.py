@@ -2,6 +2,7 @@
 
 page        the door: one HTML file, from models and a demand
 widget      the same page as the output of a notebook cell
+command     the same file, by a command that knows where its parts came from
 content     what the page is told of models, demand and controller
 systems     a system as the page computes with it
 controller  the controller that was shaped, as a state space

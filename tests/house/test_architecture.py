@@ -37,7 +37,7 @@ ARROWS = {
     "robust.friction_proof": "sliding storage certificates systems",
     "robust.plot": "loopshaping analysis uncertain modelling systems",
     "robust.loopshaping": "uncertain systems",
-    "robust.shaping_page": "loopshaping analysis uncertain systems",
+    "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
     "robust.files": "plot analysis uncertain modelling verification systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.

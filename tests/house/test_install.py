@@ -1,7 +1,10 @@
 """What the project's own files install: a set of pins that every Python from the declared floor on is served with."""
 
 import re
+import subprocess
+import sys
 import tomllib
+import zipfile
 from importlib import metadata
 from pathlib import Path
 
@@ -76,3 +79,14 @@ def test_the_conda_recipe_asks_for_the_same():
     for name, entry in PROJECT["scripts"].items():
         assert f"- {name} = {entry}\n" in recipe
     assert f'version: "{metadata.version("nlfrf")}"' in recipe
+
+
+def test_a_wheel_holds_what_pages_are_made_of(tmp_path):
+    command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+        held = set(wheel.namelist())
+    static = [path for path in ROOT.glob("robust/**/*") if path.suffix in (".js", ".css", ".jinja", ".json", ".pyi")]
+    assert len(static) > 7
+    assert {path.relative_to(ROOT).as_posix() for path in static} <= held
+    assert "robust/shaping_page/uplot/LICENSE" in held
