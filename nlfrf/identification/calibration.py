@@ -9,7 +9,8 @@ amplitude spectrum; they are convolutions, done by FFT.
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
+
+from nlfrf.shared.transforms import dct_even, fast_length
 
 __all__ = ["LARGEST", "grid_factor", "variance_ratio"]
 
@@ -47,14 +48,14 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     array([12.9375, 15.75  ])
     """
     last = int(max(excited[-1], lines.max()))
-    n = fft.next_fast_len(2 * last + 1, real=True)  # terms beyond last alias onto lines outside -last..last
+    n = fast_length(2 * last + 1)  # terms beyond last alias onto lines outside -last..last
     both = np.zeros((2, *amplitude.shape[:-1], n + 1))
     p, doubled = both
     p[..., excited] = amplitude**2 / 4
     doubled[..., : 2 * last + 1 : 2] = p[..., : last + 1] ** 2
     # the DFT of an even sequence of period 2 n is a DCT of its half
-    spectrum, spectrum_doubled = fft.dct(both, 1)
-    sums = fft.dct(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled), 1)
+    spectrum, spectrum_doubled = dct_even(both)
+    sums = dct_even(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled))
     counts = sums.take(lines, axis=-1) / (2 * n)  # 6 S3 - 9 S21
     tripled = np.zeros((*amplitude.shape[:-1], last + 1))
     tripled[..., ::3] = p[..., : last // 3 + 1]

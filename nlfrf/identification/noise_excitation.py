@@ -10,7 +10,6 @@ import warnings
 from itertools import pairwise
 
 import numpy as np
-from scipy import fft
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
@@ -175,7 +174,7 @@ def local(
 ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
     """The same from local polynomials over the lines of the whole record around each frequency."""
     ratio = u.size / n
-    U, Y = fft.rfft(u), fft.rfft(y)
+    U, Y = np.fft.rfft(u), np.fft.rfft(y)
     side = max(SIDE, int(ratio / 2))
     centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
     around = centre[:, None] + np.arange(-side, side + 1)
@@ -202,7 +201,7 @@ def warn_of_other_signals(u: np.ndarray) -> None:
     The power of noise in a band scatters from part to part of the record by 1 over the root of the lines it has there.
     """
     size = u.size // PARTS
-    power = np.abs(fft.rfft(u[: PARTS * size].reshape(PARTS, size), axis=1)[:, 1:]) ** 2
+    power = np.abs(np.fft.rfft(u[: PARTS * size].reshape(PARTS, size), axis=1)[:, 1:]) ** 2
     mean = power.mean(axis=0)
     share = np.cumsum(mean) / mean.sum()
     edges = np.searchsorted(share, np.linspace(0.005, 0.995, BANDS + 1))

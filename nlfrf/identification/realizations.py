@@ -13,13 +13,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy import fft
 
 from nlfrf.excitation.crest import expected_peaks, is_improbable
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import DataWarning
 from nlfrf.shared.leastsquares import power, rms, squared
+from nlfrf.shared.transforms import fast_length
 
 __all__ = ["check_realizations"]
 
@@ -134,11 +134,11 @@ def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
         turned = step[:, i] * step[:, j].conj()
         same |= alike(turned, squared(turned @ turned[:MOST].conj().T), 1)
     elif n <= MOST:  # few lines are equally far apart: every delay is tried
-        n_delays = fft.next_fast_len(8 * int(where.lines[-1]))
+        n_delays = fast_length(8 * int(where.lines[-1]))
         products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
         for m in range(n):
             products[:, where.lines[where.excited]] = U[m].conj() * U
-            most[m] = squared(fft.fft(products)).max(axis=-1)
+            most[m] = squared(np.fft.fft(products)).max(axis=-1)
         same |= alike(U, most, 4 * n_delays)
     if np.count_nonzero(same) == same.shape[1]:  # each with itself
         return [[m] for m in range(n)]
@@ -181,10 +181,10 @@ def aligned(U: np.ndarray, other: np.ndarray, where: Places) -> tuple[float, flo
     product = other * U.conj()
     whole = np.sqrt(power(U) * power(other))
     at_once = float(product.sum().real / whole)
-    fine = fft.next_fast_len(8 * int(lines[-1]))
+    fine = fast_length(8 * int(lines[-1]))
     spectrum = np.zeros(fine, dtype=complex)
     spectrum[lines] = product
-    delay = float(np.argmax(fft.fft(spectrum).real)) / fine
+    delay = float(np.argmax(np.fft.fft(spectrum).real)) / fine
     for _ in range(3):  # from the grid of delays to the maximum itself
         now = product * np.exp(-2j * np.pi * lines * delay)
         slope, curvature = np.sum(lines * now.imag), np.sum(lines**2 * now.real)

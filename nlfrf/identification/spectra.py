@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 
 import numpy as np
-from scipy import fft
 
 from nlfrf.identification.neighbours import Places
 from nlfrf.identification.transient import find_treatment, local_fit
 from nlfrf.records.record import Record
 from nlfrf.shared.leastsquares import power, squared
+from nlfrf.shared.transforms import rfft
 from nlfrf.shared.values import value
 
 __all__ = ["Spectra", "dft", "period_spectra"]
 
 
-WORKERS = os.cpu_count() or 1
-LONG = 1 << 17  # samples past which one transform is worth several threads
 CACHED = 1 << 17  # numbers that are worked on together
 
 
@@ -119,7 +116,7 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
         x = x[:, :1]
     spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
     for m in some:
-        transformed = fft.rfft(x[m], axis=2, workers=WORKERS if x[m].size > LONG else 1)
+        transformed = rfft(x[m])
         np.take(transformed, lines, axis=2, out=spectra[m], mode="clip")  # buffered, and slower, without the mode
     spectra *= 2 / n_samples
     return spectra

@@ -11,7 +11,6 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy import fft
 
 from nlfrf.shared.leastsquares import least_squares, power
 
@@ -114,7 +113,7 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     index = np.where(mirrored, n_total - where, where)
     X = np.empty((n_realizations, lines.size, r.size), dtype=complex)
     for m in range(n_realizations):
-        spectrum = fft.rfft(x[m].reshape(-1))
+        spectrum = np.fft.rfft(x[m].reshape(-1))
         X[m] = spectrum[index] * (2 / n_total)
     X = np.where(mirrored, X.conj(), X)
     s = r / np.abs(r).max()

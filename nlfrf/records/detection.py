@@ -8,10 +8,10 @@ with its neighbourhood.
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.records.regular_grids import played_lines
+from nlfrf.shared.transforms import fast_length, rfft
 
 __all__ = ["detect_lines", "detect_period", "refuse_wrong_lines"]
 
@@ -36,7 +36,7 @@ def detect_lines(u: np.ndarray) -> LineGrid:
     ValueError
         No line stands out of the noise.
     """
-    spectrum = fft.rfft(u, axis=2, workers=-1)[..., 1 : (u.shape[2] + 1) // 2]  # neither mean nor Nyquist
+    spectrum = rfft(u)[..., 1 : (u.shape[2] + 1) // 2]  # neither mean nor Nyquist
     mean = spectrum.mean(axis=1)
     power = np.mean(np.abs(mean) ** 2, axis=0)
     if u.shape[1] > 1:
@@ -160,8 +160,8 @@ def detect_period(u: np.ndarray) -> float:
     """
     u = u - u.mean()
     n = u.size
-    n_padded = fft.next_fast_len(2 * n, real=True)
-    correlation = fft.irfft(np.abs(fft.rfft(u, n_padded)) ** 2, n_padded)[: n // 2 + 1]
+    n_padded = fast_length(2 * n)
+    correlation = np.fft.irfft(np.abs(np.fft.rfft(u, n_padded)) ** 2, n_padded)[: n // 2 + 1]
     # normalised by the energy of the two overlapping pieces, so that a repetition gives 1 at any lag
     energy = np.concatenate(([0.0], np.cumsum(u**2)))
     lag = np.arange(correlation.size)

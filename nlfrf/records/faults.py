@@ -9,8 +9,6 @@ is a gap. Cutting the record along that track, between the samples where need be
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
-from scipy.special import i0
 
 from nlfrf.shared.values import value
 
@@ -140,7 +138,7 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     """
     n_periods = u.size // n_samples
     periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
-    spectra = fft.rfft(periods, axis=1)
+    spectra = np.fft.rfft(periods, axis=1)
     spectra[:, 0] = 0.0
     power = np.sum(np.abs(spectra) ** 2, axis=1)
     first = int(np.argmax(power > 0.9 * np.median(power)))  # of those that are not empty, or half empty
@@ -150,7 +148,7 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     weight[weight < 1e-6 * weight.max()] = 0.0
     weight[int(0.45 * n_samples) :] = 0.0
     cross = spectra * reference.conj()
-    correlation = fft.irfft(cross, n_samples, axis=1)
+    correlation = np.fft.irfft(cross, n_samples, axis=1)
     reach = max(1, n_samples // 8)
     lags = np.concatenate([np.arange(reach), np.arange(-reach, 0)])
     whole = -lags[np.argmax(correlation[:, lags], axis=1)]
@@ -228,7 +226,7 @@ def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     offset = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)
     index = np.clip(first[:, None] + offset, 0, x.size - 1)
     distance = (at - first)[:, None] - offset
-    window = i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
+    window = np.i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
     kernel = np.sinc(distance) * window
     return np.asarray(np.sum(x[index] * kernel, axis=1) / np.sum(kernel, axis=1))
 

@@ -7,7 +7,6 @@ delay: one that jumps by whole samples is a gap in y, one that grows evenly is a
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
 
 from nlfrf.records.faults import SEVERE, between, nonzero
 from nlfrf.shared.values import value
@@ -160,7 +159,7 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
         sound = np.ones(2, dtype=bool)
     sound, jumps = gaps_in(delay, sound, noise, n_samples)
     shift = delay[sound] - delay[sound].mean()
-    Y = fft.rfft(y, axis=1)[:, lines][sound] * (2 / n_samples)
+    Y = np.fft.rfft(y, axis=1)[:, lines][sound] * (2 / n_samples)
     before = float(np.sum(np.abs(Y - Y.mean(axis=0)) ** 2))
     return Lag(
         n_samples=n_samples,
@@ -231,14 +230,14 @@ class Aligned:
 def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     """The periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
     n_samples = x.shape[1]
-    X = fft.rfft(x, axis=1)[:, lines] * (2 / n_samples)
+    X = np.fft.rfft(x, axis=1)[:, lines] * (2 / n_samples)
     slope = 2 * np.pi * lines / n_samples
     reference = X[-1]
     cross = np.zeros((len(X), n_samples // 2 + 1), dtype=complex)
     cross[:, lines] = X * reference.conj()
     reach = max(2, n_samples // 8)
     lags = np.concatenate([np.arange(reach), np.arange(-reach, 0)])
-    delay = lags[np.argmax(fft.irfft(cross, n_samples, axis=1)[:, lags], axis=1)].astype(float)
+    delay = lags[np.argmax(np.fft.irfft(cross, n_samples, axis=1)[:, lags], axis=1)].astype(float)
     for step in range(6):
         if step == 3:  # the mean has less noise in it
             reference = np.mean(X * np.exp(1j * slope * delay[:, None]), axis=0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import fft
 
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.shared.arguments import positive
@@ -56,7 +55,7 @@ def played_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
     k = design.lines.excited
     if 2 * k[-1] >= n_samples:
         raise ValueError(f"design must have lines below the Nyquist line {n_samples / 2:g}, got line {k[-1]}")
-    U = fft.rfft(u.mean(axis=1), axis=1)[:, k]
+    U = np.fft.rfft(u.mean(axis=1), axis=1)[:, k]
     D = design.amplitude * np.exp(1j * design.phase)
     rows = []
     for m, one in enumerate(U):
@@ -69,7 +68,7 @@ def played_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
             )
         spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
         spectrum[k] = D[best] * np.exp(-2j * np.pi * k * delay[best] / n_samples) * (n_samples / 2)
-        rows.append(fft.irfft(spectrum, n_samples))
+        rows.append(np.fft.irfft(spectrum, n_samples))
     return np.repeat(np.array(rows)[:, None, :], u.shape[1], axis=1)
 
 
@@ -77,7 +76,7 @@ def alignment(U: np.ndarray, D: np.ndarray, k: np.ndarray, n_samples: int) -> tu
     """The largest correlation of an input with a design over all shifts, and that shift [samples]."""
     cross = np.zeros(n_samples // 2 + 1, dtype=complex)
     cross[k] = U * D.conj()
-    correlation = fft.irfft(cross, n_samples) * (n_samples / 2)
+    correlation = np.fft.irfft(cross, n_samples) * (n_samples / 2)
     delay = float(np.argmax(correlation))
     energy = np.sqrt(np.sum(np.abs(U) ** 2) * np.sum(np.abs(D) ** 2))
     likeness = float(correlation[int(delay)] / max(energy, np.finfo(float).tiny))

@@ -6,5 +6,6 @@ wording       frequencies, counts, strange things, labelled paragraphs in words
 whole_files   files that are written whole or not at all
 command       what the two commands share: versions, warnings and refusals in one line
 axes          axes, grids and decibels of every picture
+transforms    Fourier transforms that NumPy does not name
 leastsquares  small least-squares problems in many windows of lines at once
 """
