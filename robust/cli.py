@@ -47,7 +47,7 @@ def model(
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
-        str, typer.Option(help="multiplicative, additive, inverse-multiplicative or inverse-additive.")
+        str, typer.Option(help="multiplicative, additive, inverse-multiplicative, inverse-additive, coprime.")
     ] = RELATIVE,
     order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
     confidence: Annotated[

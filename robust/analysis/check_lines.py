@@ -24,14 +24,15 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     K = state_space("K", K)
     w_P = None if w_P is None else state_space("w_P", w_P)
     delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
-    omega, G, form, w, perturbation = on_lines(model)
+    omega, G, form, w, perturbation, W = on_lines(model)
     dt = timebase(K)
     refuse_misfit(omega, G, dt, sampling_time(model))
-    G = as_seen(model, omega, G, dt, delay)
+    measured, G = G, as_seen(model, omega, G, dt, delay)
+    W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
     encirclements, clear = winding(omega, G, K, dt)
     wanted = n_unstable + unstable_poles(K, dt)
     stable, has_set = clear and encirclements == wanted, bool(np.isfinite(w).all())
-    curves = loop_curves(form, omega, G, response(K, omega), w, None if w_P is None else response(w_P, omega))
+    curves = loop_curves(form, omega, G, response(K, omega), w, None if w_P is None else response(w_P, omega), W)
     peaks = peaks_on_lines(curves) if stable else Peaks()
     hold = " with zero-order hold" if dt and not sampling_time(model) else ""
     words = on_lines_only(

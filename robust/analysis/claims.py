@@ -37,6 +37,7 @@ def claim_of(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopCla
         perturbation=model.perturbation,
         delay=float(delay),
         claims=(STABILITY,),
+        shaping=tuple(as_given(W) for W in (model.W1, model.W2)) if form.scaled else (),
     )
 
 

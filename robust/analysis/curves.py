@@ -8,12 +8,10 @@ import numpy as np
 
 from nlfrf.shared.values import value
 from robust.systems.closed_loop import factor_allowed, worst_sensitivity
-from robust.uncertain.forms import worst_terms
+from robust.systems.lti import finite
+from robust.uncertain.forms import FORMS, worst_terms
 
 __all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
-
-#: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
-AT_A_POLE = 1e140
 
 
 @value
@@ -32,6 +30,8 @@ class Curves:
         Performance weight, where one was asked for.
     S, a, b : (W,) complex ndarray
         Of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta).
+    W : (W,) complex ndarray
+        What the plant is scaled by where the form depends on its units; one elsewhere.
     """
 
     omega: np.ndarray
@@ -43,11 +43,12 @@ class Curves:
     S: np.ndarray
     a: np.ndarray
     b: np.ndarray
+    W: np.ndarray
 
     @property
     def rs(self) -> np.ndarray:
-        """(W,) |b|: one perturbation of the set destabilises the loop where it reaches one."""
-        return np.abs(self.b)
+        """(W,) In proportion to |w|; one perturbation of the set destabilises the loop where it reaches one."""
+        return FORMS[self.form].stays(self.w, self.b)
 
     @property
     def np_(self) -> np.ndarray:
@@ -80,7 +81,7 @@ class Curves:
     @property
     def growth(self) -> np.ndarray:
         """(W,) factor by which the uncertainty may grow until |w_P| max |S_p| = 1."""
-        return factor_allowed(np.abs(self.w_P) * np.abs(self.S), self.a, self.b)
+        return FORMS[self.form].grown(self.w, factor_allowed(np.abs(self.w_P) * np.abs(self.S), self.a, self.b))
 
 
 #: A largest value and its frequency [rad/s].
@@ -119,18 +120,13 @@ def inverted(peak: float) -> float:
     return 1 / peak if peak > 0 else peak if np.isnan(peak) else np.inf
 
 
-def loop_curves(form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: np.ndarray, w_P: Any) -> Curves:
+def loop_curves(
+    form: str, omega: np.ndarray, G: np.ndarray, K: np.ndarray, w: np.ndarray, w_P: Any, W: Any = None
+) -> Curves:
     """The curves from the responses of the parts of a loop, which are finite at a pole of the plant or of K too."""
-    S, a, b = worst_terms(form, w, finite(G), finite(K))
-    return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b)
-
-
-def finite(response: np.ndarray) -> np.ndarray:
-    """(W,) a response with its limit in place of infinity: in S, T, K S and G S it cancels, to all digits there are.
-
-    What is not a number stays that, and counts as the worst there is: it is no pole, it is a failure.
-    """
-    return np.where(np.isinf(response), AT_A_POLE, response)
+    W = np.ones(omega.size) if W is None or not FORMS[form].scaled else W
+    S, a, b = worst_terms(form, w, finite(G), finite(K), W)
+    return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
 
 
 def peaks_on_lines(curves: Curves) -> Peaks:

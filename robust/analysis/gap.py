@@ -7,12 +7,11 @@ from typing import Any
 import control
 import numpy as np
 
-from robust.systems.bilinear import to_continuous
 from robust.systems.closed_loop import closed_loop
-from robust.systems.lti import Matrices, constant, scaled_states, timebase, zeros
+from robust.systems.lti import Matrices, constant, timebase, zeros
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import state_space
-from robust.systems.riccati import stabilising
+from robust.uncertain.coprime import coprime_factors
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["ncf_margin", "nu_gap"]
@@ -52,7 +51,7 @@ def nu_gap(G1: Any, G2: Any) -> float:
     >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
     (0.02, 0.8988)
     """
-    first, second = graph("G1", G1), graph("G2", G2)
+    (first, _), (second, _) = coprime_factors("G1", nominal(G1)), coprime_factors("G2", nominal(G2))
     steps = {name: timebase(G) for name, G in (("G1", nominal(G1)), ("G2", nominal(G2))) if not constant(G)}
     if len(set(steps.values())) > 1:
         raise ValueError(f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s")
@@ -111,32 +110,6 @@ def ncf_margin(G: Any, K: Any) -> float:
 def nominal(G: Any) -> control.StateSpace:
     """The plant itself, of whatever was given."""
     return state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
-
-
-def graph(name: str, G: Any) -> Matrices:
-    """[N; M] with G = N/M, both stable, |N|^2 + |M|^2 = 1 on the axis; in continuous time by the bilinear map."""
-    G = nominal(G)
-    matrices = (G.A, G.B, G.C, G.D)
-    A, B, C, D = well_scaled(to_continuous(*matrices) if timebase(G) and G.nstates else matrices)
-    R = np.eye(1) + D.T @ D
-    X = stabilising(A, B, C.T @ C, R, C.T @ D)
-    if X is None:
-        raise ValueError(
-            f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
-        )
-    F = -np.linalg.solve(R, D.T @ C + B.T @ X)
-    root = 1 / np.sqrt(R)
-    return A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])
-
-
-def well_scaled(matrices: Matrices) -> Matrices:
-    """The same system with its states scaled: in those of a companion form the Riccati equation may be hopeless."""
-    A, B, C, D = matrices
-    if not A.size:
-        return matrices
-    A, B, C = scaled_states(A, B, C)
-    size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
-    return A, B * size, C / size, D
 
 
 def series(first: Matrices, between: np.ndarray, last: Matrices) -> Matrices:

@@ -13,13 +13,13 @@ from nlfrf.shared.values import value
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.certificates.intervals import Magnitude, magnitude
 from robust.systems.closed_loop import closed_loop
-from robust.systems.connections import in_series
+from robust.systems.connections import in_series, inverse
 from robust.systems.grids import highest, loop_grid
 from robust.systems.lti import constant, response, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import certain_poles, moved_out
-from robust.uncertain.forms import FORMS
+from robust.uncertain.forms import FORMS, relative
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with", "weighted"]
@@ -52,6 +52,8 @@ class Loop:
     short, shift : control.StateSpace, float
         G without its delay (its whole samples where sampled), and that [s]: what its response is computed from, so that
         curves and margins are those of the delay itself.
+    shaping : control.StateSpace
+        What the plant is scaled by where the form depends on its units; the gain one elsewhere.
     """
 
     G: control.StateSpace
@@ -64,6 +66,7 @@ class Loop:
     unsampled: Any
     short: control.StateSpace
     shift: float
+    shaping: control.StateSpace
 
     @property
     def top(self) -> float:
@@ -73,6 +76,14 @@ class Loop:
     def with_plant(self, G: control.StateSpace) -> Loop:
         """The same loop around another plant, as the controller sees it."""
         return replace(self, G=G, short=G, shift=0.0)
+
+    def shaped(self) -> Loop:
+        """The same loop in the units of its set: the plant scaled, the controller scaled back."""
+        if constant(self.shaping) and self.shaping.D[0, 0] == 1:
+            return self
+        W, dt = self.shaping, self.dt
+        G, short = in_series(self.G, W, dt=dt), in_series(self.short, W, dt=dt)
+        return replace(self, G=G, short=short, K=in_series(inverse(W), self.K, dt=dt))
 
     def behind_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
         """A plant on the time base of the loop behind its delay [s]."""
@@ -92,9 +103,10 @@ class Loop:
         """What the loop does at the frequencies omega [rad/s], from the responses of its parts."""
         omega = np.atleast_1d(omega)
         w_P = None if self.w_P is None else response(self.w_P, omega)
-        return loop_curves(
-            self.form, omega, self.plant(omega), response(self.K, omega), response(self.weight, omega), w_P
-        )
+        G, K, w = self.plant(omega), response(self.K, omega), response(self.weight, omega)
+        # the set is one about the plant without its delay, which stands with the controller
+        W = response(self.shaping, omega) * np.exp(1j * omega * self.shift)
+        return loop_curves(self.form, omega, G, K, w, w_P, W)
 
     def folded(self, omega: np.ndarray) -> np.ndarray:
         """(W,) rs with what perturbations above the Nyquist frequency add by folding down; inf where unbounded.
@@ -111,11 +123,11 @@ class Loop:
             for alias in (2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega):
                 hold = np.abs(2 * np.sin(omega * T / 2) / (alias * T))
                 size, w = np.abs(response(G, alias)), np.abs(response(self.weight, alias))
+                w = relative(self.form, w, size)
                 if form.inverse:
-                    w = form.relative(w, size)
                     total += np.where(w < 1, size * hold * w / np.maximum(1 - w, 1e-12), np.inf)
                 else:
-                    total += hold * form.spread(w, size, np.ones(1))
+                    total += hold * np.maximum(size, 1e-300) * w
         # from there on at least as 1/k^2, whose sum is k times its last term
         total += N_ALIASES * np.subtract(total, before, out=np.zeros(omega.size), where=np.isfinite(total))
         nominal = self.curves(omega)
@@ -147,7 +159,7 @@ class Loop:
         """The way back from `omega_of`."""
         return np.tan(np.minimum(omega * self.dt / 2, np.pi / 2 * (1 - 1e-12))) if self.dt else omega
 
-    def ports(self) -> tuple[str, str]:
+    def ports(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Where the perturbation reads and where it acts."""
         return FORMS[self.form].ports
 
@@ -176,6 +188,11 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         short, shift = G, delay_samples("delay", delay, dt) * dt
         G = delayed(G, shift, order=0)
     elif dt_K:
+        if FORMS[model.form].scaled:
+            raise ValueError(
+                f"K must have the sampling time of the nominal model for the {model.form} form, whose set is not that "
+                f"of the sampled plant, got {dt_K:g} s on a continuous one. Take sampled(nominal, dt) as the nominal"
+            )
         dt, unsampled = dt_K, G
         shift = np.floor(delay / dt + 1e-9) * dt
         short, G = sampled(G, dt, max(delay - shift, 0.0)), sampled(G, dt, delay)
@@ -198,6 +215,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         unsampled=unsampled,
         short=short,
         shift=float(shift),
+        shaping=model.shaping,
     )
 
 
@@ -227,7 +245,9 @@ def nominal_instability(loop: Loop) -> str:
 def weighted(loop: Loop) -> control.StateSpace:
     """The function whose norm decides robust stability, as one system; the weight runs on the time base of the loop."""
     out, into = loop.ports()
-    return in_series(loop.closed((out,), (into,)), loop.weight, dt=loop.dt)
+    w, each = loop.weight, np.eye(len(out))
+    for_all = control.StateSpace(*(np.kron(each, part) for part in (w.A, w.B, w.C, w.D)), w.dt)
+    return in_series(loop.shaped().closed(out, into), for_all, dt=loop.dt)
 
 
 def find_peaks(loop: Loop, omega: np.ndarray, band: tuple[float, float]) -> Peaks:

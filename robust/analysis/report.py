@@ -58,6 +58,8 @@ class RobustnessReport:
         Form of the uncertainty.
     w_P : (W,) ndarray or None
         |w_P| on the grid, where performance was asked for.
+    shaping : (W,) complex ndarray or None
+        What the plant is scaled by where the form depends on its units.
     demand : control.StateSpace or None
         The performance weight itself.
     delay : float
@@ -106,13 +108,14 @@ class RobustnessReport:
     radius: np.ndarray
     form: str
     w_P: Any = None
+    shaping: Any = None
     demand: Any = None
     delay: float = 0.0
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
         """(W,) centre and (W,) radius of the disc that L fills over the set."""
-        return loop_discs(self.form, self.radius, self.G, self.K)
+        return loop_discs(self.form, self.radius, self.G, self.K, 1.0 if self.shaping is None else self.shaping)
 
     @property
     def gain_margin(self) -> float:
@@ -192,6 +195,7 @@ def fill_report(
         radius=np.abs(curves.w),
         form=curves.form,
         w_P=None if curves.w_P is None else np.abs(curves.w_P),
+        shaping=None if np.all(curves.W == 1) else curves.W,
         **peaks.margins,
         **words,
         **known,

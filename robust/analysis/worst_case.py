@@ -10,6 +10,7 @@ import numpy as np
 from nlfrf.shared.values import value
 from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
 from robust.systems.closed_loop import worst_perturbation
+from robust.systems.connections import in_series
 from robust.systems.lti import response, timebase
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
@@ -112,11 +113,12 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     there = loop.curves(where)
     delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
     delta *= np.exp(1j * where * lead_of(loop, delay)) / max(1.0, abs(delta))
+    turn = FORMS[model.form].turn(in_series(model.nominal, model.shaping), model.weight, where)
     # the weight brings its own phase, which the perturbation is relative to
-    Delta = with_phase(where, delta, timebase(model.weight))
-    plant = perturbed(model.form, model.nominal, model.weight, Delta)
+    Delta = with_phase(where, delta / turn, timebase(model.weight))
+    plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
     seen = in_loop(plant, loop, delay)
-    at = np.array([where])
+    at, omega = np.array([where]), np.unique(np.append(omega, where))
     S = sensitivity(plant, seen, loop, at)
     achieved = np.abs(S if loop.w_P is None else S * response(loop.w_P, at))[0]
     return WorstCase(

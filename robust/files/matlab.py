@@ -13,8 +13,10 @@ from scipy.io import savemat
 from nlfrf.shared.whole_files import write_text, write_whole
 from robust.files.biquads import controller_sections, roots_and_gain
 from robust.files.models import CONTROLLER_SCHEMA, MODEL_SCHEMA, PathLike
-from robust.systems.lti import timebase
+from robust.systems.connections import in_series
+from robust.systems.lti import response, timebase
 from robust.systems.realisation import state_space
+from robust.uncertain.coprime import factor_systems
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import PARTS
@@ -91,7 +93,18 @@ def model_struct(model: UncertaintyModel) -> dict[str, Any]:
     struct |= {f"radius_{part}": getattr(model, f"radius_{part}") for part in PARTS}
     if not model.measured_only:
         struct["nominal"] = matlab_system(model.nominal)
+    if FORMS[model.form].scaled:
+        struct |= {"W1": matlab_system(model.W1), "W2": matlab_system(model.W2)} | factors(model)
     return struct
+
+
+def factors(model: UncertaintyModel) -> dict[str, Any]:
+    """Normalised coprime factors of the scaled plant: systems, or values on the lines."""
+    if not model.measured_only:
+        return dict(zip("NM", map(matlab_system, factor_systems(in_series(model.nominal, model.shaping))), strict=True))
+    G = model.at(model.omega) * response(model.shaping, model.omega)
+    M = 1 / np.sqrt(1 + np.abs(G) ** 2)
+    return {"N": G * M, "M": M + 0j}
 
 
 def matlab_system(system: control.StateSpace) -> dict[str, Any]:
@@ -122,7 +135,18 @@ if isfield(model, 'nominal')
 else
     G = frd(reshape(model.response, 1, 1, []), model.freq, model.Ts);
 end
-Delta = ultidyn('Delta', [1 1]);
+Delta = ultidyn('Delta', [1 + isfield(model, 'W1'), 1]);
+if isfield(model, 'W1')
+    Ws = ss(model.W1.A, model.W1.B, model.W1.C, model.W1.D, model.W1.Ts) ...
+        * ss(model.W2.A, model.W2.B, model.W2.C, model.W2.D, model.W2.Ts);
+    if isstruct(model.N)
+        N = ss(model.N.A, model.N.B, model.N.C, model.N.D, model.N.Ts);
+        M = ss(model.M.A, model.M.B, model.M.C, model.M.D, model.M.Ts);
+    else
+        N = frd(reshape(model.N, 1, 1, []), model.freq, model.Ts);
+        M = frd(reshape(model.M, 1, 1, []), model.freq, model.Ts);
+    end
+end
 switch model.form
 CASES
 end

@@ -87,6 +87,7 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
         "fs": encoded(model.fs),
         "unit": model.unit,
     }
+    content |= {name: encoded_system(W) for name in ("W1", "W2") if (W := getattr(model, name)) is not None}
     content |= {f"radius_{name}": encoded(getattr(model, f"radius_{name}")) for name in PARTS}
     written(content, path)
 
@@ -134,6 +135,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
             hold=str(content.get("hold", "unknown")),  # files of 0.1.0 do not say
             fs=float(decoded(content.get("fs"))),
             unit=str(content.get("unit", "")),
+            **{name: decoded_system(content[name]) for name in ("W1", "W2") if name in content},
             **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
         )
     except (KeyError, TypeError, IndexError) as error:

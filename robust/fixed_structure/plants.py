@@ -17,7 +17,7 @@ from robust.systems.grids import plant_lines
 from robust.systems.lti import response, timebase
 from robust.systems.nyquist import continued, integrators, slope_at_start
 from robust.systems.realisation import state_space
-from robust.uncertain.forms import FORMS, RELATIVE
+from robust.uncertain.forms import FORMS, RELATIVE, relative
 from robust.uncertain.measured import as_seen, on_lines, warn_of_unknown_hold
 from robust.uncertain.model import UncertaintyModel
 
@@ -69,7 +69,7 @@ class SeenPlant:
 def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...]) -> SeenPlant:
     """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere."""
     if isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
-        omega, G, form, w, _ = on_lines(plant)
+        omega, G, form, w, *_ = on_lines(plant)
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:
             raise ValueError(f"dt must put Nyquist above the lines, up to {hertz(omega[-1])}, got {dt:g} s")
@@ -87,8 +87,8 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
     else:
         if not isinstance(plant, UncertaintyModel):
             G_ss = state_space("plant", plant)
-            nothing = control.StateSpace([], [], [], [[0.0]], timebase(G_ss))
-            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=RELATIVE, omega=np.zeros(0))
+            nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
+            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=RELATIVE, omega=np.zeros(0), shaping=unity)
         step = timebase(plant.nominal)
         if step and dt and abs(step / dt - 1) > 1e-9:
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
@@ -101,7 +101,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         n_integrators, lowest = integrators(loop.G, loop.dt), float(omega[0])
         known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)
-    inverse, w = FORMS[form].inverse, FORMS[form].relative(w, size)
+    inverse, w = FORMS[form].inverse, relative(form, w, size)
     disc = w < LARGEST_DISC
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)

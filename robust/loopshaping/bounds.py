@@ -8,7 +8,7 @@ import numpy as np
 
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
-from robust.uncertain.forms import FORMS
+from robust.uncertain.forms import FORMS, relative
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["loop_bounds"]
@@ -38,7 +38,7 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     Raises
     ------
     ValueError
-        A weight with several inputs or outputs;
+        A form that is no relative deviation (coprime); a weight with several inputs or outputs;
         one that is no system at all.
 
     References
@@ -58,7 +58,7 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     omega = model.omega
     p = np.abs(response(state_space("w_P", w_P), omega))
     w, size = np.abs(response(model.weight, omega)), np.abs(model.at(omega))
-    w = FORMS[model.form].relative(w, size)
+    w = relative(model.form, w, size)
     with np.errstate(divide="ignore", invalid="ignore"):
         if FORMS[model.form].inverse:
             # |1 + w Delta| runs from 1 - w to 1 + w: p |1 + w Delta| <= ||L| - |1 + w Delta|| for all of them

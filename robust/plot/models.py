@@ -55,9 +55,9 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     ax = axes(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     G = model.at(omega)
-    w = np.abs(response(model.weight, omega))
+    w, scale = np.abs(response(model.weight, omega)), np.abs(response(model.shaping, omega))
     size = np.abs(G)
-    low, high = FORMS[model.form].gains(w, size)
+    low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
     floor, ceiling = size.min() * 1e-2, size.max() * 1e2
     band = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
     ax.fill_between(hz(omega), *band, color=COLOR["weight"], alpha=0.25, lw=0, label="gains of the set")

@@ -15,7 +15,7 @@ from nlfrf.shared.values import value
 from robust.analysis.check import check
 from robust.analysis.loop import assemble
 from robust.analysis.report import RobustnessReport
-from robust.synthesis.reduction import balanced, coprime, weighted
+from robust.synthesis.reduction import balanced, of_factors, weighted
 from robust.systems.bilinear import continuous_image, to_discrete
 from robust.systems.lti import response, timebase
 from robust.systems.realisation import state_space
@@ -162,7 +162,7 @@ def candidates(
     """(method, order, controller) by every way that works on this controller."""
     dt = timebase(K)
     image = continuous_image(K)
-    ways = [lambda: balanced(image), lambda: coprime(image)]
+    ways = [lambda: balanced(image), lambda: of_factors(image)]
     if not measured(model):
         loop = assemble(model, K, w_P, delay)
         before, behind = (continuous_image(loop.closed((o,), (i,))) for o, i in (("y", "p_in"), ("e", "r")))

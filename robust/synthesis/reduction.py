@@ -16,7 +16,7 @@ from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuo
 
 from robust.systems.lti import Matrices
 
-__all__ = ["balanced", "coprime", "split", "weighted"]
+__all__ = ["balanced", "of_factors", "split", "weighted"]
 
 
 SLOW = 1e-9  # of the size of A: modes nearer to the axis are kept as they are
@@ -58,7 +58,7 @@ def weighted(K: Matrices, before: Matrices, behind: Matrices) -> Iterator[tuple[
         yield f"weighted by the loop, {way}", small[0].shape[0] + kept[0].shape[0], beside(kept, small)
 
 
-def coprime(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
+def of_factors(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
     """The same of the normalised left coprime factors of a system, K = M^-1 N: unstable modes are reduced with it."""
     A, B, C, D = K
     R, S = np.eye(D.shape[0]) + D @ D.T, np.eye(D.shape[1]) + D.T @ D

@@ -13,6 +13,7 @@ __all__ = [
     "along",
     "constant",
     "evaluate",
+    "finite",
     "in_s",
     "on_axis",
     "over_frequency",
@@ -22,6 +23,8 @@ __all__ = [
     "timebase",
     "zeros",
 ]
+#: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
+AT_A_POLE = 1e140
 MANY_STATES = 40
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 make_picklable()  # here, as every room that makes or takes a system stands on this one
@@ -40,6 +43,14 @@ def constant(system: control.StateSpace) -> bool:
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
     return along(system, omega)[0, 0]
+
+
+def finite(response: np.ndarray) -> np.ndarray:
+    """(W,) a response with its limit in place of infinity: in S, T, K S and G S it cancels, to all digits there are.
+
+    What is not a number stays that, and counts as the worst there is: it is no pole, it is a failure.
+    """
+    return np.where(np.isinf(response), AT_A_POLE, response)
 
 
 def on_axis(omega: np.ndarray, dt: float) -> np.ndarray:

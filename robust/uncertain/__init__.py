@@ -1,6 +1,7 @@
 """Sets of plants: a nominal G, a weight w, and every stable Delta of gain one between them.
 
-forms            the four ways Delta enters, one row each: plant, S_p, discs of the loop, ports
+forms            the ways Delta enters, one row each: plant, S_p, discs of the loop, ports
+coprime          normalised coprime factors of a plant, and the plants that other factors make
 model            `UncertaintyModel`: the set, and how it is made from measurements
 radius           how large the disc about a nominal (a model or an FRF) has to be on each line, and what it is made of
 matrix_model     `MatrixUncertainty`: sets of several inputs and outputs

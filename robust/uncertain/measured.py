@@ -59,15 +59,22 @@ def warn_of_unknown_hold(model: Any, dt: float) -> None:
         )
 
 
-def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str]:
-    """Frequencies, plant, form, weight (nan: none) and class of whatever FRF was given."""
+def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
+    """Frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
     if isinstance(model, Bla):
         disc = total_of(record_disc(model, frd(model), 0.95, False, True, None))
-        return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical"
+        return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
     if isinstance(model, control.FrequencyResponseData):
         if (model.ninputs, model.noutputs) != (1, 1):
             raise ValueError(f"model must have one input and one output, got {shown(model)}")
         omega = np.asarray(model.omega, dtype=float)
-        return omega, np.asarray(model.frdata[0, 0]), RELATIVE, np.full(omega.size, np.nan + 0j), "LTI"
-    weight = response(model.weight, model.omega)
-    return model.omega, model.at(model.omega), model.form, weight, model.perturbation
+        return (
+            omega,
+            np.asarray(model.frdata[0, 0]),
+            RELATIVE,
+            np.full(omega.size, np.nan + 0j),
+            "LTI",
+            np.ones(omega.size),
+        )
+    weight, scaling = response(model.weight, model.omega), response(model.shaping, model.omega)
+    return model.omega, model.at(model.omega), model.form, weight, model.perturbation, scaling

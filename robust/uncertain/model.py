@@ -5,6 +5,7 @@
     additive                G + w Delta                      r
     inverse-multiplicative  G / (1 + w Delta)                r / (|G| - r)
     inverse-additive        G / (1 + w G Delta)              r / (|G| (|G| - r))
+    coprime                 (N + Delta_N)/(M + Delta_M)      r / sqrt((1 + |G|^2)(1 + (|G| - r)^2)), G and r scaled
 
 (SP 7.4 and 8.2.3.) A disc from the spread of a measured FRF is *statistical*: it says where the FRF of another
 realisation lies, with a probability; the perturbation that caused it is a nonlinear one, and no theorem turns that
@@ -20,26 +21,24 @@ import control
 import numpy as np
 
 from nlfrf import Bla, Frm
-from nlfrf.shared.arguments import integer, one_of, probability, real, real_array
+from nlfrf.shared.arguments import one_of, probability, real, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.modelling.design_warning import suspected
-from robust.modelling.nominal import NominalFit, behind_hold
+from robust.modelling.nominal import behind_hold
 from robust.modelling.weights import fit_weight
-from robust.systems.lti import response, timebase
+from robust.systems.connections import in_series
+from robust.systems.lti import finite, response, timebase
 from robust.systems.realisation import frequency_response, least_stable, state_space
-from robust.systems.sampling import delayed
 from robust.systems.stability import stable
+from robust.uncertain.coprime import as_shaping, refuse_everything
 from robust.uncertain.forms import ELEMENTS, FORMS, PERTURBATIONS, RELATIVE
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.matrix_radius import matrix_uncertainty
-from robust.uncertain.perturbations import perturbed, random_perturbation
-from robust.uncertain.radius import PARTS, extrapolated, family, nominal_response, slope, total_of, worded
+from robust.uncertain.perturbations import random_plants
+from robust.uncertain.radius import PARTS, as_nominal, family, frf_at, measured_as, of_form, scaled_by, total_of, worded
 
 __all__ = ["UncertaintyModel", "uncertainty"]
-
-
-PADE_ORDER = 4
 
 
 @value(kw_only=False)
@@ -53,7 +52,7 @@ class UncertaintyModel:
     weight : control.StateSpace
         Stable and proper; |weight| >= radius on every line.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive".
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime".
     omega : (W,) ndarray
         Frequencies of the radius [rad/s].
     radius : (W,) ndarray
@@ -77,6 +76,8 @@ class UncertaintyModel:
     source : str
         In words, what was measured.
     hold, fs, unit : of the record: hold of its input, as `Bla.hold`; sampling frequency [Hz]; unit of y over u.
+    W1, W2 : control.StateSpace
+        Scaling of the plant at its input and output, W2 G W1, of the coprime form (1 when not given); None of others.
 
     Raises
     ------
@@ -116,6 +117,8 @@ class UncertaintyModel:
     hold: str = "unknown"
     fs: float = float("nan")
     unit: str = ""
+    W1: Any = None
+    W2: Any = None
 
     def __post_init__(self) -> None:
         one_of("form", self.form, tuple(FORMS))
@@ -150,6 +153,13 @@ class UncertaintyModel:
             )
         object.__setattr__(self, "nominal", nominal)
         object.__setattr__(self, "weight", weight)
+        for name in ("W1", "W2"):
+            if FORMS[self.form].scaled:
+                object.__setattr__(self, name, as_shaping(name, getattr(self, name), nominal))
+            elif getattr(self, name) is not None:
+                raise ValueError(f"{name} must be left out but for the coprime form, got one with {self.form}")
+        if FORMS[self.form].scaled:
+            refuse_everything(weight)
         for name in PARTS:
             part = getattr(self, f"radius_{name}")
             part = np.full(omega.size, np.nan) if part is None else np.asarray(part, dtype=float).copy()
@@ -176,6 +186,11 @@ class UncertaintyModel:
         """Whether the nominal is an FRF: nothing can be said between and outside its lines."""
         return isinstance(self.nominal, control.FrequencyResponseData)
 
+    @property
+    def shaping(self) -> control.StateSpace:
+        """W1 W2 as one system; the gain one where the form needs no scaling."""
+        return in_series(self.W1, self.W2) if FORMS[self.form].scaled else state_space("shaping", 1.0)
+
     def budget(self) -> dict[str, np.ndarray]:
         """Name of each known part of the radius -> (W,) its share there."""
         parts = {name: getattr(self, f"radius_{name}") for name in PARTS}
@@ -188,6 +203,9 @@ class UncertaintyModel:
         """
         omega, G = frequency_response("plant", plant, self.omega)
         nominal = self.at(omega)
+        if FORMS[self.form].scaled:  # at a pole too: it is as far from zero as a plant can be
+            W = response(self.shaping, omega)
+            G, nominal = W * finite(G), W * finite(nominal)
         deviation = FORMS[self.form].deviation(G, nominal)
         return np.abs(deviation) / np.abs(response(self.weight, omega))
 
@@ -195,16 +213,7 @@ class UncertaintyModel:
         """(.,) complex response of the nominal."""
         if not self.measured_only:
             return response(self.nominal, omega)
-        known = np.asarray(self.nominal.omega)
-        place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
-        place = np.where(
-            (place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place
-        )
-        if np.any(np.abs(known[place] - omega) > 1e-6 * omega):
-            raise ValueError(
-                "omega must consist of lines of the nominal FRF, got others: it is known on its lines only"
-            )
-        return np.asarray(self.nominal.frdata[0, 0])[place]
+        return frf_at(self.nominal, omega)
 
     def contains(self, plant: Any) -> bool:
         """Whether an FRF (or a system, looked at on the lines) lies in the set at every one of its frequencies."""
@@ -212,24 +221,7 @@ class UncertaintyModel:
 
     def sample(self, n: int, rng: np.random.Generator | int | None = None) -> list[Any]:
         """n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
-        rng = np.random.default_rng(rng)
-        plants: list[Any] = []
-        for _ in range(20 * integer("n", n, least=0)):
-            if len(plants) == n:
-                break
-            Delta = random_perturbation(rng, self.omega[0], self.omega[-1], timebase(self.weight))
-            if self.measured_only:
-                w, D = response(self.weight, self.omega), response(Delta, self.omega)
-                deviated = FORMS[self.form].perturbed(self.at(self.omega), w, D)
-                plant: Any = control.FrequencyResponseData(deviated, self.omega)
-            else:
-                plant = perturbed(self.form, self.nominal, self.weight, Delta)
-            # rounding in the realisation must not carry a plant out of the set it is said to be from
-            if np.all(self.distance(plant) <= 1 + 1e-7):
-                plants.append(plant)
-        if len(plants) < n:
-            raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
-        return plants
+        return random_plants(self, n, np.random.default_rng(rng))
 
 
 @overload
@@ -263,6 +255,8 @@ def uncertainty(
     below: str | float = ...,
     above: str | float = ...,
     perturbation: str = ...,
+    W1: Any = ...,
+    W2: Any = ...,
 ) -> UncertaintyModel: ...
 
 
@@ -279,6 +273,8 @@ def uncertainty(
     below: str | float = "flat",
     above: str | float = 20.0,
     perturbation: str = "statistical",
+    W1: Any = None,
+    W2: Any = None,
 ) -> UncertaintyModel | MatrixUncertainty:
     """Turn a measured BLA with its levels into a set of plants around a nominal model.
 
@@ -295,8 +291,8 @@ def uncertainty(
     nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative" or "inverse-additive". Of an Frm "elements" (when not
-        given), "additive" or "input": to be chosen before looking.
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of an Frm "elements"
+        (when not given), "additive" or "input": to be chosen before looking.
     order : int
         Order of the weight, or of each of them.
     confidence : float
@@ -312,6 +308,8 @@ def uncertainty(
         many dB per decade, over two decades, flat beyond.
     perturbation : str
         The class; "LTI" and "operator" are claims of the user about the plant.
+    W1, W2 : control.StateSpace, TransferFunction or float, optional
+        Scaling W2 G W1 of the plant for the coprime form, as for `ncfsyn`; when not given, unit gain in mid band.
 
     Returns
     -------
@@ -344,26 +342,23 @@ def uncertainty(
         raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
     one_of("form", form, tuple(FORMS))
     p = probability("confidence", confidence)
-    below, above = slope("below", below), slope("above", above)
     nominal, delay, dt = as_nominal(nominal)
     if not isinstance(nominal, control.FrequencyResponseData):
         many = [behind_hold(b, dt) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
     omega, discs = family(many, nominal, p, simultaneous, even, systematic)
-    absolute = total_of(discs)
-    factor = FORMS[form].radius_factor(omega, absolute, np.abs(nominal_response(nominal, omega)))
-    radius = absolute * factor
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
-        omega, radius, factor = omega[inside], radius[inside], factor[inside]
-        discs = {name: part[inside] for name, part in discs.items()}
-    weight = fit_weight(*extrapolated(omega, radius, below, above, dt), order=order, dt=dt).W
+        omega, discs = omega[inside], {name: part[inside] for name, part in discs.items()}
+    row, absolute = FORMS[form], total_of(discs)
+    W1, W2, below, above = scaled_by(row, nominal, omega, (W1, W2), (below, above))
+    factor, *covered = of_form(row, omega, absolute, nominal, (W1, W2), below, above, dt)
     return UncertaintyModel(
         nominal=nominal,
-        weight=suspected(weight, omega, radius),
+        weight=suspected(fit_weight(*covered, order=order, dt=dt).W, omega, absolute * factor),
         form=form,
         omega=omega,
-        radius=radius,
+        radius=absolute * factor,
         confidence=p,
         perturbation=perturbation,
         simultaneous=bool(simultaneous),
@@ -374,23 +369,6 @@ def uncertainty(
         hold=many[0].hold if len({b.hold for b in many}) == 1 else "unknown",
         fs=min(b.fs for b in many),
         unit=many[0].unit,
-    )
-
-
-def as_nominal(nominal: Any) -> tuple[Any, float, float]:
-    """The nominal with its delay inside, that delay and its sampling time [s]."""
-    delay = nominal.delay if isinstance(nominal, NominalFit) else 0.0
-    if isinstance(nominal, NominalFit):
-        nominal = delayed(nominal.G, delay, order=PADE_ORDER)
-    if isinstance(nominal, control.FrequencyResponseData):
-        return nominal, delay, 0.0
-    nominal = state_space("nominal", nominal)
-    return nominal, delay, timebase(nominal)
-
-
-def measured_as(bla: Bla) -> str:
-    """A record in words."""
-    return (
-        f"{bla.grid} multisine, {bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz, {bla.n_realizations} realisations "
-        f"x {bla.n_periods} periods, level from {bla.level_source}"
+        W1=W1,
+        W2=W2,
     )

@@ -2,19 +2,53 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 
-from robust.systems.connections import in_series
+from nlfrf.shared.arguments import integer
+from robust.systems.connections import in_series, inverse
+from robust.systems.lti import response, timebase
 from robust.systems.realisation import from_roots
 from robust.uncertain.forms import FORMS
 
-__all__ = ["perturbed", "random_perturbation", "with_phase"]
+__all__ = ["perturbed", "random_perturbation", "random_plants", "with_phase"]
 
 
-def perturbed(form: str, G: control.StateSpace, w: control.StateSpace, Delta: control.StateSpace) -> control.StateSpace:
-    """The perturbed plant as a system."""
-    return FORMS[form].system(G, in_series(Delta, w))
+def perturbed(
+    form: str,
+    G: control.StateSpace,
+    w: control.StateSpace,
+    Delta: control.StateSpace,
+    W: control.StateSpace | None = None,
+) -> control.StateSpace:
+    """The perturbed plant as a system, of a plant scaled by W."""
+    row = FORMS[form]
+    if W is None or not row.scaled:
+        return row.system(G, w, Delta)
+    return in_series(row.system(in_series(G, W), w, Delta), inverse(W))
+
+
+def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:
+    """n plants of an `UncertaintyModel`, each |Delta| = 1 somewhere or everywhere; FRFs where its nominal is one."""
+    plants: list[Any] = []
+    for _ in range(20 * integer("n", n, least=0)):
+        if len(plants) == n:
+            break
+        Delta = random_perturbation(rng, model.omega[0], model.omega[-1], timebase(model.weight))
+        if model.measured_only:
+            w, D, W = (response(X, model.omega) for X in (model.weight, Delta, model.shaping))
+            deviated = FORMS[model.form].perturbed(W * model.at(model.omega), w, D) / W
+            plant: Any = control.FrequencyResponseData(deviated, model.omega)
+        else:
+            plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
+        # rounding in the realisation must not carry a plant out of the set it is said to be from
+        if np.all(model.distance(plant) <= 1 + 1e-7):
+            plants.append(plant)
+    if len(plants) < n:
+        raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
+    return plants
 
 
 def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:

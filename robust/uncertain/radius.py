@@ -9,16 +9,34 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf.shared.arguments import nonnegative, one_of
-from robust.systems.lti import response
-from robust.systems.realisation import frequency_response
+from robust.modelling.nominal import NominalFit
+from robust.systems.lti import response, timebase
+from robust.systems.realisation import frequency_response, state_space
+from robust.systems.sampling import delayed
+from robust.uncertain.forms import Form
 
-__all__ = ["PARTS", "extrapolated", "family", "nominal_response", "record_disc", "slope", "total_of", "worded"]
+__all__ = [
+    "PARTS",
+    "as_nominal",
+    "extrapolated",
+    "family",
+    "frf_at",
+    "measured_as",
+    "nominal_response",
+    "of_form",
+    "record_disc",
+    "scaled_by",
+    "slope",
+    "total_of",
+    "worded",
+]
 
 
 #: What a radius is made of.
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 MISFIT_WINDOW = 9
 DECADES_ABOVE = 2.0
+PADE_ORDER = 4
 
 
 def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
@@ -132,6 +150,73 @@ def extrapolated(
     return np.concatenate([low, omega, high]), out
 
 
+def of_form(
+    form: Form,
+    omega: np.ndarray,
+    absolute: np.ndarray,
+    nominal: Any,
+    shaped_by: tuple[Any, Any],
+    below: float,
+    above: float,
+    dt: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Factor from an absolute radius to that of the form; frequencies and radii to be covered, outside the band too.
+
+    For a form that depends on the units of the plant it is the relative radius that is continued, |G| being what it
+    is there: its own has a limit.
+    """
+    if not form.scaled:
+        factor = form.radius_factor(omega, absolute, np.abs(nominal_response(nominal, omega)))
+        return factor, *extrapolated(omega, absolute * factor, below, above, dt)
+
+    def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # |G|, and |W1 W2| of what is given of them
+        inside = omega  # an FRF stays what it is at its ends
+        if isinstance(nominal, control.FrequencyResponseData):
+            inside = np.clip(omega, np.min(nominal.omega), np.max(nominal.omega))
+        scaling = [response(state_space("W1 and W2", W), omega) for W in shaped_by if W is not None]
+        return np.abs(nominal_response(nominal, inside)), np.abs(np.prod([np.ones(omega.size), *scaling], axis=0))
+
+    size, scale = sizes(omega)
+    factor = scale * form.radius_factor(omega, absolute * scale, size * scale)
+    wide, relative = extrapolated(omega, absolute / np.maximum(size, 1e-300), below, above, dt)
+    size, scale = sizes(wide)
+    there = relative * size * scale
+    try:
+        return factor, wide, there * form.radius_factor(wide, there, size * scale)
+    except ValueError as error:
+        raise ValueError(f"below and above must leave a radius outside the band too: {error}") from None
+
+
+def scaled_by(
+    form: Form, nominal: Any, omega: np.ndarray, shaped_by: tuple[Any, Any], rules: tuple[Any, Any]
+) -> tuple[Any, Any, float, float]:
+    """W1, W2 and the slopes below and above the band, as they are taken.
+
+    Where the form needs a scaling and none is given: unit gain in mid band, so that the mean of |G| in decibels over
+    log frequency is zero. Outside the lines of an FRF there is no plant that a radius could be relative to.
+    """
+    below, above = slope("below", rules[0]), slope("above", rules[1])
+    if not form.scaled:
+        return *shaped_by, below, above
+    if isinstance(nominal, control.FrequencyResponseData):
+        below = above = 0.0
+    if shaped_by != (None, None):
+        return *shaped_by, below, above
+    size, log = np.log(np.abs(nominal_response(nominal, omega))), np.log(omega)
+    middle = np.trapezoid(size, log) / (log[-1] - log[0]) if omega.size > 1 else size[0]
+    return 1.0, float(np.exp(-middle)), below, above
+
+
+def frf_at(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
+    """(.,) response of a nominal that is known on its lines only, on some of them."""
+    known = np.asarray(nominal.omega)
+    place = np.clip(np.searchsorted(known, omega), 0, known.size - 1)
+    place = np.where((place > 0) & (np.abs(known[place - 1] - omega) < np.abs(known[place] - omega)), place - 1, place)
+    if np.any(np.abs(known[place] - omega) > 1e-6 * omega):
+        raise ValueError("omega must consist of lines of the nominal FRF, got others: it is known on its lines only")
+    return np.asarray(nominal.frdata[0, 0])[place]
+
+
 def slope(name: str, rule: Any) -> float:
     """dB per decade away from the band."""
     return 0.0 if isinstance(rule, str) and one_of(name, rule, ("flat",)) else nonnegative(name, rule)
@@ -140,3 +225,22 @@ def slope(name: str, rule: Any) -> float:
 def worded(rule: float) -> str:
     """The extrapolation rule in words."""
     return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
+
+
+def as_nominal(nominal: Any) -> tuple[Any, float, float]:
+    """The nominal with its delay inside, that delay and its sampling time [s]."""
+    delay = nominal.delay if isinstance(nominal, NominalFit) else 0.0
+    if isinstance(nominal, NominalFit):
+        nominal = delayed(nominal.G, delay, order=PADE_ORDER)
+    if isinstance(nominal, control.FrequencyResponseData):
+        return nominal, delay, 0.0
+    nominal = state_space("nominal", nominal)
+    return nominal, delay, timebase(nominal)
+
+
+def measured_as(bla: Bla) -> str:
+    """A record in words."""
+    return (
+        f"{bla.grid} multisine, {bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz, {bla.n_realizations} realisations "
+        f"x {bla.n_periods} periods, level from {bla.level_source}"
+    )

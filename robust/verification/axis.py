@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from nlfrf.shared.values import value
 from robust.verification.claim import LoopClaim, Matrices
 from robust.verification.conditions import Terms
@@ -13,6 +15,7 @@ from robust.verification.stability import squared
 __all__ = ["Axis", "Squares", "at_infinity", "axis_of", "loop_axis", "polynomials", "squares"]
 
 
+UNITY = Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=np.ones((1, 1)))
 WHOLE_SAMPLES, WHOLE_SAMPLES_DISCRETE, SAME_CLOCK = 1e-9, 1e-6, 1e-9
 
 
@@ -24,6 +27,8 @@ class Axis:
     ------
     G, K, w, P : Quotient
         Plant (hold and delay by samples inside), controller, weights; P is None without one.
+    W : Quotient or None
+        What the plant is scaled by, for coprime factors.
     dt, delay : fmpq
         Sampling time [s], 0 for continuous; delay [s] that is not in G (continuous loops).
     w_timed, P_timed : bool
@@ -38,6 +43,7 @@ class Axis:
     delay: Any
     w_timed: bool
     P_timed: bool
+    W: Quotient | None = None
 
     @property
     def algebraic(self) -> bool:
@@ -50,7 +56,22 @@ def axis_of(claim: LoopClaim) -> Axis:
     G, K, dt, delay = loop_axis(claim.plant, claim.controller, claim.delay)
     w, w_timed = weight("weight", claim.weight, dt)
     P, P_timed = (None, False) if claim.performance is None else weight("performance", claim.performance, dt)
-    return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed)
+    W = shaping(claim, dt) if "M" in claim.reads else None
+    return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed, W=W)
+
+
+def shaping(claim: LoopClaim, dt: Any) -> Quotient:
+    """The product of the shaping functions, on the axis of the loop."""
+    if dt and not claim.plant.dt:
+        raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
+    num = den = quotient(UNITY).num
+    degree = 0
+    for W in claim.shaping:
+        part, timed = weight("shaping", W, dt)
+        if timed:
+            raise ValueError("shaping must be sampled as the loop is, got a continuous one")
+        num, den, degree = num * part.num, den * part.den, degree + part.degree
+    return Quotient(num=num, den=den, degree=degree)
 
 
 def loop_axis(plant: Matrices, K: Matrices, seconds: float) -> tuple[Quotient, Quotient, Any, Any]:
@@ -107,6 +128,7 @@ class Squares:
     closed: Any
     w: tuple[Any, Any, int]
     P: tuple[Any, Any, int] | None
+    W: tuple[Any, Any, int] | None = None
 
 
 def squares(axis: Axis) -> Squares:
@@ -131,12 +153,14 @@ def squares(axis: Axis) -> Squares:
         closed=squared(N + D),
         w=of_weight(axis.w),
         P=None if axis.P is None else of_weight(axis.P),
+        W=None if axis.W is None else of_weight(axis.W),
     )
 
 
 def polynomials(found: Squares) -> Terms:
     """The terms as polynomials in y, where everything is one."""
     P_num, P_den = (None, None) if found.P is None else found.P[:2]
+    W_num, W_den = (None, None) if found.W is None else found.W[:2]
     return Terms(
         G_num=found.G[0],
         G_den=found.G[1],
@@ -148,6 +172,8 @@ def polynomials(found: Squares) -> Terms:
         w_den=found.w[1],
         P_num=P_num,
         P_den=P_den,
+        W_num=W_num,
+        W_den=W_den,
     )
 
 
@@ -155,6 +181,7 @@ def at_infinity(found: Squares) -> Terms:
     """The same at the far end of the axis: coefficients at the formal degrees."""
     n, m = found.G[2], found.K[2]
     P_num, P_den = (None, None) if found.P is None else (found.P[0][found.P[2]], found.P[1][found.P[2]])
+    W_num, W_den = (None, None) if found.W is None else (found.W[0][found.W[2]], found.W[1][found.W[2]])
     return Terms(
         G_num=found.G[0][n],
         G_den=found.G[1][n],
@@ -166,4 +193,6 @@ def at_infinity(found: Squares) -> Terms:
         w_den=found.w[1][found.w[2]],
         P_num=P_num,
         P_den=P_den,
+        W_num=W_num,
+        W_den=W_den,
     )

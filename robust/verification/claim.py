@@ -27,7 +27,7 @@ __all__ = [
 STABILITY = "robust stability"
 PERFORMANCE = "robust performance"
 OPERATOR_PERFORMANCE = "robust performance with one scaling"
-FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True))
+FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
 CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)
 
 
@@ -83,7 +83,9 @@ class LoopClaim:
     reads, inverse : tuple of str, bool
         Form of the uncertainty: the perturbed sensitivity is S (1 + a Delta)/(1 + b Delta), b = w R S with R the
         product of what is read, a = w R where inverse and 0 where not. ("G", "K"), False: G (1 + w Delta); ("K",),
-        False: G + w Delta; (), True: G/(1 + w Delta); ("G",), True: G/(1 + w G Delta).
+        False: G + w Delta; (), True: G/(1 + w Delta); ("G",), True: G/(1 + w G Delta). ("N", "M"), True: normalised
+        coprime factors of the shaped plant that differ by [Delta_N, Delta_M] of gain |w|; a = -t G*, b = t (K - G*) S
+        with t = w/sqrt(1 - |w|^2), G and K those of the shaped loop.
     perturbation : str
         Class of the perturbations, in words; nothing is computed from it.
     delay : float
@@ -96,6 +98,8 @@ class LoopClaim:
         weights, scaled by d, is below one (nonlinear perturbations).
     scaling : float
         d, where it is claimed with one.
+    shaping : tuple of Matrices
+        Shaping functions whose product scales the plant (and the controller back), of the last form only.
     """
 
     plant: Matrices
@@ -108,6 +112,7 @@ class LoopClaim:
     delay: float
     claims: tuple[str, ...]
     scaling: float = 1.0
+    shaping: tuple[Matrices, ...] = ()
 
     def __post_init__(self) -> None:
         for name in SYSTEMS:
@@ -118,6 +123,10 @@ class LoopClaim:
                 raise ValueError(f"{name} must have one input and one output, got D of shape {system.D.shape}")
         if (self.reads, self.inverse) not in FORMS:
             raise ValueError(f"reads must be a form of uncertainty, got {self.reads} with inverse={self.inverse}")
+        if self.shaping and "M" not in self.reads:
+            raise ValueError(f"shaping must be left out but for coprime factors, got reads {self.reads}")
+        if any(W.D.shape != (1, 1) for W in self.shaping):
+            raise ValueError("shaping must have one input and one output")
         if not self.claims or not set(self.claims) <= set(CLAIMS):
             raise ValueError(f"claims must be some of {', '.join(CLAIMS)}, got {self.claims}")
         if self.performance is None and set(self.claims) != {STABILITY}:
@@ -134,14 +143,18 @@ SYSTEMS = ("plant", "controller", "weight", "performance")
 def content(claim: LoopClaim) -> dict[str, Any]:
     """The claim as plain numbers and words, floats to be written with the digits that give them back exactly."""
     systems = {name: system_content(getattr(claim, name)) for name in SYSTEMS}
-    return systems | {
-        "reads": list(claim.reads),
-        "inverse": claim.inverse,
-        "perturbation": claim.perturbation,
-        "delay": float(claim.delay),
-        "claims": list(claim.claims),
-        "scaling": float(claim.scaling),
-    }
+    return (
+        systems
+        | {
+            "reads": list(claim.reads),
+            "inverse": claim.inverse,
+            "perturbation": claim.perturbation,
+            "delay": float(claim.delay),
+            "claims": list(claim.claims),
+            "scaling": float(claim.scaling),
+        }
+        | ({"shaping": [system_content(W) for W in claim.shaping]} if claim.shaping else {})
+    )
 
 
 def system_content(system: Matrices | None) -> dict[str, Any] | None:
@@ -154,7 +167,7 @@ def system_content(system: Matrices | None) -> dict[str, Any] | None:
 def from_content(given: Any) -> LoopClaim:
     """The claim back from `content`, or a ValueError that says what is wrong with it."""
     wanted = {*SYSTEMS, "reads", "inverse", "perturbation", "delay", "claims", "scaling"}
-    if not isinstance(given, dict) or set(given) != wanted:
+    if not isinstance(given, dict) or set(given) - {"shaping"} != wanted:
         raise ValueError(f"claim must have the entries {', '.join(sorted(wanted))}, got something else")
     try:
         systems = {name: system_from(given[name]) for name in SYSTEMS}
@@ -166,6 +179,7 @@ def from_content(given: Any) -> LoopClaim:
             delay=float(given["delay"]),
             claims=tuple(str(claim) for claim in given["claims"]),
             scaling=float(given["scaling"]),
+            shaping=tuple(system_from(W) for W in given.get("shaping", ())),  # type: ignore[misc]
         )
     except (TypeError, KeyError, IndexError) as error:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None

@@ -17,7 +17,7 @@ __all__ = ["Terms", "conditions"]
 
 @value
 class Terms:
-    """|N_G|^2, |D_G|^2, |N_K|^2, |D_K|^2, Re(N D*), |D + N|^2 and the squared parts of both weights."""
+    """|N_G|^2, |D_G|^2, |N_K|^2, |D_K|^2, Re(N D*), |D + N|^2, the squared parts of both weights and of the scaling."""
 
     G_num: Any
     G_den: Any
@@ -29,10 +29,14 @@ class Terms:
     w_den: Any
     P_num: Any = None
     P_den: Any = None
+    W_num: Any = None
+    W_den: Any = None
 
 
 def conditions(claim: str, reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -> list[Any]:
     """Expressions all of which are positive where the claim holds; the form as in `LoopClaim`, scaling is d^2."""
+    if "M" in reads:
+        return coprime(claim, t, scaling)
     if claim == STABILITY:
         return [stability(reads, t)]
     if claim == OPERATOR_PERFORMANCE:
@@ -84,3 +88,32 @@ def one_scaling(reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -
     through = channel(reads, t)
     size, determinant = w * (through + N * scaling) + P * (through * (1 / scaling) + D), both * through
     return [whole - determinant, whole - size + determinant]
+
+
+def coprime(claim: str, t: Terms, scaling: Any) -> list[Any]:
+    """The claims about normalised coprime factors, with k and g = |K|, |G| of the shaped loop, eps = |w|.
+
+    Stability: eps^2 (1 + g^2)(1 + k^2) < |1 + L|^2. Performance: |w_P| (|1 + L - eps^2 (1 + g^2)| + eps sqrt(1 - eps^2)
+    k (1 + g^2)) < |1 + L|^2 - eps^2 (1 + g^2)(1 + k^2). With one scaling: columns S/M (-K, 1, -1) and d S (K, L, 1),
+    rows times w, w and w_P/d. docs/guide/coprime.md derives them.
+    """
+    D, WW = t.G_den * t.K_den, t.W_num * t.W_den
+    plants = t.G_den * t.W_den + t.G_num * t.W_num  # 1 + g^2, over G_den W_den
+    controllers = t.K_den * t.W_num + t.K_num * t.W_den  # 1 + k^2, over K_den W_num
+    inside = t.w_den * WW * t.closed - t.w_num * plants * controllers
+    if claim == STABILITY:
+        return [inside]
+    if claim != OPERATOR_PERFORMANCE:
+        centre = t.G_den * t.closed * t.w_den * t.w_den * t.W_den * t.W_den
+        centre = centre - t.w_num * t.w_den * t.W_den * plants * (D + t.cross) * 2
+        centre = centre + t.w_num * t.w_num * plants * plants * t.K_den
+        edge = t.w_num * (t.w_den - t.w_num) * t.K_num * WW * plants * plants
+        over = t.P_num * t.K_den
+        return [inside, *sum_of_roots(over * t.W_num * t.W_num * centre, over * edge, t.P_den * inside * inside)]
+    whole = t.w_den * t.w_den * t.P_den * WW * t.closed
+    errors = t.K_den * plants * (1 / scaling) + D * t.W_den
+    inputs = controllers + t.K_num * t.W_den * scaling
+    trace = (t.w_num * t.P_den * plants * inputs + t.P_num * t.w_den * t.W_num * errors) * t.w_den
+    across = t.w_num * t.P_den * t.K_num * t.W_den * scaling + t.P_num * t.w_den * t.K_den * t.W_num
+    determinant = t.w_num * plants * across
+    return [whole - determinant, whole - trace + determinant]

@@ -79,7 +79,7 @@ def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
         G_num, G_den, K_num, K_den = (of_polynomial(p, y) for p in (*found.G[:2], *found.K[:2]))
         cross = of_polynomial(found.even, y) * cosine(*phase) + of_polynomial(found.odd, y) * omega * sine(*phase)
         closed = G_num * K_num + G_den * K_den + cross * 2
-        return complete(found, G_num, G_den, K_num, K_den, cross, closed, y, y)
+        return complete(found, G_num, G_den, K_num, K_den, cross, closed, y, y, y)
 
     return terms
 
@@ -95,14 +95,15 @@ def sampled_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
     P = found.P
     if P is not None and not axis.P_timed:
         P = (*(in_sine(p, P[2]) for p in P[:2]), P[2])
-    weights = Squares(G=found.G, K=found.K, even=None, odd=None, closed=None, w=w, P=P)
+    W = None if found.W is None else (*(in_sine(p, found.W[2]) for p in found.W[:2]), found.W[2])
+    weights = Squares(G=found.G, K=found.K, even=None, odd=None, closed=None, w=w, P=P, W=W)
 
     def terms(middle: Any, half: Any) -> Terms:
         omega = line(middle, half)
         u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
         y = omega * omega
         a, b, c, d, cross, closed = (of_polynomial(p, u) for p in loop)
-        return complete(weights, a, b, c, d, cross, closed, y if axis.w_timed else u, y if axis.P_timed else u)
+        return complete(weights, a, b, c, d, cross, closed, y if axis.w_timed else u, y if axis.P_timed else u, u)
 
     return terms
 
@@ -115,10 +116,20 @@ def in_sine(p: Any, degree: int) -> Any:
 
 
 def complete(
-    found: Squares, G_num: Any, G_den: Any, K_num: Any, K_den: Any, cross: Any, closed: Any, w_at: Any, P_at: Any
+    found: Squares,
+    G_num: Any,
+    G_den: Any,
+    K_num: Any,
+    K_den: Any,
+    cross: Any,
+    closed: Any,
+    w_at: Any,
+    P_at: Any,
+    W_at: Any,
 ) -> Terms:
     """Terms with their weights."""
     P_num, P_den = (None, None) if found.P is None else (of_polynomial(p, P_at) for p in found.P[:2])
+    W_num, W_den = (None, None) if found.W is None else (of_polynomial(p, W_at) for p in found.W[:2])
     return Terms(
         G_num=G_num,
         G_den=G_den,
@@ -130,6 +141,8 @@ def complete(
         w_den=of_polynomial(found.w[1], w_at),
         P_num=P_num,
         P_den=P_den,
+        W_num=W_num,
+        W_den=W_den,
     )
 
 
@@ -156,6 +169,7 @@ def first_of_tail(found: Squares, asked: Asked) -> float:
         cross = arb(0, bound)
         P = (None, None) if found.P is None else [ratio(p, found.P[2]) for p in found.P[:2]]
         w = [ratio(p, found.w[2]) for p in found.w[:2]]
+        W = (None, None) if found.W is None else [ratio(p, found.W[2]) for p in found.W[:2]]
         terms = Terms(
             G_num=G_num,
             G_den=G_den,
@@ -167,6 +181,8 @@ def first_of_tail(found: Squares, asked: Asked) -> float:
             w_den=w[1],
             P_num=P[0],
             P_den=P[1],
+            W_num=W[0],
+            W_den=W[1],
         )
         if all(x > 0 for x in asked(terms)):
             return omega

@@ -154,9 +154,10 @@ def squared_scaling(scaling: Any) -> Any:
 
 
 def stable_weights(axis: Axis) -> Decision:
-    """Every pole of the weights strictly stable."""
-    for part in (axis.w, axis.P):
-        if part is not None and not (found := routh(part.den, part.degree)).holds:
+    """Every pole of the weights strictly stable; of what scales the plant every zero too."""
+    parts = [(part.den, part.degree) for part in (axis.w, axis.P, axis.W) if part is not None]
+    for polynomial, degree in parts + ([] if axis.W is None else [(axis.W.num, axis.W.degree)]):
+        if not (found := routh(polynomial, degree)).holds:
             return found
     return Decision(holds=True)
 

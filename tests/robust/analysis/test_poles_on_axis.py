@@ -24,10 +24,17 @@ def closed(loop, omega):
     s = 1j * omega
     n, d, k, h = (np.polyval(p, s) for p in (n, d, k, h))
     all_ = d * h + n * k
-    return {"S": d * h / all_, "T": n * k / all_, "KS": k * d / all_, "GS": n * h / all_}
+    both = np.hypot(np.abs(d), np.abs(n)) * np.hypot(np.abs(h), np.abs(k)) / np.abs(all_)  # |[K; 1] S [1, G]|
+    return {"NCF": both, "S": d * h / all_, "T": n * k / all_, "KS": k * d / all_, "GS": n * h / all_}
 
 
-CURVE = {"multiplicative": "T", "additive": "KS", "inverse-multiplicative": "S", "inverse-additive": "GS"}
+CURVE = {
+    "multiplicative": "T",
+    "additive": "KS",
+    "inverse-multiplicative": "S",
+    "inverse-additive": "GS",
+    "coprime": "NCF",
+}
 
 
 def the_model(G, form, size, dt=0.0):
@@ -72,8 +79,9 @@ def test_the_same_with_a_clock(name, form):
     at = np.geomspace(1e-3, np.pi / dt * 0.9999, 40_000)
     g, k = response(sampled(G, dt), at), response(K, at)
     S = 1 / (1 + g * k)
-    curve = {"T": 1 - S, "KS": k * S, "S": S, "GS": g * S}[CURVE[form]]
-    report = check(the_model(G, form, 0.03), K)
+    both = np.sqrt((1 + np.abs(g) ** 2) * (1 + np.abs(k) ** 2)) * S
+    curve = {"T": 1 - S, "KS": k * S, "S": S, "GS": g * S, "NCF": both}[CURVE[form]]
+    report = check(the_model(sampled(G, dt), form, 0.03, dt) if form == "coprime" else the_model(G, form, 0.03), K)
     assert report.verdict == "robust", report.reason
     assert 1 / report.margin_rs == pytest.approx(0.03 * np.abs(curve).max(), rel=1e-4)
     assert np.isfinite(report.rs).all()

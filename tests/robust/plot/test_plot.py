@@ -91,7 +91,9 @@ def test_an_unstable_loop_is_drawn_without_curves(ax):
     assert any("unstable" in text.get_text() for text in ax.texts)
 
 
-@pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])
+@pytest.mark.parametrize(
+    "form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive", "coprime"]
+)
 def test_nyquist_discs_touch_minus_one_where_rs_says_so(form, ax):
     model = uncertainty(BLA, SCAN.fit, form=form, order=3)
     report = check(model, K)
@@ -102,11 +104,13 @@ def test_nyquist_discs_touch_minus_one_where_rs_says_so(form, ax):
     for angle in np.linspace(0, 2 * np.pi, 13):
         Delta = np.exp(1j * angle)
         G, w = report.G, response(model.weight, report.omega)
+        t, g = w / np.sqrt(1 - np.minimum(np.abs(w), 0.99) ** 2), G if report.shaping is None else G * report.shaping
         plants = {
             "multiplicative": G * (1 + w * Delta),
             "additive": G + w * Delta,
             "inverse-multiplicative": G / (1 + w * Delta),
             "inverse-additive": G / (1 + w * G * Delta),
+            "coprime": G / g * (g + t * Delta) / (1 - g.conj() * t * Delta),
         }[form]
         rim = np.abs(plants * report.K - centre) / radius
         assert rim[fine & (radius > 1e-9)] == pytest.approx(1.0, rel=1e-6)

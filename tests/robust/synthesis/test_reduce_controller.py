@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, mixsyn, ncfsyn, performance_weight, reduce_controller, sampled
-from robust.synthesis.reduction import balanced, coprime, weighted
+from robust.synthesis.reduction import balanced, of_factors, weighted
 from robust.systems.lti import response
 from robust.systems.norms import hinf_norm
 
@@ -86,7 +86,7 @@ def test_unstable_and_integrating_modes_stay():
         unstable = np.sort(np.linalg.eigvals(A).real)[-2:]
         assert n >= 2
         np.testing.assert_allclose(unstable, [0.0, 0.5], atol=1e-9)
-    exact = [small for way, n, small in coprime(matrices(K)) if "residualised" in way and n == 3]
+    exact = [small for way, n, small in of_factors(matrices(K)) if "residualised" in way and n == 3]
     assert np.abs(np.linalg.eigvals(exact[0][0])).min() < 1e-8  # M(0) = 0 is kept
 
 
@@ -95,7 +95,7 @@ def test_all_states_are_the_controller_itself():
     A = np.block([[K[0], np.zeros((5, 2))], [np.zeros((2, 5)), -np.eye(2)]])  # two states that nothing drives
     B, C = np.vstack([K[1], np.zeros((2, 1))]), np.hstack([K[2], np.ones((1, 2))])
     omega = np.geomspace(1e-2, 1e2, 50)
-    for ways in (balanced((A, B, C, K[3])), coprime((A, B, C, K[3]))):
+    for ways in (balanced((A, B, C, K[3])), of_factors((A, B, C, K[3]))):
         small = {n: s for _, n, s in ways}[5]
         np.testing.assert_allclose(response(control.ss(*small), omega), response(control.ss(*K), omega), rtol=1e-6)
 

@@ -11,7 +11,7 @@ from tests.support.bla import make_bla
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25
 OMEGA = 2 * np.pi * F
 W0 = 2 * np.pi * 60
-FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")
+FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive", "coprime")
 
 
 def plant(s):

@@ -1,0 +1,161 @@
+"""Normalised coprime factors of a plant, with the plants that other factors make.
+
+G = N/M, both stable, |N|^2 + |M|^2 = 1 on the axis. With the complement [M~; -N~] of [N; M], made stable by an
+all-pass, every plant whose factors differ by no more than eps < 1 at a frequency is there
+
+    G_p = (G + t Delta)/(1 - G* t Delta),     t = eps/sqrt(1 - eps^2),  |Delta| <= 1,
+
+the plants at a chordal distance |G_p - G|/sqrt((1 + |G|^2)(1 + |G_p|^2)) of at most eps (Vinnicombe).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from robust.systems.bilinear import continuous_image, to_discrete
+from robust.systems.lti import Matrices, constant, response, scaled_states, timebase
+from robust.systems.norms import hinf_norm
+from robust.systems.realisation import state_space
+from robust.systems.riccati import stabilising
+from robust.systems.stability import stable
+
+__all__ = [
+    "as_shaping",
+    "chord",
+    "coprime_factors",
+    "factor_systems",
+    "other_plant",
+    "refuse_everything",
+    "tangent",
+    "tangent_system",
+    "turned",
+]
+
+
+def as_shaping(name: str, W: Any, nominal: Any) -> control.StateSpace:
+    """A scaling of the plant that can be taken back: stable with a stable inverse, on the time base of the plant."""
+    W = state_space(name, 1.0 if W is None else W)
+    if not constant(W) and not isinstance(nominal, control.FrequencyResponseData) and timebase(W) != timebase(nominal):
+        raise ValueError(
+            f"{name} must have the sampling time of the nominal, {timebase(nominal):g} s, got {timebase(W):g} s"
+        )
+    d = W.D[0, 0]
+    inverse = None if d == 0 else control.StateSpace(W.A - W.B @ W.C / d, W.B / d, W.C / d, [[1 / d]], W.dt)
+    if inverse is None or not stable(W) or not stable(inverse):
+        raise ValueError(
+            f"{name} must be stable with a stable inverse and a direct term, got {W.nstates} states and D = {d:g}. "
+            "For an integrator take (s + a)/(s + b) with b small"
+        )
+    return W
+
+
+def refuse_everything(weight: control.StateSpace) -> None:
+    """Refuse a weight that reaches one: such a set holds every plant there is."""
+    largest, where = hinf_norm(weight)
+    if largest >= 1:
+        raise ValueError(
+            f"weight must stay below one for the coprime form, got {largest:.4g} at {where:.4g} rad/s. "
+            "Another scaling W1, W2, a smaller radius or a higher order may help"
+        )
+
+
+def chord(radius: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(W,) eps of the disc of that radius about G, |G| = size: its point nearest to zero is the farthest.
+
+    >>> float(chord(np.array([0.5]), np.array([1.0]))[0])              # from 1 to 1/2: 0.5/sqrt(2 * 1.25)
+    0.31622776601683794
+    """
+    return np.asarray(radius / np.sqrt((1 + size**2) * (1 + (size - radius) ** 2)))
+
+
+def tangent(w: np.ndarray) -> np.ndarray:
+    """(W,) t = w/sqrt(1 - |w|^2), the phase of w kept."""
+    return np.asarray(w / np.sqrt(np.maximum(1 - np.abs(w) ** 2, 1e-300)))
+
+
+def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndarray]:
+    """[N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X."""
+    A, B, C, D = well_scaled(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
+    R = np.eye(1) + D.T @ D
+    X = stabilising(A, B, C.T @ C, R, C.T @ D)
+    if X is None:
+        raise ValueError(
+            f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
+        )
+    F = -np.linalg.solve(R, D.T @ C + B.T @ X)
+    root = 1 / np.sqrt(R)
+    return (A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])), X
+
+
+def well_scaled(matrices: Matrices) -> Matrices:
+    """The same system with its states scaled: in those of a companion form the Riccati equation may be hopeless."""
+    A, B, C, D = matrices
+    if not A.size:
+        return matrices
+    A, B, C = scaled_states(A, B, C)
+    size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
+    return A, B * size, C / size, D
+
+
+def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.StateSpace]:
+    """N and M as systems on the time base of the plant."""
+    (A, B, C, D), _ = coprime_factors("nominal", G)
+    dt = timebase(G)
+    each = ((A, B, C[[k]], D[[k]]) for k in (0, 1))
+    N, M = (control.StateSpace(*(to_discrete(*one) if dt and len(A) else one), dt) for one in each)
+    return N, M
+
+
+def complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
+    """[N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass."""
+    (A, B, C, D), X = coprime_factors("nominal", G)
+    across = np.array([[D[1, 0]], [-D[0, 0]]])
+    return (A, B, C, D), -np.linalg.pinv(X, rcond=1e-12, hermitian=True) @ C.T @ across, across
+
+
+def other_plant(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
+    """The plant whose factors are those of G plus X times their complement, X stable."""
+    (A, B, C, D), B_across, D_across = complement(G)
+    A_X, B_X, C_X, D_X = continuous_image(X) if X.nstates else (X.A, X.B, X.C, X.D)
+    n, m = len(A), len(A_X)
+    A = np.block([[A, B_across @ C_X], [np.zeros((m, n)), A_X]])
+    B = np.vstack([B + B_across @ D_X, B_X])
+    C, D = np.hstack([C, D_across @ C_X]), D + D_across @ D_X
+    d = D[1, 0]
+    if abs(d) < 1e-9:
+        raise ValueError("form must leave the perturbed plant proper, got a factor M of zero at infinite frequency")
+    A, B, C, D = A - B @ C[1:] / d, B / d, C[:1] - D[:1] @ C[1:] / d, D[:1] / d
+    dt = timebase(G)
+    return control.StateSpace(*(to_discrete(A, B, C, D) if dt and len(A) else (A, B, C, D)), dt)
+
+
+def tangent_system(w: control.StateSpace) -> control.StateSpace:
+    """A stable system of gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
+    dt = timebase(w)
+    A, B, C, D = well_scaled(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
+    # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), by the same equation with R = D'D - 1, which is negative
+    Y = stabilising(A, B, C.T @ C, D.T @ D - 1, C.T @ D) if D[0, 0] ** 2 < 1 else None
+    if Y is None:
+        raise ValueError(
+            "weight must stay below one at all frequencies for plants of the set to be made, got one that reaches it"
+        )
+    root = np.sqrt(1 - D.T @ D)
+    gain, back = -(B.T @ Y + D.T @ C) / root, 1 / root
+    A, B, C, D = A - B @ gain * back, B * back, C - D @ gain * back, D * back
+    return control.StateSpace(*(to_discrete(A, B, C, D) if dt and len(A) else (A, B, C, D)), dt)
+
+
+def turned(G: control.StateSpace, w: control.StateSpace, omega: float) -> complex:
+    """What Delta is multiplied by, in phase, between `other_plant` on `tangent_system` and the formula above."""
+    (A, B, C, D), B_across, D_across = complement(G)
+    dt = timebase(G)
+    s = 1j * np.tan(omega * dt / 2) if dt else 1j * omega
+    resolved = np.linalg.solve(s * np.eye(len(A)) - A, np.hstack([B, B_across])) if len(A) else np.zeros((0, 2))
+    both = C @ resolved + np.hstack([D, D_across])
+    at = np.array([omega])
+    inside = both[0, 1] / both[1, 0] * response(tangent_system(w), at)[0]
+    outside = tangent(response(w, at))[0]
+    return complex(inside / outside) if outside else 1.0 + 0j
