@@ -307,3 +307,10 @@ def test_sliders_slip_between_their_limits_and_never_give_energy_back(options):
     clear = slips & (np.sign(before) == np.sign(after))
     assert (slip[clear] * after[clear] > 0).all()
     assert np.abs(after[slips]).min() > W / law.stiction * (1 - 1e-9) * (1 if not options else 0.999)
+
+
+def test_compiled_loops_are_found_again_by_the_next_process():
+    """The cache on disk knows code by what it closes over; a compiled function among that is new in every process."""
+    from nlfrf.friction.loop_kernels import run_loops
+
+    assert [type(cell.cell_contents) for cell in run_loops.py_func.__closure__] == [str]
