@@ -31,7 +31,9 @@ from .files.report_page import write_report as write_report
 # Fixed structure: controllers straight from the FRF
 from .fixed_structure.design_frf import design_frf as design_frf
 
-# Friction: a proof for the machine itself
+# Friction: how a loop moves, a proof for the machine itself
+from .friction_motion.quasi_linear import QuasiLinear as QuasiLinear
+from .friction_motion.quasi_linear import quasi_linear as quasi_linear
 from .friction_proof.classes import any_bounded as any_bounded
 from .friction_proof.classes import any_maxwell_slip as any_maxwell_slip
 from .friction_proof.classes import any_passive as any_passive

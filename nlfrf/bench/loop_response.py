@@ -11,6 +11,8 @@ __all__ = ["LoopResponse"]
 
 #: Of the swing while disturbed: what is smaller is rest.
 SMALLEST_SWING = 1e-6
+#: Of the swing while disturbed, and of the usual friction then: what has settled swings, and its friction drifts, less.
+SETTLED = 1e-2
 
 
 @value
@@ -73,8 +75,9 @@ class LoopResponse:
         """What became of a loop that was disturbed until `calm` [s] and left alone afterwards, judged by its swing.
 
         "limit cycle": the swing in the last quarter of what follows is within 5 % of, or larger than, that of the
-        quarter before, however small, down to a millionth of the swing before. "settled": less than a hundredth of it.
-        "stable": on its way there, or creeping. "ran away": the simulation had to stop.
+        quarter before, however small, down to a millionth of the swing before. "settled": less than a hundredth of it,
+        and the friction no longer drifts: what sticks while an integrator winds up is not at rest. "stable": on its way
+        there, creeping, or about to slip. "ran away": the simulation had to stop.
         """
         if self.diverged:
             return "ran away"
@@ -83,7 +86,9 @@ class LoopResponse:
         last, earlier = swing(after[-n:]), swing(after[-2 * n : -n])
         if last > max(0.95 * earlier, SMALLEST_SWING * swing(before)):
             return "limit cycle"
-        return "settled" if self.residual(calm) < 1e-2 else "stable"
+        held, usual = self.friction[-2 * n :], np.median(np.abs(self.friction[self.t < calm]))
+        waits = abs(np.mean(held[n:]) - np.mean(held[:n])) > SETTLED * usual
+        return "settled" if self.residual(calm) < SETTLED and not waits else "stable"
 
     def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
         """The error before and after `calm` [s]."""

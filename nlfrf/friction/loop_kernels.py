@@ -1,7 +1,8 @@
 """Compiled sampled loops: a controller, hold and delay around a body with friction, a whole stack in one call.
 
 This kernel calls those of other files, which the cache of compiled code on disk does not look at. A digest of these
-files is therefore part of it: where one of them changes, the code is compiled anew.
+files is therefore part of it: where one of them changes, the code is compiled anew. The digest must be all that it
+closes over: a compiled function among that is another one to the cache in every process.
 """
 
 # mypy: disable-error-code="untyped-decorator"
@@ -45,22 +46,22 @@ def control_step(A: Array, B: Array, C: Array, D: float, x: Array, e: float) -> 
     return float(u)
 
 
+@njit(nogil=True, error_model="numpy")  # compiled with its caller, and kept with it
+def advance(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
+) -> bool:
+    """Some steps of the law at hand."""
+    if law.form == kernel_data.SLIDERS:
+        return bool(advance_sliders(body, law, grid, state, stack, drive, h, n, out))
+    if law.form == kernel_data.GMS:
+        return bool(advance_gms(body, law, grid, state, stack, drive, h, n, out))
+    if law.form == kernel_data.COULOMB:
+        return bool(advance_coulomb(body, law, grid, state, stack, drive, h, n, out))
+    return bool(advance_hysteretic(body, law, grid, state, stack, drive, h, n, out))
+
+
 def stamped(stamp: str) -> Callable[..., None]:
     """The kernel, with the digest among what the cache knows it by."""
-
-    @njit(cache=True, nogil=True, error_model="numpy")
-    def advance(
-        body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
-    ) -> bool:
-        if len(stamp) == 0:
-            return False
-        if law.form == kernel_data.SLIDERS:
-            return bool(advance_sliders(body, law, grid, state, stack, drive, h, n, out))
-        if law.form == kernel_data.GMS:
-            return bool(advance_gms(body, law, grid, state, stack, drive, h, n, out))
-        if law.form == kernel_data.COULOMB:
-            return bool(advance_coulomb(body, law, grid, state, stack, drive, h, n, out))
-        return bool(advance_hysteretic(body, law, grid, state, stack, drive, h, n, out))
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def loops(

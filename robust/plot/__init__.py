@@ -3,11 +3,13 @@
     models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds
     shaping  |L| between its bounds, redrawn as the controller changes
+    friction pictures of what friction does to a loop
     colours  colours and units that they share
 
 The pictures are handed on from here: `from robust.plot import plot_check`.
 """
 
+from robust.plot.friction import plot_quasi_linear
 from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist
 from robust.plot.models import plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
 
@@ -21,6 +23,7 @@ __all__ = [
     "plot_nominal",
     "plot_nyquist",
     "plot_orders",
+    "plot_quasi_linear",
     "plot_validation",
     "plot_weight",
 ]

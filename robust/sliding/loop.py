@@ -54,9 +54,9 @@ class SlidingLoop:
     jumps: np.ndarray
     measured: np.ndarray
 
-    def period(self, kappa: float = 0.0) -> np.ndarray:
-        """(n, n) one sample on, from just before the jump, with a spring kappa [N/m] at the port; F if continuous."""
-        F = self.F + kappa * np.outer(self.B, self.x)
+    def period(self, kappa: float = 0.0, damper: float = 0.0) -> np.ndarray:
+        """(n, n) one sample on, from just before the jump, with a spring and a damper at the port; F if continuous."""
+        F = self.F + np.outer(self.B, kappa * self.x + damper * self.v)
         if not self.T:
             return F
         total = np.eye(F.shape[0])

@@ -216,6 +216,29 @@ def test_the_rig_settles_under_little_gain_and_cycles_under_too_much():
         assert response.outcome(0.25) == outcome
 
 
+def test_a_machine_that_sticks_while_its_integrator_winds_up_has_not_settled():
+    """It slips again later: no swing in two quarters of the silence is not rest while the force still rises."""
+    K = controller([[1.0, 0.0], [0.0, 0.0]], [[1.0], [1.0]], [[30.0, -150e3]], [[230e3]], dt=1e-3)
+    force = 2 * np.random.default_rng(0).standard_normal(300)
+    rig = Rig(1.0, 0.0, Coulomb(Fc=0.7, Fs=1.0, vs=0.01), 0.4)
+    seen = {}
+    for n in (1500, 12000):
+        disturbance = np.append(force, np.zeros(n - 300))
+        seen[n] = simulate_loop(rig, K, np.zeros(n), fs=1000, disturbance=disturbance)
+    assert seen[1500].residual(0.3) == 0
+    assert np.ptp(seen[12000].x[1500:]) > 1e-6  # it did slip again
+    assert seen[1500].outcome(0.3) == "stable"
+
+
+def test_a_loop_without_integral_action_rests_beside_its_reference():
+    K = controller([[0.0]], [[1.0]], [[-60e3]], [[80e3]], dt=1e-3)
+    for rms in (0.5, 20.0):
+        force = np.append(rms * np.random.default_rng(0).standard_normal(300), np.zeros(1200))
+        response = simulate_loop(paper_rig(), K, np.full(1500, 1e-5), fs=1000, disturbance=force)
+        assert abs(response.e[-1]) > 5e-6
+        assert response.outcome(0.3) == "settled"
+
+
 LAWS = [
     paper_rig().friction,
     Coulomb(Fc=0.7, Fs=1.0, vs=0.01),
@@ -284,3 +307,10 @@ def test_sliders_slip_between_their_limits_and_never_give_energy_back(options):
     clear = slips & (np.sign(before) == np.sign(after))
     assert (slip[clear] * after[clear] > 0).all()
     assert np.abs(after[slips]).min() > W / law.stiction * (1 - 1e-9) * (1 if not options else 0.999)
+
+
+def test_compiled_loops_are_found_again_by_the_next_process():
+    """The cache on disk knows code by what it closes over; a compiled function among that is new in every process."""
+    from nlfrf.friction.loop_kernels import run_loops
+
+    assert [type(cell.cell_contents) for cell in run_loops.py_func.__closure__] == [str]

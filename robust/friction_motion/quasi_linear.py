@@ -1,0 +1,287 @@
+"""What a loop around a machine with friction will do, amplitude by amplitude: a prediction, never a proof."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from nlfrf.shared.arguments import real_array
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
+from robust.friction_motion.equivalent import Levels, describing_function, levels_of
+from robust.sliding.loop import SlidingLoop, sliding_loop
+from robust.sliding.machine import SlidingMachine
+from robust.sliding.response import frequencies, mobility
+from robust.systems.lti import poles
+from robust.systems.realisation import state_space
+
+__all__ = ["QuasiLinear", "quasi_linear"]
+
+#: Where a law is looked at unless told otherwise: from a nanometre to a metre, ten to a decade [m].
+AMPLITUDES = np.geomspace(1e-9, 1.0, 91)
+BEYOND = 1e4  # times the largest level: as far as levels are followed
+FORGETS = 0.2  # of the frequency: how fast the envelope of a disturbed motion falls
+FLAT = 0.01  # of a friction that only slides: spring over damper, and how far its force still grows with log a
+NOT_CLAIMED = "Predicted from one sine at a time, not proved: laws, levels and bursts of other kinds are not in it."
+BLIND = "K integrates: stick-slip between long rests (hunting) is not seen by it."
+
+
+@value
+class QuasiLinear:
+    """A loop whose friction is a spring and a damper that depend on the amplitude: how it moves. Never a proof.
+
+    Fields
+    ------
+    amplitude : float
+        From which the motion grows, at the friction port [m]: zero where it does from rest, infinite where it never
+        does.
+    kick : float
+        The velocity that goes with it, amplitude times omega [m/s].
+    omega : float
+        At which it then swings [rad/s].
+    cycles : (C,) ndarray
+        Amplitudes of motions that go on, and come back after a disturbance [m].
+    outcome : str
+        What becomes of the loop after the burst, in the words of `nlfrf.LoopResponse.outcome`: "settled", "limit
+        cycle" or "ran away"; empty without a burst.
+    amplitudes, stiffnesses, dampings : (A,) ndarray
+        k_eq [N/m] and c_eq [Ns/m] of the friction at each amplitude [m].
+    growths, frequencies : (A,) ndarray
+        Growth rate [1/s] of the loop at each, and where it swings [rad/s].
+    boundary_omega, boundary : (W,) ndarray
+        Frequencies [rad/s], and the k_eq + j w c_eq [N/m] with which the loop would swing for ever at each: -1/P.
+    not_claimed : str
+        What is not in it.
+
+    References
+    ----------
+    A. Gelb, W. Vander Velde, *Multiple-Input Describing Functions and Nonlinear System Design*, McGraw-Hill, 1968.
+
+    Examples
+    --------
+    >>> import control
+    >>> import nlfrf
+    >>> from robust import quasi_linear, sliding_machine
+    >>> K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)          # integral action alone
+    >>> found = quasi_linear(nlfrf.paper_rig().friction, sliding_machine(1.0, 80e3, 0.4), K)
+    >>> bool(0.2 < found.kick < 0.5), "not proved" in str(found)
+    (True, True)
+    """
+
+    amplitude: float
+    kick: float
+    omega: float
+    cycles: np.ndarray
+    outcome: str
+    amplitudes: np.ndarray
+    stiffnesses: np.ndarray
+    dampings: np.ndarray
+    growths: np.ndarray
+    frequencies: np.ndarray
+    boundary_omega: np.ndarray
+    boundary: np.ndarray
+    not_claimed: str
+
+    def __str__(self) -> str:
+        if np.isinf(self.amplitude):
+            said = "comes to rest from every amplitude looked at"
+        elif self.amplitude == 0:
+            said = "does not come to rest: small motions grow"
+        else:
+            said = f"comes to rest below {self.amplitude:.3g} m, grows beyond: a kick of {self.kick:.3g} m/s"
+        if self.cycles.size:
+            said += "; goes on at " + ", ".join(f"{a:.3g} m" for a in self.cycles)
+        after = f"\nAfter the burst: {self.outcome}." if self.outcome else ""
+        return f"Predicted: {said}.{after}\n{self.not_claimed}"
+
+
+def quasi_linear(
+    friction: Any,
+    machine: SlidingMachine,
+    K: Any,
+    *,
+    delay: float = 0.0,
+    burst: Any = None,
+    amplitudes: Any = None,
+) -> QuasiLinear:
+    """Predict from which amplitude and kick a loop around friction grows, and what becomes of it after a burst.
+
+    Parameters
+    ----------
+    friction : law of nlfrf.friction, or sequence of nlfrf.Bla
+        The friction; or BLAs from force [N] to measured position [m] at several levels, which tell its spring and
+        damper at their amplitudes.
+    machine : SlidingMachine
+        The linear part, with the viscous part of the friction.
+    K : control.StateSpace, TransferFunction or float
+        Controller, u = K (r - y).
+    delay : float
+        From sampling to the force changing [s].
+    burst : (n,) ndarray, optional
+        Force on the machine at each sample [N]; then it is left alone. Only with a sampled controller.
+    amplitudes : (A,) ndarray, optional
+        Of the motion at the friction port [m], rising: 1 nm to 1 m for a law, around those measured for levels.
+
+    Returns
+    -------
+    QuasiLinear
+
+    Raises
+    ------
+    ValueError
+        No sliding machine, no law and no BLA, amplitudes that do not rise, a burst with a continuous controller.
+
+    References
+    ----------
+    A. Gelb, W. Vander Velde, *Multiple-Input Describing Functions and Nonlinear System Design*, McGraw-Hill, 1968.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> from robust import sliding_machine
+    >>> found = quasi_linear(nlfrf.paper_rig().friction, sliding_machine(1.0, 80e3, 0.4), 1e3)
+    >>> found.amplitude, found.outcome                             # a spring more, and nothing else
+    (inf, '')
+    """
+    if not isinstance(machine, SlidingMachine):
+        raise ValueError(f"machine must be a sliding_machine, got {shown(machine)}")
+    K = state_space("K", K)
+    loop = sliding_loop(machine, K, delay)
+    levels = levels_of(friction, machine) if isinstance(friction, (list, tuple)) else None
+    a = looked_at(amplitudes, levels)
+    stiffness, damping, pole = equivalents(loop, friction, levels, a)
+    growth = pole.real
+    rises = np.flatnonzero((growth[:-1] <= 0) & (growth[1:] > 0))
+    falls = np.flatnonzero((growth[:-1] > 0) & (growth[1:] <= 0))
+    first, omega = np.inf, np.nan
+    if growth[0] > 0:
+        first, omega = 0.0, float(pole[0].imag)
+    elif rises.size:
+        pair = slice(rises[0], rises[0] + 2)
+        first, omega = crossing(a, growth, int(rises[0])), float(np.interp(0, growth[pair], pole.imag[pair]))
+    cycles = np.array([crossing(a, growth, int(i)) for i in falls])
+    outcome = "" if burst is None else after(driven(loop, machine, burst, (a, stiffness, damping, pole)), a, growth)
+    grid = frequencies(loop)
+    integrates = np.any(np.abs(poles(K) - (1 if loop.T else 0)) < 1e-9)
+    return QuasiLinear(
+        amplitude=first,
+        kick=first * omega if 0 < first < np.inf else first,
+        omega=omega,
+        cycles=cycles,
+        outcome=outcome,
+        amplitudes=a,
+        stiffnesses=stiffness,
+        dampings=damping,
+        growths=growth,
+        frequencies=pole.imag,
+        boundary_omega=grid,
+        boundary=1j * grid / mobility(loop, grid),
+        not_claimed=f"{NOT_CLAIMED} {BLIND}" if integrates else NOT_CLAIMED,
+    )
+
+
+def looked_at(amplitudes: Any, levels: Levels | None) -> np.ndarray:
+    """The amplitudes to look at [m]."""
+    if amplitudes is None:
+        if levels is None:
+            return AMPLITUDES
+        low, high = levels.amplitude[0] / 10, levels.amplitude[-1] * BEYOND
+        return np.geomspace(low, high, int(10 * np.log10(high / low)) + 1)
+    a = real_array("amplitudes", amplitudes, ndim=1)
+    if a.size < 2 or not (a[0] > 0 and np.all(np.diff(a) > 0)):
+        raise ValueError(f"amplitudes must be at least two, positive and rising [m], got {a.size}")
+    return a
+
+
+def equivalents(
+    loop: SlidingLoop, friction: Any, levels: Levels | None, a: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """k_eq, c_eq and the least damped pole [rad/s] of the loop with them, at each amplitude."""
+    if levels is not None:
+        stiffness, damping = levels.at(a)
+        return stiffness, damping, np.array([ringing(loop, k, c) for k, c in zip(stiffness, damping, strict=True)])
+    stiffness, damping, pole = np.zeros(a.size), np.zeros(a.size), np.zeros(a.size, complex)
+    omega, slides, N = swings_at(loop, ringing(loop, 0.0, 0.0)), False, 0j
+    for i in range(a.size):
+        if not slides:
+            N = describing_function(friction, float(a[i]), omega)
+        stiffness[i], damping[i] = N.real, N.imag / omega
+        pole[i] = ringing(loop, stiffness[i], damping[i])
+        if i and (slides or saturated(stiffness, damping * omega, a, i)):
+            slides, N = True, 1j * damping[i] * omega * a[i] / a[min(i + 1, a.size - 1)]
+        omega = swings_at(loop, pole[i])  # that of the next amplitude
+    return stiffness, damping, pole
+
+
+def saturated(stiffness: np.ndarray, reaction: np.ndarray, a: np.ndarray, i: int) -> bool:
+    """Whether the force no longer grows from an amplitude to the next: all that is left is to slide, further."""
+    grows = reaction[i] * a[i] / max(reaction[i - 1] * a[i - 1], 1e-300) - 1
+    return bool(abs(stiffness[i]) < FLAT * reaction[i] and abs(grows) < FLAT * np.log(a[i] / a[i - 1]))
+
+
+def ringing(loop: SlidingLoop, stiffness: float, damping: float) -> complex:
+    """The least damped pole with a spring and a damper at the port, in the upper half of the s-plane."""
+    found = np.linalg.eigvals(loop.period(stiffness, damping))
+    if loop.T:
+        found = np.log(found[np.abs(found) > 1e-12].astype(complex)) / loop.T
+    found = found[found.imag >= 0]
+    return complex(found[np.argmax(found.real / np.maximum(np.abs(found), 1e-9))])
+
+
+def swings_at(loop: SlidingLoop, pole: complex) -> float:
+    """A frequency [rad/s] to drive a friction at: that of a pole, or its size where it does not swing."""
+    top = np.pi / loop.T if loop.T else np.inf
+    return float(np.clip(pole.imag if pole.imag > 1e-3 * abs(pole) else abs(pole), 1e-2, top))
+
+
+def crossing(a: np.ndarray, growth: np.ndarray, i: int) -> float:
+    """The amplitude between a[i] and a[i + 1] at which the growth passes zero; straight over 1/a, as in sliding."""
+    share = growth[i] / (growth[i] - growth[i + 1])
+    return float(1 / ((1 - share) / a[i] + share / a[i + 1]))
+
+
+def driven(
+    loop: SlidingLoop, machine: SlidingMachine, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+) -> float:
+    """The amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
+    burst = real_array("burst", burst, ndim=1)
+    if not loop.T:
+        raise ValueError("burst must be left out with a continuous controller, got one. Sample it first")
+    a, stiffness, damping, pole = at
+    n = loop.F.shape[0]
+    push = np.concatenate([machine.B_force, np.zeros(n - machine.B_force.size)])
+    steps: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    xi, envelope = np.zeros(n), a[0]
+    for force in burst:
+        i = min(int(np.searchsorted(a, envelope)), a.size - 1)
+        if i not in steps:
+            steps[i] = pushed(loop, stiffness[i], damping[i], push)
+        xi = steps[i][0] @ xi + steps[i][1] * force
+        omega = swings_at(loop, pole[i])
+        envelope = max(np.hypot(loop.x @ xi, (loop.v @ xi) / omega), envelope * np.exp(-FORGETS * omega * loop.T), a[0])
+        if envelope >= a[-1]:
+            break
+    return float(envelope)
+
+
+def pushed(loop: SlidingLoop, stiffness: float, damping: float, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One sample on with a spring and a damper at the port, and what a force held over it adds."""
+    n = push.size
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n] = loop.F + np.outer(loop.B, stiffness * loop.x + damping * loop.v)
+    block[:n, n] = push
+    total, added = np.eye(n), np.zeros(n)
+    for span, jump in zip(loop.spans, loop.jumps, strict=True):
+        both = expm(span * block)
+        total, added = both[:n, :n] @ jump @ total, both[:n, :n] @ jump @ added + both[:n, n]
+    return total, added
+
+
+def after(envelope: float, a: np.ndarray, growth: np.ndarray) -> str:
+    """Where an amplitude goes by itself: up where it grows, down where it does not, to the next change of sign."""
+    i = min(int(np.searchsorted(a, envelope)), a.size - 1)
+    if growth[i] > 0:
+        return "limit cycle" if np.any(growth[i:] <= 0) else "ran away"
+    return "limit cycle" if np.any(growth[:i] > 0) else "settled"

@@ -1,0 +1,88 @@
+"""Pictures of what friction does to a loop, amplitude by amplitude."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nlfrf.shared.axes import axes, finished
+from robust.friction_motion.quasi_linear import QuasiLinear
+from robust.plot.colours import COLOR
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_quasi_linear"]
+
+#: Below this part of the largest friction the axes run straight through zero, above it they are logarithmic.
+STRAIGHT = 1e-2
+
+
+def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax: Axes | None = None) -> Axes:
+    """k_eq + j w c_eq of the friction, from sticking to sliding, against -1/P, where the loop would swing for ever.
+
+    Amplitudes from which the motion grows are drawn in the colour of a limit; some are marked with their amplitude and
+    velocity. Both axes are straight around zero and logarithmic beyond.
+
+    Parameters
+    ----------
+    prediction : QuasiLinear
+    kick_sure : float
+        The proved kick of a sure run-away [m/s], `FrictionProof.kick_sure`, told beside the predicted one.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+    """
+    ax = axes(ax)
+    q = prediction
+    N = (q.stiffnesses + 1j * q.frequencies * q.dampings) / 1e3
+    grows = q.growths > 0
+    top = np.abs(N).max()
+    near = np.abs(q.boundary) < 3e3 * top
+    ax.plot(*parts(q.boundary / 1e3, near), color=COLOR["radius"], lw=1.4, label="-1/P of the loop")
+    for chosen, color, words in (
+        (~grows, COLOR["loop"], "friction: the motion falls"),
+        (grows, COLOR["limit"], "friction: the motion grows"),
+    ):
+        if chosen.any():
+            ax.plot(*parts(N, chosen), "-", color=color, lw=2.2, label=words)
+    for a in 10.0 ** np.arange(np.ceil(np.log10(q.amplitudes[0])), np.log10(q.amplitudes[-1]) + 0.01):
+        i = int(np.argmin(np.abs(np.log(q.amplitudes / a))))
+        if 0.1 * STRAIGHT * top < np.abs(N[i]) and (i == 0 or np.abs(np.log(np.abs(N[i] / N[0]))) > 0.02):
+            ax.plot(N[i].real, N[i].imag, ".", color="0.25")
+            ax.annotate(
+                f"{amount(a)}, {q.frequencies[i] * a:.2g} m/s",
+                (N[i].real, N[i].imag),
+                xytext=(7, -7),
+                textcoords="offset points",
+                fontsize="x-small",
+            )
+    ax.set_xscale("symlog", linthresh=STRAIGHT * top)
+    ax.set_yscale("symlog", linthresh=STRAIGHT * top)
+    ax.set(xlim=(-3 * top, 12 * top), ylim=(-3 * top, 3 * top))
+    ax.set(xlabel="k_eq [kN/m]", ylabel="w c_eq [kN/m]", title=told(q, kick_sure))
+    return finished(ax)
+
+
+def parts(z: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Real and imaginary parts of those that are chosen; nan in between."""
+    return np.where(chosen, z.real, np.nan), np.where(chosen, z.imag, np.nan)
+
+
+def amount(a: float) -> str:
+    """An amplitude in its usual unit."""
+    for unit, size in (("nm", 1e-9), ("um", 1e-6), ("mm", 1e-3)):
+        if a < 999 * size:
+            return f"{a / size:.3g} {unit}"
+    return f"{a:.3g} m"
+
+
+def told(q: QuasiLinear, kick_sure: Any) -> str:
+    """The heading."""
+    if np.isinf(q.amplitude):
+        said = "Predicted to come to rest"
+    elif q.amplitude == 0:
+        said = "Predicted not to come to rest"
+    else:
+        said = f"Predicted to grow from a kick of {q.kick:.3g} m/s"
+    return f"{said},\nsurely to run away from {kick_sure:.3g} m/s" if np.isfinite(kick_sure) else said
