@@ -14,6 +14,7 @@ from robust.files import report_parts
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+MEASURED = (ROOT / "docs" / "guide" / "measured.md").read_text(encoding="utf-8")
 CLIS = {"nlfrf": nlfrf.cli, "robust": robust.cli}
 
 
@@ -42,26 +43,39 @@ def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"plant.mat", "load_plant.m", "report.html"}
 
 
+def test_the_first_claim_is_a_proof_that_is_found(tmp_path, monkeypatch, capsys):
+    script = re.search(r"```python\n(.*?)```", section("What nobody else does"), re.DOTALL).group(1)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(script, "README.md", "exec"), {})
+    said = capsys.readouterr().out
+    assert said.startswith("proved: Comes to rest from every state with every")
+    assert "Not claimed:" in said
+
+
 def test_the_commands_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    indented = [line for line in section("On the command line").splitlines() if line.startswith("    ")]
+    text = section("On the command line") + section("Shape the loop by hand")
+    indented = [line for line in text.splitlines() if line.startswith("    ")]
     commands = [line.partition("#")[0].split() for line in indented if "reproduce" not in line]  # it has its own tests
-    assert len(commands) == 8
+    assert len(commands) == 9
+    said = ""
     for words in commands:
         monkeypatch.setattr(sys, "argv", words)
         with pytest.raises(SystemExit) as stop:
             CLIS[words[0]].main()
-        said = capsys.readouterr()
-        assert not stop.value.code, (words, said.err)
-    assert "STATISTICALLY ROBUST" in said.out or "statistically robust" in said.out
+        answer = capsys.readouterr()
+        assert not stop.value.code, (words, answer.err)
+        said += answer.out
+    assert "STATISTICALLY ROBUST" in said
     assert (tmp_path / "report.html").is_file()
+    assert (tmp_path / "shape.html").is_file()
 
 
 def test_links_and_commands_exist():
     for target in re.findall(r"\]\(([^)]+)\)", README):
         assert target.startswith("https://") or (ROOT / target).exists(), target
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    for name in re.findall(r"python -m (benchmarks\.\w+)", README):
+    for name in re.findall(r"python -m (benchmarks\.\w+)", README + MEASURED):
         assert name in makefile, f"make bench does not print what {name} prints"
         assert (ROOT / f"{name.replace('.', '/')}.py").is_file()
     for name in re.findall(r"\bmake (\w+)", README):
