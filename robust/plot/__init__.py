@@ -8,7 +8,7 @@
 The pictures are handed on from here: `from robust.plot import plot_check`.
 """
 
-from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist
+from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_step
 from robust.plot.models import plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "plot_nominal",
     "plot_nyquist",
     "plot_orders",
+    "plot_step",
     "plot_validation",
     "plot_weight",
 ]
