@@ -15,8 +15,8 @@ import robust
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.command import Version, run
 from nlfrf.shared.whole_files import write_text, write_whole
-from robust.shaping_page.command import write_from_files
 from robust.files.pid_gains import told_gains
+from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
 
 app = typer.Typer(
@@ -124,8 +124,7 @@ def design(
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with working("designing"):
             result = robust.design_frf(plant, structure, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay)
-        met = "every limit met" if result.met else "LIMITS NOT MET"
-        words = f"{met}; {result.reason}"
+        words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
     else:
         if bandwidth is None:
             raise ValueError(f"bandwidth must be given [Hz] for {method}")
