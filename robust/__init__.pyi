@@ -26,6 +26,8 @@ from .files.models import load_controller as load_controller
 from .files.models import load_model as load_model
 from .files.models import save_controller as save_controller
 from .files.models import save_model as save_model
+from .files.pid_gains import PidGains as PidGains
+from .files.pid_gains import pid_gains as pid_gains
 from .files.report_page import write_report as write_report
 
 # Fixed structure: controllers straight from the FRF
@@ -71,9 +73,16 @@ from .mu.parameter_margin import parameter_margin as parameter_margin
 from .mu.upper import MuBound as MuBound
 from .mu.upper import mu_upper as mu_upper
 
+# Performance: a loop in the numbers of a commissioning
+from .performance.classical import ClassicalMargins as ClassicalMargins
+from .performance.steps import StepResponse as StepResponse
+from .performance.steps import step_response as step_response
+
 # Shaping page: a loop shaped live
 from .shaping_page.page import write_shaping_page as write_shaping_page
 from .shaping_page.widget import shape as shape
+
+# Sliding: machines with friction
 from .sliding.machine import sliding_machine as sliding_machine
 
 # Synthesis: controllers from Riccati equations

@@ -15,6 +15,7 @@ import robust
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.command import Version, run
 from nlfrf.shared.whole_files import write_text, write_whole
+from robust.files.pid_gains import told_gains
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
 
@@ -123,8 +124,7 @@ def design(
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with working("designing"):
             result = robust.design_frf(plant, structure, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay)
-        met = "every limit met" if result.met else "LIMITS NOT MET"
-        words = f"{met}; {result.reason}"
+        words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
     else:
         if bandwidth is None:
             raise ValueError(f"bandwidth must be given [Hz] for {method}")
@@ -147,7 +147,7 @@ def design(
         words = f"gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}"
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
-    print(f"controller of order {result.K.nstates}, {kind}: {words}")
+    print(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit)}")
     if method == "ncfsyn" and result.gamma > 4:
         print("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     if method == "mixsyn" and result.gamma > 1:
@@ -177,7 +177,7 @@ def check(
         w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
     with working("checking"):
         report = robust.check(plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver)
-    print(report)
+    print(f"{report}{told_gains(K, plant.unit)}")
     if out is not None:
         write_text(out, f"{report}\n")
         print(f"wrote {out}")

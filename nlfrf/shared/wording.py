@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["counted", "hertz", "paragraph", "shown"]
+__all__ = ["counted", "hertz", "in_unit", "inverse_unit", "paragraph", "shown"]
 
 
 def shown(thing: Any) -> str:
@@ -32,3 +32,24 @@ def paragraph(label: str, text: str) -> list[str]:
     """A labelled paragraph that fits a screen 100 wide."""
     rows = wrap(text, 86) or [""]
     return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
+
+
+def inverse_unit(unit: str) -> str:
+    """The unit of one over a quantity.
+
+    >>> inverse_unit("m/N"), inverse_unit("1/N"), inverse_unit("rad"), inverse_unit("m/s/V")
+    ('N/m', 'N', '1/rad', '1/(m/s/V)')
+    """
+    top, *bottom = unit.split("/")
+    if len(bottom) > 1:
+        return f"1/({unit})"
+    return bottom[0] if bottom and top == "1" else f"{bottom[0] if bottom else 1}/{top}"
+
+
+def in_unit(what: str, unit: str, otherwise: str) -> str:
+    """A quantity with its unit in brackets, for an axis: the one known, or what it would be.
+
+    >>> in_unit("u", "N", "unit of u"), in_unit("u", "", "unit of u")
+    ('u [N]', 'u [unit of u]')
+    """
+    return f"{what} [{unit or otherwise}]"

@@ -11,6 +11,7 @@ from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
 from robust.analysis.verdict import VERDICTS, factor
 from robust.certificates.certificate import Certificate
+from robust.performance.classical import ClassicalMargins, classical_margins
 from robust.uncertain.forms import loop_discs
 
 __all__ = ["RobustnessReport", "fill_report"]
@@ -128,6 +129,11 @@ class RobustnessReport:
         return 2 * float(np.arctan(self.disk_margin / 2))
 
     @property
+    def classical(self) -> ClassicalMargins:
+        """Crossover, phase and gain margin and bandwidth of the nominal loop, one at a time."""
+        return classical_margins(self.omega, self.G * self.K) if self.nominally_stable else ClassicalMargins()
+
+    @property
     def summary(self) -> str:
         """Verdict, margins and what was proved, in a few lines."""
         return "\n".join(self.findings())
@@ -170,6 +176,8 @@ class RobustnessReport:
                 f"{self.disk_margin:.3f} at {hertz(self.omega_disk)}: gain {20 * np.log10(self.gain_margin):.2f} dB, "
                 f"phase {np.degrees(self.phase_margin):.1f} deg, at once",
             )
+        if self.nominally_stable:
+            lines += paragraph("loop gain", str(self.classical))
         lines += paragraph("next", self.advice)
         lines += paragraph("loop", self.context)
         return "\n".join(lines)

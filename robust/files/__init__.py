@@ -3,6 +3,7 @@
 models           JSON with a schema, exact to the bit
 matlab           MATLAB structs, and a loader beside them
 certificates     what was proved, for someone else to prove again
+pid_gains        a PID controller as its gains, and as the lines to type into a programmable controller
 biquads          second-order sections of a discrete controller, as it runs on its target
 report_page      the whole run, from the record to the verdict, in one HTML file
 report_sections  sections of the report page on the controller: verdict, loop, check, worst case

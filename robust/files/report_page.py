@@ -118,7 +118,7 @@ def write_report(
         opinion_section(records),
         nominal_section(model, nominal, blas),
         set_section(model),
-        loop_section(report, K),
+        loop_section(report, K, model.unit),
         check_section(report),
         worst_section(model, K, report, delay),
         settings_section(model, K, w_P, delay),

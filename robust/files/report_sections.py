@@ -17,8 +17,10 @@ from robust.analysis.verdict import factor
 from robust.analysis.worst_case import worst_case
 from robust.files import report_parts as parts
 from robust.files.biquads import controller_sections
+from robust.files.pid_gains import told_gains
 from robust.files.report_parts import Section
 from robust.files.report_words import demand_text, roots_text, system_text
+from robust.performance.steps import step_response
 from robust.systems.lti import poles, timebase, zeros
 from robust.uncertain.model import UncertaintyModel
 
@@ -56,7 +58,7 @@ def margins_text(report: RobustnessReport) -> str:
     return "; ".join(said)
 
 
-def loop_section(report: RobustnessReport, K: control.StateSpace) -> Section:
+def loop_section(report: RobustnessReport, K: control.StateSpace, unit: str) -> Section:
     """The controller and the loop it makes."""
     from robust import plot
 
@@ -67,7 +69,10 @@ def loop_section(report: RobustnessReport, K: control.StateSpace) -> Section:
         ("zeros", roots_text(zeros(K), dt)),
         ("loop", report.context),
     ]
+    if report.nominally_stable:
+        facts.append(("loop gain", str(report.classical)))
     table: list[tuple[str, ...]] = []
+    facts += [("gains", told_gains(K, unit).strip())] * bool(told_gains(K, unit))
     if dt:
         try:
             rows = controller_sections(K).tolist()
@@ -149,6 +154,9 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
     ]
     family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)
     lost = int(np.sum(~family.stable))
+    facts.append(("step, nominal plant", str(step_response(model.nominal, K, delay=delay))))
+    stepped = str(step_response(worst.plant, K, delay=delay)) if worst.stable else "none: the loop is unstable"
+    facts.append(("step, worst plant", stepped))
     facts.append(("random plants", f"{family.stable.size} of the set, {lost} of them unstable in this loop"))
     return Section(
         name=name,

@@ -10,7 +10,7 @@ The pictures are handed on from here: `from robust.plot import plot_check`.
 """
 
 from robust.plot.friction import plot_quasi_linear
-from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist
+from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_step
 from robust.plot.models import plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "plot_nyquist",
     "plot_orders",
     "plot_quasi_linear",
+    "plot_step",
     "plot_validation",
     "plot_weight",
 ]

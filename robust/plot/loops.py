@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf.shared.axes import axes, db, finished
+from nlfrf.shared.wording import in_unit
 from robust.analysis.family import LoopFamily
 from robust.analysis.report import RobustnessReport
+from robust.performance.steps import StepResponse
 from robust.plot.colours import COLOR, hz
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
@@ -17,7 +19,7 @@ from robust.uncertain.model import UncertaintyModel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_bounds", "plot_check", "plot_family", "plot_loop", "plot_nyquist"]
+__all__ = ["plot_bounds", "plot_check", "plot_family", "plot_loop", "plot_nyquist", "plot_step"]
 
 
 def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
@@ -148,6 +150,31 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
         else f"{family.stable.size} plants of the set"
     )
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
+    return finished(ax)
+
+
+def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None) -> Axes:
+    """The answer of the loop to a step of its reference, with the nominal and with the worst plant.
+
+    Parameters
+    ----------
+    step : StepResponse
+        From `step_response`, of the nominal plant.
+    worst : StepResponse, optional
+        Of the worst one.
+    unit : str
+        Unit of y.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+    """
+    ax = axes(ax)
+    ax.axhline(step.final, color="0.5", lw=0.8)
+    end = max(one.t[-1] for one in (step, worst) if one is not None)
+    for one, label, color in ((worst, "worst plant", COLOR["limit"]), (step, "nominal plant", COLOR["radius"])):
+        if one is not None:
+            t, y = np.append(one.t, end), np.append(one.y, one.y[-1])
+            ax.plot(t, y, "-", lw=1.6, color=color, label=f"{label}: overshoot {100 * one.overshoot:.0f} %")
+    ax.set(xlabel="time [s]", ylabel=in_unit("y", unit, "unit of y"), title="A step of the reference by one unit of y")
     return finished(ax)
 
 

@@ -29,17 +29,18 @@ ARROWS = {
     "robust.modelling": "systems",
     "robust.mu": "certificates systems",
     "robust.uncertain": "modelling mu systems",
-    "robust.analysis": "uncertain mu certificates verification systems",
+    "robust.performance": "systems",
+    "robust.analysis": "performance uncertain mu certificates verification systems",
     "robust.synthesis": "analysis uncertain modelling mu certificates systems",
     "robust.fixed_structure": "analysis synthesis uncertain certificates systems",
     "robust.sliding": "systems",
     "robust.storage": "",
     "robust.friction_proof": "sliding storage certificates systems",
     "robust.friction_motion": "sliding systems",
-    "robust.plot": "loopshaping friction_motion analysis uncertain modelling systems",
+    "robust.plot": "loopshaping friction_motion analysis performance uncertain modelling systems",
     "robust.loopshaping": "uncertain systems",
     "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
-    "robust.files": "plot analysis uncertain modelling verification systems",
+    "robust.files": "plot analysis performance uncertain modelling verification systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
 FACES = {

@@ -1,0 +1,196 @@
+"""A PID controller as its gains, and as the lines to type into a programmable controller."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf.shared.arguments import positive
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import inverse_unit
+from robust.systems.lti import poles, response, timebase
+from robust.systems.realisation import state_space
+
+__all__ = ["PidGains", "pid_gains", "told_gains"]
+
+
+INTEGRATOR = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
+EXACT = 1e-6
+
+
+@value
+class PidGains:
+    """Kp + Ki/s + Kd s/(Tf s + 1), and what it is in the ideal form and in samples.
+
+    Fields
+    ------
+    kp, ki, kd : float
+        Gains of the parallel form: unit of u per unit of y, the same per second, the same times seconds.
+    filter_time : float
+        Tf, time constant of the derivative filter [s]; zero where there is no derivative.
+    dt : float
+        Sampling time of the difference equation [s]; 0 where there is none.
+    unit : str
+        Unit of kp, where it is known.
+
+    References
+    ----------
+    Åström & Hägglund, *Advanced PID Control* (2006), 3.
+
+    Examples
+    --------
+    >>> gains = PidGains(kp=2.0, ki=4.0, kd=0.1, filter_time=0.01)
+    >>> gains.integral_time, gains.derivative_time
+    (0.5, 0.05)
+    """
+
+    kp: float
+    ki: float = 0.0
+    kd: float = 0.0
+    filter_time: float = 0.0
+    dt: float = 0.0
+    unit: str = ""
+
+    @property
+    def integral_time(self) -> float:
+        """Ti = Kp/Ki of the ideal form Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) [s]; inf without integral action."""
+        return self.kp / self.ki if self.ki else float("inf")
+
+    @property
+    def derivative_time(self) -> float:
+        """Td = Kd/Kp of the ideal form [s]; nan where kp is zero."""
+        return self.kd / self.kp if self.kp else float("nan")
+
+    def difference_equation(self) -> list[str]:
+        """Lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order once a sample.
+
+        Trapezoidal (Tustin), which is the transfer function of the sampled controller exactly. Each part is a state of
+        its own, so that rounded coefficients cost no integral action, and where u is limited i can be held.
+        """
+        if not self.dt:
+            raise ValueError("dt must be given to pid_gains for a difference equation [s], got a continuous controller")
+        rows, terms = [], [f"{self.kp:.10g} e[k]"] if self.kp else []
+        if self.ki:
+            rows.append(f"i[k] = i[k-1] + {self.ki * self.dt / 2:.10g} (e[k] + e[k-1])")
+            terms.append("i[k]")
+        if self.kd:
+            long = 2 * self.filter_time + self.dt
+            keep = (2 * self.filter_time - self.dt) / long
+            rows.append(f"d[k] = {keep:.10g} d[k-1] + {2 * self.kd / long:.10g} (e[k] - e[k-1])")
+            terms.append("d[k]")
+        return [*rows, f"u[k] = {' + '.join(terms) or '0'}"]
+
+    def __str__(self) -> str:
+        per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
+        said = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
+        said += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
+        said += [f"Kd = {self.kd:.6g}{times_s or ' s'}", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
+        form = "Kp" + " + Ki/s" * bool(self.ki) + " + Kd s/(Tf s + 1)" * bool(self.kd)
+        rows = [f"parallel, {form}: {', '.join(said)}"]
+        if self.kp and (self.ki or self.kd):
+            times = [said[0]]
+            times += [f"Ti = {self.integral_time:.6g} s"] if self.ki else []
+            times += [f"Td = {self.derivative_time:.6g} s", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
+            form = "1" + " + 1/(Ti s)" * bool(self.ki) + " + Td s/(Tf s + 1)" * bool(self.kd)
+            rows.append(f"ideal, Kp ({form}): {', '.join(times)}")
+        elif self.ki or self.kd:
+            rows.append("ideal: none, as Kp is zero")
+        if self.dt:
+            rows.append(f"once a sample, at {1 / self.dt:.6g} Hz, e = r - y: {'; '.join(self.difference_equation())}")
+        return "\n".join(rows)
+
+
+def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
+    """The gains of a controller that is a PID, or a part of one, as they are typed into a drive or a PLC.
+
+    Parameters
+    ----------
+    K : control.StateSpace, TransferFunction or float
+        Controller. The gains of a sampled one are those of the trapezoidal rule (Tustin), which is exact for it.
+    dt : float, optional
+        Sampling time [s] of the difference equation of a continuous K.
+    unit : str
+        Unit of y over u, as `UncertaintyModel.unit` has it: that of Kp is the inverse.
+
+    Returns
+    -------
+    PidGains
+        Printed, it shows the parallel form, the ideal form, and the difference equation.
+
+    Raises
+    ------
+    ValueError
+        A controller that is no PID: more than one integrator and one stable real pole.
+
+    References
+    ----------
+    Åström & Hägglund, *Advanced PID Control* (2006), 3 and 13.
+
+    Examples
+    --------
+    >>> import robust
+    >>> gains = pid_gains(robust.pid(2.0, 3.0, 0.1, filter_time=0.01, dt=1e-3))
+    >>> [round(gain, 9) for gain in (gains.kp, gains.ki, gains.kd, gains.filter_time)]
+    [2.0, 3.0, 0.1, 0.01]
+    >>> print(pid_gains(robust.pid(2.0, 3.0), dt=0.1))
+    parallel, Kp + Ki/s: Kp = 2, Ki = 3 1/s
+    ideal, Kp (1 + 1/(Ti s)): Kp = 2, Ti = 0.666667 s
+    once a sample, at 10 Hz, e = r - y: i[k] = i[k-1] + 0.15 (e[k] + e[k-1]); u[k] = 2 e[k] + i[k]
+    """
+    K = state_space("K", K)
+    sampled = timebase(K)
+    integrates, filter_time = parts_of(K, sampled)
+    # three numbers, linear in the response
+    size = 1 / filter_time if filter_time else 1.0
+    middle = min(size, 1 / sampled) if sampled else size
+    omega = middle * np.geomspace(1e-3, 1.0, 24)
+    s = 2j / sampled * np.tan(omega * sampled / 2) if sampled else 1j * omega
+    columns = [np.ones(s.size, complex)]
+    columns += [1 / s] if integrates else []
+    columns += [s / (filter_time * s + 1)] if filter_time else []
+    wanted = response(K, omega)
+    weighted = np.column_stack(columns) / np.abs(wanted)[:, None]
+    scale = np.linalg.norm(weighted, axis=0)
+    right = wanted / np.abs(wanted)
+    solved = np.linalg.lstsq(
+        np.vstack([weighted.real, weighted.imag]) / scale, np.concatenate([right.real, right.imag]), rcond=None
+    )[0]
+    error = np.abs(weighted @ (solved / scale) - right).max()
+    if not error < EXACT:
+        raise ValueError(f"K must be a PID, got one that differs from the nearest by {error:.2g} of its size")
+    gains = [float(g) if abs(g) > EXACT / 10 else 0.0 for g in solved]
+    gains = [g / float(size) for g, size in zip(gains, scale, strict=True)]
+    kp, rest = gains[0], gains[1:]
+    ki = rest.pop(0) if integrates else 0.0
+    kd = rest.pop(0) if filter_time else 0.0
+    step = sampled if sampled else 0.0 if dt is None else positive("dt", dt)
+    if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
+        raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
+    return PidGains(
+        kp=kp, ki=ki, kd=kd, filter_time=filter_time if kd else 0.0, dt=step, unit=inverse_unit(unit) if unit else ""
+    )
+
+
+def told_gains(K: Any, unit: str) -> str:
+    """The gains of a controller that is a PID, a row each, for the end of a text; nothing of one that is none."""
+    with suppress(ValueError):
+        return "".join(f"\nPID {row}" for row in str(pid_gains(K, unit=unit)).splitlines())
+    return ""
+
+
+def parts_of(K: control.StateSpace, dt: float) -> tuple[bool, float]:
+    """Whether a PID integrates, and its filter time [s] (0 without a filter); a refusal of anything else."""
+    p = poles(K).astype(complex)
+    s = 2 / dt * (p - 1) / (p + 1) if dt else p
+    size = np.abs(s)
+    zero = size * dt < INTEGRATOR if dt else size <= INTEGRATOR * np.max(size, initial=0.0)
+    other = s[~zero]
+    if zero.sum() > 1 or other.size > 1 or np.any(other.real >= 0) or np.any(np.abs(other.imag) > 1e-6 * np.abs(other)):
+        raise ValueError(
+            f"K must be a PID (at most one integrator and one stable real pole), got {K.nstates} states with poles "
+            f"{', '.join(f'{root:.4g}' for root in p)}"
+        )
+    return bool(zero.any()), float(-1 / other[0].real) if other.size else 0.0

@@ -1,0 +1,5 @@
+"""What a loop does, in the numbers that a commissioning engineer asks for; nothing about sets.
+
+classical  crossover, phase and gain margin, bandwidth, off the curve of L
+steps      a step of the reference: overshoot, rise and settling time, what the actuator has to give
+"""

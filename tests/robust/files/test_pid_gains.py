@@ -1,0 +1,109 @@
+"""Gains of a PID: what was put in comes out, and the printed lines are the controller."""
+
+import re
+import sys
+
+import control
+import numpy as np
+import pytest
+from scipy.signal import dlsim
+
+from robust import cli, design_frf, fit_nominal, pid, pid_gains, save_controller, save_model, uncertainty
+from tests.support.bla import make_bla
+
+
+def random_pids(n):
+    """Gains of many kinds, over decades."""
+    rng = np.random.default_rng(7)
+    for k in range(n):
+        kp = 10 ** rng.uniform(-2, 6)
+        tau = 10 ** rng.uniform(-3, -1)
+        yield {
+            "kp": 0.0 if k % 7 == 0 else kp * rng.choice([1, 1, -1]),
+            "ki": 0.0 if k % 5 == 1 else kp * 10 ** rng.uniform(-1, 2),
+            "kd": 0.0 if k % 3 == 1 else kp * 10 ** rng.uniform(-3, -1),
+            "filter_time": 0.0 if k % 3 == 1 else tau,
+        }
+
+
+def typed_in(lines, e):
+    """Run the printed lines as a PLC would, sample by sample."""
+    state = dict.fromkeys(("i", "d", "u"), 0.0)
+    code = []
+    for line in lines:
+        target, formula = line.split(" = ")
+        formula = re.sub(r"([iduey])\[k-1\]", r"old_\1", formula)
+        formula = re.sub(r"([iduey])\[k\]", r"\1", formula)
+        formula = re.sub(r"(?<=[\d.]) (?=[a-z(])", " * ", formula)
+        code.append((target[0], compile(formula, "plc", "eval")))
+    out, old_e = [], 0.0
+    for now in e:
+        names = {f"old_{k}": v for k, v in state.items()} | {"old_e": old_e, "e": now}
+        for target, formula in code:
+            names[target] = state[target] = eval(formula, {}, names)
+        out.append(state["u"])
+        old_e = now
+    return np.array(out)
+
+
+@pytest.mark.parametrize("gains", list(random_pids(14)))
+@pytest.mark.parametrize("dt", [0.0, 1e-3, 0.05])
+def test_what_was_put_in_comes_out_and_the_lines_are_the_controller(gains, dt):
+    if not any(gains[name] for name in ("kp", "ki", "kd")):
+        pytest.skip("no controller at all")
+    seen = pid_gains(pid(**gains, dt=dt), dt=None if dt else 0.01)
+    for name in ("kp", "ki", "kd"):
+        size = abs(gains["kp"]) + abs(gains["ki"]) + abs(gains["kd"])
+        assert getattr(seen, name) == pytest.approx(gains[name], rel=1e-6, abs=1e-9 * size)
+    if gains["kd"]:
+        assert seen.filter_time == pytest.approx(gains["filter_time"], rel=1e-6)
+    step = dt or 0.01
+    K = pid(**gains, dt=step)
+    e = np.random.default_rng(1).standard_normal(300)
+    _, u, _ = dlsim((K.A, K.B, K.C, K.D, step), e)
+    typed = typed_in(seen.difference_equation(), e)
+    np.testing.assert_allclose(typed, u[:, 0], atol=1e-6 * np.abs(u).max())
+
+
+def test_both_forms_are_the_same_controller():
+    seen = pid_gains(pid(2.0, 3.0, 0.1, filter_time=0.01), unit="mm/V")
+    s = 7j
+    ideal = seen.kp * (1 + 1 / (seen.integral_time * s) + seen.derivative_time * s / (seen.filter_time * s + 1))
+    assert ideal == pytest.approx(complex(pid(2.0, 3.0, 0.1, filter_time=0.01)(s)), rel=1e-9)
+    assert "Kp = 2 V/mm, Ki = 3 V/mm/s, Kd = 0.1 V/mm s, Tf = 0.01 s" in str(seen)
+    assert "Ti = 0.666667 s, Td = 0.05 s" in str(seen)
+    with pytest.raises(ValueError, match="dt must be given to pid_gains"):
+        seen.difference_equation()
+
+
+def test_what_is_no_pid_is_refused():
+    for K in (
+        control.tf([1], [1, 0, 0]),
+        control.tf([1], [1, 2, 100]),
+        control.tf([1, 1], [1, -1]),
+        control.tf([1], np.poly([-1, -2, -3])),
+        control.tf([1], [1, 3, 2]),
+    ):
+        with pytest.raises(ValueError, match="K must be a PID"):
+            pid_gains(K)
+    with pytest.raises(ValueError, match="dt must be that of K"):
+        pid_gains(pid(1.0, 2.0, dt=0.1), dt=0.2)
+
+
+def test_a_design_is_a_pid_and_the_commands_print_it(tmp_path, monkeypatch, capsys):
+    f = np.arange(1, 80, 2) * 0.3
+    bla = make_bla(lambda s: 200 / (s * s + 30 * s + 900), f, f0=0.3, sigma_distortion=0.002, hold="band-limited")
+    K = design_frf(bla, "PID", M_S=2.0, dt=0.01).K
+    seen = pid_gains(K)
+    e = np.random.default_rng(1).standard_normal(200)
+    _, u, _ = dlsim((K.A, K.B, K.C, K.D, 0.01), e)
+    np.testing.assert_allclose(typed_in(seen.difference_equation(), e), u[:, 0], atol=1e-5 * np.abs(u).max())
+    save_model(uncertainty(bla, fit_nominal(bla, n_poles=2, n_zeros=0)), tmp_path / "m.json")
+    save_controller(K, tmp_path / "K.json")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["robust", "check", "m.json", "K.json", "--no-certify"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    said = capsys.readouterr().out
+    assert f"PID {str(seen).splitlines()[0]}" in said
+    assert "once a sample, at 100 Hz" in said
