@@ -254,7 +254,7 @@ def orders(
     bla: Annotated[list[Path], typer.Argument(help="BLA written by 'nlfrf identify'; several make a plant family.")],
     most: Annotated[int, typer.Option(help="Largest number of poles to try.")] = 8,
     relative_degree: Annotated[int, typer.Option(help="Poles more than zeros.")] = 1,
-    delay: Annotated[str, typer.Option(help="Delay [s], or 'estimate'.")] = "0",
+    delay: Annotated[str, typer.Option(help="Delay [s], 'estimate', or 'auto': where the phase asks for it.")] = "auto",
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of discrete models; 0 for continuous.")] = 0.0,
     picture: Picture = None,
 ) -> None:
@@ -265,7 +265,7 @@ def orders(
             blas if len(blas) > 1 else blas[0],
             n_poles=range(max(relative_degree, 1), most + 1),
             relative_degree=relative_degree,
-            delay=delay if delay == "estimate" else number("delay", delay),
+            delay=delay if delay in ("estimate", "auto") else number("delay", delay),
             dt=sample_time,
         )
     print(scan)

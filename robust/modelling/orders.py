@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
+from nlfrf import Frm
 from nlfrf.shared.arguments import integer
 from nlfrf.shared.values import value
 from robust.modelling.design_warning import OUTSIDE, DesignWarning
@@ -16,6 +17,7 @@ from robust.modelling.nominal import NominalFit, fit_nominal
 __all__ = ["OrderScan", "scan_orders"]
 
 
+UNLIKELY = 0.01  # probability of a cost under which scatter does not explain it
 NO_SIGNIFICANCE = 0.5  # standard deviation over its size from which a pole is named
 
 
@@ -26,14 +28,14 @@ class OrderScan:
     Fields
     ------
     n_poles : (n,) ndarray
-        Orders tried.
+        Orders tried; twice where a delay was tried too.
     cost, expected_cost : (n,) ndarray
         What each leaves, and what scatter alone would leave.
     criterion : (n,) ndarray
-        cost (over what estimated variances make of it) + n_parameters/2 log(2 lines): the Bayesian criterion; the
-        smallest is the order to take.
+        cost (over what estimated variances make of it) + n_parameters/2 log(2 lines): the Bayesian criterion.
     best : int
-        Its number of poles.
+        Number of poles to take: of the smallest criterion among the fits that scatter explains and whose poles the data
+        carry; where there is none, among those that it explains, then among those whose poles are carried, then all.
     fits : tuple of NominalFit
         All of them.
 
@@ -60,17 +62,25 @@ class OrderScan:
 
     @property
     def fit(self) -> NominalFit:
-        """The fit of the best order."""
-        return self.fits[int(np.argmin(self.criterion))]
+        """The fit to take, of the best order."""
+        return self.fits[taken(self.criterion, self.fits)]
+
+    @property
+    def delay(self) -> np.ndarray:
+        """(n,) delay of each fit [s]."""
+        return np.array([fit.delay for fit in self.fits])
 
     def __str__(self) -> str:
-        columns = zip(self.n_poles, self.cost, self.expected_cost, self.criterion, strict=True)
-        return "\n".join(
-            f"{n:3d} poles  cost {c:10.4g}  {c / e:9.4g} times scatter  criterion {k:10.4g}"
-            + " <-" * bool(n == self.best)
-            + (f"  {doubt}" if doubt else "")
-            for (n, c, e, k), doubt in zip(columns, map(doubtful_poles, self.fits), strict=True)
-        )
+        best, delayed = taken(self.criterion, self.fits), np.any(self.delay)
+        rows = []
+        for i, fit in enumerate(self.fits):
+            row = f"{self.n_poles[i]:3d} poles" + (f"  delay {1e3 * fit.delay:8.4g} ms" if delayed else "")
+            row += f"  cost {self.cost[i]:10.4g}  {self.cost[i] / self.expected_cost[i]:9.4g} times scatter"
+            doubt = doubtful_poles(fit)
+            rows.append(
+                f"{row}  criterion {self.criterion[i]:10.4g}" + " <-" * (i == best) + f"  {doubt}" * bool(doubt)
+            )
+        return "\n".join(rows)
 
 
 def scan_orders(
@@ -78,7 +88,7 @@ def scan_orders(
     *,
     n_poles: Iterable[int] = range(1, 9),
     relative_degree: int = 1,
-    delay: float | str = 0.0,
+    delay: float | str = "auto",
     dt: float = 0,
     stable: bool = True,
     std: np.ndarray | None = None,
@@ -87,12 +97,15 @@ def scan_orders(
 
     Parameters
     ----------
-    bla, delay, dt, stable, std
+    bla, dt, stable, std
         As in `fit_nominal`.
     n_poles : iterable of int
         Orders to try.
     relative_degree : int
-        Poles more than zeros.
+        Poles more than zeros. The model of an Frm takes 1 (residues) or 0 (with a direct term).
+    delay : float or str
+        As in `fit_nominal`, or "auto": none, and beside each order a fit with "estimate" where the phase asks for a
+        delay, which it does when no order without one explains the data by poles and zeros that they carry.
 
     Returns
     -------
@@ -119,25 +132,51 @@ def scan_orders(
     excess = integer("relative_degree", relative_degree, least=0)
     if not orders or orders[0] < excess:
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
+    several = isinstance(bla, Frm)
+    if several and excess > 1:
+        raise ValueError(f"relative_degree must be 0 or 1 for an Frm, got {excess}")
+
+    def fitted(n: int, tau: float | str) -> NominalFit:
+        zeros = (n if not excess else None) if several else n - excess
+        return fit_nominal(bla, n_poles=n, n_zeros=zeros, delay=tau, dt=dt, stable=stable, std=std)
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DesignWarning)  # what is suspicious about an order is said in its row
-        fits = tuple(
-            fit_nominal(bla, n_poles=n, n_zeros=n - excess, delay=delay, dt=dt, stable=stable, std=std) for n in orders
-        )
-    cost = np.array([fit.cost for fit in fits])
-    expected = np.array([fit.expected_cost for fit in fits])
+        fits = [fitted(n, 0.0 if delay == "auto" else delay) for n in orders]
+        tried = list(zip(orders, fits, strict=True))
+        if delay == "auto" and not several and asks_for_delay(fits):
+            delayed = [(n, fitted(n, "estimate")) for n in orders]
+            tried = sorted([*tried, *((n, fit) for n, fit in delayed if fit.delay)], key=lambda one: one[0])
+    numbers, fits = [n for n, _ in tried], [fit for _, fit in tried]
+    cost, expected = np.array([[fit.cost, fit.expected_cost] for fit in fits]).T
     parameters = np.array([fit.n_parameters for fit in fits])
-    lines = fits[0].omega.size
+    lines = fits[0].response.size
     # scatter divided by an estimated variance is larger than one on average: count in units of that
     unit = expected / (lines - parameters / 2)
     criterion = cost / np.where(np.isfinite(unit), unit, 1.0) + parameters / 2 * np.log(2 * lines)
     return OrderScan(
-        n_poles=np.array(orders),
+        n_poles=np.array(numbers),
         cost=cost,
         expected_cost=expected,
         criterion=criterion,
-        best=orders[int(np.argmin(criterion))],
-        fits=fits,
+        best=numbers[taken(criterion, fits)],
+        fits=tuple(fits),
+    )
+
+
+def taken(criterion: np.ndarray, fits: Sequence[NominalFit]) -> int:
+    """The smallest criterion of the fits that scatter explains by poles that the data carry; then of those that it
+    explains, of those whose poles the data carry, of all."""
+    explained = np.array([fit.p_value > UNLIKELY for fit in fits])
+    carried = np.array([not doubtful_poles(fit) for fit in fits])
+    group = next(g for g in (explained & carried, explained, carried, np.ones(len(fits), dtype=bool)) if g.any())
+    return int(np.argmin(np.where(group, criterion, np.inf)))
+
+
+def asks_for_delay(fits: Sequence[NominalFit]) -> bool:
+    """Whether no fit without a delay is one that scatter explains, of poles and zeros that the data carry."""
+    return not any(
+        fit.p_value > UNLIKELY and not doubtful_poles(fit) and not np.any(np.real(fit.G.zeros()) > 0) for fit in fits
     )
 
 

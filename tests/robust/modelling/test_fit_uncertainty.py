@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import robust
+from robust.modelling.orders import doubtful_poles
 
 OMEGA = np.linspace(5, 120, 80)
 S = 1j * OMEGA
@@ -87,6 +88,39 @@ def test_a_scan_names_poles_that_the_data_do_not_carry():
         3600 / (S**2 + 4 * S + 3600) * np.exp(-S / 2000)
     )  # half a sample of hold: a scan answers with a pole that it cannot place
     frd = control.FrequencyResponseData(G + noise(rng, 1e-3), OMEGA)
-    scan = robust.scan_orders(frd, n_poles=(2, 3), std=np.full(OMEGA.size, 1e-3))
+    scan = robust.scan_orders(frd, n_poles=(2, 3), delay=0.0, std=np.full(OMEGA.size, 1e-3))
     assert "poles of no significance: " in str(scan).splitlines()[1]
     assert "poles of" not in str(robust.scan_orders(frd, n_poles=(2,), delay=1 / 2000, std=np.full(OMEGA.size, 1e-3)))
+
+
+def scan_of(G, sigma=1e-3, n_poles=range(1, 6)):
+    rng = np.random.default_rng(4)
+    frd = control.FrequencyResponseData(G + noise(rng, sigma), OMEGA)
+    return robust.scan_orders(frd, n_poles=n_poles, std=np.full(OMEGA.size, sigma))
+
+
+def test_a_delay_is_tried_where_the_phase_asks_for_one_and_compared():
+    scan = scan_of(3600 / (S**2 + 4 * S + 3600) * np.exp(-S * 5e-3))
+    assert scan.best == 2
+    assert abs(scan.fit.delay - 5e-3) < 4 * scan.fit.uncertainty.std_delay
+    assert list(scan.n_poles) == [1, 1, 2, 2, 3, 3, 4, 4, 5, 5]
+    assert scan.criterion[list(scan.fits).index(scan.fit)] < scan.criterion[scan.delay == 0].min()
+    assert str(scan).count("<-") == 1
+    assert f"delay {1e3 * scan.fit.delay:8.4g} ms" in str(scan)
+
+
+def test_no_delay_is_tried_where_none_is_asked_for():
+    scan = scan_of(3600 / (S**2 + 4 * S + 3600))
+    assert scan.best == 2
+    assert list(scan.n_poles) == [1, 2, 3, 4, 5]
+    assert not scan.delay.any()
+
+
+def test_poles_that_the_data_do_not_carry_are_not_recommended():
+    """A pole far below the band takes a misfit off a few lines; the criterion alone took it."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        G = 3600 / (S**2 + 4 * S + 3600) + noise(rng, 1e-3)
+        frd = control.FrequencyResponseData(G, OMEGA)
+        scan = robust.scan_orders(frd, n_poles=(2, 3, 5), std=np.full(OMEGA.size, 1e-3))
+        assert not doubtful_poles(scan.fit)

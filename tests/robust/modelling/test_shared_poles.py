@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust import fit_nominal, frd
+from robust import fit_nominal, frd, scan_orders
 from robust.modelling.shared_poles import fit_shared_poles
 
 OMEGA = 2 * np.pi * np.linspace(2, 100, 120)
@@ -115,6 +115,11 @@ def test_from_a_record_to_a_nominal_in_discrete_and_in_continuous_time():
     few = fit_nominal(frm, n_poles=2, dt=1 / 1024)
     assert few.cost > 10 * few.expected_cost  # undermodelled, and said
     assert "4 poles" in str(fit)
+    scan = scan_orders(frm, n_poles=(2, 4, 6), dt=1 / 1024)
+    assert scan.best == 4
+    assert scan.fit.cost == fit.cost
+    with pytest.raises(ValueError, match="relative_degree must be 0 or 1 for an Frm, got 2"):
+        scan_orders(frm, n_poles=(2, 4), relative_degree=2)
 
 
 def test_refusals():
