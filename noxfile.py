@@ -35,7 +35,8 @@ COMBINATIONS = [(python, versions) for python in PYTHONS for versions in ("pinne
 def tests(session, versions):
     """The suite, in the checkout."""
     session.install(*VERSIONS[versions], "-e", ".[test,docs]")
-    session.run("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", *session.posargs, env=QUIET)
+    asked = QUIET | {"NLFRF_VERSIONS": versions}
+    session.run("python", "-m", "pytest", "-n", "2", "--dist", "worksteal", *session.posargs, env=asked)
 
 
 @nox.session

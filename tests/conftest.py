@@ -4,6 +4,10 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("patient", deadline=None)  # how long a case takes says something of the machine only
+settings.load_profile("patient")
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """What a type checker sees of the packages: a user's script is typed from the record to the verdict, mistakes show."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -38,7 +39,7 @@ def by_mypy(folder):
     environment = {"MYPYPATH": str(ROOT), "MYPY_CACHE_DIR": str(ROOT / ".mypy_cache"), "PATH": "/usr/bin:/bin"}
     said = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
     assert not said.stderr, said.stderr
-    return {int(line.split(":")[1]) for line in said.stdout.splitlines() if ": error:" in line}
+    return {int(line.split(":")[1]) for line in said.stdout.splitlines() if re.match(r"script\.py:\d+: error:", line)}
 
 
 def by_basedpyright(folder):

@@ -99,7 +99,7 @@ def test_a_discrete_plant_with_poles_at_minus_one_at_one_and_at_zero():
     for p in (-1.0, 1.0, 0.0):
         G = control.StateSpace([[p, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], 0.1)
         w_P = control.sample_system(control.ss(control.tf([0.5, 0.05], [1, 1e-4])), 0.1, method="bilinear")
-        found = hinfsyn(mixed_sensitivity(G, w_P, 0.1, 0.1), 1, 1)
+        found = hinfsyn(mixed_sensitivity(G, w_P, 0.1, 0.1), 1, 1, time_cap=60)
         assert found.found
         assert instability(control.feedback(G * found.K, 1)) == ""
 

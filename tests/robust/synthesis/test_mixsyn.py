@@ -28,7 +28,7 @@ def stack(G, K, weights, omega):
 
 def test_mixsyn_sp_example_2_17():
     """SP 2nd ed., Example 2.17: gamma 1.37 (1.366)."""
-    design = mixsyn(BOOK, W_P, w_u=1)
+    design = mixsyn(BOOK, W_P, w_u=1, time_cap=60)
     assert design.gamma_min == pytest.approx(1.366, abs=5e-4)
     omega = np.geomspace(1e-4, 1e3, 4000)
     assert design.gamma == pytest.approx(stack(control.ss(BOOK), design.K, {"w_P": W_P, "w_u": 1}, omega), rel=1e-3)
