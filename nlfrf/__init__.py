@@ -15,6 +15,7 @@ from nlfrf.excitation.multisine import Multisine, multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.designs import load_multisine, save_multisine
 from nlfrf.files.inspection import FileContents, inspect_file
+from nlfrf.files.multirecords import load_multirecord
 from nlfrf.files.records import load_record, save_record
 from nlfrf.files.results import export_csv, load_bla, save_bla
 from nlfrf.identification.bla import Bla, DistortionLevels
@@ -54,6 +55,7 @@ __all__ = [
     "join_records",
     "level_study",
     "load_bla",
+    "load_multirecord",
     "load_multisine",
     "load_record",
     "multirecord_from_samples",

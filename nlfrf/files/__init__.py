@@ -1,6 +1,7 @@
 """Everything that is read from a file or written to one.
 
 records        records, from any measurement file
+multirecords   records of several inputs or outputs
 inspection     what such a file holds, and a guess at how to load it
 channels       the named channels inside such a file, by the reader of its kind
 designs        multisines, and the signals to play

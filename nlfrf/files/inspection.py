@@ -63,6 +63,17 @@ class FileContents:
         The lines that are excited, in words.
     schema : str
         What this package wrote, empty for a file of others.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> t = np.arange(400) / 100
+    >>> np.savez(f"{folder.name}/run.npz", u=np.sin(2 * np.pi * t), y=np.cos(2 * np.pi * t), fs=100.0)
+    >>> found = inspect_file(f"{folder.name}/run.npz")
+    >>> [(channel.name, channel.fs) for channel in found.channels]
+    [('u', 100.0), ('y', 100.0)]
+    >>> folder.cleanup()
     """
 
     path: str

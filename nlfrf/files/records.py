@@ -88,15 +88,17 @@ def load_record(
     Parameters
     ----------
     path : path, or a list of them
-        ``.mat`` (MATLAB v5 or v7.3, dSPACE ControlDesk recordings included), ``.csv`` with a header line and comma,
-        semicolon or tab (then with decimal commas too), ``.npz``, ``.h5``. Several files are several realisations of
+        ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat`` (Simulink scopes,
+        dSPACE, ``[t u y]`` matrices; objects by mat-io), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
+        ``.parquet .feather``, ``.wav``; `inspect_file` shows what is inside. Several files are several realisations of
         one experiment, as in `join_records`.
     u, y, r : str
-        Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside
-        structs. A list of names for `y` gives a list of records that share the input.
+        Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
+        ``matrix.2`` for a column, ``col2`` where a table has no header. A list of names for `y` gives a list of
+        records that share the input.
     fs : float, optional
-        Sampling frequency [Hz]; from a variable ``fs`` or a time channel of the file (in seconds, or in
-        the unit its name has in brackets) when not given.
+        Sampling frequency [Hz]; when not given from the file: a variable ``fs`` or ``Ts``, what a channel says of
+        itself, a time channel (in seconds, or in the unit that its name or a units row tells).
     n_samples : int, optional
         Samples in one period; found from the input when not given.
     lines : LineGrid, optional

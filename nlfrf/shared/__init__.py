@@ -2,6 +2,7 @@
 
 values        ``@value``: frozen data, checked when made
 arguments     refusals of bad arguments, each in one line; `DataWarning`
+plain         any value as JSON has it
 wording       frequencies, counts, strange things, labelled paragraphs in words
 whole_files   files that are written whole or not at all
 own_process   files read by a library that may crash, in a process of its own

@@ -122,7 +122,7 @@ def write_mat_objects(path):
     import matio
 
     first, second = time_series()
-    matio.save_to_mat(str(path), {"first": first, "second": second}, version="v7")
+    matio.save_to_mat(str(path), {"first": first, "second": second}, version="v7", do_compression=False)
 
 
 #: Format -> who writes it, and what to load of it where it is not u and y.
