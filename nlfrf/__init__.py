@@ -14,6 +14,8 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine, multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.designs import load_multisine, save_multisine
+from nlfrf.files.inspection import FileContents, inspect_file
+from nlfrf.files.multirecords import load_multirecord
 from nlfrf.files.records import load_record, save_record
 from nlfrf.files.results import export_csv, load_bla, save_bla
 from nlfrf.identification.bla import Bla, DistortionLevels
@@ -33,6 +35,7 @@ __all__ = [
     "Bla",
     "DataWarning",
     "DistortionLevels",
+    "FileContents",
     "Frm",
     "LevelStudy",
     "LineGrid",
@@ -48,9 +51,11 @@ __all__ = [
     "export_csv",
     "identify",
     "identify_noise",
+    "inspect_file",
     "join_records",
     "level_study",
     "load_bla",
+    "load_multirecord",
     "load_multisine",
     "load_record",
     "multirecord_from_samples",

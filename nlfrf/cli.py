@@ -17,6 +17,7 @@ from nlfrf.excitation.lines import KINDS
 from nlfrf.files.results import load
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.command import Version, run
+from nlfrf.shared.plain import as_json
 from nlfrf.shared.whole_files import write_whole
 
 app = typer.Typer(
@@ -138,14 +139,28 @@ def simulate(
 
 
 @app.command()
+def inspect(
+    file: Annotated[list[Path], typer.Argument(help="Measurement files of any kind that 'nlfrf identify' reads.")],
+    json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
+) -> None:
+    """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
+    found = [nlfrf.inspect_file(one) for one in file]
+    print(as_json(found) if json else "\n\n".join(map(str, found)))
+
+
+@app.command()
 def identify(
     file: Annotated[
         list[Path],
-        typer.Argument(help="Measured record: .mat, .csv, .npz or .h5; several are realisations of one experiment."),
+        typer.Argument(help="Measured record, see 'nlfrf inspect'; several are realisations of one experiment."),
     ],
     out: Out,
-    input: Annotated[str, typer.Option("--input", help="Name of the input in the file.")] = "u",
-    output: Annotated[list[str] | None, typer.Option("--output", help="Name of the output; may be repeated.")] = None,
+    input: Annotated[
+        str, typer.Option("--input", help="Name of the input in the file; several, with commas between, as a matrix.")
+    ] = "u",
+    output: Annotated[
+        list[str] | None, typer.Option("--output", help="Name of the output; may be repeated, or have commas between.")
+    ] = None,
     reference: Annotated[
         str | None, typer.Option(help="Name of the reference, for closed loop or noisy input.")
     ] = None,
@@ -169,9 +184,18 @@ def identify(
 ) -> None:
     """Best linear approximation, distortion level and bound from a measured record.
 
-    With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz.
+    With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix,
+    written as a table (.csv); each file is then one experiment.
     """
-    outputs = output or ["y"]
+    outputs = [name for one in output or ["y"] for name in one.split(",")]
+    if "," in input:
+        channels: Any = {"u": input.split(","), "y": outputs, "r": (reference or "").split(",") if reference else ()}
+        several = nlfrf.load_multirecord(file, **channels, fs=fs, n_samples=period, n_discard=discard)
+        frm = nlfrf.identify(several, transient=transient, level_from=level_from, n_detection=detection)
+        write_matrix(frm, out)
+        print(frm)
+        print(f"wrote {out}")
+        return
     records = nlfrf.load_record(
         file,
         u=input,
@@ -253,6 +277,18 @@ def doctor() -> None:
     if faults:
         raise typer.Exit(1)
     print("all is well")
+
+
+def write_matrix(frm: nlfrf.Frm, out: Path) -> None:
+    """The entries of a matrix with their bounds, one excited line a row."""
+    if out.suffix.lower() != ".csv":
+        raise ValueError(f"out must end in .csv for several inputs, got {out.name!r}: a matrix is written as a table")
+    columns, bound = {"f [Hz]": frm.f}, frm.bound()
+    for j, y in enumerate(frm.outputs):
+        for i, u in enumerate(frm.inputs):
+            columns |= {f"Re {y}/{u}": frm.G[j, i].real, f"Im {y}/{u}": frm.G[j, i].imag, f"bound {y}/{u}": bound[j, i]}
+    table, header = np.column_stack(list(columns.values())), ",".join(columns)
+    write_whole(out, lambda to: np.savetxt(to, table, delimiter=",", header=header, comments="", fmt="%.17g"))
 
 
 def slug(name: str) -> str:

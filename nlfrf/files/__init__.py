@@ -1,8 +1,9 @@
 """Everything that is read from a file or written to one.
 
-records        records: MATLAB, dSPACE, CSV, NPZ, HDF5
-channels       the named channels inside such a file
-hdf5           HDF5 files, read in a process of their own
+records        records, from any measurement file
+multirecords   records of several inputs or outputs
+inspection     what such a file holds, and a guess at how to load it
+channels       the named channels inside such a file, by the reader of its kind
 designs        multisines, and the signals to play
 results        `Bla` and tables
 stored_values  any value of this package, field by field, with its schema and version

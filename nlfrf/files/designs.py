@@ -93,7 +93,7 @@ def load_multisine(path: str | os.PathLike[str]) -> Multisine:
     >>> load_multisine("README.md")
     Traceback (most recent call last):
         ...
-    ValueError: path must end in .mat, .npz, .csv, .h5, .hdf5, got 'README.md'
+    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
     ms: Multisine = load_value(Multisine, MULTISINE_SCHEMA, path)
     return ms

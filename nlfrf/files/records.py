@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from nlfrf.files.stored_values import AXES, refuse_newer
 from nlfrf.records.record import SAME_CLOCK, Record, join_records
 from nlfrf.records.reference import played_reference
 from nlfrf.records.samples import records_from_streams
-from nlfrf.shared.arguments import integer
+from nlfrf.shared.arguments import DataWarning, integer
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, save_mat, write_arrays, write_whole
 from nlfrf.shared.wording import shown
@@ -27,6 +28,7 @@ __all__ = ["RECORD_SCHEMA", "load_record", "save_record"]
 
 
 RECORD_SCHEMA = "nlfrf-record"
+FRAYED = 0.01  # share of rows at the ends of a file that may lack a channel without a word
 LABELS = ("u_name", "y_name", "u_unit", "y_unit")
 
 
@@ -86,15 +88,17 @@ def load_record(
     Parameters
     ----------
     path : path, or a list of them
-        ``.mat`` (MATLAB v5 or v7.3, dSPACE ControlDesk recordings included), ``.csv`` with a header line and comma,
-        semicolon or tab (then with decimal commas too), ``.npz``, ``.h5``. Several files are several realisations of
+        ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat`` (Simulink scopes,
+        dSPACE, ``[t u y]`` matrices; objects by mat-io), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
+        ``.parquet .feather``, ``.wav``; `inspect_file` shows what is inside. Several files are several realisations of
         one experiment, as in `join_records`.
     u, y, r : str
-        Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside
-        structs. A list of names for `y` gives a list of records that share the input.
+        Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
+        ``matrix.2`` for a column, ``col2`` where a table has no header. A list of names for `y` gives a list of
+        records that share the input.
     fs : float, optional
-        Sampling frequency [Hz]; from a variable ``fs`` or a time channel of the file (in seconds, or in
-        the unit its name has in brackets) when not given.
+        Sampling frequency [Hz]; when not given from the file: a variable ``fs`` or ``Ts``, what a channel says of
+        itself, a time channel (in seconds, or in the unit that its name or a units row tells).
     n_samples : int, optional
         Samples in one period; found from the input when not given.
     lines : LineGrid, optional
@@ -173,16 +177,47 @@ def measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
 ) -> list[Record]:
     """A record for each output, of the streams of all files."""
-    clocks = [file.sampling_frequency(fs) for file in files]
+    asked_for = (*names.values(), *outputs)
+    clocks = [file.sampling_frequency(fs, asked_for) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
     streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
     ys = {name: [file.signal("y", name) for file in files] for name in outputs}
+    whole(streams, ys)
     found = {name: [names["u"], name] for name in outputs}
     labels: dict[str, Any] = {name: files[0].labels(*pair) for name, pair in found.items()}
     del files
     records = records_from_streams(streams["u"], ys, r=streams.get("r"), fs=clocks[0], **asked._asdict())
     return [replace(record, **labels[name]) for record, name in zip(records, outputs, strict=True)]
+
+
+def whole(*groups: dict[str, list[np.ndarray]]) -> None:
+    """Cut the rows off both ends of each file where a channel has no number yet, or none any more."""
+    for m in range(len(next(iter(groups[0].values())))):
+        streams = {(i, name): group[name][m] for i, group in enumerate(groups) for name in group}
+        sizes = {stream.size for stream in streams.values()}
+        held = np.logical_and.reduce([np.isfinite(s) for s in streams.values()]) if len(sizes) == 1 else np.ones(0)
+        if held.all() or not held.any():
+            continue
+        first, last = np.flatnonzero(held)[[0, -1]]
+        inside = held[first : last + 1]
+        if not inside.all():
+            worst = min(streams, key=lambda key: np.isfinite(streams[key]).sum())
+            bad = np.flatnonzero(~np.isfinite(streams[worst]))
+            raise ValueError(
+                f"{'y' if worst[0] else worst[1]} must be finite, got {bad.size} nan or infinite numbers, the first at "
+                f"{bad[0]}; where a channel has a slower clock than the other its cells stay empty: record both at "
+                "one, or fill the gaps and give the arrays to record_from_samples(u, y, fs=...)"
+            )
+        if held.size - inside.size > FRAYED * held.size:
+            warnings.warn(
+                f"{held.size - inside.size} of {held.size} rows at the ends of the file have no number in every "
+                "channel; they are left out",
+                DataWarning,
+                stacklevel=4,
+            )
+        for (i, name), stream in streams.items():
+            groups[i][name][m] = stream[first : last + 1]
 
 
 def stored_records(

@@ -128,7 +128,7 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
     >>> load_bla("README.md")
     Traceback (most recent call last):
         ...
-    ValueError: path must end in .mat, .npz, .csv, .h5, .hdf5, got 'README.md'
+    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
     bla: Bla = load_value(Bla, BLA_SCHEMA, path)
     return bla

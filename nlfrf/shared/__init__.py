@@ -2,8 +2,10 @@
 
 values        ``@value``: frozen data, checked when made
 arguments     refusals of bad arguments, each in one line; `DataWarning`
+plain         any value as JSON has it
 wording       frequencies, counts, strange things, labelled paragraphs in words
 whole_files   files that are written whole or not at all
+own_process   files read by a library that may crash, in a process of its own
 command       what the two commands share: versions, warnings and refusals in one line
 axes          axes, grids and decibels of every picture
 transforms    Fourier transforms that NumPy does not name

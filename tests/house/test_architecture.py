@@ -19,7 +19,8 @@ ARROWS = {
     "nlfrf.identification": "records excitation",
     "nlfrf.multivariable": "identification records excitation",
     "nlfrf.bench": "friction records excitation",
-    "nlfrf.files": "identification records excitation",
+    "nlfrf.readers": "",
+    "nlfrf.files": "readers identification records excitation",
     "nlfrf.studies": "bench identification records excitation",
     "nlfrf.plot": "identification records excitation",
     "nlfrf.doctor": "",
@@ -53,14 +54,20 @@ HEAVY = {
     "robust.files.report_parts nlfrf.cli robust.cli",
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
     "nlfrf.friction.loop_kernels",
-    "h5py": "nlfrf.files.hdf5 nlfrf.shared.whole_files",
+    "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program",
     "jinja2": "robust.files.report_page",
     "flint": "robust.verification",
     "anywidget": "robust.shaping_page.widget",
     "traitlets": "robust.shaping_page.widget",
+    "pandas": "nlfrf.readers.tables",
+    "matio": "nlfrf.readers.matlab_objects",
+    "nptdms": "nlfrf.readers.tdms",
+    "asammdf": "nlfrf.readers.mdf",
+    "pyuff": "nlfrf.readers.uff",
+    "pyarrow": "nlfrf.readers.columns",
 }
-ALWAYS_LATE = {"matplotlib", "cvxpy", "h5py", "jinja2", "flint", "anywidget", "traitlets"}
+ALWAYS_LATE = set(HEAVY) - {"numba"}
 
 
 def found_rooms():

@@ -1,0 +1,199 @@
+"""The layout of a table written as text: where its header, units and numbers stand, and what parts them."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from dataclasses import dataclass
+from typing import NamedTuple
+
+__all__ = ["EMPTY", "MARKS", "Layout", "decoded", "layout_of"]
+
+
+HEAD, SAMPLE = 400, 60  # lines that are looked at, and those of them by which columns are told apart
+SPLITS = [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (" ", "."), (" ", ","), ("|", "."), (",", ",")]
+MARKS = tuple("#%;!*/")
+EMPTY = {"", "-", "--", "---", "nan", "n/a", "na", "#n/a", "null", "none", "inf", "-inf", "+inf"}
+POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
+#: A unit as instruments print it: brackets, or factors of one or more SI and everyday units.
+BARE = (
+    r"(?:(?:[munpkMGµμdc]|da)?(?:m|s|g|N|V|A|W|J|Pa|Hz|bar|rad|Nm|l|F|H|T|Wb|VA|strain|in|ft|lbf?|psi|eu|FS)|sec|min|h|"
+    r"deg|°|°C|°F|K|C|%|rpm|rev|grad|inch|mic|Ohm|Ω|dB|counts?|cnts?|incr?|ticks?|digits?|lsb|bits?|raw|V/V|volts?|"
+    r"amp(?:ere)?s?|newtons?|meters?|metres?|seconds?|m?sec|sekunden|"
+    r"bool|1)"
+)
+UNIT_CELL = re.compile(rf"\[[^\]]*\]|\([^)]*\)|{BARE}(?:(?:\^?-?\d|[²³])?(?:[*/·.]{BARE}(?:\^?-?\d|[²³])?)*)", re.I)
+MOMENT = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}|\d{1,2}:\d{2}(:\d{2})?")
+TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|float\d\d|string|char|numeric)", re.I)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where things stand: what parts columns, how decimals are written, which line is the first of numbers."""
+
+    delimiter: str
+    decimal: str
+    first: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    numeric: tuple[bool, ...]
+    moments: tuple[bool, ...]
+    padded: bool
+    comment: str | None
+    preamble: tuple[str, ...]
+
+
+class Cut(NamedTuple):
+    """One way to cut the lines: of how many columns, which are numbers, how many are texts, how many rows are good."""
+
+    delimiter: str
+    decimal: str
+    width: int
+    numeric: tuple[bool, ...]
+    texts: int
+    good: int
+
+
+def decoded(content: bytes) -> str:
+    """The text of a file: UTF-8, UTF-16 with or without its mark, else the code page of a spreadsheet."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16")
+    head = content[:400]
+    if len(head) > 8 and head.count(0) > 0.3 * len(head):
+        return content.decode("utf-16-le" if head[1::2].count(0) > head[::2].count(0) else "utf-16-be")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def layout_of(text: str) -> Layout:
+    """Find the layout in the first lines.
+
+    Raises
+    ------
+    ValueError
+        No rows of numbers.
+    """
+    lines = head_of(text)
+    told = next((line[4:].strip() or "\t" for line in lines[:3] if line.lower().startswith("sep=")), None)
+    cuts = [cut(lines[-SAMPLE:], *split) for split in SPLITS if told is None or split[0] == told]
+    best = max(cuts, key=lambda c: (c.good > 1, c.good * (sum(c.numeric) > 1), sum(c.numeric) - 2 * c.texts, c.good))
+    if best.good < 2:
+        raise ValueError("no rows of numbers were found: one row a sample, one column a channel, is what can be read")
+    delimiter, decimal = best.delimiter, best.decimal
+    rows = [cells(line, delimiter) for line in lines]
+    first = next(i for i, row in enumerate(rows) if is_data(row, best))
+    comment = next((line[0] for line in lines[first:] if line[:1] in MARKS and line[0] != delimiter), None)
+    names, units = header(lines[:first], best)
+    moments = tuple(MOMENT.match(cell) is not None for cell in rows[first])
+    padded = delimiter != " " and any(f"{delimiter} " in line or line.startswith(" ") for line in lines[first:])
+    above = tuple(lines[: max(first - 1, 0)])
+    return Layout(delimiter, decimal, first, names, units, best.numeric, moments, padded, comment, above)
+
+
+def head_of(text: str) -> list[str]:
+    """The first lines, without the last one where it may be cut."""
+    end, place = 0, 0
+    for _ in range(HEAD):
+        place = text.find("\n", end)
+        if place < 0:
+            break
+        end = place + 1
+    part = text if place < 0 else text[:end]
+    return [line.rstrip("\r") for line in part.split("\n")][: HEAD + 1]
+
+
+def cells(line: str, delimiter: str) -> list[str]:
+    """The cells of a line, stripped of blanks and quotes."""
+    if delimiter == " ":
+        return line.split()
+    if '"' in line:
+        row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    else:
+        row = line.split(delimiter)
+    return [cell.strip().strip("'") for cell in row]
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether a cell is a number written with that decimal sign."""
+    return (POINT if decimal == "." else COMMA).fullmatch(cell) is not None
+
+
+def cut(lines: list[str], delimiter: str, decimal: str) -> Cut:
+    """Cut the lines one way: the width most rows with numbers have, the columns that are numbers in nearly all."""
+    rows = [cells(line, delimiter) for line in lines if line.strip() and line[0] not in MARKS]
+    kinds = [[is_number(cell, decimal) for cell in row] for row in rows]
+    widths = Counter(len(row) for row, kind in zip(rows, kinds, strict=True) if any(kind))
+    width = max(widths, key=lambda w: (widths[w], w), default=0)
+    body = [(row, kind) for row, kind in zip(rows, kinds, strict=True) if len(row) == width and any(kind)]
+    if not body:
+        return Cut(delimiter, decimal, 0, (), 0, 0)
+    half = body[len(body) // 2 :]  # behind whatever stands above the numbers
+    numeric = tuple(
+        any(kind[i] for _, kind in half) and all(kind[i] or row[i].lower() in EMPTY for row, kind in half)
+        for i in range(width)
+    )
+    filled = [any(row[i] for row, _ in half) for i in range(width)]
+    texts = sum(some and not number for some, number in zip(filled, numeric, strict=True))
+    found = Cut(delimiter, decimal, width, numeric, texts, 0)
+    return found._replace(good=sum(is_data(row, found) for row in rows))
+
+
+def is_data(row: list[str], c: Cut) -> bool:
+    """Whether a row has the width of the table and numbers, or nothing, where those stand."""
+    if len(row) != c.width or not any(c.numeric):
+        return False
+    held = [is_number(cell, c.decimal) for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
+    blank = [cell.lower() in EMPTY for cell, wanted in zip(row, c.numeric, strict=True) if wanted]
+    return any(held) and all(a or b for a, b in zip(held, blank, strict=True))
+
+
+def header(lines: list[str], c: Cut) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units from the lines above the numbers, or numbered columns where there are none."""
+    block: list[list[str]] = []
+    for line in reversed(lines):
+        bare = line.strip()
+        if not bare or set(bare) <= set("-=+| \t" + c.delimiter):
+            if block:
+                break
+            continue
+        bare = bare.lstrip("#%!*/ ") if bare[0] in MARKS else line
+        row = fitted(cells(bare, c.delimiter), c.width)
+        if row is None and c.delimiter == " ":  # names with blanks in them stand further apart
+            row = fitted(re.split(r"\s{2,}|\t", bare.strip()), c.width)
+        if row is None or not any(row) or sum(is_number(cell, c.decimal) for cell in row) > 0.5 * c.width:
+            break
+        block.insert(0, row)
+    units: list[str] = [""] * c.width
+    while len(block) > 1:
+        last = block[-1]
+        if all(TYPE_CELL.fullmatch(cell) or not cell for cell in last):
+            block.pop()
+        elif all(UNIT_CELL.fullmatch(cell) or cell in ("", "-") for cell in last):
+            units = [cell.strip("[]()").strip() if cell != "-" else "" for cell in last]
+            block.pop()
+        else:
+            break
+    names = block[-1] if block else [""] * c.width
+    return tuple(once(names)), tuple(units)
+
+
+def fitted(row: list[str], width: int) -> list[str] | None:
+    """A row of names in the width of the table: nothing above an empty last column, or above the first (an index)."""
+    while len(row) > width and not row[-1]:
+        row = row[:-1]
+    if len(row) == width - 1:
+        row = [*row, ""]
+    return row if len(row) == width else None
+
+
+def once(names: list[str]) -> list[str]:
+    """Names that occur once: columns without one are numbered, and so are those that share theirs."""
+    found: list[str] = []
+    for i, name in enumerate(names):
+        name = name or f"col{i + 1}"
+        found.append(name if name not in found else f"{name}.{i + 1}")
+    return found

@@ -1,0 +1,137 @@
+"""MATLAB objects that hold signals: time series, timetables, datasets of Simulink, by mat-io."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["contents"]
+
+
+DEPTH = 12  # how far objects may lie in objects
+Found = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
+SCALE = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
+
+
+def contents(path: Path) -> Found:
+    """Signals by name with their units and times.
+
+    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    """
+    from matio import load_from_mat
+
+    found: Found = ({}, {}, {}, {})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        variables = load_from_mat(str(path), add_table_attrs=True)
+    for name, held in variables.items():
+        if not name.startswith("__"):
+            walk(name, held, found, 0)
+    return found
+
+
+def walk(name: str, held: Any, found: Found, depth: int) -> None:
+    """Look for signals in a variable: series and tables are taken, objects, structs and cells are entered."""
+    if depth > DEPTH:
+        return
+    if hasattr(held, "columns") and hasattr(held, "index"):
+        table(name, held, found)
+        return
+    members = members_of(held)
+    if members:
+        if not series(name, members, found):
+            label = text(members.get("Name"))
+            for key, member in members.items():
+                inner = name if key.startswith(("Storage", "Elements", "Values")) else f"{name}.{key}"
+                walk(label if label and key == "Values" else inner, member, found, depth + 1)
+    elif isinstance(held, np.ndarray) and held.dtype.kind == "O":
+        for i, element in enumerate(held.ravel()):
+            label = text(members_of(element).get("Name"))
+            walk(label or (name if held.size == 1 else f"{name}.{i + 1}"), element, found, depth + 1)
+
+
+def members_of(held: Any) -> dict[str, Any]:
+    """The properties of an object, or the fields of a struct."""
+    properties = getattr(held, "properties", None)
+    if isinstance(properties, dict):
+        return {str(key): member for key, member in properties.items()}
+    if isinstance(held, np.ndarray) and held.dtype.names and held.size == 1:
+        return {key: held.ravel()[0][key] for key in held.dtype.names}
+    if isinstance(held, np.void) and held.dtype.names:
+        return {key: held[key] for key in held.dtype.names}
+    if isinstance(held, np.ndarray) and held.dtype.kind == "O" and held.size == 1:
+        return members_of(held.ravel()[0])
+    return {}
+
+
+def series(name: str, members: dict[str, Any], found: Found) -> bool:
+    """Take a time series: Data and Time, or Data and the start, step and length in its TimeInfo."""
+    data = numbers(members, "Data_", "Data")
+    if data is None or data.size < 2:
+        return False
+    times = numbers(members, "Time_", "Time")
+    about = next((members_of(members[key]) for key in ("TimeInfo_", "TimeInfo") if key in members), {})
+    step = numbers(about, "Increment_", "Increment")
+    unit = text(about.get("Units"))
+    arrays, units, clocks, _ = found
+    full = text(members.get("Name")) or name
+    full = full if full not in arrays and full != "unnamed" else name
+    clock: Any = None
+    if times is not None and times.size > 1:
+        clock = f"{full}.time"
+        arrays[clock], units[clock] = np.ravel(times).astype(float) * SCALE.get(unit, 1.0), "s"
+    elif step is not None and step.size == 1 and float(step.ravel()[0]) > 0:
+        clock = 1 / (float(step.ravel()[0]) * SCALE.get(unit, 1.0))
+    rows = np.squeeze(np.asarray(data))
+    n = times.size if times is not None and times.size > 1 else max(rows.shape)
+    rows = rows[None] if rows.ndim == 1 else np.reshape(np.moveaxis(rows, rows.shape.index(n), -1), (-1, n))
+    held = next((members_of(members[key]) for key in ("DataInfo_", "DataInfo") if key in members), {})
+    for i, row in enumerate(rows):
+        one = full if len(rows) == 1 else f"{full}.{i + 1}"
+        arrays[one] = np.ascontiguousarray(row)
+        if clock is not None:
+            clocks[one] = clock
+        if text(held.get("Units")):
+            units[one] = text(held.get("Units"))
+    return True
+
+
+def table(name: str, frame: Any, found: Found) -> None:
+    """Take a table or timetable: its columns by name, its row times."""
+    arrays, units, clocks, _ = found
+    said = frame.attrs.get("varUnits") or frame.attrs.get("VariableUnits") or []
+    clock = ""
+    index = np.asarray(frame.index)
+    if index.dtype.kind in "mM" and index.size > 1:
+        clock = f"{name}.time"
+        arrays[clock], units[clock] = (index - index[0]) / np.timedelta64(1, "ns") * 1e-9, "s"
+    for i, key in enumerate(frame.columns):
+        column = np.asarray(frame[key])
+        full = f"{name}.{key}"
+        if column.dtype.kind in "mM":
+            arrays[full], units[full] = (column - column[0]) / np.timedelta64(1, "ns") * 1e-9, "s"
+        if column.dtype.kind not in "fiub":
+            continue
+        arrays[full] = column
+        if clock:
+            clocks[full] = clock
+        if i < len(said) and str(said[i]):
+            units[full] = str(said[i])
+
+
+def numbers(members: dict[str, Any], *keys: str) -> Any:
+    """The first of these members that is an array of numbers and not empty."""
+    for key in keys:
+        array = np.asarray(members.get(key, ()))
+        if array.dtype.kind in "fiub" and array.size:
+            return array
+    return None
+
+
+def text(held: Any) -> str:
+    """A text, empty where it is none."""
+    array = np.asarray(held)
+    return str(array.ravel()[0]) if array.dtype.kind in "UT" and array.size == 1 else ""

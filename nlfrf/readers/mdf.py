@@ -1,0 +1,47 @@
+"""MDF measurement files of cars and test benches (.mf4, .mdf, old ones .dat), by asammdf."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["contents"]
+
+
+def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
+    """Channels by name (``group.name`` where several groups have it), each with the times of its group.
+
+    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    """
+    from asammdf import MDF
+
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    clocks: dict[str, Any] = {}
+    notes: dict[str, str] = {}
+    with MDF(str(path)) as file:
+        masters = dict(file.masters_db)
+        listed = [
+            (g, i, str(channel.name))
+            for g, group in enumerate(file.groups)
+            for i, channel in enumerate(group.channels)
+            if masters.get(g) != i
+        ]
+        often = Counter(name for _, _, name in listed)
+        for g, i, name in listed:
+            signal = file.get(group=g, index=i)
+            samples = np.asarray(signal.samples)
+            unique = name if often[name] == 1 else f"group{g}.{name}"
+            if samples.dtype.kind not in "fiub" or samples.ndim != 1:
+                notes[unique] = "holds no numbers"
+                continue
+            times = "time" if len(file.groups) == 1 else f"group{g}.time"
+            arrays.setdefault(times, np.asarray(signal.timestamps, dtype=float))
+            units.setdefault(times, "s")
+            arrays[unique], clocks[unique] = samples, times
+            if signal.unit:
+                units[unique] = str(signal.unit)
+    return arrays, units, clocks, notes

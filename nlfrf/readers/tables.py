@@ -1,0 +1,165 @@
+"""Tables written as text: CSV and its kin, as instruments, spreadsheets and logging programs write them."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nlfrf.readers.clock import is_time
+from nlfrf.readers.layout import EMPTY, MARKS, Layout, decoded, layout_of
+from nlfrf.shared.own_process import Found
+
+__all__ = ["contents", "table"]
+
+
+START = 1 << 17  # bytes in which the layout is looked for
+DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
+#: What a line above the table says of the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
+CLOCK = re.compile(
+    r"(?P<rate>sampl\w*[ _]?(?:rate|freq\w*)|\bfs|abtastrate)"
+    r"|(?P<step>sampl\w*[ _]?(?:interval|time|period)|delta[ _]?[tx]|\bdt)",
+    re.I,
+)
+VALUE = re.compile(r"\W*?([\d.]+(?:e[+-]?\d+)?)[ \t,;]*\"?(k?hz|m?s\b|us\b|µs\b|sec)?", re.I)
+SCALE = {"khz": 1e3, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+
+
+def contents(path: Path) -> Found:
+    """Columns by the names above them; units from the row below these; the clock of a preamble."""
+    with path.open("rb") as stream:
+        start = stream.read(START)
+    if b"\0" in start:  # UTF-16, which pandas would want to be told of
+        return table(decoded(path.read_bytes()).encode())
+    return table(start, path)
+
+
+def table(start: bytes, path: Path | None = None) -> Found:
+    """The same from the first bytes of a file, or from all of them where no path is given."""
+    head = start[:START]
+    text = decoded(head[: head.rfind(b"\n") + 1] or head if len(head) == START else head)
+    layout = layout_of(text)
+    frame, notes = parsed((lambda: io.BytesIO(start)) if path is None else lambda: path, layout)
+    notes |= {
+        name: "holds texts"
+        for name, numeric, moment in zip(layout.names, layout.numeric, layout.moments, strict=True)
+        if not (numeric or moment)
+    }
+    arrays: dict[str, np.ndarray] = {}
+    units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
+    for i, column in frame.items():
+        if layout.numeric[i]:
+            arrays[layout.names[i]] = column.to_numpy()
+    for name, seconds in moments(frame, layout).items():
+        arrays, units[name] = {name: seconds} | arrays, "s"
+    last = len(layout.names) - 1
+    if last and layout.names[last] == f"col{last + 1}" and np.isnan(arrays.get(layout.names[last], [0])).all():
+        del arrays[layout.names[last]]  # behind a separator that ends every line
+    clock = told_clock(layout.preamble)
+    return arrays, units, {"": clock} if clock and not any(map(is_time, arrays)) else {}, notes
+
+
+def parsed(source: Callable[[], Any], layout: Layout) -> tuple[Any, dict[str, str]]:
+    """The columns of numbers, and those of dates and times as texts, by pandas; and what is no number in them."""
+    import pandas as pd
+
+    wanted = [i for i, numeric in enumerate(layout.numeric) if numeric or layout.moments[i]]
+    options: dict[str, Any] = {
+        "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
+        "header": None,
+        "names": list(range(len(layout.names))),
+        "skiprows": layout.first,
+        "comment": layout.comment,
+        "na_values": sorted(EMPTY - {""}),
+        "encoding_errors": "replace",
+        "index_col": False,
+    }
+    if len(wanted) < len(layout.names):  # each of these costs time where it is not needed
+        options["usecols"] = wanted
+    if layout.padded:
+        options["skipinitialspace"] = True
+    newer = tuple(int(part) for part in pd.__version__.split(".")[:2]) >= (3, 1)
+    exact: Any = {} if newer else {"float_precision": "round_trip"}  # newer ones always are
+    kinds: Any = {i: float if layout.numeric[i] else str for i in wanted}
+    if layout.decimal != layout.delimiter:
+        try:
+            return pd.read_csv(source(), dtype=kinds, decimal=layout.decimal, **exact, **options), {}
+        except ValueError as error:
+            if isinstance(error, pd.errors.ParserError):
+                raise
+    frame = pd.read_csv(source(), dtype=str, **options)
+    numbers = [i for i in wanted if layout.numeric[i]]
+    first = frame[wanted[0]].fillna("").str.strip()
+    told = frame.copy()
+    for i in numbers:
+        column = frame[i] if layout.decimal == "." else frame[i].str.replace(",", ".")
+        frame[i] = pd.to_numeric(column.str.strip(), errors="coerce")
+    bare = frame[numbers].isna().all(axis=1)
+    kept = ~(bare & first.str.slice(0, 1).isin(MARKS))
+    if bare.iloc[-1]:  # what stands below the numbers
+        kept.iloc[int(np.flatnonzero(~bare)[-1]) + 1 if not bare.all() else 0 :] = False
+    frame, told = frame[kept], told[kept]
+    notes = {}
+    for i in numbers:
+        strange = frame[i].isna() & told[i].notna()
+        if strange.any():
+            row = int(np.argmax(strange))
+            notes[layout.names[i]] = f"holds {told[i].iloc[row].strip()!r} in row {row + 1} of its numbers"
+    return frame, notes
+
+
+def moments(frame: Any, layout: Layout) -> dict[str, np.ndarray]:
+    """Seconds since the first row, of columns of dates and times; a date beside a time of day belongs to it."""
+    found = [i for i in frame.columns if not layout.numeric[i]]
+    if not found:
+        return {}
+    column = frame[found[0]].str.strip()
+    if len(found) > 1 and not DAYTIME.search(str(column.iloc[0])):
+        column = column + " " + frame[found[1]].str.strip()
+        found = found[1:]
+    try:
+        seconds = since_first(column.str.replace(",", "."))
+    except (ValueError, OverflowError):
+        return {}
+    return {layout.names[found[0]]: seconds}
+
+
+def since_first(column: Any) -> np.ndarray:
+    """Seconds since the first of texts that are dates with times, or times of a day."""
+    import pandas as pd
+
+    sample = str(column.iloc[0])
+    if not DATE.match(sample):
+        short = sample.count(":") == 1
+        seconds = pd.to_timedelta("00:" + column if short else column).dt.total_seconds().to_numpy()
+        seconds = seconds + 86400.0 * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -43200)  # past midnight
+        return np.asarray(seconds - seconds[0])
+    try:
+        moment = pd.to_datetime(column, format="ISO8601", utc=True)
+    except ValueError:
+        moment = pd.to_datetime(column, dayfirst="." in sample[:6], utc=True)
+    return np.asarray((moment - moment.iloc[0]).dt.total_seconds())
+
+
+def told_clock(preamble: tuple[str, ...]) -> float:
+    """The sampling frequency [Hz] that the lines above a table tell, 0 where they tell none.
+
+    >>> told_clock(("Device: A1", "Sample rate: 2 kHz")), told_clock(("dt [s],0.001",)), told_clock(("Notes",))
+    (2000.0, 1000.0, 0.0)
+    """
+    for line in preamble:
+        said = CLOCK.search(line)
+        value = VALUE.match(re.sub(r"^\s*[\[(](\w+)[\])](.*)", r"\2 \1", line[said.end() :])) if said else None
+        if said is None or value is None:
+            continue
+        try:
+            number = float(value[1]) * SCALE.get((value[2] or "").lower(), 1.0)
+        except ValueError:
+            continue
+        if number > 0:
+            return number if said["rate"] else round(1 / number, 9)
+    return 0.0

@@ -1,0 +1,39 @@
+"""TDMS files of LabVIEW and its kin, by npTDMS."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["contents"]
+
+
+def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
+    """Channels as ``group.channel``, with their units and the step of their waveforms."""
+    from nptdms import TdmsFile
+
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    clocks: dict[str, Any] = {}
+    notes: dict[str, str] = {}
+    logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it cannot read is refused here, not printed
+    for group in TdmsFile.read(path).groups():
+        for channel in group.channels():
+            name, array = f"{group.name}.{channel.name}", np.asarray(channel[:])
+            if array.dtype.kind == "M":
+                array = (array - array[:1]) / np.timedelta64(1, "s")
+                units[name] = "s"
+            if array.dtype.kind not in "fiub":
+                notes[name] = "holds no numbers"
+                continue
+            arrays[name] = array
+            unit = str(channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription") or "")
+            step = channel.properties.get("wf_increment", 0.0)
+            if unit:
+                units[name] = unit
+            if isinstance(step, float) and step > 0 and channel.properties.get("wf_xname", "Time") in ("Time", ""):
+                clocks[name] = 1 / step
+    return arrays, units, clocks, notes

@@ -1,0 +1,59 @@
+"""Universal files (.uff, .unv): time records in datasets of type 58, by pyuff."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["contents"]
+
+
+TIME_RESPONSE = 1
+AXES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
+
+
+def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
+    """Time records by the names of their points, else by node and direction, each with its step or its times."""
+    import pyuff
+
+    found = pyuff.UFF(str(path)).read_sets()
+    sets = [one for one in (found if isinstance(found, list) else [found]) if one.get("type") == 58]
+    records = [one for one in sets if one.get("func_type") == TIME_RESPONSE]
+    if not records:
+        raise ValueError(f"it holds {len(sets)} functions and none is a time record: export the time histories")
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    clocks: dict[str, Any] = {}
+    for one in records:
+        data = np.asarray(one["data"])
+        if data.dtype.kind not in "fiu":
+            continue
+        name = unused(name_of(one), arrays)
+        arrays[name] = data
+        step = float(one.get("abscissa_inc") or 0.0)
+        x = np.asarray(one.get("x", ()), dtype=float)
+        if step > 0 and int(one.get("abscissa_spacing", 1)) == 1:
+            clocks[name] = 1 / step
+        elif x.shape == data.shape:
+            arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = x, "s", f"{name}.time"
+        unit = str(one.get("ordinate_axis_units_lab") or "").strip()
+        if unit and unit.upper() != "NONE":
+            units[name] = unit
+    return arrays, units, clocks, {}
+
+
+def name_of(one: dict[str, Any]) -> str:
+    """The name of a record's point, its first line, or its node and direction."""
+    point, text = (str(one.get(key) or "").strip() for key in ("rsp_ent_name", "id1"))
+    for said in (text, point):
+        if said and said.upper() != "NONE":
+            return said
+    return f"node{one.get('rsp_node', 0)}{AXES.get(int(one.get('rsp_dir', 0)), '')}"
+
+
+def unused(name: str, names: Any) -> str:
+    """The name, numbered where another record has it."""
+    free = (name if i == 1 else f"{name}.{i}" for i in range(1, len(names) + 2))
+    return next(one for one in free if one not in names)

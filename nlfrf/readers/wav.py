@@ -1,0 +1,28 @@
+"""Sound files (.wav), by SciPy: a sampling frequency, one stream a channel, full scale 1."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["contents"]
+
+
+def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
+    """Channels ch1, ch2, ..., whole numbers divided by their full scale."""
+    from scipy.io import wavfile
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not sound
+        fs, samples = wavfile.read(path)
+    kind = samples.dtype
+    if kind.kind == "u":
+        samples = (samples.astype(float) - 128) / 128
+    elif kind.kind == "i":
+        samples = samples / float(2 ** (8 * kind.itemsize - 1))
+    rows = np.atleast_2d(samples.T)
+    names = [f"ch{i + 1}" for i in range(len(rows))]
+    return dict(zip(names, rows, strict=True)), {}, {"": float(fs)}, {}

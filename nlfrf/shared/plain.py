@@ -1,0 +1,64 @@
+"""Any value of this project as JSON has it: fields, and properties that are a word or a number."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.values import field_names
+
+__all__ = ["as_json", "plain", "said_properties"]
+
+
+WORDS = {"str", "bool", "int", "float", str, bool, int, float}
+
+
+def as_json(thing: Any) -> str:
+    """A value, or a list of them, as JSON: complex numbers as [re, im], what is not finite as null.
+
+    >>> as_json({"gamma": 1.5, "poles": np.array([-1 + 2j]), "delay": float("nan")})
+    '{"gamma": 1.5, "poles": [[-1.0, 2.0]], "delay": null}'
+    """
+    return json.dumps(plain(thing), ensure_ascii=False)
+
+
+def plain(thing: Any) -> Any:
+    """The same as dictionaries, lists, texts and numbers; systems as their matrices, all else in its own words."""
+    if thing is None or isinstance(thing, str | bool | int):
+        return thing
+    if isinstance(thing, np.generic):
+        return plain(thing.item())
+    if isinstance(thing, float):
+        return thing if np.isfinite(thing) else None
+    if isinstance(thing, complex):
+        return [plain(thing.real), plain(thing.imag)]
+    if isinstance(thing, np.ndarray):
+        return [plain(one) for one in thing] if thing.ndim else plain(thing.item())
+    if isinstance(thing, Mapping):
+        return {str(key): plain(held) for key, held in thing.items()}
+    if hasattr(thing, "_fields"):
+        return {name: plain(getattr(thing, name)) for name in thing._fields}
+    if isinstance(thing, list | tuple):
+        return [plain(one) for one in thing]
+    if is_dataclass(thing):
+        fields = {name: plain(getattr(thing, name)) for name in field_names(thing)}
+        return {**fields, **{name: plain(held) for name, held in said_properties(thing).items()}}
+    if all(hasattr(thing, name) for name in "ABCD") and hasattr(thing, "dt"):
+        return {name: plain(getattr(thing, name)) for name in ("A", "B", "C", "D", "dt")}
+    return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
+
+
+def said_properties(thing: Any) -> dict[str, Any]:
+    """The properties of a value that are said to be a word, a truth or a number, by name."""
+    found = {}
+    for kind in reversed(type(thing).__mro__):
+        for name, held in vars(kind).items():
+            getter = held.fget if isinstance(held, property) and not name.startswith("_") else None
+            if getter is not None and getter.__annotations__.get("return") in WORDS:
+                found[name] = getattr(thing, name)
+    return found

@@ -1,0 +1,91 @@
+"""A look into a file, and records of several inputs out of files."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+
+import nlfrf
+from tests.nlfrf.test_cli import nlfrf_command  # noqa: F401 (a fixture)
+from tests.support import measurement_files as files
+from tests.support.measurement_files import FS, MS, N, P, T, U, Y
+
+
+def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
+    table = np.column_stack([T, 20 + 0 * T, Y, U, 1e-3 * np.cumsum(U)])
+    head = "time,temperature,position,force,drift\nms,°C,mm,N,1"
+    table[:, 0] *= 1e3
+    np.savetxt(tmp_path / "my run.csv", table, delimiter=",", header=head, comments="", fmt="%.6f", encoding="utf-8")
+    found = nlfrf.inspect_file(tmp_path / "my run.csv")
+    assert (found.u, found.y, found.period) == ("force", "position", N)
+    assert [(c.name, c.unit, c.n) for c in found.channels][:2] == [
+        ("time", "ms", U.size),
+        ("temperature", "°C", U.size),
+    ]
+    assert all(c.fs == FS for c in found.channels)
+    assert found.channels[3].rms == pytest.approx(np.sqrt(np.mean(U**2)), rel=1e-5)
+    assert found.lines == f"period 250 samples (0.25 s), {P} periods; {MS.f.size} lines from 4 to 196 Hz"
+    assert str(found).splitlines()[-1] == f"run:   {found.command}"
+    assert "--input force --output position -o 'my run-bla.npz'" in found.command
+
+
+def test_without_names_the_input_is_the_channel_with_even_lines(tmp_path):
+    slow = np.cumsum(Y - Y.mean())
+    np.savetxt(tmp_path / "run.csv", np.column_stack([slow, U]), delimiter=",")
+    found = nlfrf.inspect_file(tmp_path / "run.csv")
+    assert (found.u, found.y) == ("col2", "col1")
+    assert found.command.endswith("--input col2 --output col1 --fs HERTZ -o run-bla.npz")
+
+
+def test_what_does_not_repeat_has_no_input(tmp_path):
+    noise = np.random.default_rng(0).standard_normal((2, 500))
+    np.savez(tmp_path / "noise.npz", a=noise[0], b=noise[1], note="first")
+    found = nlfrf.inspect_file(tmp_path / "noise.npz")
+    assert (found.u, found.period, found.lines) == ("", 0.0, "no channel repeats")
+    assert "--input INPUT" in found.command
+
+
+def test_what_this_package_wrote_is_called_so(tmp_path):
+    record = nlfrf.Record(u=U.reshape(1, P, N), y=Y.reshape(1, P, N), fs=FS, lines=MS.lines)
+    nlfrf.save_record(record, tmp_path / "r.npz")
+    found = nlfrf.inspect_file(tmp_path / "r.npz")
+    assert found.schema == "nlfrf-record"
+    assert str(found).endswith("written by this package, as nlfrf-record")
+
+
+def test_from_inspect_to_identify_on_the_command_line(nlfrf_command, tmp_path):  # noqa: F811
+    files.write_csv(tmp_path / "run.csv")
+    code, out, _ = nlfrf_command("inspect", "run.csv")
+    assert code == 0
+    command = out.splitlines()[-1].removeprefix("run:   nlfrf ")
+    assert nlfrf_command(*shlex.split(command))[0] == 0
+    bla = nlfrf.load_bla(tmp_path / "run-bla.npz")
+    assert bla.unit == "mm/N"
+    code, out, _ = nlfrf_command("inspect", "run.csv", "--json")
+    told = json.loads(out)[0]
+    assert (told["u"], told["y"], told["channels"][1]["unit"]) == ("u", "y", "N")
+    code, _, err = nlfrf_command("inspect", "no.csv")
+    assert code == 2
+    assert err.startswith("nlfrf: path must be an existing file")
+
+
+def test_several_inputs_of_files_make_a_matrix(nlfrf_command, tmp_path):  # noqa: F811
+    ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=40, n_inputs=2, rng=1)
+    G = np.array([[1.0, 0.5], [0.0, 2.0], [1.0, 1.0]])
+    for m in range(2):
+        u = np.tile(ms.u[:, m], 3)
+        rows = np.vstack([np.arange(300) / 100, u, G @ u]).T
+        np.savetxt(tmp_path / f"run{m}.csv", rows, delimiter=",", header="t [s],fx,fy,x,y,z", comments="", fmt="%.17g")
+    paths = [tmp_path / f"run{m}.csv" for m in range(2)]
+    record = nlfrf.load_multirecord(paths, u=["fx", "fy"], y=["x", "y", "z"], n_samples=100)
+    assert (record.inputs, record.outputs, record.fs) == (("fx", "fy"), ("x", "y", "z"), 100)
+    found = nlfrf.identify(record)
+    np.testing.assert_allclose(found.G, np.repeat(G[..., None], found.f.size, axis=2), atol=1e-9)
+    command = "identify run0.csv run1.csv --input fx,fy --output x,y,z --period 100 -o G"
+    assert nlfrf_command(*command.split())[0] == 2  # a matrix is a table
+    assert nlfrf_command(*f"{command}.csv".split())[0] == 0
+    table = np.genfromtxt(tmp_path / "G.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(table["Re_yfy"], 2.0, rtol=1e-9)
+    with pytest.raises(ValueError, match="u, y and r must be lists of names"):
+        nlfrf.load_multirecord(paths, u="fx", y=["x"])
