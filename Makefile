@@ -61,6 +61,7 @@ bench: $(TESTS)
 	$(BIN)/python -m benchmarks.bench_identify
 	$(BIN)/python -m benchmarks.bench_friction
 	$(BIN)/python -m benchmarks.bench_friction_proof
+	$(BIN)/python -m benchmarks.bench_many_loops
 	$(BIN)/python -m benchmarks.bench_robust
 	$(BIN)/python -m benchmarks.bench_design
 	$(BIN)/python -m benchmarks.bench_mu

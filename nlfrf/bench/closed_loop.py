@@ -9,15 +9,16 @@ r ---o--- K(z) --- delay --- [/] ---o--- hold --- rig ---+--- x
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
 
 from nlfrf.bench.loop_response import LoopResponse
-from nlfrf.bench.loop_runs import LoopRuns, respond
+from nlfrf.bench.loop_runs import LoopRuns, Parts, respond
 from nlfrf.bench.rig import Rig, some_samples
-from nlfrf.bench.runs import Progress, run_all
+from nlfrf.bench.runs import Progress, run_each
 from nlfrf.friction.hysteresis import warn_lost
 from nlfrf.shared.arguments import integer, nonnegative, positive, real, real_array
 
@@ -25,7 +26,7 @@ __all__ = ["simulate_loop", "simulate_loops"]
 
 
 MOST_STEPS = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
-CHUNK = 4_000_000  # samples that one task of an executor holds
+CHUNK = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
 
 
 def simulate_loop(
@@ -127,7 +128,9 @@ def simulate_loops(
     oversampling: int = 4,
     executor: Executor | None = None,
     progress: Progress | None = None,
-) -> list[LoopResponse]:
+    resume: Any = None,
+    of: Callable[[LoopResponse], Any] | None = None,
+) -> list[Any]:
     """Many loops around one rig, in compiled code: controllers, disturbances and initial states, one a run.
 
     Parameters
@@ -148,10 +151,16 @@ def simulate_loops(
         Where the runs are computed; one thread per core when not given.
     progress : callable, optional
         Called with the number of parts done and their total.
+    resume : path, optional
+        Folder that keeps every finished part, 40 bytes a sample. Run again after an interruption, with the same
+        arguments, only the others are computed.
+    of : callable, optional
+        What is wanted of each response, ``lambda response: response.outcome`` say. The responses themselves are let go,
+        so that thousands of runs take no memory.
 
     Returns
     -------
-    list of LoopResponse
+    list of LoopResponse, or of what `of` gives
         In the order of the runs.
 
     Raises
@@ -194,9 +203,12 @@ def simulate_loops(
     runs = stack(
         rig, controllers, r, fs, saturation, resolution, delay, np.atleast_2d(initial), oversampling, **parts, n=n_runs
     )
-    pieces = runs.cut(max(1, CHUNK // r.shape[1]))
-    found = run_all(respond, pieces, executor=executor, progress=progress)
-    return [response for piece, out in zip(pieces, found, strict=True) for response in told(piece, out)]
+    parts_of_runs = Parts(runs, max(1, CHUNK // r.shape[1]))
+    found: dict[int, list[Any]] = {}
+    for i, out in run_each(respond, parts_of_runs, executor=executor, progress=progress, resume=resume):
+        responses = told(parts_of_runs[i], out)
+        found[i] = responses if of is None else [of(response) for response in responses]
+    return [one for i in range(len(parts_of_runs)) for one in found[i]]
 
 
 def stack(
@@ -234,7 +246,7 @@ def stack(
 
     def each(rows: Any) -> np.ndarray:
         rows = np.asarray(rows, dtype=float)
-        return np.ascontiguousarray(np.broadcast_to(rows, (n, *rows.shape[1:])))
+        return np.broadcast_to(rows, (n, *rows.shape[1:]))  # a view: what all runs share is not copied for each
 
     return LoopRuns(
         rig=rig,

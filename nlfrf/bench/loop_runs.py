@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.laws import packed_law
 from nlfrf.shared.values import value
 
-__all__ = ["LoopRuns", "respond"]
+__all__ = ["LoopRuns", "Parts", "respond"]
 
 #: How often the step is halved before a loop that runs away is called diverged.
 MOST_HALVINGS = 6
@@ -57,10 +59,19 @@ class LoopRuns:
         arrays = [field.name for field in fields(self) if field.name not in SHARED]
         return replace(self, steps=steps, **{name: getattr(self, name)[rows] for name in arrays})
 
-    def cut(self, most: int) -> list[LoopRuns]:
-        """The same runs in parts of at most so many."""
-        n = self.delays.size
-        return [self.chosen(rows, self.steps) for rows in np.array_split(np.arange(n), -(-n // most))]
+
+class Parts(Sequence[LoopRuns]):
+    """The same runs in parts of at most so many, each made when it is asked for."""
+
+    def __init__(self, runs: LoopRuns, most: int) -> None:
+        n = runs.delays.size
+        self.runs, self.rows = runs, np.array_split(np.arange(n), -(-n // most))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.runs.chosen(self.rows[i], self.runs.steps)
 
 
 def respond(runs: LoopRuns) -> dict[str, np.ndarray]:

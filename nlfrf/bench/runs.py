@@ -6,20 +6,23 @@ result is the same whoever computes it, in whatever order.
 
 from __future__ import annotations
 
-import hashlib
 import numbers
 import os
-import tempfile
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import fields, is_dataclass
+from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Arrays", "Progress", "run_all"]
+from nlfrf.shared.whole_files import write_arrays
 
+__all__ = ["Arrays", "Progress", "run_all", "run_each"]
+
+WORKERS = 128  # of an executor that does not say how many it has
 
 Arrays = dict[str, np.ndarray]
 Progress = Callable[[int, int], Any]
@@ -33,7 +36,20 @@ def run_all(
     progress: Progress | None = None,
     resume: Any = None,
 ) -> list[Arrays]:
-    """Run a task on every value; the results in the order of the values.
+    """Run a task on every value; the results in the order of the values. Arguments and refusals as in `run_each`."""
+    results = dict(run_each(task, values, executor=executor, progress=progress, resume=resume))
+    return [results[i] for i in range(len(values))]
+
+
+def run_each(
+    task: Callable[[Any], Arrays],
+    values: Sequence[Any],
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    resume: Any = None,
+) -> Iterator[tuple[int, Arrays]]:
+    """Run a task on every value; place and result of each as it is done, of which few are held at a time.
 
     Parameters
     ----------
@@ -46,11 +62,11 @@ def run_all(
     progress : callable, optional
         Called with the number done and the total, after each.
     resume : path, optional
-        Folder that keeps what is done. Results found there are not computed again.
+        Folder that keeps what is done. Results found there are not computed again, unless what computes them changed.
 
     Returns
     -------
-    list of dict
+    iterator of (int, dict)
 
     Raises
     ------
@@ -58,41 +74,49 @@ def run_all(
         What the task refuses, or an executor that dies: what was done till then is in the folder.
     """
     folder = None if resume is None else opened(resume)
-    names = [] if folder is None else [f"{fingerprint(value)}.npz" for value in values]
-    results: dict[int, Arrays] = {}
-    for i, name in enumerate(names):
-        found = restored(Path(str(folder)) / name)
-        if found is not None:
-            results[i] = found
-    if results and progress is not None:
-        progress(len(results), len(values))
-    todo = [i for i in range(len(values)) if i not in results]
+    todo, total, n_done = list(range(len(values))), len(values), 0
+    if folder is not None:
+        names = [f"{fingerprint(task, value)}.npz" for value in values]
+        for i in todo.copy():
+            found = restored(folder / names[i])
+            if found is not None:
+                todo.remove(i)
+                n_done += 1
+                yield i, found
+    if n_done and progress is not None:
+        progress(n_done, total)
     threads = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else None
-    futures: dict[Future[Arrays], int] = {}
+    # what is handed over at a time: nobody waits, and no more results than these are held
+    ahead = 2 * int(getattr(threads or executor, "_max_workers", WORKERS))
+    running: dict[Future[Arrays], int] = {}
+    rest = iter(todo)
     try:
-        for i in todo:
-            futures[(threads or executor).submit(task, values[i])] = i  # type: ignore[union-attr]
-        for future in as_completed(futures):
-            i = futures[future]
-            results[i] = future.result()
-            if folder is not None:
-                keep(results[i], folder / names[i])
-            if progress is not None:
-                progress(len(results), len(values))
+        while True:
+            for i in islice(rest, ahead - len(running)):
+                running[(threads or executor).submit(task, values[i])] = i  # type: ignore[union-attr]
+            if not running:
+                break
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                i = running.pop(future)
+                result = future.result()
+                if folder is not None:
+                    write_arrays(folder / names[i], result)
+                n_done += 1
+                if progress is not None:
+                    progress(n_done, total)
+                yield i, result
     except ValueError:
         raise
     except Exception as error:
         where = "are lost: give resume= a folder to keep them" if folder is None else f"are kept in {folder}"
         raise ValueError(
-            f"executor must finish all {len(values)} runs, got {type(error).__name__} ({error}) "
-            f"after {len(results)}, which {where}"
+            f"executor must finish all {total} runs, got {type(error).__name__} ({error}) after {n_done}, which {where}"
         ) from error
     finally:
-        for future in futures:
+        for future in running:
             future.cancel()
         if threads is not None:
             threads.shutdown(cancel_futures=True)
-    return [results[i] for i in range(len(values))]
 
 
 def opened(resume: Any) -> Path:
@@ -104,18 +128,6 @@ def opened(resume: Any) -> Path:
     return folder
 
 
-def keep(result: Arrays, path: Path) -> None:
-    """Write a result whole or not at all."""
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, **result)  # type: ignore[arg-type]
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
-
-
 def restored(path: Path) -> Arrays | None:
     """A result kept before; None where there is none, or none that can be read."""
     try:
@@ -125,11 +137,25 @@ def restored(path: Path) -> Arrays | None:
         return None
 
 
-def fingerprint(value: Any) -> str:
-    """A name for what a value holds: equal for equal content, different for different content."""
-    digest = hashlib.sha256()
+def fingerprint(task: Callable[[Any], Arrays], value: Any) -> str:
+    """A name for what a task gives on a value: another one for other content, another task, or another integrator."""
+    from hashlib import sha256
+
+    digest = sha256(integrator() + task.__qualname__.encode())
     absorb(digest, value)
     return digest.hexdigest()[:32]
+
+
+@cache
+def integrator() -> bytes:
+    """A digest of the code that integrates: results that an older version kept are not taken for those of this one."""
+    from hashlib import sha256
+
+    digest = sha256()
+    package = Path(__file__).parents[1]
+    for path in sorted([*(package / "bench").glob("*.py"), *(package / "friction").glob("*.py")]):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.digest()
 
 
 def absorb(digest: Any, value: Any) -> None:

@@ -1,0 +1,101 @@
+"""Many loops: the same whoever computes them, kept as they are done, resumed after a kill, and not for other code."""
+
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+from nlfrf import paper_rig, simulate_loops
+from nlfrf.bench import runs
+from robust import pid
+
+FS, N = 1000, 300
+
+
+def arguments(n=1000):
+    """n controllers and kicks; 833 runs make a part."""
+    rng = np.random.default_rng(3)
+    gains = rng.uniform([5.0, 10.0], [60.0, 300.0], (n, 2))
+    return {
+        "rig": paper_rig(),
+        "controllers": [pid(kp, ki, dt=1 / FS) for kp, ki in gains],
+        "r": np.full(N, 1e-3),
+        "fs": FS,
+        "initial": np.column_stack([np.zeros(n), rng.uniform(-0.02, 0.02, n)]),
+    }
+
+
+@pytest.fixture(scope="module")
+def here():
+    return simulate_loops(**arguments())
+
+
+def same(these, those):
+    return len(these) == len(those) and all(
+        np.array_equal(a.x, b.x) and np.array_equal(a.u, b.u) for a, b in zip(these, those, strict=True)
+    )
+
+
+def test_processes_give_the_same_as_threads(here):
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+        assert same(simulate_loops(**arguments(), executor=executor), here)
+
+
+def test_a_cluster_of_dask_gives_the_same(here):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        assert same(simulate_loops(**arguments(), executor=client.get_executor()), here)
+
+
+def test_what_is_wanted_of_a_run_is_all_that_is_kept(here):
+    last = simulate_loops(**arguments(), of=lambda response: float(response.x[-1]))
+    assert last == [response.x[-1] for response in here]
+
+
+KILLED = """
+import os, signal, sys
+from tests.nlfrf.bench.test_many_loops import arguments
+from nlfrf import simulate_loops
+
+simulate_loops(**arguments(), resume=sys.argv[1], progress=lambda done, total: os.kill(os.getpid(), signal.SIGKILL))
+"""
+
+
+def test_a_killed_run_is_resumed_without_loss(here, tmp_path):
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], check=False, timeout=300)
+    assert killed.returncode == -9
+    assert len(list(tmp_path.glob("*.npz"))) >= 1
+    done = []
+    resumed = simulate_loops(**arguments(), resume=tmp_path, progress=lambda *counts: done.append(counts))
+    assert done[0] == (1, 2)
+    assert done[-1] == (2, 2)
+    assert same(resumed, here)
+
+
+def test_results_of_another_integrator_are_not_taken(tmp_path, monkeypatch, here):
+    kept = []
+    simulate_loops(**arguments(5), resume=tmp_path)
+    simulate_loops(**arguments(5), resume=tmp_path, progress=lambda *counts: kept.append(counts))
+    assert kept == [(1, 1)]
+    monkeypatch.setattr(runs, "integrator", lambda: b"a later version")
+    simulate_loops(**arguments(5), resume=tmp_path)
+    assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+def test_the_integrator_is_every_file_that_integrates(tmp_path, monkeypatch):
+    first = runs.integrator()
+    for wing in ("bench", "friction"):
+        folder = tmp_path / wing
+        folder.mkdir()
+        for path in (runs.Path(runs.__file__).parents[1] / wing).glob("*.py"):
+            (folder / path.name).write_bytes(path.read_bytes())
+    monkeypatch.setattr(runs, "__file__", str(tmp_path / "bench" / "runs.py"))
+    assert runs.integrator.__wrapped__() == first
+    (tmp_path / "friction" / "loop_kernels.py").write_text("# changed\n")
+    assert runs.integrator.__wrapped__() != first
