@@ -27,6 +27,7 @@ from nlfrf.records.record import Record, join_records
 from nlfrf.records.samples import record_from_samples
 from nlfrf.records.several import MultiRecord, multirecord_from_samples
 from nlfrf.shared.arguments import DataWarning
+from nlfrf.shared.progress import progress_bar
 from nlfrf.studies.level_study import LevelStudy, level_study
 
 __version__ = "0.1.0"
@@ -61,6 +62,7 @@ __all__ = [
     "multirecord_from_samples",
     "multisine",
     "paper_rig",
+    "progress_bar",
     "record_from_samples",
     "reduce_crest",
     "run",

@@ -8,6 +8,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.shared.arguments import one_of, probability, real
+from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
 
 __all__ = ["Bla", "DistortionLevels"]
@@ -234,6 +235,13 @@ class Bla:
         Pintelon & Schoukens, 2nd ed., 3.4.
         """
         return np.asarray(10 ** (real("decibels", decibels) / 20) * np.sqrt(self.var_distortion / self.grid_factor))
+
+    def _sketch_(self) -> Sketch:
+        """|G| and its bound, for a notebook."""
+        gain, bound = np.abs(self.G), self.bound()
+        with np.errstate(divide="ignore"):
+            curves = [("|G|", self.f, 20 * np.log10(gain)), ("bound", self.f, 20 * np.log10(bound))]
+        return Sketch("Hz", "dB", curves, log=True)
 
     def __str__(self) -> str:
         """What was found, in a few lines."""

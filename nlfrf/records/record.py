@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import HOLDS
 from nlfrf.shared.arguments import one_of, positive, real_array
+from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 
@@ -111,6 +112,14 @@ class Record:
     def f0(self) -> float:
         """Frequency resolution fs / N [Hz]."""
         return self.fs / self.n_samples
+
+    def _sketch_(self) -> Sketch:
+        """Input and output of the first realisation over their peaks, for a notebook."""
+        t = np.arange(self.u[0].size) / self.fs
+        curves = [
+            (name, t, signal[0].ravel() / np.abs(signal[0]).max()) for name, signal in (("u", self.u), ("y", self.y))
+        ]
+        return Sketch("s", "of its peak", curves)
 
 
 def refuse_constant(name: str, signal: np.ndarray) -> None:

@@ -1,7 +1,9 @@
 """The ground that both packages stand on; it knows nothing of records or controllers.
 
 values        ``@value``: frozen data, checked when made
+cards         a value on one line for a prompt, as a table with a picture for a notebook
 arguments     refusals of bad arguments, each in one line; `DataWarning`
+progress      a bar for whatever counts what it has done
 plain         any value as JSON has it
 wording       frequencies, counts, strange things, labelled paragraphs in words
 whole_files   files that are written whole or not at all

@@ -1,8 +1,9 @@
 """``@value``: the one way this project makes a value type.
 
-A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written
-afterwards, so a value that was valid once stays valid. It has no ``==``: comparing arrays for equality is
-rarely what was meant. Validation goes into ``__post_init__``, which runs after the arrays were frozen.
+A value is frozen and made by keyword. Its arrays are copied when it is made and cannot be written afterwards, so a
+value that was valid once stays valid. At a prompt it is one line, in a notebook a table. It has no ``==``: comparing
+arrays for equality is rarely what was meant. Validation goes into ``__post_init__``, which runs after the arrays were
+frozen.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from dataclasses import dataclass, fields
 from typing import Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
+
+from nlfrf.shared.cards import card, line
 
 __all__ = ["field_names", "frozen", "value"]
 
@@ -67,7 +70,10 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
             validate(self)
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
-    made = dataclass(frozen=True, kw_only=kw_only, eq=False)(cls)
+    if "__repr__" not in cls.__dict__:
+        cls.__repr__ = line  # type: ignore[method-assign]
+    cls._repr_html_ = card  # type: ignore[attr-defined]
+    made = dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)
     names = field_names(made)
     return made
 

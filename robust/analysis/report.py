@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
@@ -159,6 +160,12 @@ class RobustnessReport:
         elif self.nominally_stable:
             lines += paragraph("stability", "no uncertainty to hold it against")
         return lines + paragraph("proved", self.proved)
+
+    def _sketch_(self) -> Sketch:
+        """What the set does to the loop and to the demand, for a notebook; one is the limit."""
+        f = self.omega / (2 * np.pi)
+        curves = [("rs", f, self.rs), ("rp", f, self.rp), ("limit", f[[0, -1]], np.ones(2)), ("|S|", f, np.abs(self.S))]
+        return Sketch("Hz", "", [(label, x, np.minimum(y, 3.0)) for label, x, y in curves], log=True)
 
     def __str__(self) -> str:
         lines = self.findings()

@@ -142,7 +142,8 @@ def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
     """
     if not isinstance(bla, Bla | Frm):
         raise ValueError(f"bla must be an nlfrf.Bla or nlfrf.Frm, got {shown(bla)}")
-    return control.FrequencyResponseData(bla.G, bla.omega)
+    names = {"inputs": list(bla.inputs), "outputs": list(bla.outputs)} if isinstance(bla, Frm) else {}
+    return control.FrequencyResponseData(bla.G, bla.omega, name="bla", **names)
 
 
 def fit_nominal(

@@ -7,6 +7,7 @@ from typing import Any
 
 import control
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from nlfrf.shared.wording import shown
 from robust.systems.connections import in_series
@@ -123,7 +124,24 @@ def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> 
         chain.append(section(mine, pair, dt))
     if pole_rest:
         chain.append(section(tuple(zero_rest), (pole_rest[0],), dt))
-    return in_series(*chain)
+    return balanced(in_series(*chain))
+
+
+def balanced(system: control.StateSpace) -> control.StateSpace:
+    """The same with states by powers of two in which B, A and C are alike in size, as polynomials are made from them.
+
+    A zero far outside the band leaves a B of 1e-20 and a C of 1e10, of which SLICOT's `tf` made nothing at all.
+    """
+    if not system.nstates or not (system.B.any() and system.C.any()):
+        return system
+    bordered = np.block([[system.A, system.B], [system.C, np.zeros((1, 1))]])
+    with np.errstate(over="ignore", under="ignore"):
+        _, (weights, _) = matrix_balance(bordered, permute=False, separate=True)
+        units = weights[: system.nstates] / weights[-1]
+        A, B, C = system.A * units / units[:, None], system.B / units[:, None], system.C * units
+    if not all(np.isfinite(matrix).all() for matrix in (A, B, C)):
+        return system
+    return control.StateSpace(A, B, C, system.D, system.dt)
 
 
 def paired(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:

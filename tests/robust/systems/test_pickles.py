@@ -5,6 +5,7 @@ import pickle
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import cloudpickle
 import control
@@ -44,6 +45,7 @@ def values_of_nlfrf():
     several = nlfrf.MultiRecord(u=u, y=u[::-1], fs=256, lines=two.lines)
     yield from (two, several, nlfrf.identify(replace(several, y=several.y + 0.1 * several.u**3)))
     yield friction.LuGre(sigma0=1e5, sigma1=1.0, sigma2=0.0, Fc=1.0, Fs=1.5, vs=0.01)
+    yield nlfrf.inspect_file(Path(__file__).parents[2] / "kept" / "0.1.0" / "record.mat")
     yield hysteresis.MaxwellSlip(stiffness=[1.0, 2.0], strength=[0.3, 0.7])
 
 
