@@ -13,8 +13,10 @@ import typer
 import nlfrf
 import robust
 from nlfrf.shared.arguments import one_of
+from nlfrf.shared.axes import write_pictures
 from nlfrf.shared.command import Version, run
-from nlfrf.shared.whole_files import write_text, write_whole
+from nlfrf.shared.whole_files import write_text
+from robust.files.friction_files import class_from_files, prove_all
 from robust.files.pid_gains import told_gains
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
@@ -220,6 +222,7 @@ def prove(
     stiffness: Annotated[
         float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; read from the BLAs otherwise.")
     ] = None,
+    nominal: Annotated[Path | None, typer.Option(help="Model of the highest level, for a flexible machine.")] = None,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
@@ -227,25 +230,14 @@ def prove(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result to write (.txt).")] = None,
 ) -> None:
     """Prove that a machine with friction comes to rest, with every friction of a class, or name one that breaks it."""
-    K = robust.load_controller(controller)
-    if len(machine) == 1:
-        if stiffness is None:
-            raise ValueError("stiffness must be given with a model [N/m]; BLAs at three levels tell it")
-        plant = robust.load_model(machine[0])
-        if plant.measured_only:
-            raise ValueError(f"machine must have a parametric nominal, got {machine[0]} with an FRF")
-        sliding, text = robust.sliding_machine(plant.nominal), ""
-        friction = robust.any_maxwell_slip(stiffness, stiction)
-    else:
-        found = robust.friction_class([nlfrf.load_bla(path) for path in machine], stiction=stiction)
-        sliding, friction, text = found.machine, found.friction, f"{found}\n"
-        if stiffness is not None:
-            friction = robust.any_maxwell_slip(stiffness, stiction)
+    machines, friction, text = class_from_files(machine, nominal, stiffness, stiction)
     with working("proving"):
-        proof = robust.prove_friction(sliding, K, friction, delay=delay, Fs=force, limits=limits)
-    print(f"{text}{proof}")
+        K = robust.load_controller(controller)
+        proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
+    text += "\n\n".join(map(str, proofs))
+    print(text)
     if out is not None:
-        write_text(out, f"{text}{proof}\n")
+        write_text(out, f"{text}\n")
         print(f"wrote {out}")
 
 
@@ -314,6 +306,13 @@ def report(
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
+    stiffness: Annotated[
+        float | None, typer.Option(help="Presliding stiffness of friction [N/m]: prove for it too, beside the check.")
+    ] = None,
+    stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider, for that proof.")] = 1.5,
+    force: Annotated[
+        float | None, typer.Option(help="Largest friction force [N], for the kick it runs away from.")
+    ] = None,
     title: Annotated[str, typer.Option(help="Heading of the report.")] = "Controller report",
     notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
 ) -> None:
@@ -323,6 +322,10 @@ def report(
     w_P = None
     if bandwidth is not None:
         w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    proof = None
+    if stiffness is not None:
+        machines, friction, _ = class_from_files([model], None, stiffness, stiction)
+        proof = prove_all(machines, K, friction, delay=delay, Fs=force)[0]
     with working("checking and drawing"):
         result = robust.write_report(
             out,
@@ -332,10 +335,11 @@ def report(
             record=[nlfrf.load_record(path, **load) for path in record or []],
             w_P=w_P,
             delay=delay,
+            friction=proof,
             title=title,
             notes=notes,
         )
-    print(f"verdict: {result.verdict}")
+    print(f"verdict: {result.verdict}" + ("" if proof is None else f"; friction: {proof.verdict}"))
     print(f"wrote {out}")
 
 
@@ -365,20 +369,8 @@ def number(name: str, text: str) -> float:
 
 
 def draw(path: Path, pictures: list[Any]) -> None:
-    """Several pictures side by side in one file, without a screen."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(1, len(pictures), figsize=(7.5 * len(pictures), 4.8), layout="constrained")
-    for ax, (plot, content) in zip(np.atleast_1d(axes), pictures, strict=True):
-        plot(content, ax=ax)
-    kind = path.suffix.lstrip(".").lower()
-    if kind not in figure.canvas.get_supported_filetypes():
-        raise ValueError(f"picture must be a file that matplotlib writes (.png, .pdf, .svg), got {path}")
-    write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=130))
-    plt.close(figure)
+    """Several pictures side by side in one file."""
+    write_pictures(path, pictures)
     print(f"wrote {path}")
 
 

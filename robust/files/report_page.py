@@ -24,6 +24,8 @@ from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
 from robust.files.report_data import bla_section, excitation_section, nominal_section, opinion_section, set_section
 from robust.files.report_sections import check_section, loop_section, settings_section, verdict_section, worst_section
+from robust.files.report_verdicts import friction_section
+from robust.friction_proof.proof import FrictionProof
 from robust.modelling.nominal import NominalFit
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
@@ -43,6 +45,7 @@ def write_report(
     w_P: Any = None,
     delay: float = 0.0,
     report: RobustnessReport | None = None,
+    friction: FrictionProof | None = None,
     title: str = "Controller report",
     notes: str = "",
 ) -> RobustnessReport:
@@ -69,6 +72,8 @@ def write_report(
     report : RobustnessReport, optional
         The check, where it was done already, with the demand and the delay that it was done with; it is done here when
         not given.
+    friction : FrictionProof, optional
+        What `prove_friction` said of the same controller: told beside the verdict of the check.
     title, notes : str
         Heading, and what else the reader should know.
 
@@ -80,7 +85,8 @@ def write_report(
     Raises
     ------
     ValueError
-        A path that does not end in .html, a delay or w_P that is not that of the report, parts that `check` refuses.
+        A path that does not end in .html, a delay or w_P that is not that of the report, a friction that is no proof,
+        parts that `check` refuses.
     FileNotFoundError
         A folder that does not exist.
 
@@ -110,9 +116,12 @@ def write_report(
         raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
     elif w_P is not None and not is_demand(report, w_P):
         raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
+    if not (friction is None or isinstance(friction, FrictionProof)):
+        raise ValueError(f"friction must be what prove_friction gave, got {shown(friction)}")
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
+        *([] if friction is None else [friction_section(report, friction)]),
         excitation_section(records, blas),
         bla_section(blas),
         opinion_section(records),

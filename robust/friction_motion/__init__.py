@@ -1,5 +1,5 @@
 """How a loop with friction moves: predicted by amplitude, never proved.
 
 quasi_linear  the door: amplitude, kick and outcome of a loop around friction of a given amplitude
-equivalent    friction at an amplitude as a spring and a damper, from a law or from measured levels
+equivalent    a friction law at an amplitude as a spring and a damper
 """

@@ -10,7 +10,8 @@ from scipy.linalg import expm
 from nlfrf.shared.arguments import real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
-from robust.friction_motion.equivalent import Levels, describing_function, levels_of
+from robust.friction_motion.equivalent import describing_function
+from robust.friction_proof.port_levels import Levels, levels_of
 from robust.sliding.loop import SlidingLoop, sliding_loop
 from robust.sliding.machine import SlidingMachine
 from robust.sliding.response import frequencies, mobility

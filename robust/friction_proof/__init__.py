@@ -6,4 +6,6 @@ multipliers  weights of filters on the friction, by a linear program
 dissipation  the inequality they give, in states that come to rest
 certify      from weights to a certificate, and how far it reaches
 levels       machine and class read from measured levels
+port_levels  what is left of them as a spring and a damper, the machine taken off
+flexible     machine and class read around a nominal model, damped and undamped
 """

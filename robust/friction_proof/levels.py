@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from nlfrf.shared.arguments import real
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
+from robust.friction_proof.flexible import read_around
 from robust.sliding.machine import SlidingMachine, sliding_machine
 
 __all__ = ["FrictionClass", "friction_class"]
@@ -18,6 +20,7 @@ __all__ = ["FrictionClass", "friction_class"]
 AROUND = (0.3, 2.0)  # of the resonance: the lines that are fitted
 AGREE = 0.10  # of the two lowest levels, so that the friction sticks in both
 FEWEST_LINES = 8
+SUPPORT = "The levels support this class, they do not prove it: friction that creeps below break-away looks the same."
 
 
 @value
@@ -38,6 +41,10 @@ class FrictionClass:
         The same [Ns/m]; most of it is the friction's.
     mass_std, stiffness_std : float
         Standard deviation of mass [kg] and stiffness [N/m] at the highest level, from what the fit leaves.
+    machines : tuple of SlidingMachine
+        The same machine with each damping that is to be proved: without any, and as it was fitted around a nominal.
+        With a nominal `mass` is what a force at the friction port feels, `stiffness` and `damping` are what the
+        friction adds to the nominal at each level; mass_std is nan.
 
     References
     ----------
@@ -65,21 +72,31 @@ class FrictionClass:
     damping: np.ndarray
     mass_std: float
     stiffness_std: float
+    machines: tuple[SlidingMachine, ...] = ()
 
     def __str__(self) -> str:
         return self.evidence
 
 
-def friction_class(blas: Sequence[Bla], *, stiction: float = 1.5, margin: float = 1.25) -> FrictionClass:
-    """Mass, stiffness and presliding stiffness from BLAs at three levels or more, for `prove_friction`.
+def friction_class(
+    blas: Sequence[Bla], *, nominal: Any = None, stiction: float = 1.5, margin: float = 1.25
+) -> FrictionClass:
+    """Machine and presliding stiffness from BLAs at three levels or more, for `prove_friction`.
 
     At each level 1/G = k - m w^2 + j c w is fitted around the resonance, weighted by |G|. The highest level gives the
     machine, the stiffness that is lost from the lowest to it the class, times a margin. The damping is left at zero.
 
+    A flexible machine needs a `nominal`, fitted at the highest level: what it leaves of the other levels is the
+    friction. It is proved without damping and with that of the fit (`FrictionClass.machines`).
+
     Parameters
     ----------
     blas : sequence of Bla
-        From force [N] to position [m], of one machine with one resonance, at levels from sticking to sliding.
+        From force [N] to position [m], of one machine, at levels from sticking to sliding; without a nominal one
+        resonance.
+    nominal : NominalFit, control.StateSpace or SlidingMachine, optional
+        From force to position where friction acts, at least two poles more than zeros (``fit_nominal(blas[-1],
+        n_poles=4, n_zeros=2)``); or a machine with a friction port of its own.
     stiction : float
         Largest over smallest force of a slider: no frequency response shows it.
     margin : float
@@ -114,6 +131,11 @@ def friction_class(blas: Sequence[Bla], *, stiction: float = 1.5, margin: float 
         raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
     if real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
+    return one_mass(blas, stiction, margin) if nominal is None else around(blas, nominal, stiction, margin)
+
+
+def one_mass(blas: list[Bla], stiction: float, margin: float) -> FrictionClass:
+    """A mass on a spring, fitted at every level."""
     fits = sorted((resonance(bla) for bla in blas), key=lambda fit: fit[0][0])
     (k, m, c), stds = np.array([fit[0] for fit in fits]).T, fits[0][1]
     if k[-1] / k[-2] - 1 > AGREE:
@@ -137,6 +159,33 @@ def friction_class(blas: Sequence[Bla], *, stiction: float = 1.5, margin: float 
         damping=c,
         mass_std=stds[1],
         stiffness_std=stds[0],
+        machines=(machine,),
+    )
+
+
+def around(blas: list[Bla], nominal: Any, stiction: float, margin: float) -> FrictionClass:
+    """What a nominal at the highest level leaves of the others."""
+    machines, levels, words = read_around(blas, nominal)
+    order = np.argsort(levels.stiffness)
+    k, c = levels.stiffness[order], levels.damping[order]
+    lost = k[-1] - max(k[0], 0.0)
+    friction = any_maxwell_slip(margin * lost, stiction)
+    mass = 1 / float(machines[-1].velocity @ machines[-1].B_port)
+    evidence = (
+        f"Assumed, read from {k.size} levels around {words}; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times what "
+        f"the friction adds at the lowest level ({k[-1] / 1e3:.4g} kN/m) beyond the highest ({k[0] / 1e3:.3g} kN/m); "
+        f"stiction {stiction:g}, which no level shows. {SUPPORT}"
+    )
+    return FrictionClass(
+        machine=machines[0],
+        friction=friction,
+        evidence=evidence,
+        mass=np.full(k.size, mass),
+        stiffness=k,
+        damping=c,
+        mass_std=np.nan,
+        stiffness_std=levels.stiffness_std,
+        machines=machines,
     )
 
 
@@ -169,6 +218,5 @@ def told(k: np.ndarray, m: np.ndarray, stds: tuple[float, float], margin: float,
         f"Assumed, read from {k.size} levels: m = {m[0]:.4g} +- {stds[1]:.1g} kg, k = {k[0] / 1e3:.4g} +- "
         f"{stds[0] / 1e3:.1g} kN/m at the highest level ({fell}), c = 0; K0 = {friction.K0 / 1e3:.4g} kN/m, "
         f"{margin:g} times the stiffness lost from the lowest level ({k[-1] / 1e3:.4g} kN/m) to it; stiction "
-        f"{friction.stiction:g}, which no level shows. The levels support this class, they do not prove it: friction "
-        "that creeps below break-away looks the same."
+        f"{friction.stiction:g}, which no level shows. {SUPPORT}"
     )

@@ -37,11 +37,11 @@ ARROWS = {
     "robust.sliding": "systems",
     "robust.storage": "",
     "robust.friction_proof": "sliding storage certificates systems",
-    "robust.friction_motion": "sliding systems",
+    "robust.friction_motion": "friction_proof sliding systems",
     "robust.plot": "loopshaping friction_motion analysis performance uncertain modelling systems",
     "robust.loopshaping": "uncertain systems",
     "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
-    "robust.files": "plot analysis performance uncertain modelling verification systems",
+    "robust.files": "plot friction_proof sliding analysis performance uncertain modelling verification systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
 FACES = {

@@ -6,7 +6,16 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check, performance_weight, worst_case, write_report
+from robust import (
+    UncertaintyModel,
+    any_maxwell_slip,
+    check,
+    performance_weight,
+    prove_friction,
+    sliding_machine,
+    worst_case,
+    write_report,
+)
 from robust.files.report_words import roots_text
 
 PLANT = control.tf([1], [1, 1])
@@ -57,3 +66,31 @@ def test_another_demand_than_that_of_the_report_is_refused(tmp_path):
             write_report(tmp_path / "r.html", MODEL, 2.0, w_P=asked, report=check(MODEL, 2.0, w_P=before))
     assert not list(tmp_path.iterdir())
     write_report(tmp_path / "r.html", MODEL, 2.0, w_P=w_P, report=check(MODEL, 2.0, w_P=w_P))
+
+
+def test_both_verdicts_stand_side_by_side(tmp_path):
+    """A set that the check is content with, a loop that runs away while it slides: the page says both."""
+    rig = control.ss(control.tf([1], [1, 0.4, 80e3]))
+    stuck = UncertaintyModel(
+        control.ss(control.tf([1], [1, 60, 140e3])),
+        control.tf([0.05], [1]),
+        "multiplicative",
+        np.array([10.0, 1000.0]),
+        np.array([0.04, 0.04]),
+        perturbation="LTI",
+    )
+    K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)
+    report = check(stuck, K)
+    proof = prove_friction(sliding_machine(rig), K, any_maxwell_slip(64e3), Fs=1.0)
+    assert (report.verdict, proof.verdict) == ("robust", "refuted")
+    write_report(tmp_path / "r.html", stuck, K, report=report, friction=proof)
+    text = plain(tmp_path / "r.html")
+    assert "Two verdicts" in text
+    row = re.search(r"verdict robust refuted it means (.*?) because", text).group(1)
+    assert "proved for every perturbation of the set" in row
+    assert "yours may be another" in row
+    assert f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s" in text
+    write_report(tmp_path / "without.html", stuck, K, report=report)
+    assert "Two verdicts" not in plain(tmp_path / "without.html")
+    with pytest.raises(ValueError, match="friction must be what prove_friction gave, got 1"):
+        write_report(tmp_path / "bad.html", stuck, K, report=report, friction=1)

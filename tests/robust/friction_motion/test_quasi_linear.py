@@ -9,8 +9,9 @@ import pytest
 import nlfrf
 from nlfrf.friction import Coulomb, VaryingSliders
 from robust import prove_friction, quasi_linear, sliding_machine
-from robust.friction_motion.equivalent import describing_function, levels_of
+from robust.friction_motion.equivalent import describing_function
 from robust.friction_proof.classes import any_maxwell_slip
+from robust.friction_proof.port_levels import levels_of
 from tests.support.friction_loops import ORACLES, RIG, T, pid
 
 FRICTION = nlfrf.paper_rig().friction

@@ -2,6 +2,7 @@
 
 import sys
 
+import control
 import numpy as np
 import pytest
 
@@ -9,8 +10,9 @@ import nlfrf
 import robust
 from nlfrf import save_bla
 from robust import cli
+from robust.sliding.loop import sliding_loop
 from tests.support.bla import make_bla
-from tests.support.friction_loops import RIG, pid
+from tests.support.friction_loops import RIG, Element, motion, pid
 
 F = 1.25 * np.arange(4, 160)
 
@@ -105,6 +107,80 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     code, out, _ = run("m.json K.json --stiffness 74e3 --stiction 1.2")
     assert code == 0
     assert "model of order 2" in out
+    assert out.count("proved: Comes to rest") == 2  # without damping, and with that of the fit
+    assert "modal damping" in out
     code, _, err = run("m.json K.json")
     assert code == 2
     assert "stiffness must be given with a model" in err
+
+
+TWO_MASSES = {"m": (1.0, 0.5), "k": (80e3, 4e5), "c": (0.4, 2.0)}  # motor on a spring to ground, load on a spring
+
+
+def two_masses(s, k=0.0, c=0.0):
+    """Position over force of the motor, with a spring and a damper more that stand for its friction."""
+    (m1, m2), (k1, k2), (c1, c2) = TWO_MASSES.values()
+    coupling = c2 * s + k2
+    load = m2 * s**2
+    return 1 / (m1 * s**2 + (c1 + c) * s + k1 + k + coupling * load / (load + coupling))
+
+
+@pytest.fixture(scope="module")
+def flexible_levels():
+    """Friction as a spring and a damper at three levels: sliding, nearly stuck, stuck."""
+    f = np.arange(2, 400, 0.5)
+    found = []
+    for k, c in ((0.0, 1.5), (52e3, 30.0), (60e3, 13.0)):
+        size = np.abs(two_masses(2j * np.pi * f, k, c))
+        found.append(make_bla(lambda s, k=k, c=c: two_masses(s, k, c), f, f0=0.5, sigma_noise=1e-3 * size, rng=1))
+    return found
+
+
+def test_a_flexible_machine_is_read_around_its_nominal(flexible_levels):
+    nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
+    found = robust.friction_class(flexible_levels[::-1], nominal=nominal)
+    assert found.mass == pytest.approx(1.0, rel=1e-3)  # what the motor feels beyond every resonance
+    assert found.stiffness == pytest.approx([0.0, 52e3, 60e3], rel=5e-3, abs=50)
+    assert pytest.approx(1.25 * 60e3, rel=5e-3) == found.friction.K0
+    assert "modal damping" in str(found)
+    assert "176" in str(found)  # the second mode of the sliding machine [Hz]
+    still, damped = found.machines
+    assert np.abs(np.linalg.eigvals(still.A).real).max() < 1e-6
+    assert np.linalg.eigvals(damped.A).real.max() < -0.1
+    with pytest.raises(ValueError, match="so low that the friction gets no stiffer: it is 40 and 60"):
+        robust.friction_class([flexible_levels[0], flexible_levels[2], stiffer(40e3)], nominal=nominal)
+    with pytest.raises(ValueError, match="blas must be stiffer at the lowest level than the nominal"):
+        robust.friction_class([flexible_levels[0]] * 3, nominal=nominal)
+
+
+def stiffer(k):
+    f = np.arange(2, 400, 0.5)
+    return make_bla(lambda s: two_masses(s, k, 20.0), f, f0=0.5)
+
+
+def test_a_flexible_machine_is_proved_with_each_damping_and_comes_to_rest(flexible_levels):
+    """The proof of a fit speaks of the machine behind it: random members of the class around the true one settle."""
+    nominal = robust.fit_nominal(flexible_levels[0], n_poles=4, n_zeros=2)
+    found = robust.friction_class(flexible_levels, nominal=nominal)
+    clock = 2.5e-4
+    K = control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[3e5 * clock, -60 / clock]], [[20e3 + 60 / clock]], clock)
+    proofs = [robust.prove_friction(machine, K, found.friction) for machine in found.machines]
+    assert [proof.verdict for proof in proofs] == ["proved", "proved"]
+    loop = sliding_loop(robust.sliding_machine(truth()), K)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        elements = [
+            Element(k, W, 1.5, rng) for k, W in zip(64e3 * rng.dirichlet(np.ones(3)), rng.random(3), strict=True)
+        ]
+        kicked = np.zeros(loop.F.shape[0])
+        kicked[:4] = np.linalg.pinv(np.vstack([loop.x[:4], loop.v[:4]])) @ [0.0, 0.3]
+        path = np.array([loop.v @ xi for xi, _, _ in motion(loop, elements, kicked, np.array([100.0]), 2400, steps=8)])
+        assert np.abs(path[-200:]).max() < 1e-3 * np.abs(path).max()
+
+
+def truth():
+    """The two masses as a state space, force to position of the motor."""
+    (m1, m2), (k1, k2), (c1, c2) = TWO_MASSES.values()
+    rows = [[0, 1, 0, 0], [-(k1 + k2) / m1, -(c1 + c2) / m1, k2 / m1, c2 / m1]]
+    rows += [[0, 0, 0, 1], [k2 / m2, c2 / m2, -k2 / m2, -c2 / m2]]
+    return control.StateSpace(rows, [[0], [1 / m1], [0], [0]], [[1, 0, 0, 0]], 0)

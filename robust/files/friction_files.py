@@ -1,0 +1,50 @@
+"""What a proof for a machine with friction starts from, read from files: machines, a class, in words where from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import nlfrf
+from robust.files.models import load_model
+from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
+from robust.friction_proof.flexible import modal_damping, undamped
+from robust.friction_proof.levels import friction_class
+from robust.friction_proof.proof import FrictionProof, prove_friction
+from robust.sliding.machine import SlidingMachine, sliding_machine
+
+__all__ = ["class_from_files", "prove_all"]
+
+
+def class_from_files(
+    files: Sequence[Path], nominal: Path | None, stiffness: float | None, stiction: float
+) -> tuple[tuple[SlidingMachine, ...], AnyFriction, str]:
+    """From one model and a stiffness [N/m], or from BLAs at three levels or more and perhaps a model at the highest."""
+    if len(files) == 1:
+        if stiffness is None:
+            raise ValueError("stiffness must be given with a model [N/m]; BLAs at three levels tell it")
+        G = nominal_of(files[0])
+        machines = undamped(G), sliding_machine(G)
+        return machines, any_maxwell_slip(stiffness, stiction), f"{modal_damping(G)}\n"
+    given = None if nominal is None else nominal_of(nominal)
+    found = friction_class([nlfrf.load_bla(path) for path in files], nominal=given, stiction=stiction)
+    friction = found.friction if stiffness is None else any_maxwell_slip(stiffness, stiction)
+    return found.machines, friction, f"{found}\n"
+
+
+def nominal_of(path: Path) -> Any:
+    """The nominal of a model in a file."""
+    model = load_model(path)
+    if model.measured_only:
+        raise ValueError(f"machine must have a parametric nominal, got {path} with an FRF")
+    return model.nominal
+
+
+def prove_all(
+    machines: Sequence[SlidingMachine], K: Any, friction: AnyFriction, **options: Any
+) -> tuple[FrictionProof, ...]:
+    """A proof for each machine, the least proved first: what is claimed of a machine has to hold with each damping."""
+    proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
+    worth = {"refuted": 0, "not decided": 1, "proved": 2}
+    return tuple(sorted(proofs, key=lambda proof: worth[proof.verdict]))

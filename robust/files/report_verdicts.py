@@ -1,0 +1,49 @@
+"""Both verdicts side by side: what a check says of measured levels, what a proof says of a class of friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robust.analysis.report import RobustnessReport
+from robust.analysis.verdict import VERDICTS
+from robust.files.report_parts import Section
+from robust.friction_proof.proof import FrictionProof
+
+__all__ = ["both_verdicts", "friction_section"]
+
+MEANS = {
+    "proved": "comes to rest with every friction of the class, from every state",
+    "refuted": "said of the class, not of the machine: a named member makes the loop unstable; yours may be another",
+    "not decided": "neither proved nor refuted",
+}
+
+
+def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple[str, str, str], ...]:
+    """Rows of a table, the head first: what is asked, the check's answer, the proof's answer."""
+    friction = proof.friction.words
+    away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s"
+    fails = away if np.isfinite(proof.kick_sure) else "no kick from which it surely does is known"
+    if proof.verdict == "proved":
+        fails = "never, with a friction of the class"
+    return (
+        ("", "check: a set of linear plants", "proof: a class of friction"),
+        ("verdict", report.verdict, proof.verdict),
+        ("it means", VERDICTS[report.verdict], MEANS[proof.verdict]),
+        ("because", report.reason, proof.reason or proof.claim),
+        ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
+        ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.words}, exactly"),
+        ("a harder kick than measured", "nothing is said: the machine slides more than in any record", "is in it"),
+        ("runs away", "not asked", fails),
+        ("not in it", report.not_proved, proof.not_claimed.removeprefix("Not claimed: ")),
+    )
+
+
+def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
+    """The two verdicts, which answer two questions and may differ."""
+    return Section(
+        name="friction",
+        title="Two verdicts",
+        lead="They answer two questions, and neither is in the other: a statistically robust loop may run away after a "
+        "hard kick, a loop proved for a class of friction may fail on a wide set of linear plants.",
+        table=both_verdicts(report, proof),
+    )
