@@ -18,6 +18,7 @@ __all__ = ["axes", "bode_axes", "db", "finished", "labelled", "note", "phase_ban
 
 LETTERS = 15.0  # of a legend in an inch, its markers counted as
 MARKER = 6
+GROWS = 1.25  # what a layout adds to the width that the axes had to begin with
 
 
 def axes(ax: Axes | None) -> Any:
@@ -108,6 +109,8 @@ def look(handle: Any) -> dict[str, Any]:
 def columns(ax: Any, labels: list[str]) -> int:
     """How many columns of a legend fit under the axes."""
     room = ax.get_position().width * ax.figure.get_figwidth() * LETTERS
+    if ax.figure.get_layout_engine() is not None:
+        room *= GROWS
     widest = max(map(len, labels)) + MARKER
     return int(np.clip(room // widest, 1, len(labels)))
 

@@ -90,14 +90,15 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     top, bottom = bode_axes(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     f, G = hz(omega), model.at(omega)
-    size, w = np.abs(G), np.abs(response(model.weight, omega))
-    low, high = FORMS[model.form].gains(w, size)
+    size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
+    low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
     floor, ceiling = size.min() * 10**-1.5, size.max() * 10**1.5
     gains = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
     top.fill_between(f, *gains, color=COLOR["weight"], alpha=0.25, lw=0, label="the set")
     phase = np.unwrap(np.angle(G))
-    relative = FORMS[model.form].relative(w, size)
-    wide = np.arcsin(np.where(relative < 1, relative, np.nan))
+    with np.errstate(invalid="ignore"):  # the set is a disc, with its ends on the ray of the nominal
+        ratio = (high - low) / (high + low)
+    wide = np.arcsin(np.where((low > 0) & (ratio < 1), ratio, np.nan))
     bottom.fill_between(f, *np.degrees([phase - wide, phase + wide]), color=COLOR["weight"], alpha=0.25, lw=0)
     blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
     shown: list[np.ndarray] = []
