@@ -50,7 +50,11 @@ def data_folder() -> Path:
 def made_from(name: str) -> str:
     """A digest of everything that the output of an example depends on."""
     digest = hashlib.sha256()
-    for path in [EXAMPLES / f"{name}.py", *sorted(ROOT.glob("nlfrf/*.py")), *sorted(ROOT.glob("robust/*.[pj]*"))]:
+    rooms = [path for package in ("nlfrf", "robust") for path in sorted((ROOT / package).rglob("*.*"))]
+    for path in [
+        EXAMPLES / f"{name}.py",
+        *(path for path in rooms if path.suffix in (".py", ".json", ".jinja", ".js")),
+    ]:
         digest.update(path.read_bytes())
     installed = [f"{package} {version(package)}" for package in STANDS_ON]
     found = [str(data_folder().is_dir()), str(shutil.which("octave") is not None)]

@@ -29,9 +29,6 @@ def main() -> None:
         1, 2, figsize=(11, 4.9), layout="constrained", gridspec_kw={"width_ratios": [1.55, 1]}
     )
     plot_bla(bla, ax=left)
-    left.legend(
-        *left.get_legend_handles_labels(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, fontsize="small"
-    )
     left.set_title("One record of a machine with friction: the FRF, and how far it can be believed")
     plot_nyquist(report, ax=right)
     right.set_title("The loop, with every plant in the set")

@@ -96,9 +96,9 @@ def model(
     robust.save_model(result, out)
     print(f"wrote {out}")
     if picture is not None:
-        from robust.plot import plot_nominal, plot_weight
+        from robust.plot import plot_bode, plot_weight
 
-        draw(picture, [(plot_weight, result), (plot_nominal, result)])
+        draw(picture, [(plot_weight, result), (lambda model, ax: plot_bode(model, blas, ax=ax), result)])
 
 
 @app.command()

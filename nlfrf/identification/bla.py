@@ -10,6 +10,7 @@ from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.shared.arguments import one_of, probability, real
 from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
+from nlfrf.shared.wording import ratio_unit
 
 __all__ = ["Bla", "DistortionLevels"]
 
@@ -133,9 +134,7 @@ class Bla:
     @property
     def unit(self) -> str:
         """Unit of G, that of y over that of u; empty where neither is known."""
-        if not (self.u_unit or self.y_unit):
-            return ""
-        return f"{self.y_unit or '1'}/{self.u_unit or '1'}"
+        return ratio_unit(self.y_unit, self.u_unit)
 
     @property
     def upper_limit(self) -> np.ndarray:
@@ -267,7 +266,7 @@ class Bla:
             source += f", {np.nanmedian(self.coherence):.2g} in the median"
         said = [f"{name} {10 * np.log10(v / power):.0f} dB" for name, v in levels.items() if v > 0]
         return (
-            f"{about}  largest |G| {gain[peak]:.4g} at {self.f[peak]:g} Hz; "
+            f"{about}  largest |G| {gain[peak]:.4g}{f' {self.unit}' * bool(self.unit)} at {self.f[peak]:g} Hz; "
             f"95 % bound {100 * relative:.2g} % of |G| in the median\n"
             f"  under the median |G|: {', '.join(said) or 'nothing above rounding'}\n"
             f"  transient: {self.transient}; level from {source}"

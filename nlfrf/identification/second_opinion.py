@@ -14,6 +14,7 @@ from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer
 from nlfrf.shared.leastsquares import mean_power, rms
 from nlfrf.shared.values import value
+from nlfrf.shared.wording import ratio_unit
 
 __all__ = ["DISAGREE", "SecondOpinion", "second_opinion"]
 
@@ -35,6 +36,8 @@ class SecondOpinion:
         Variance read from the roughness of the FRF over the excited lines.
     difference : (F,) ndarray
         Roughness over detection [dB], averaged over the nine lines around each.
+    unit : str
+        Unit of G, where the record says it.
 
     References
     ----------
@@ -54,6 +57,7 @@ class SecondOpinion:
     detection: np.ndarray
     roughness: np.ndarray
     difference: np.ndarray
+    unit: str = ""
 
     @property
     def disagree(self) -> np.ndarray:
@@ -133,7 +137,13 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     rounding = np.finfo(float).eps ** 2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
     floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2 + rounding
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
-    return SecondOpinion(f=grid.excited * record.f0, detection=detected, roughness=rough, difference=difference)
+    return SecondOpinion(
+        f=grid.excited * record.f0,
+        detection=detected,
+        roughness=rough,
+        difference=difference,
+        unit=ratio_unit(record.y_unit, record.u_unit),
+    )
 
 
 def spans(f: np.ndarray, where: np.ndarray) -> str:

@@ -1,4 +1,4 @@
-"""Axes and decibels, as every picture of both packages has them."""
+"""Axes, legends and decibels, as every picture of both packages has them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,12 @@ from nlfrf.shared.whole_files import write_whole
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["axes", "db", "finished", "write_pictures"]
+__all__ = ["axes", "bode_axes", "db", "finished", "labelled", "note", "phase_band", "under", "write_pictures"]
+
+
+LETTERS = 15.0  # of a legend in an inch, its markers counted as
+MARKER = 6
+GROWS = 1.25  # what a layout adds to the width that the axes had to begin with
 
 
 def axes(ax: Axes | None) -> Any:
@@ -25,12 +30,103 @@ def axes(ax: Axes | None) -> Any:
     return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
 
 
+def bode_axes(ax: Axes | None) -> tuple[Any, Any]:
+    """Axes of magnitude and phase over one another, in the place of those given or in a new figure."""
+    if ax is None:
+        from matplotlib import pyplot as plt
+
+        ax = plt.figure(figsize=(8, 6.5), layout="constrained").add_subplot()
+    figure: Any = ax.figure
+    spec = ax.get_subplotspec()
+    place = ax.get_position()
+    ax.remove()
+    if spec is not None:
+        rows = spec.subgridspec(2, 1, height_ratios=(1.5, 1))
+        top = figure.add_subplot(rows[0])
+        bottom = figure.add_subplot(rows[1], sharex=top)
+    else:
+        low = 0.38 * place.height
+        top = figure.add_axes((place.x0, place.y0 + low, place.width, place.height - low))
+        bottom = figure.add_axes((place.x0, place.y0, place.width, low - 0.03), sharex=top)
+    top.tick_params(labelbottom=False)
+    return top, bottom
+
+
 def finished(ax: Any) -> Any:
-    """Grid and legend, the same in every picture."""
+    """Grid and legend, the same in every picture: the legend stands below the axes, off the data."""
     ax.grid(alpha=0.3, which="both", lw=0.5)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(fontsize="small", loc="best", framealpha=0.85)
+    if ax.get_xscale() == "log":
+        plain_numbers(ax)
+    handles, labels = ax.get_legend_handles_labels()
+    if not handles:
+        return ax
+    from matplotlib.transforms import offset_copy
+
+    ax.legend(
+        handles,
+        labels,
+        fontsize="small",
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=offset_copy(ax.transAxes, ax.figure, y=-34, units="points"),
+        ncols=columns(ax, labels),
+        frameon=False,
+        borderaxespad=0.2,
+        columnspacing=1.4,
+    )
     return ax
+
+
+def plain_numbers(ax: Any) -> None:
+    """A logarithmic axis that says 20, not two times ten to the one."""
+    from matplotlib.ticker import FuncFormatter
+
+    low, high = ax.get_xlim()
+    between = (2, 5) if high < 300 * low else ()
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_formatter(
+        FuncFormatter(lambda x, _: f"{x:g}" if round(x / 10 ** np.floor(np.log10(x) + 1e-9)) in between else "")
+    )
+
+
+def labelled(bottom: Any, top: Any) -> None:
+    """The legend of a pair under the lower axes: the labels of the upper ones, once."""
+    said = set(bottom.get_legend_handles_labels()[1])
+    for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
+        if label not in said:
+            bottom.plot([], [], label=label, **look(handle))
+        handle.set_label(f"_{label}")
+
+
+def look(handle: Any) -> dict[str, Any]:
+    """How a curve or a band is drawn, for a sample of it in a legend."""
+    if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
+        kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
+        return {name: getattr(handle, f"get_{name}")() for name in kept}
+    return {"color": handle.get_facecolor()[0], "linewidth": 7}
+
+
+def columns(ax: Any, labels: list[str]) -> int:
+    """How many columns of a legend fit under the axes."""
+    room = ax.get_position().width * ax.figure.get_figwidth() * LETTERS
+    if ax.figure.get_layout_engine() is not None:
+        room *= GROWS
+    widest = max(map(len, labels)) + MARKER
+    return int(np.clip(room // widest, 1, len(labels)))
+
+
+def under(ax: Any) -> float:
+    """Height [inch] that the axis label and the legend take below the axes."""
+    legend = ax.get_legend()
+    if legend is None:
+        return 0.5
+    rows = -(-len(legend.get_texts()) // max(legend._ncols, 1))
+    return 0.6 + 0.19 * rows
+
+
+def note(ax: Any, text: str) -> None:
+    """A remark in small letters inside the axes, at the bottom."""
+    ax.text(0.01, 0.015, text, transform=ax.transAxes, fontsize="small", color="0.35", va="bottom")
 
 
 def db(x: np.ndarray) -> np.ndarray:
@@ -54,3 +150,10 @@ def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., Any], Any]
         raise ValueError(f"picture must be a file that matplotlib writes (.png, .pdf, .svg), got {path}")
     write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=130))
     plt.close(figure)
+
+
+def phase_band(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """(W,) half the width [deg] of the phases of a disc about G; nan where it holds zero, and with it every phase."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = radius / np.abs(G)
+        return np.degrees(np.arcsin(np.where(ratio < 1, ratio, np.nan)))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["counted", "hertz", "in_unit", "inverse_unit", "paragraph", "shown"]
+__all__ = ["counted", "hertz", "in_unit", "inverse_unit", "paragraph", "ratio_unit", "shown"]
 
 
 def shown(thing: Any) -> str:
@@ -44,6 +44,15 @@ def inverse_unit(unit: str) -> str:
     if len(bottom) > 1:
         return f"1/({unit})"
     return bottom[0] if bottom and top == "1" else f"{bottom[0] if bottom else 1}/{top}"
+
+
+def ratio_unit(top: str, bottom: str) -> str:
+    """The unit of one quantity over another; empty where neither is known.
+
+    >>> ratio_unit("m", "N"), ratio_unit("m", ""), ratio_unit("", "")
+    ('m/N', 'm/1', '')
+    """
+    return f"{top or '1'}/{bottom or '1'}" if top or bottom else ""
 
 
 def in_unit(what: str, unit: str, otherwise: str) -> str:

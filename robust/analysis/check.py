@@ -134,6 +134,7 @@ def check(
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
     of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
+    of |= {"band": model.omega[[0, -1]], "unit": model.unit}
     claim = claim_of(model, K, loop.w_P, delay)
     wrong = decided(loop, claim)
     if wrong:

@@ -44,7 +44,8 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
         has_set=has_set,
         loop=f"{hold}; controller {K.nstates} states",
     )
-    return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, demand=w_P, delay=delay)
+    of = {"demand": w_P, "delay": delay, "band": omega[[0, -1]], "unit": getattr(model, "unit", "")}
+    return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
 
 def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float, sampled_frf: float) -> None:

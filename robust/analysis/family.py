@@ -30,6 +30,8 @@ class LoopFamily:
         Sensitivity with the nominal plant.
     worst : (W,) ndarray
         Largest |S_p| over the whole set.
+    band : (2,) ndarray or None
+        First and last measured frequency [rad/s].
 
     References
     ----------
@@ -51,6 +53,7 @@ class LoopFamily:
     stable: np.ndarray
     nominal: np.ndarray
     worst: np.ndarray
+    band: Any = None
 
 
 def sample_loops(
@@ -103,4 +106,5 @@ def sample_loops(
         stable=np.array([stable_with(*pair, loop) for pair in zip(plants, seen, strict=True)]),
         nominal=nominal.S,
         worst=nominal.worst,
+        band=model.omega[[0, -1]],
     )

@@ -66,6 +66,10 @@ class RobustnessReport:
         The performance weight itself.
     delay : float
         Computation delay [s] on top of what the model contains.
+    band : (2,) ndarray or None
+        First and last measured frequency [rad/s]: outside, the radius is assumed.
+    unit : str
+        Unit of the plant, y over u, where it is known.
 
     References
     ----------
@@ -113,6 +117,8 @@ class RobustnessReport:
     shaping: Any = None
     demand: Any = None
     delay: float = 0.0
+    band: Any = None
+    unit: str = ""
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 import nlfrf
 from nlfrf import Bla, Record
-from nlfrf.shared.axes import db, finished
 from nlfrf.shared.wording import counted
 from robust.files import report_parts as parts
 from robust.files.report_parts import Section, rows_of
 from robust.files.report_words import roots_text, system_text
 from robust.modelling.nominal import NominalFit
-from robust.plot.colours import COLOR
 from robust.systems.lti import poles, timebase, zeros
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.validation import validate
+
+LITTLE = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
 __all__ = ["bla_section", "excitation_section", "nominal_section", "opinion_section", "set_section"]
 
@@ -30,13 +28,14 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
     for i, record in enumerate(records):
         which = f" of record {i + 1}" if len(records) > 1 else ""
         grid, u = record.lines, record.u[0, -1]
+        rms = " ".join([f"{u.std():.4g}", *record.u_unit.split()])
         kind = blas[i].grid if i < len(blas) else "given"
         facts += [
             (
                 f"excitation{which}",
                 f"{kind} grid, {grid.excited.size} excited lines from {grid.excited[0] * record.f0:g} to "
                 f"{grid.excited[-1] * record.f0:g} Hz, {grid.odd.size} odd and {grid.even.size} even detection lines; "
-                f"rms {u.std():.4g}, crest factor {np.abs(u).max() / np.sqrt(np.mean(u**2)):.3g}",
+                f"rms {rms}, crest factor {np.abs(u).max() / np.sqrt(np.mean(u**2)):.3g}",
             ),
             (
                 f"record{which}",
@@ -46,7 +45,7 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
             ),
         ]
         pictures += [
-            parts.picture(plot.plot_input, record, caption=f"Input spectrum{which}: energy where none was to be."),
+            parts.picture(plot.plot_input, record, caption=f"Input spectrum{which}: {stray_text(record)}."),
             parts.picture(plot.plot_samples, record, caption=f"Input{which} in time, all periods over one another."),
             parts.picture(
                 plot.plot_samples, record, signal="y", caption=f"Output{which} in time, the last period in black."
@@ -63,6 +62,23 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
     )
 
 
+def stray_text(record: Record) -> str:
+    """How much energy stands where none was to be, the largest line of it under the rms of the excited ones."""
+    grid = record.lines
+    spectrum = np.abs(np.fft.rfft(record.u, axis=-1)) / record.n_samples * 2
+    power = np.mean(spectrum**2, axis=(0, 1))
+    beside = np.concatenate([grid.odd, grid.even])
+    if not beside.size:
+        return "every line of the band was excited"
+    with np.errstate(divide="ignore"):
+        below = 10 * np.log10(np.mean(power[grid.excited]) / np.max(power[beside]))
+    return (
+        f"where nothing was to be played stands nothing to speak of (over {LITTLE:g} dB less)"
+        if below > LITTLE
+        else f"where nothing was to be played stands a line only {below:.0f} dB under the excited ones"
+    )
+
+
 def bla_section(blas: list[Bla]) -> Section:
     """The best linear approximation, its levels and its bound."""
     from nlfrf import plot
@@ -72,9 +88,11 @@ def bla_section(blas: list[Bla]) -> Section:
         which = f" of record {i + 1}" if len(blas) > 1 else ""
         facts.append((f"BLA{which}", rows_of(bla)))
         pictures += [
-            parts.picture(plot.plot_bla, bla, caption=f"Best linear approximation{which} with its 95 % bound."),
+            parts.picture(
+                plot.plot_bode, bla, tall=True, caption=f"Best linear approximation{which} with its 95 % bound."
+            ),
+            parts.picture(plot.plot_bla, bla, caption=f"The same{which} over what makes the bound."),
             parts.picture(plot.plot_levels, bla, caption=f"Output{which} by kind of line: linear, distortion, noise."),
-            parts.picture(plot.plot_phase, bla, caption=f"Phase{which}."),
         ]
     return Section(
         name="bla",
@@ -131,15 +149,8 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
                 )
             )
 
-    def with_measured(model: UncertaintyModel, *, ax: Any) -> None:
-        plot.plot_nominal(model, ax=ax)
-        for bla in blas:
-            ax.plot(bla.f, db(np.abs(bla.G)), ".", ms=3, color=COLOR["limit"], label="measured lines")
-        finished(ax)
-
-    pictures = [
-        parts.picture(with_measured, model, caption="Nominal plant and its set, with the lines that were measured.")
-    ]
+    shown = "Nominal plant and its set" + ", with the lines that were measured" * bool(blas)
+    pictures = [parts.picture(plot.plot_bode, model, blas, tall=True, caption=f"{shown}.")]
     if nominal is not None:
         pictures.append(
             parts.picture(plot.plot_fit, nominal, caption="Measured lines, model, and what is left between them.")

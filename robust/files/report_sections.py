@@ -154,9 +154,10 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
     ]
     family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)
     lost = int(np.sum(~family.stable))
-    facts.append(("step, nominal plant", str(step_response(model.nominal, K, delay=delay))))
-    stepped = str(step_response(worst.plant, K, delay=delay)) if worst.stable else "none: the loop is unstable"
-    facts.append(("step, worst plant", stepped))
+    nominal = step_response(model.nominal, K, delay=delay)
+    worst_step = step_response(worst.plant, K, delay=delay) if worst.stable else None
+    facts.append(("step, nominal plant", str(nominal)))
+    facts.append(("step, worst plant", "none: the loop is unstable" if worst_step is None else str(worst_step)))
     facts.append(("random plants", f"{family.stable.size} of the set, {lost} of them unstable in this loop"))
     return Section(
         name=name,
@@ -165,6 +166,13 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
         facts=tuple(facts),
         pictures=(
             parts.picture(plot.plot_family, family, caption="Sensitivity with plants of the set, and the worst case."),
+            parts.picture(
+                plot.plot_step,
+                nominal,
+                worst_step,
+                unit=model.unit.split("/")[0],
+                caption="A step of the reference: what the loop makes of it with the nominal and with the worst plant.",
+            ),
         ),
     )
 

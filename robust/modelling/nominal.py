@@ -65,6 +65,8 @@ class NominalFit:
     hold : str
         What is known of the hold in the record: "zoh" or "band-limited" where it was accounted for (a continuous model
         is then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" where it was not.
+    unit : str
+        Unit of the response, where the record says it.
 
     References
     ----------
@@ -90,6 +92,7 @@ class NominalFit:
     uncertainty: Any = None
     p_value: float = float("nan")
     hold: str = "unknown"
+    unit: str = ""
 
     def __str__(self) -> str:
         ratio = self.cost / self.expected_cost
@@ -243,6 +246,7 @@ def fit_nominal(
         ),
         p_value=probability_of_cost(cost, lines.dof, n_parameters),
         hold=lines.hold,
+        unit=getattr(bla[0] if isinstance(bla, Sequence) else bla, "unit", ""),
     )
 
 

@@ -104,7 +104,7 @@ def scan_orders(
     relative_degree : int
         Poles more than zeros. The model of an Frm takes 1 (residues) or 0 (with a direct term).
     delay : float or str
-        As in `fit_nominal`, or "auto": none, and beside each order a fit with "estimate" where the phase asks for a
+        As in `fit_nominal` [s], or "auto": none, and beside each order a fit with "estimate" where the phase asks for a
         delay, which it does when no order without one explains the data by poles and zeros that they carry.
 
     Returns

@@ -4,6 +4,7 @@
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of what friction does to a loop
+    band     the measured band in white, what was not measured in grey; how far the axis goes
     colours  colours and units that they share
 
 The pictures are handed on from here: `from robust.plot import plot_check`.
@@ -11,9 +12,10 @@ The pictures are handed on from here: `from robust.plot import plot_check`.
 
 from robust.plot.friction import plot_quasi_linear
 from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_step
-from robust.plot.models import plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
+from robust.plot.models import plot_bode, plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
 
 __all__ = [
+    "plot_bode",
     "plot_bounds",
     "plot_budget",
     "plot_check",

@@ -11,6 +11,7 @@ from nlfrf.shared.wording import in_unit
 from robust.analysis.family import LoopFamily
 from robust.analysis.report import RobustnessReport
 from robust.performance.steps import StepResponse
+from robust.plot.band import mark_band, show_all_of
 from robust.plot.colours import COLOR, hz
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
@@ -35,12 +36,23 @@ def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     f = hz(report.omega)
     ax.plot(f, db(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
     ax.plot(f, db(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
-    ax.plot(f, db(np.abs(report.T)), "-", lw=1.4, color=COLOR["limit"], label="|T|")
+    ax.plot(f, db(np.abs(report.T)), "-.", lw=1.4, color=COLOR["limit"], label="|T|")
     if report.w_P is not None:
         ax.plot(f, -db(report.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
     ax.axhline(0, color="0.5", lw=0.8)
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop", ylim=(-80, 60))
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop")
+    seen = report.classical
+    frame(ax, report, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain)
+    show_all_of(ax)
     return finished(ax)
+
+
+def frame(ax: Any, report: Any, *happens: float) -> None:
+    """The measured band of a report or family, and frequencies [rad/s] at which something happens."""
+    f = hz(report.omega)
+    band = (f[0], f[-1]) if report.band is None else tuple(hz(np.asarray(report.band)))
+    top = f[-1] if f[-1] > band[1] * (1 + 1e-9) else np.inf  # of a plant known on its lines only, nothing above is
+    mark_band(ax, band, happens=[hz(w) for w in happens], top=top)
 
 
 def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
@@ -55,7 +67,9 @@ def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
         (report.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
         (report.rp, "robust performance", COLOR["radius"], "-"),
     )
-    drawn = np.concatenate([c[np.isfinite(c) & (c > 0)] for c, *_ in curves])
+    frame(ax, report, report.omega_rs, report.omega_rp)
+    seen = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1])
+    drawn = np.concatenate([c[np.isfinite(c) & (c > 0) & seen] for c, *_ in curves])
     for curve, label, color, style in curves:
         if np.isfinite(curve).any():
             ax.plot(f, curve, style, lw=1.6, color=color, label=label)
@@ -150,6 +164,9 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
         else f"{family.stable.size} plants of the set"
     )
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|S| [dB]", title=title)
+    finite = np.where(np.isfinite(family.worst), family.worst, np.max(np.abs(family.nominal)))
+    frame(ax, family, family.omega[np.argmax(finite)])
+    show_all_of(ax, most=60.0)
     return finished(ax)
 
 
@@ -170,10 +187,11 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     ax = axes(ax)
     ax.axhline(step.final, color="0.5", lw=0.8)
     end = max(one.t[-1] for one in (step, worst) if one is not None)
-    for one, label, color in ((worst, "worst plant", COLOR["limit"]), (step, "nominal plant", COLOR["radius"])):
+    drawn = ((worst, "worst plant", COLOR["limit"], "--"), (step, "nominal plant", COLOR["radius"], "-"))
+    for one, label, color, style in drawn:
         if one is not None:
             t, y = np.append(one.t, end), np.append(one.y, one.y[-1])
-            ax.plot(t, y, "-", lw=1.6, color=color, label=f"{label}: overshoot {100 * one.overshoot:.0f} %")
+            ax.plot(t, y, style, lw=1.6, color=color, label=f"{label}: overshoot {100 * one.overshoot:.0f} %")
     ax.set(xlabel="time [s]", ylabel=in_unit("y", unit, "unit of y"), title="A step of the reference by one unit of y")
     return finished(ax)
 
@@ -211,4 +229,5 @@ def plot_bounds(
         ylabel="|L| [dB]",
         title="Loop gain and its bounds",
     )
+    mark_band(ax, (f[0], f[-1]))
     return finished(ax)

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf.shared.axes import axes, db, finished
+from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_band
 from robust.modelling.nominal import NominalFit
 from robust.modelling.orders import OrderScan
+from robust.plot.band import BESIDE, mark_band
 from robust.plot.colours import COLOR, hz
 from robust.systems.lti import response
 from robust.uncertain.forms import FORMS
@@ -18,7 +19,12 @@ from robust.uncertain.validation import Validation
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_budget", "plot_fit", "plot_nominal", "plot_orders", "plot_validation", "plot_weight"]
+__all__ = ["plot_bode", "plot_budget", "plot_fit", "plot_nominal", "plot_orders", "plot_validation", "plot_weight"]
+
+
+#: The parts of a budget in grey.
+HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
+MEASURED = [COLOR["loop"], COLOR["limit"], COLOR["level"], COLOR["misfit"]]
 
 
 def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
@@ -32,21 +38,23 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """
     ax = axes(ax)
     f = hz(model.omega)
+    floor = model.radius.min() * 10 ** (-25 / 20)
     for name, part in model.budget().items():
-        if np.any(part > 1e-3 * model.radius):
+        if np.any(part > floor):
             ax.plot(f, db(part), "-", lw=0.9, color=COLOR[name], alpha=0.9, label=f"part: {name}")
     ax.plot(f, db(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
     wide = outside_too(model)
     ax.plot(hz(wide), db(np.abs(response(model.weight, wide))), "-", lw=1.8, color=COLOR["weight"], label="|weight|")
-    shade(ax, model)
+    mark_band(ax, (f[0], f[-1]), top=hz(wide[-1]))
+    unit = FORMS[model.form].unit_of(model.unit)
     ax.set(
         xscale="log",
-        ylim=(db(model.radius.min()) - 25, None),
+        ylim=(db(floor), None),
         xlabel="frequency [Hz]",
-        ylabel=f"radius, {model.form} [dB]",
+        ylabel=f"radius, {model.form} [{', '.join(['dB', *[unit] * bool(unit)])}]",
         title=f"Uncertainty weight of order {model.weight.nstates}; {model.extrapolation}",
     )
-    ax.title.set_fontsize("medium")
+    ax.title.set_fontsize("small")
     return finished(ax)
 
 
@@ -62,9 +70,59 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     band = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
     ax.fill_between(hz(omega), *band, color=COLOR["weight"], alpha=0.25, lw=0, label="gains of the set")
     ax.plot(hz(omega), db(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
-    shade(ax, model)
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|G| [dB]", ylim=(db(floor * 3), db(ceiling / 3)))
+    mark_band(ax, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
+    label = f"|G| [dB, {model.unit or 'unit of y / u'}]"
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=(db(floor * 3), db(ceiling / 3)))
     return finished(ax)
+
+
+def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = None) -> tuple[Axes, Axes]:
+    """Measured points, nominal and set together: magnitude and phase over logarithmic frequency.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+    bla : nlfrf.Bla or list of them, optional
+        What was measured, drawn as points with their 95 % bounds.
+    ax : matplotlib Axes, optional
+        Where to draw: it gives its place to the two that are returned; a new figure when not given.
+    """
+    top, bottom = bode_axes(ax)
+    omega = model.omega if model.measured_only else outside_too(model)
+    f, G = hz(omega), model.at(omega)
+    size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
+    low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
+    floor, ceiling = size.min() * 10**-1.5, size.max() * 10**1.5
+    gains = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
+    top.fill_between(f, *gains, color=COLOR["weight"], alpha=0.25, lw=0, label="the set")
+    phase = np.unwrap(np.angle(G))
+    with np.errstate(invalid="ignore"):  # the set is a disc, with its ends on the ray of the nominal
+        ratio = (high - low) / (high + low)
+    wide = np.arcsin(np.where((low > 0) & (ratio < 1), ratio, np.nan))
+    bottom.fill_between(f, *np.degrees([phase - wide, phase + wide]), color=COLOR["weight"], alpha=0.25, lw=0)
+    blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
+    shown: list[np.ndarray] = []
+    for one, color in zip(blas, MEASURED * len(blas), strict=False):
+        radius, measured = one.bound(), np.abs(one.G)
+        below = np.minimum(radius, 0.999 * measured)  # to its lower edge in dB
+        ends = [db(measured) - db(measured - below), db(measured + radius) - db(measured)]
+        label = f"measured, 95 % bound{f' ({len(shown) + 1})' * (len(blas) > 1)}"
+        top.errorbar(one.f, db(measured), ends, fmt="none", lw=0.8, color=color)
+        top.plot(one.f, db(measured), ".", ms=4, color=color, label=label)
+        turn = np.interp(one.f, f, phase)
+        around = turn + np.angle(one.G * np.exp(-1j * turn))
+        bottom.errorbar(one.f, np.degrees(around), phase_band(one.G, radius), fmt=".", ms=4, lw=0.8, color=color)
+        shown += [around]
+    for axes_, curve in ((top, db(size)), (bottom, np.degrees(phase))):
+        axes_.plot(f, curve, "-", lw=1.6, color=COLOR["radius"], label="nominal" if axes_ is top else None)
+        axes_.set_xscale("log")
+        mark_band(axes_, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
+    every = np.degrees(np.concatenate([phase, *shown]))
+    bottom.set(ylim=(every.min() - 60, every.max() + 60), xlabel="frequency [Hz]", ylabel="phase [deg]")
+    top.set(ylim=(db(floor), db(ceiling)), ylabel=f"magnitude [dB, {model.unit or 'unit of y / u'}]")
+    labelled(bottom, top)
+    finished(top)
+    return top, finished(bottom)
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
@@ -74,8 +132,9 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     below = np.zeros(f.size)
     for name, part in model.budget().items():
         share = 100 * np.nan_to_num(part) / model.radius
-        if np.any(share > 0.1):
-            ax.fill_between(f, below, below + share, color=COLOR[name], lw=0, alpha=0.75, label=name)
+        if np.any(share > 0.5):
+            look: dict[str, Any] = {"facecolor": COLOR[name], "edgecolor": "0.25", "hatch": HATCH[name], "alpha": 0.75}
+            ax.fill_between(f, below, below + share, lw=0, label=name, **look)
             below = below + share
     ax.set(
         xscale="log",
@@ -84,6 +143,7 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
         ylabel="share of the radius [%]",
         title="What to measure next",
     )
+    mark_band(ax, (f[0], f[-1]))
     return finished(ax)
 
 
@@ -91,16 +151,20 @@ def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
     """The measured lines, the nominal model through them, and what is left; arguments as in `plot_weight`."""
     ax = axes(ax)
     f, measured = hz(fit.omega), fit.response + fit.residual
-    order = np.argsort(f, kind="stable")
     ax.plot(f, db(np.abs(measured)), ".", ms=3, color=COLOR["noise"], label="measured")
     label = f"model, {fit.G.nstates} poles" + (f", delay {1e3 * fit.delay:.3g} ms" if fit.delay else "")
-    ax.plot(f[order], db(np.abs(fit.response[order])), "-", lw=1.6, color=COLOR["radius"], label=label)
-    ax.plot(f, db(np.abs(fit.residual)), ".", ms=2, color=COLOR["limit"], alpha=0.7, label="residual")
+    wide = np.geomspace(f.min() / BESIDE, f.max() * BESIDE, 400)
+    wide = np.unique(np.concatenate([wide[wide < 0.5 / fit.G.dt] if fit.G.dt else wide, f]))
+    drawn = response(fit.G, 2 * np.pi * wide)
+    ax.plot(wide, db(np.abs(drawn)), "-", lw=1.6, color=COLOR["radius"], label=label)
+    ax.plot(f, db(np.abs(fit.residual)), "x", ms=3, color=COLOR["limit"], alpha=0.7, label="residual")
     title = f"Nominal model of {fit.G.nstates} poles"
     if np.isfinite(fit.expected_cost):
-        ax.plot(f, db(fit.std), ".", ms=2, color=COLOR["loop"], alpha=0.7, label="standard deviation of the lines")
+        ax.plot(f, db(fit.std), "_", ms=4, color=COLOR["loop"], alpha=0.9, label="standard deviation of the lines")
         title += f": cost {fit.cost / fit.expected_cost:.3g} times what scatter alone leaves"
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title=title)
+    label = f"magnitude [dB, {fit.unit or 'unit of y / u'}]"
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, title=title)
+    mark_band(ax, (f.min(), f.max()))
     return finished(ax)
 
 
@@ -128,6 +192,8 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
         title=f"{validation.n_outside} of {validation.n_lines} lines outside, {validation.n_expected:.3g} expected at "
         f"most; p = {validation.p_value:.2g}",
     )
+    ax.title.set_fontsize("medium")
+    mark_band(ax, (f.min(), f.max()))
     return finished(ax)
 
 
@@ -146,18 +212,8 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
 
 
 def outside_too(model: UncertaintyModel) -> np.ndarray:
-    """Frequencies [rad/s] for a curve: the band and a decade on both sides, up to Nyquist."""
-    high = model.omega[-1] * 10
+    """Frequencies [rad/s] for a curve: the band and half a decade on both sides, up to Nyquist."""
+    high = model.omega[-1] * BESIDE
     if model.weight.dt:
         high = min(high, np.pi / model.weight.dt * (1 - 1e-9))
-    return np.unique(np.concatenate([np.geomspace(model.omega[0] / 10, high, 600), model.omega]))
-
-
-def shade(ax: Any, model: UncertaintyModel) -> None:
-    """The measured band in white, what is assumed outside it in grey."""
-    low, high = ax.get_xlim()
-    low, high = max(low, hz(model.omega[0]) / 12), hz(model.omega[-1]) * 12
-    for start, end in ((low, hz(model.omega[0])), (hz(model.omega[-1]), high)):
-        ax.axvspan(start, end, color="0.85", alpha=0.5, lw=0, zorder=0)
-    top = np.inf if not model.weight.dt else 0.5 / model.weight.dt
-    ax.set_xlim(hz(model.omega[0]) / 10, min(hz(model.omega[-1]) * 10, top))
+    return np.unique(np.concatenate([np.geomspace(model.omega[0] / BESIDE, high, 600), model.omega]))

@@ -10,6 +10,7 @@ from nlfrf.shared.axes import axes, db, finished
 from nlfrf.shared.wording import hertz
 from robust.analysis.check import check
 from robust.loopshaping.bounds import loop_bounds
+from robust.plot.band import mark_band
 from robust.plot.colours import COLOR, hz
 from robust.uncertain.model import UncertaintyModel
 
@@ -48,9 +49,9 @@ class LoopPicture:
         (self.before,) = ax.plot([], [], "-", lw=1.0, color=COLOR["noise"], label="|L| before")
         (self.line,) = ax.plot([], [], "-", lw=1.8, color=COLOR["radius"], label="|L|")
         (self.dots,) = ax.plot([], [], "o", ms=4, color=COLOR["limit"], label="beyond a bound")
-        ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|L| [dB]", xlim=(f[0], f[-1]))
+        ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="|L| [dB]")
+        mark_band(ax, (f[0], f[-1]))
         self.fitted(np.ones(f.size))
-        finished(ax)
         self.before.set_visible(False)
 
     def update(self, K: Any) -> LoopPicture:
@@ -73,11 +74,14 @@ class LoopPicture:
         self.violations = (self.low > L) | (self.high < L)
         self.before.set_data(*self.line.get_data())
         self.before.set_visible(self.report is not None)
-        self.line.set_data(hz(omega), db(L))
+        self.line.set_data(hz(report.omega), db(np.abs(report.G * report.K)))  # on both sides of the band too
         self.dots.set_data(hz(omega[self.violations]), db(L[self.violations]))
         self.report = report
         self.fitted(L)
         self.ax.set_title(self.sentence(), fontsize="medium")
+        for line, label in ((self.before, "|L| before"), (self.dots, "beyond a bound")):
+            line.set_label(label if line.get_visible() and np.size(line.get_xdata()) else None)
+        finished(self.ax)
         self.ax.figure.canvas.draw_idle()
         return self
 

@@ -20,6 +20,7 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
+from nlfrf.shared.wording import inverse_unit
 from robust.systems.connections import feedback, in_parallel, in_series, inverse, one_plus
 from robust.uncertain.coprime import chord, other_plant, tangent, tangent_system, turned
 
@@ -111,6 +112,12 @@ class Form:
     grown: Callable[[Array, Array], Array] = lambda w, x: x
     turn: Callable[[control.StateSpace, control.StateSpace, float], complex] = lambda G, w, omega: 1.0
     scaled: bool = False
+
+    def unit_of(self, unit: str) -> str:
+        """Unit of a radius of this form, from that of the plant; empty where it has none, or none is known."""
+        two, one = (float(self.scale(np.array([c]), np.array([c / 2]))[0]) for c in (4.0, 2.0))
+        power = 1 + round(np.log2(two / one))
+        return unit if power == 1 else inverse_unit(unit) if unit and power == -1 else ""
 
     def radius_factor(self, omega: Array, absolute: Array, center: Array) -> Array:
         """(W,) factor from an absolute radius to the radius of the form, or a refusal where there is none."""

@@ -173,10 +173,10 @@ class UncertaintyModel:
         percent = "" if np.isnan(self.confidence) else f", {100 * self.confidence:g} % "
         if percent:
             percent += "for all lines together" if self.simultaneous else "per line"
-        k = int(np.argmax(self.radius))
+        k, unit = int(np.argmax(self.radius)), FORMS[self.form].unit_of(self.unit).split()
         return (
             f"{self.form} uncertainty, {self.perturbation}{percent}: nominal {kind}, weight of order "
-            f"{self.weight.nstates}, radius {self.radius.min():.3g} to {self.radius[k]:.3g} "
+            f"{self.weight.nstates}, radius {self.radius.min():.3g} to {' '.join([f'{self.radius[k]:.3g}', *unit])} "
             f"(at {self.omega[k] / 2 / np.pi:.4g} Hz) over {self.omega[0] / 2 / np.pi:.4g} to "
             f"{self.omega[-1] / 2 / np.pi:.4g} Hz; {self.extrapolation}"
         )

@@ -5,6 +5,7 @@ import re
 import matplotlib.figure
 import pytest
 
+from docs import gallery
 from docs.gallery import EXAMPLES, names, outputs, run, title_and_text
 from robust import load_controller, load_model
 
@@ -158,3 +159,16 @@ def test_the_motor_bench_says_where_it_looked(tmp_path):
     said = run("13_motor_bench", "--data", str(tmp_path), "--out", str(tmp_path / "out"))
     assert said.startswith(f"skipped: there is no {tmp_path}")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_change_in_any_room_runs_the_examples_again(tmp_path, monkeypatch):
+    """Rooms lie in wings: a picture of yesterday's code would say nothing about today's."""
+    for folder in ("examples", "robust/plot", "nlfrf"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "examples" / "01_one.py").write_text("")
+    (tmp_path / "robust" / "plot" / "loops.py").write_text("old")
+    monkeypatch.setattr(gallery, "ROOT", tmp_path)
+    monkeypatch.setattr(gallery, "EXAMPLES", tmp_path / "examples")
+    before = gallery.made_from("01_one")
+    (tmp_path / "robust" / "plot" / "loops.py").write_text("new")
+    assert gallery.made_from("01_one") != before

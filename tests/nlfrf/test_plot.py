@@ -8,7 +8,7 @@ matplotlib.use("Agg")
 
 from nlfrf import Record, identify, multisine, second_opinion
 from nlfrf import plot as pictures
-from tests.support.pictures import labels
+from tests.support.pictures import labels, notes
 
 MS = multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
 U = np.stack([MS.u[0], MS.u[0]])[None]
@@ -30,7 +30,8 @@ def test_samples_are_drawn_period_by_period(ax):
 def test_the_input_shows_what_stands_where_nothing_was_to_be(ax):
     clean = Record(u=U, y=U, fs=128, lines=MS.lines)
     pictures.plot_input(clean, ax=ax)
-    assert "odd detection lines: more than 120 dB lower" in labels(ax)
+    assert labels(ax) == ["excited lines"]  # no entry without a line
+    assert notes(ax) == ["odd detection lines and even detection lines: more than 120 dB lower"]
     ax.clear()
     dirty = U + 1e-2 * np.cos(2 * np.pi * 5 * np.arange(128) / 128)
     pictures.plot_input(Record(u=dirty, y=U, fs=128, lines=MS.lines), ax=ax)
@@ -61,12 +62,28 @@ def test_rounding_does_not_flatten_the_picture(ax, draw):
     draw(identify(Record(u=U, y=U + 0.1 * U**3, fs=128, lines=MS.lines)), ax=ax)
     low, high = ax.get_ylim()
     assert 160 <= high - low < 180
-    assert [label for label in labels(ax) if label.startswith("even") and label.endswith("more than 160 dB lower")]
-    assert not [label for label in labels(ax) if label.startswith(("odd", "excited", "|G|")) and "lower" in label]
+    (said,) = notes(ax)
+    assert said.startswith("even")
+    assert said.endswith("more than 160 dB lower")
+    assert "odd" not in said
+    assert not [label for label in labels(ax) if label.startswith("even")]
 
 
 def test_detection_lines_of_both_kinds_are_seen_under_the_excited_ones(ax):
     pictures.plot_spectrum(MS, ax=ax)
-    excited, odd, even = (line.get_ydata() for line in ax.get_lines())
-    assert excited.min() > odd.max() > even.max()
-    assert labels(ax)[1:] == ["odd detection, zero amplitude", "even detection, zero amplitude"]
+    excited, odd, even = (line.get_data() for line in ax.get_lines())
+    assert np.array_equal(excited[0], MS.lines.excited)
+    both = np.concatenate([MS.lines.odd, MS.lines.even])
+    assert np.array_equal(np.sort(np.concatenate([odd[0], even[0]])), np.sort(both))
+    assert excited[1].min() > odd[1].max() == even[1].max() == 0
+    assert labels(ax)[1:] == ["odd detection, nothing played", "even detection, nothing played"]
+
+
+def test_of_a_long_multisine_the_first_lines_are_seen_one_by_one(ax):
+    """Three stripes over the whole band said nothing."""
+    long = multisine(fs=4096, n_samples=16384, f_min=1.25, f_max=150, rng=1)
+    pictures.plot_spectrum(long, ax=ax)
+    start, end = ax.get_xlim()
+    assert end - start <= 51
+    assert all(line.get_xdata().size < 30 for line in ax.get_lines())
+    assert ax.get_xlabel() == f"harmonic of 0.25 Hz; it goes on like this up to {long.lines.excited[-1]}"

@@ -4,3 +4,8 @@
 def labels(ax):
     """The texts of its legend."""
     return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def notes(ax):
+    """The remarks inside a picture."""
+    return [text.get_text() for text in ax.texts]

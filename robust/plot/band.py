@@ -1,0 +1,47 @@
+"""The measured band in every picture over frequency: white, and what was not measured grey; how far the axis goes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+__all__ = ["BESIDE", "mark_band", "show_all_of"]
+
+
+BESIDE = np.sqrt(10.0)  # half a decade beside the band is shown
+ROOM = 1.3  # around something that happens further out
+
+
+def mark_band(ax: Any, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
+    """Frame a picture around the measured band [Hz], with what lies outside it in grey.
+
+    Half a decade is shown beside it; more where something `happens` (frequencies, nan where it does not), never beyond
+    `top`.
+    """
+    low, high = band
+    start, end = low / BESIDE, high * BESIDE
+    for f in happens:
+        if np.isfinite(f) and f > 0:
+            start, end = min(start, f / ROOM), max(end, f * ROOM)
+    end = max(min(end, top), high)
+    ax.set_xlim(start, end)
+    for one, other in ((start, low), (high, end)):
+        if other > one * (1 + 1e-9):
+            ax.axvspan(one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured")
+
+
+def show_all_of(ax: Any, most: float = 80.0) -> None:
+    """Fit the vertical axis to the curves inside the frame, no more than so many decibels from the top."""
+    start, end = ax.get_xlim()
+    seen = []
+    for line in ax.get_lines():
+        x, y = np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
+        if x.size > 2:
+            seen.append(y[(x >= start) & (x <= end) & np.isfinite(y)])
+    values = np.concatenate(seen) if seen else np.zeros(0)
+    if values.size and np.ptp(values) > 0:
+        high = values.max()
+        low = max(values.min(), high - most)
+        ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
