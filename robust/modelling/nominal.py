@@ -344,12 +344,8 @@ def best_fit(
     def factor(tau: float) -> np.ndarray:
         return known_factor(lines.omega, tau, dt, excess)
 
-    refined = [
-        refine(
-            s, lines.G, 1 / np.sqrt(lines.var), start, factor, omega=lines.omega if free_delay else None, stable=stable
-        )
-        for start in candidates
-    ]
+    weight, omega = 1 / np.sqrt(lines.var), lines.omega if free_delay else None
+    refined = [refine(s, lines.G, weight, start, factor, omega=omega, stable=stable) for start in candidates]
     return min(refined, key=lambda roots: roots[4])
 
 

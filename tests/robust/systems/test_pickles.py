@@ -75,6 +75,9 @@ def values_of_robust():
         robust.prove_friction(machine, PD, slip),
         robust.FrictionClass(machine=machine, friction=slip, **levels, **known),
     )
+    yield robust.quasi_linear(friction.Coulomb(Fc=1.0), machine, PD)
+    yield robust.design_proved(machine, slip, dt=1e-3, structure="PD", n_iterations=0)
+    yield from (robust.pid_gains(K), robust.step_response(FIT.G, K), robust.check(MODEL, K).classical)
     lag, exact = control.tf([1], [1, 1]), control.tf([0.1], [1])
     small = robust.UncertaintyModel(lag, exact, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     PI = control.tf([2, 2], [1, 0])
