@@ -1,13 +1,17 @@
-"""From weights to a judged certificate for the Maxwell-slip friction of a class, up to the stiffest that is proved."""
+"""From weights to a judged certificate for the friction of a class, up to the stiffest that is proved."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from nlfrf.shared.values import value
 from robust.certificates.certificate import Certificate, refused
+from robust.friction_proof.bristle_dissipation import bristle_dissipation
+from robust.friction_proof.bristle_multipliers import bristle_rows, bristle_weights, largest_share
+from robust.friction_proof.classes import AnyFriction
 from robust.friction_proof.dissipation import maxwell_slip_dissipation
 from robust.friction_proof.multipliers import filter_rates, rows, weights
 from robust.sliding.loop import SlidingLoop
@@ -15,7 +19,10 @@ from robust.sliding.response import frequencies, mobility
 from robust.sliding.springs import unstable_spring
 from robust.storage.search import METHOD, certified_dissipation
 
-__all__ = ["FrictionCertificate", "certify_maxwell_slip", "proved_limits"]
+__all__ = ["FrictionCertificate", "certify", "certify_maxwell_slip", "proved_limits"]
+
+SUBJECT = "the stored energy falls"
+N_POINTS = 300  # of the frequencies of a cone program
 
 WITHIN = 1.02  # ratio of the two ends where a bisection stops
 LARGEST = 64.0  # times what was asked
@@ -40,6 +47,17 @@ class FrictionCertificate:
     form: np.ndarray
 
 
+def certify(loop: SlidingLoop, friction: AnyFriction, reference: float, *, quick: bool = False) -> FrictionCertificate:
+    """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
+
+    reference : rate of the filter that the others of Maxwell slip are measured against [rad/s]. Quick: with the first
+    set of filters only, and without the finest intervals.
+    """
+    if friction.kind == "bristle":
+        return certify_bristle(loop, friction.K0, friction.stiction, friction.microdamping, reference, quick=quick)
+    return certify_maxwell_slip(loop, friction.K0, friction.stiction, friction.bristle_time, reference, quick=quick)
+
+
 def certify_maxwell_slip(
     loop: SlidingLoop, K0: float, rho: float, bristle_time: float, reference: float, *, quick: bool = False
 ) -> FrictionCertificate:
@@ -47,7 +65,6 @@ def certify_maxwell_slip(
 
     Quick: with the first set of filters only, and without the finest intervals.
     """
-    subject = "the stored energy falls"
     omega = frequencies(loop)
     response = mobility(loop, omega)
     reason = "no weights of the filters make every frequency dissipate"
@@ -64,26 +81,52 @@ def certify_maxwell_slip(
         form = table @ mu / np.abs(table * mu).max(axis=1)
         reason = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
         if not reason:
-            intervals = np.array([[0.0, np.inf]])
-            proof = Certificate(subject=subject, holds=True, level=0.0, method=METHOD, intervals=intervals, reason="")
-            return FrictionCertificate(certificate=proof, multipliers=found, omega=omega, form=form)
-    return FrictionCertificate(certificate=refused(subject, 0.0, reason), multipliers=found, omega=omega, form=form)
+            break
+    return outcome(reason, found, omega, form)
 
 
-def proved_limits(
-    loop: SlidingLoop, K0: float, rho: float, bristle_time: float, reference: float
-) -> tuple[float, float]:
+def certify_bristle(
+    loop: SlidingLoop, K0: float, rho: float, microdamping: float, reference: float, *, quick: bool = False
+) -> FrictionCertificate:
+    """The same of bristles that creep."""
+    omega = frequencies(loop, N_POINTS)
+    response = mobility(loop, omega)
+    reason, found, form = "no weights make every frequency dissipate", np.zeros((2, 0)), np.full(omega.size, np.nan)
+    for rates in filter_rates(reference, np.inf)[: 1 if quick else 2]:
+        table = bristle_rows(response, omega, rates, K0, microdamping)
+        weights = bristle_weights(table, rho)
+        if weights is None:
+            continue
+        chosen = np.concatenate([[weights.mu], weights.nu])
+        found = np.vstack([np.append(0.0, rates), chosen])[:, chosen > 0]
+        form = largest_share(table, weights)
+        reason = certified_dissipation(bristle_dissipation(loop, rates, weights, K0, microdamping), quick)
+        if not reason:
+            break
+    return outcome(reason, found, omega, form)
+
+
+def outcome(reason: str, found: np.ndarray, omega: np.ndarray, form: np.ndarray) -> FrictionCertificate:
+    """What was proved, where no reason speaks against it."""
+    intervals = np.array([[0.0, np.inf]])
+    proof = Certificate(subject=SUBJECT, holds=True, level=0.0, method=METHOD, intervals=intervals, reason="")
+    certificate = refused(SUBJECT, 0.0, reason) if reason else proof
+    return FrictionCertificate(certificate=certificate, multipliers=found, omega=omega, form=form)
+
+
+def proved_limits(loop: SlidingLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:
     """Largest K0 at this rho, and largest rho at this K0, that a proof was found for; both are proved as they stand."""
 
-    def stiffness_proved(ratio: float) -> bool:
-        if unstable_spring(loop, ratio * K0) is not None:
+    def proved(**changed: float) -> bool:
+        other = replace(friction, **changed)  # type: ignore[arg-type]
+        if unstable_spring(loop, other.K0, other.damper) is not None:
             return False
-        return certify_maxwell_slip(loop, ratio * K0, rho, bristle_time, reference, quick=True).certificate.holds
+        return certify(loop, other, reference, quick=True).certificate.holds
 
-    def stiction_proved(ratio: float) -> bool:
-        return certify_maxwell_slip(loop, K0, ratio * rho, bristle_time, reference, quick=True).certificate.holds
-
-    return K0 * largest(stiffness_proved), rho * largest(stiction_proved)
+    return (
+        friction.K0 * largest(lambda ratio: proved(K0=ratio * friction.K0)),
+        friction.stiction * largest(lambda ratio: proved(stiction=ratio * friction.stiction)),
+    )
 
 
 def largest(holds: Callable[[float], bool]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
-from robust.friction_proof.certify import certify_maxwell_slip, proved_limits
+from robust.friction_proof.certify import certify, proved_limits
 from robust.friction_proof.classes import AnyFriction
 from robust.sliding.bounded import hunting_bound, sure_kick
 from robust.sliding.loop import SlidingLoop, sliding_loop
@@ -23,6 +23,7 @@ __all__ = ["FrictionProof", "prove_friction"]
 
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
 OTHER = {
+    "bristle": "rigid stiction, another damping of the bristles, ",
     "Maxwell slip": "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, ",
     "bounded": "a viscous part of the friction, ",
     "passive": "LuGre with less damping than sigma1 (Fs - Fc)/Fc, ",
@@ -130,7 +131,7 @@ def prove_friction(
     K : control.StateSpace, TransferFunction or float
         Controller, u = K (r - y); sampled, or continuous and proper. Used as it is: nothing is cancelled.
     friction : AnyFriction
-        The class: `any_maxwell_slip`, `any_bounded`, `any_passive`.
+        The class: `any_maxwell_slip`, `any_bristle`, `any_bounded`, `any_passive`.
     delay : float
         From sampling to the force changing [s]; any part of a sample, or several.
     Fs : float, optional
@@ -166,13 +167,13 @@ def prove_friction(
     K = state_space("K", K)
     loop = sliding_loop(machine, K, delay)
     Fs = friction.Fs if friction.kind == "bounded" else np.nan if Fs is None else positive("Fs", Fs)
-    spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0)
+    spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
     found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
     found |= bounded_words(machine, loop, Fs)
     if spring is not None:
-        found |= {"verdict": "refuted", "reason": refutation(spring, loop)}
-    elif friction.kind == "Maxwell slip":
-        found |= maxwell_slip(machine, loop, friction, limits)
+        found |= {"verdict": "refuted", "reason": refutation(spring, loop, friction)}
+    elif friction.kind in ("Maxwell slip", "bristle"):
+        found |= certified(machine, loop, friction, limits)
     elif friction.kind == "bounded":
         found |= {"verdict": "proved", "reason": ""}
     else:
@@ -204,19 +205,18 @@ def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict
     return {"kick_sure": kick, "error_bound": bound}
 
 
-def maxwell_slip(machine: SlidingMachine, loop: SlidingLoop, friction: AnyFriction, limits: bool) -> dict[str, Any]:
+def certified(machine: SlidingMachine, loop: SlidingLoop, friction: AnyFriction, limits: bool) -> dict[str, Any]:
     """The verdict on a loop that no spring refutes."""
     reference = reference_rate(machine, loop)
-    arguments = friction.K0, friction.stiction, friction.bristle_time
     try:
-        proof = certify_maxwell_slip(loop, *arguments, reference)
+        proof = certify(loop, friction, reference)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return {"verdict": "not decided", "reason": f"numerical failure: {error}"}
     holds = proof.certificate.holds
     found: dict[str, Any] = {"verdict": "proved" if holds else "not decided", "reason": proof.certificate.reason}
     found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
     if holds and limits:
-        found["K0_max"], found["stiction_max"] = proved_limits(loop, *arguments, reference)
+        found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)
     return found
 
 
@@ -242,14 +242,15 @@ def passive(machine: SlidingMachine, K: Any, loop: SlidingLoop) -> dict[str, Any
     }
 
 
-def refutation(spring: tuple[float, complex], loop: SlidingLoop) -> str:
+def refutation(spring: tuple[float, complex], loop: SlidingLoop, friction: AnyFriction) -> str:
     """Which member of the class makes the loop unstable."""
     kappa, pole = spring
     size = f"|z| = {abs(pole):.6g}" if loop.T else f"real part {pole.real:.4g} rad/s"
     if kappa == 0:
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
+    still = "a bristle" if friction.kind == "bristle" else "a spring"
     return (
-        f"not every friction of the class: with a spring of {kappa / 1e3:.4g} kN/m that does not slip, its rests are "
+        f"not every friction of the class: with {still} of {kappa / 1e3:.4g} kN/m that does not slip, its rests are "
         f"unstable ({size}); yours may be another member"
     )
 

@@ -55,7 +55,8 @@ HEAVY = {
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
     "nlfrf.friction.loop_kernels",
     "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
-    "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program",
+    "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
+    "robust.friction_proof.bristle_multipliers",
     "jinja2": "robust.files.report_page",
     "flint": "robust.verification",
     "anywidget": "robust.shaping_page.widget",
