@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from robust.friction_proof.multipliers import filter_rates, rows, weights
 from robust.sliding.loop import SlidingLoop
 from robust.sliding.response import frequencies, mobility
 from robust.sliding.springs import unstable_spring
-from robust.storage.search import METHOD, certified_dissipation
+from robust.storage.search import METHOD, Energy, certified_dissipation
 
 __all__ = ["FrictionCertificate", "certify", "certify_maxwell_slip", "proved_limits"]
 
@@ -39,12 +40,15 @@ class FrictionCertificate:
         Rates a_j [rad/s] (zero for the weight of f v) and weights mu_j.
     omega, form : (W,) ndarray
         The integrand with these weights over frequency [rad/s], over its largest part.
+    numbers : dict or None
+        Where it holds: all that a `FrictionClaim` needs besides loop and class.
     """
 
     certificate: Certificate
     multipliers: np.ndarray
     omega: np.ndarray
     form: np.ndarray
+    numbers: dict[str, Any] | None
 
 
 def certify(loop: SlidingLoop, friction: AnyFriction, reference: float, *, quick: bool = False) -> FrictionCertificate:
@@ -79,9 +83,11 @@ def certify_maxwell_slip(
         mu[mu < 1e-9 * mu.max()] = 0
         found = np.vstack([np.append(0.0, rates), mu])[:, mu > 0]
         form = table @ mu / np.abs(table * mu).max(axis=1)
-        reason = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
+        reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
         if not reason:
-            break
+            used = np.append(True, mu[2:] > 0)
+            numbers = {"rates": rates[used], "weights": mu[1:][used], "free": float(mu[0]), **nothing_of_bristles()}
+            return outcome("", found, omega, form, numbers | kept(energy))
     return outcome(reason, found, omega, form)
 
 
@@ -100,18 +106,34 @@ def certify_bristle(
         chosen = np.concatenate([[weights.mu], weights.nu])
         found = np.vstack([np.append(0.0, rates), chosen])[:, chosen > 0]
         form = largest_share(table, weights)
-        reason = certified_dissipation(bristle_dissipation(loop, rates, weights, K0, microdamping), quick)
+        reason, energy = certified_dissipation(bristle_dissipation(loop, rates, weights, K0, microdamping), quick)
         if not reason:
-            break
+            used = weights.nu > 0
+            numbers = {"rates": rates[used], "weights": weights.nu[used], "free": weights.mu}
+            numbers |= {"block": weights.block, "bounds": weights.bounds}
+            return outcome("", found, omega, form, numbers | kept(energy))
     return outcome(reason, found, omega, form)
 
 
-def outcome(reason: str, found: np.ndarray, omega: np.ndarray, form: np.ndarray) -> FrictionCertificate:
+def nothing_of_bristles() -> dict[str, np.ndarray]:
+    """What Maxwell slip leaves empty."""
+    return {"block": np.zeros((0, 0)), "bounds": np.zeros(0)}
+
+
+def kept(energy: Energy | None) -> dict[str, np.ndarray]:
+    """The numbers of an energy."""
+    assert energy is not None
+    return {"V": energy.V, "P": energy.P, "counts": energy.counts}
+
+
+def outcome(
+    reason: str, found: np.ndarray, omega: np.ndarray, form: np.ndarray, numbers: dict[str, Any] | None = None
+) -> FrictionCertificate:
     """What was proved, where no reason speaks against it."""
     intervals = np.array([[0.0, np.inf]])
     proof = Certificate(subject=SUBJECT, holds=True, level=0.0, method=METHOD, intervals=intervals, reason="")
     certificate = refused(SUBJECT, 0.0, reason) if reason else proof
-    return FrictionCertificate(certificate=certificate, multipliers=found, omega=omega, form=form)
+    return FrictionCertificate(certificate=certificate, multipliers=found, omega=omega, form=form, numbers=numbers)
 
 
 def proved_limits(loop: SlidingLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:

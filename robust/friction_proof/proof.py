@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.friction_proof.certify import certify, proved_limits
 from robust.friction_proof.classes import AnyFriction
+from robust.friction_verification.claim import FrictionClaim
+from robust.friction_verification.verify import verify_friction
 from robust.sliding.bounded import hunting_bound, sure_kick
 from robust.sliding.loop import SlidingLoop, sliding_loop
 from robust.sliding.machine import SlidingMachine
@@ -18,9 +21,11 @@ from robust.sliding.passive import damping_left
 from robust.sliding.springs import unstable_spring
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
+from robust.verification.claim import Matrices, as_given
 
-__all__ = ["FrictionProof", "prove_friction"]
+__all__ = ["FrictionProof", "matrices_of", "prove_friction"]
 
+CLASS = ("K0", "stiction", "bristle_time", "microdamping")
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
 OTHER = {
     "bristle": "rigid stiction, another damping of the bristles, ",
@@ -58,7 +63,7 @@ class FrictionProof:
         Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
         given or the sliding loop is stable.
     certificate : Certificate or None
-        What was judged, where anything was.
+        What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
     multipliers : (2, J) ndarray
         Rates [rad/s] and weights of the filters it was proved with; rate zero: the weight of the friction itself.
     omega, form : (W,) ndarray
@@ -173,7 +178,7 @@ def prove_friction(
     if spring is not None:
         found |= {"verdict": "refuted", "reason": refutation(spring, loop, friction)}
     elif friction.kind in ("Maxwell slip", "bristle"):
-        found |= certified(machine, loop, friction, limits)
+        found |= certified(machine, K, delay, loop, friction, limits)
     elif friction.kind == "bounded":
         found |= {"verdict": "proved", "reason": ""}
     else:
@@ -205,7 +210,9 @@ def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict
     return {"kick_sure": kick, "error_bound": bound}
 
 
-def certified(machine: SlidingMachine, loop: SlidingLoop, friction: AnyFriction, limits: bool) -> dict[str, Any]:
+def certified(
+    machine: SlidingMachine, K: Any, delay: float, loop: SlidingLoop, friction: AnyFriction, limits: bool
+) -> dict[str, Any]:
     """The verdict on a loop that no spring refutes."""
     reference = reference_rate(machine, loop)
     try:
@@ -215,9 +222,32 @@ def certified(machine: SlidingMachine, loop: SlidingLoop, friction: AnyFriction,
     holds = proof.certificate.holds
     found: dict[str, Any] = {"verdict": "proved" if holds else "not decided", "reason": proof.certificate.reason}
     found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
+    if proof.numbers is not None:
+        exact = claimed(machine, K, delay, friction, proof.numbers)
+        found["certificate"] = replace(proof.certificate, claim=exact, again=verify_friction)
     if holds and limits:
         found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)
     return found
+
+
+def claimed(
+    machine: SlidingMachine, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
+) -> FrictionClaim:
+    """What the certificate claims, with every number as given."""
+    return FrictionClaim(
+        machine=matrices_of(machine),
+        controller=as_given(K),
+        delay=float(delay),
+        kind=friction.kind,
+        **({name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS} | numbers),
+    )
+
+
+def matrices_of(machine: SlidingMachine) -> Matrices:
+    """The machine as a system: (force, force at the port) to (measured, displacement at the port)."""
+    inputs = np.column_stack([machine.B_force, machine.B_port])
+    outputs = np.vstack([machine.C_measured, machine.C_port])
+    return Matrices(A=machine.A, B=inputs, C=outputs, D=np.zeros((2, 2)))
 
 
 def reference_rate(machine: SlidingMachine, loop: SlidingLoop) -> float:

@@ -80,6 +80,7 @@ class SlidingLoop:
         conditions = np.vstack([self.F * unit_time, *(jump - own for jump in self.jumps)])
         wanted = np.concatenate([-self.B * unit_time, np.zeros(conditions.shape[0] - self.F.shape[0])])
         unit = np.linalg.norm(conditions, axis=0)
+        unit[unit == 0] = 1.0  # a state that may rest anywhere
         inverse = np.linalg.pinv(conditions / unit, rcond=1e-15) / unit[:, None]
         there = inverse @ wanted
         for _ in range(2):
