@@ -53,7 +53,7 @@ def prove_all(
 
 def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> list[Path]:
     """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
-    written = []
+    written: list[Path] = []
     for proof in proofs:
         if proof.certificate is not None and proof.certificate.claim is not None:
             number = f".{len(written) + 1}" if written else ""
