@@ -3,7 +3,8 @@
 For the 240 controllers of example 14 and 220 random ones (PD, PID, lead with integrator, loop shaping, delays): proved,
 refuted, not decided; every proved loop with laws of the class (sliders that vary with speed, rest, position, direction,
 at random) after bursts and kicks; every loop that only a spring that does not slip refutes, with that spring; and laws
-outside the class, to show what is not claimed.
+outside the class, to show what is not claimed. Then the same of bristles that creep, with LuGre, Dahl, the friction of
+the paper and random Leuven laws.
 
 "Still moving": swing in the last tenth above 1e-3 of the largest after 20 slowest time constants; else it runs on.
 
@@ -22,11 +23,14 @@ import numpy as np
 import nlfrf
 import robust
 from benchmarks.friction_loops import T, of_example_14, random_loops
-from nlfrf.friction import LuGre, VaryingSliders
+from nlfrf import hysteresis
+from nlfrf.friction import Dahl, Leuven, LuGre, VaryingSliders
+from robust.friction_proof.classes import AnyFriction
 from robust.sliding.loop import sliding_loop
 
 MACHINE = robust.sliding_machine(1.0, 80e3, 0.4)
 K0 = 64e3
+MICRODAMPING = 13.0  # of the paper's rig [Ns/m]
 LONGEST = 60_000  # samples of one run
 QUICK = 6_000  # where it is that few, more bursts
 RETRIES = 5
@@ -78,10 +82,12 @@ def swings(response: nlfrf.LoopResponse) -> float:
     return float(np.ptp(response.x[-response.x.size // 10 :]) / max(np.ptp(response.x), 1e-300))
 
 
-def moving(friction: VaryingSliders | LuGre, K: object, delay: float, force: np.ndarray, begin: np.ndarray) -> bool:
+def moving(
+    friction: VaryingSliders | LuGre | Leuven | Dahl, K: object, delay: float, force: np.ndarray, begin: np.ndarray
+) -> bool:
     """Whether a loop still moves after all its time; what moves at first runs on, each time twice as long."""
     for _ in range(RETRIES):
-        rig = nlfrf.Rig(1.0, 80e3, friction, 0.4 if isinstance(friction, VaryingSliders) else 0.0)
+        rig = nlfrf.Rig(1.0, 80e3, friction, 0.4 if isinstance(friction, (VaryingSliders, Dahl)) else 0.0)
         options = {"fs": 1 / T, "delay": delay, "disturbance": force, "initial": begin, "oversampling": 8}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", nlfrf.DataWarning)
@@ -125,42 +131,80 @@ def lugre(rng: np.random.Generator, stiction: float) -> LuGre:
     return LuGre(sigma0=K0, sigma1=13.0, sigma2=0.4, Fc=1 / stiction, Fs=1.0, vs=10 ** rng.uniform(-3, -1.5))
 
 
-def verdicts(loops: list, stiction: float) -> tuple[list, list[float]]:
+def bristles(rng: np.random.Generator, stiction: float) -> LuGre | Leuven | Dahl:
+    """A friction of creeping bristles, at its limits: LuGre, the rig of the paper, Leuven laws of every curve."""
+    kind, vs = rng.integers(4), 10 ** rng.uniform(-3.5, -1)
+    Fs = 10 ** rng.uniform(-0.5, 0.5)
+    if kind == 0:
+        return LuGre(sigma0=K0, sigma1=MICRODAMPING, sigma2=0.4, Fc=Fs / stiction, Fs=Fs, vs=vs)
+    if kind == 1 and stiction >= 1 / 0.7:
+        return Leuven()
+    n = 10 ** rng.uniform(-0.5, 0.5)
+    shapes = hysteresis.Tanh, hysteresis.Exponential, hysteresis.Parabola, hysteresis.ElasticPlastic
+    curve = shapes[rng.integers(4)](K0=K0, Fy=Fs * rng.uniform(1.0, 2.0))
+    return Leuven(Fs=Fs, Fc=Fs / stiction ** (1 / n), vs=vs, sigma1=MICRODAMPING, sigma2=0.4, n=n, curve=curve)
+
+
+def dahl(rng: np.random.Generator, stiction: float) -> Dahl:
+    """The one law of creeping bristles without microdamping."""
+    return Dahl(sigma0=K0, Fc=10 ** rng.uniform(-0.5, 0.5))
+
+
+def verdicts(loops: list, friction: AnyFriction) -> tuple[list, list[float]]:
     """A proof of every loop, and how long each took [s]."""
     proofs, times = [], []
     for K, delay in loops:
         begin = time.process_time()
-        proofs.append(robust.prove_friction(MACHINE, K, robust.any_maxwell_slip(K0, stiction), delay=delay))
+        proofs.append(robust.prove_friction(MACHINE, K, friction, delay=delay))
         times.append(time.process_time() - begin)
     return proofs, times
+
+
+def counted(loops: list, friction: AnyFriction) -> tuple[list, list]:
+    """Proofs of all loops, printed as counts, and the loops that are proved."""
+    proofs, times = verdicts(loops, friction)
+    count = Counter(proof.verdict for proof in proofs)
+    decided = 1 - count["not decided"] / len(loops)
+    tried = [t for proof, t in zip(proofs, times, strict=True) if proof.certificate is not None]
+    print(f"stiction {friction.stiction:.3g}: {dict(count)}, decided {100 * decided:.1f} %; ", end="")
+    print(f"CPU of a proof: median {1e3 * np.median(tried):.0f} ms, most {1e3 * max(tried):.0f} ms", flush=True)
+    return proofs, [loop for loop, proof in zip(loops, proofs, strict=True) if proof.verdict == "proved"]
+
+
+def attack(proved: list, bursts: int, stiction: float, rng: np.random.Generator, laws: object, name: str) -> None:
+    """Bursts at what is proved, and what of it keeps moving, printed."""
+    total, found = attacked(proved, bursts, stiction, rng, laws)
+    print(f"  {name}: proved and still moving {len(found)} of {total} bursts", flush=True)
+    for i, friction in found[:5]:
+        print("   ", i, friction)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bursts", type=int, default=24, help="bursts for each proved loop and stiction")
     parser.add_argument("--loops", type=int, default=460, help="loops, at most")
+    parser.add_argument("--bristles", action="store_true", help="bristles that creep only")
     args = parser.parse_args()
     loops = (of_example_14() + random_loops(220, 1))[: args.loops]
     rng = np.random.default_rng(0)
-    for stiction in (1.05, 1 / 0.7):
-        proofs, times = verdicts(loops, stiction)
-        count = Counter(proof.verdict for proof in proofs)
-        decided = 1 - count["not decided"] / len(loops)
-        tried = [t for proof, t in zip(proofs, times, strict=True) if proof.certificate is not None]
-        print(f"stiction {stiction:.3g}: {dict(count)}, decided {100 * decided:.1f} %; ", end="")
-        print(f"CPU of a proof: median {1e3 * np.median(tried):.0f} ms, most {1e3 * max(tried):.0f} ms", flush=True)
-        proved = [loop for loop, proof in zip(loops, proofs, strict=True) if proof.verdict == "proved"]
-        total, found = attacked(proved, args.bursts, stiction, rng)
-        print(f"  laws of the class: proved and still moving {len(found)} of {total} bursts", flush=True)
-        for i, friction in found[:5]:
-            print("   ", i, friction)
-        total, found = attacked(proved, max(1, args.bursts // 24), stiction, rng, lugre)
-        print(f"  LuGre, outside the class: proved and still moving {len(found)} of {total} bursts", flush=True)
+    for stiction in () if args.bristles else (1.05, 1 / 0.7):
+        print("Maxwell slip, ", end="")
+        proofs, proved = counted(loops, robust.any_maxwell_slip(K0, stiction))
+        attack(proved, args.bursts, stiction, rng, law, "laws of the class")
+        attack(proved, max(1, args.bursts // 24), stiction, rng, lugre, "LuGre, outside the class")
         springs = [(K, d, p.counterexample[0]) for (K, d), p in zip(loops, proofs, strict=True) if p.counterexample]
         only = [(K, d, kappa) for K, d, kappa in springs if kappa > 0]
         if only and stiction < 1.1:
             oscillate = sum(spring_oscillates(*spring) for spring in only)
             print(f"  refuted by a spring only: {oscillate} of {len(only)} oscillate with that element", flush=True)
+    for stiction, microdamping, laws in (
+        (1.0, 0.0, dahl),
+        (1.05, MICRODAMPING, bristles),
+        (1 / 0.7, MICRODAMPING, bristles),
+    ):
+        print(f"bristles, microdamping {microdamping:g} Ns/m, ", end="")
+        _, proved = counted(loops, robust.any_bristle(K0, stiction, microdamping))
+        attack(proved, 2 * args.bursts, stiction, rng, laws, "laws of the class")
 
 
 if __name__ == "__main__":

@@ -39,6 +39,7 @@ from .fixed_structure.proved import design_proved as design_proved
 from .friction_motion.quasi_linear import QuasiLinear as QuasiLinear
 from .friction_motion.quasi_linear import quasi_linear as quasi_linear
 from .friction_proof.classes import any_bounded as any_bounded
+from .friction_proof.classes import any_bristle as any_bristle
 from .friction_proof.classes import any_maxwell_slip as any_maxwell_slip
 from .friction_proof.classes import any_passive as any_passive
 from .friction_proof.levels import FrictionClass as FrictionClass

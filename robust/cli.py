@@ -16,7 +16,7 @@ from nlfrf.shared.arguments import one_of
 from nlfrf.shared.axes import write_pictures
 from nlfrf.shared.command import Version, run
 from nlfrf.shared.whole_files import write_text
-from robust.files.friction_files import class_from_files, prove_all
+from robust.files.friction_files import class_from_files, prove_all, save_proofs
 from robust.files.pid_gains import told_gains
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
@@ -197,7 +197,7 @@ def check(
 
 @app.command()
 def verify(
-    file: Annotated[Path, typer.Argument(help="Certificate written by 'robust check --out' (.certificate.json).")],
+    file: Annotated[Path, typer.Argument(help="Certificate of 'robust check' or 'robust prove' (.certificate.json).")],
     model: Annotated[Path | None, typer.Option(help="Model that it has to be about.")] = None,
     controller: Annotated[Path | None, typer.Option(help="Controller that it has to be about.")] = None,
     seconds: Annotated[float, typer.Option(help="Time after which what is left counts as not verified.")] = 60.0,
@@ -227,7 +227,7 @@ def prove(
     delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
     limits: Annotated[bool, typer.Option("--limits", help="Look for the largest stiffness and stiction too.")] = False,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Result to write (.txt).")] = None,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Result (.txt), its certificates beside it.")] = None,
 ) -> None:
     """Prove that a machine with friction comes to rest, with every friction of a class, or name one that breaks it."""
     machines, friction, text = class_from_files(machine, nominal, stiffness, stiction)
@@ -238,7 +238,7 @@ def prove(
     print(text)
     if out is not None:
         write_text(out, f"{text}\n")
-        print(f"wrote {out}")
+        print("wrote " + ", ".join(map(str, [out, *save_proofs(proofs, out)])))
 
 
 @app.command()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from nlfrf.shared.values import value
@@ -32,14 +35,17 @@ class Certificate:
         The norm is below this level at every frequency.
     method : str
         "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "interval by interval" (from the responses),
-        "Hamiltonian with one scaling, interval by interval" (operator perturbations), "exact arithmetic" (where those
+        "Hamiltonian with one scaling, interval by interval" (operator perturbations), "periodic Riccati equation,
+        Bernstein" (friction), "exact arithmetic" (where those
         failed: proved, rigorous), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
         Why it does not hold; empty when it does.
-    claim : LoopClaim, NormClaim or None
+    claim : LoopClaim, NormClaim or another
         What holds, with every number as given, to be proved again; None where the proof is of another kind (mu).
+    again : callable, optional
+        How a claim of another kind is proved again: again(claim, time_cap=seconds).
 
     References
     ----------
@@ -63,7 +69,8 @@ class Certificate:
     method: str
     intervals: np.ndarray
     reason: str
-    claim: LoopClaim | NormClaim | None = None
+    claim: Any = None
+    again: Callable[..., Verification] | None = None
 
     @property
     def judged(self) -> str:
@@ -91,6 +98,8 @@ class Certificate:
             return verify_loop(self.claim, time_cap=time_cap)
         if isinstance(self.claim, NormClaim):
             return verify_norm(self.claim)
+        if self.again is not None:
+            return self.again(self.claim, time_cap=time_cap)
         reason = "judged in floating point only: no exact claim is kept of it" if self.holds else self.reason
         return Verification(verified=False, proved=(), failed=((self.subject, reason),), bits=0)
 

@@ -5,10 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from nlfrf.shared.wording import shown
 from robust.analysis.claims import claim_of
 from robust.analysis.report import RobustnessReport
 from robust.files.models import PathLike
+from robust.friction_proof.proof import FrictionProof, matrices_of
+from robust.friction_verification.claim import FrictionClaim
+from robust.friction_verification.file import read_friction_claim, write_friction_claim
+from robust.friction_verification.verify import verify_friction
+from robust.sliding.machine import SlidingMachine, sliding_machine
 from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
 from robust.verification.claim import LoopClaim, Matrices, as_given, differences
@@ -18,13 +25,13 @@ from robust.verification.loops import Verification, verify_loop
 __all__ = ["save_certificate", "verify_certificate"]
 
 
-def save_certificate(report: RobustnessReport, path: PathLike) -> None:
-    """Write what a check proved as JSON: plant, controller, weights, delay and claim as given, and a digest of it all.
+def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -> None:
+    """Write what was proved as JSON: plant, controller, delay, weights and claim as given, and a digest of it all.
 
     Parameters
     ----------
-    report : RobustnessReport
-        Of `check`, with a proof in it.
+    report : RobustnessReport or FrictionProof
+        Of `check` or `prove_friction`, with a proof in it.
     path : path
         File to write.
 
@@ -48,11 +55,15 @@ def save_certificate(report: RobustnessReport, path: PathLike) -> None:
     stable weights: proved, rigorous
     robust stability: proved, rigorous
     """
+    if isinstance(report, FrictionProof) and report.certificate is not None and report.certificate.claim is not None:
+        proof = report.certificate
+        write_friction_claim(path, proof.claim, [{"subject": proof.subject, "found by": proof.method}])
+        return
     found = [c for c in getattr(report, "certificates", ()) if c.holds and isinstance(c.claim, LoopClaim)]
     if not found:
         raise ValueError(
             "report must hold a proof of a single loop, got "
-            + (f"the verdict {report.verdict!r}" if isinstance(report, RobustnessReport) else shown(report))
+            + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else shown(report))
         )
     claim = replace(
         found[0].claim,
@@ -69,9 +80,10 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
     Parameters
     ----------
     path : path
-        A file that `save_certificate` or `robust check` wrote.
-    model : UncertaintyModel, optional
-        What the certificate is said to be about: nominal, weight, form and class are compared number by number.
+        A file that `save_certificate`, `robust check` or `robust prove` wrote.
+    model : UncertaintyModel or SlidingMachine, optional
+        What the certificate is said to be about: nominal, weight, form and class are compared number by number; of a
+        machine with friction its linear part.
     K : control.StateSpace, TransferFunction or float, optional
         The controller that runs, compared likewise.
     time_cap : float
@@ -100,6 +112,9 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
+    friction = read_friction_claim(path)
+    if friction is not None:
+        return verified_friction(friction, model, K, time_cap)
     claim = read_claim(path)
     wrong = []
     if model is not None:
@@ -117,3 +132,22 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
 def given(K: Any) -> Matrices:
     """The matrices of a controller."""
     return as_given(state_space("K", K))
+
+
+def verified_friction(claim: FrictionClaim, model: Any, K: Any, time_cap: float) -> Verification:
+    """The claim on a machine with friction, proved again and compared."""
+    wrong = []
+    if model is not None:
+        machine = model if isinstance(model, SlidingMachine) else sliding_machine(getattr(model, "nominal", model))
+        if not same(claim.machine, matrices_of(machine)):
+            wrong.append(("the machine", "not the one of the certificate"))
+    if K is not None and not same(claim.controller, given(K)):
+        wrong.append(("the controller", "not the one of the certificate"))
+    found = verify_friction(claim, time_cap=time_cap)
+    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
+
+
+def same(mine: Matrices, other: Matrices) -> bool:
+    """Whether two systems are the same, number by number."""
+    parts = all(np.array_equal(getattr(mine, name), getattr(other, name)) for name in "ABCD")
+    return parts and mine.dt == other.dt

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import nlfrf
+from robust.files.certificates import save_certificate
 from robust.files.models import load_model
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
 from robust.friction_proof.flexible import modal_damping, undamped
@@ -14,7 +15,7 @@ from robust.friction_proof.levels import friction_class
 from robust.friction_proof.proof import FrictionProof, prove_friction
 from robust.sliding.machine import SlidingMachine, sliding_machine
 
-__all__ = ["class_from_files", "prove_all"]
+__all__ = ["class_from_files", "prove_all", "save_proofs"]
 
 
 def class_from_files(
@@ -48,3 +49,14 @@ def prove_all(
     proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
     worth = {"refuted": 0, "not decided": 1, "proved": 2}
     return tuple(sorted(proofs, key=lambda proof: worth[proof.verdict]))
+
+
+def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> list[Path]:
+    """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
+    written: list[Path] = []
+    for proof in proofs:
+        if proof.certificate is not None and proof.certificate.claim is not None:
+            number = f".{len(written) + 1}" if written else ""
+            written.append(out.with_suffix(f"{number}.certificate.json"))
+            save_certificate(proof, written[-1])
+    return written

@@ -1,11 +1,13 @@
 """A proof for the machine itself: a loop comes to rest with every friction of a class, or a member that breaks it.
 
-proof        the door: a machine, a controller, a class of friction, one verdict
-classes      classes of friction laws, without their parameters
-multipliers  weights of filters on the friction, by a linear program
-dissipation  the inequality they give, in states that come to rest
-certify      from weights to a certificate, and how far it reaches
-levels       machine and class read from measured levels
-port_levels  what is left of them as a spring and a damper, the machine taken off
-flexible     machine and class read around a nominal model, damped and undamped
+proof                the door: a machine, a controller, a class of friction, one verdict
+classes              classes of friction laws, without their parameters
+multipliers          weights of filters on the friction, by a linear program
+dissipation          the inequality they give, in states that come to rest
+bristle_multipliers  the same for bristles that creep, by a cone program
+bristle_dissipation  the inequality of creeping bristles
+certify              from weights to a certificate, and how far it reaches
+levels               machine and class read from measured levels
+port_levels          what is left of them as a spring and a damper, the machine taken off
+flexible             machine and class read around a nominal model, damped and undamped
 """

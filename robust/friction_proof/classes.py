@@ -10,7 +10,7 @@ import numpy as np
 from nlfrf.shared.arguments import nonnegative, positive, real
 from nlfrf.shared.values import value
 
-__all__ = ["AnyFriction", "any_bounded", "any_maxwell_slip", "any_passive"]
+__all__ = ["AnyFriction", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
 
 
 @value
@@ -20,13 +20,15 @@ class AnyFriction:
     Fields
     ------
     kind : str
-        "Maxwell slip", "bounded" or "passive".
+        "Maxwell slip", "bristle", "bounded" or "passive".
     K0 : float
         Largest presliding stiffness [N/m].
     stiction : float
-        Largest force a slider holds over the least it slips at.
+        Largest force a slider holds over the least it slips at; of bristles: largest creep over velocity.
     bristle_time : float
         Largest damping over stiffness of an element [s].
+    microdamping : float
+        Damping of the bending of bristles [Ns/m].
     Fs : float
         Largest force [N]. All of these nan where the class does not ask for them.
     """
@@ -36,6 +38,12 @@ class AnyFriction:
     stiction: float = np.nan
     bristle_time: float = np.nan
     Fs: float = np.nan
+    microdamping: float = np.nan
+
+    @property
+    def damper(self) -> float:
+        """What goes with a spring of the class that does not slip [Ns/m]."""
+        return self.microdamping if self.kind == "bristle" else 0.0
 
     @property
     def words(self) -> str:
@@ -46,6 +54,12 @@ class AnyFriction:
                 f"Maxwell-slip friction of presliding stiffness up to {self.K0 / 1e3:.4g} kN/m{damped}, each of "
                 f"whose sliders never holds more than {self.stiction:.4g} times the least force it slips at (anywhere, "
                 "in any direction, at any speed or time)"
+            )
+        if self.kind == "bristle":
+            return (
+                f"friction of bristles up to {self.K0 / 1e3:.4g} kN/m stiff, with a damping of {self.microdamping:g} "
+                f"Ns/m as they bend, that creep against their force (at most {self.stiction:.4g} times as fast as the "
+                "machine moves)"
             )
         if self.kind == "bounded":
             return f"friction of at most {self.Fs:g} N"
@@ -93,6 +107,48 @@ def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0
         K0=positive("K0", K0),
         stiction=at_least_one(stiction),
         bristle_time=nonnegative("bristle_time", bristle_time),
+    )
+
+
+def any_bristle(K0: float, stiction: float = 1.5, microdamping: float = 0.0) -> AnyFriction:
+    """Every friction of bristles that bend and creep: f = F + microdamping z', F a hysteresis of z.
+
+    z' = v - p with F p >= 0 and |p| <= stiction |v|; F a Masing hysteresis of z no stiffer than K0. In it: LuGre
+    (K0 = sigma0, stiction = Fs/Fc, microdamping = sigma1), the modified Leuven model (the slope of its curve at zero,
+    (Fs/Fc)^n, sigma1), Dahl's with n = 1 (stiction 1).
+
+    Parameters
+    ----------
+    K0 : float
+        Stiffness of the bristles, at most [N/m].
+    stiction : float
+        Largest slip over velocity; at least 1.
+    microdamping : float
+        sigma1 [Ns/m], exactly.
+
+    Returns
+    -------
+    AnyFriction
+
+    Raises
+    ------
+    ValueError
+        A stiffness that is not positive, stiction below one, a negative damping.
+
+    References
+    ----------
+    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40, 1995 (bristles).
+
+    Examples
+    --------
+    >>> any_bristle(64e3, 1 / 0.7, 13.0).microdamping              # the rig of the paper
+    13.0
+    """
+    return AnyFriction(
+        kind="bristle",
+        K0=positive("K0", K0),
+        stiction=at_least_one(stiction),
+        microdamping=nonnegative("microdamping", microdamping),
     )
 
 

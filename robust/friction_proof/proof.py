@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,10 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
-from robust.friction_proof.certify import certify_maxwell_slip, proved_limits
+from robust.friction_proof.certify import certify, proved_limits
 from robust.friction_proof.classes import AnyFriction
+from robust.friction_verification.claim import FrictionClaim
+from robust.friction_verification.verify import verify_friction
 from robust.sliding.bounded import hunting_bound, sure_kick
 from robust.sliding.loop import SlidingLoop, sliding_loop
 from robust.sliding.machine import SlidingMachine
@@ -18,11 +21,14 @@ from robust.sliding.passive import damping_left
 from robust.sliding.springs import unstable_spring
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
+from robust.verification.claim import Matrices, as_given
 
-__all__ = ["FrictionProof", "prove_friction"]
+__all__ = ["FrictionProof", "matrices_of", "prove_friction"]
 
+CLASS = ("K0", "stiction", "bristle_time", "microdamping")
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
 OTHER = {
+    "bristle": "rigid stiction, another damping of the bristles, ",
     "Maxwell slip": "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, ",
     "bounded": "a viscous part of the friction, ",
     "passive": "LuGre with less damping than sigma1 (Fs - Fc)/Fc, ",
@@ -57,7 +63,7 @@ class FrictionProof:
         Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
         given or the sliding loop is stable.
     certificate : Certificate or None
-        What was judged, where anything was.
+        What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
     multipliers : (2, J) ndarray
         Rates [rad/s] and weights of the filters it was proved with; rate zero: the weight of the friction itself.
     omega, form : (W,) ndarray
@@ -130,7 +136,7 @@ def prove_friction(
     K : control.StateSpace, TransferFunction or float
         Controller, u = K (r - y); sampled, or continuous and proper. Used as it is: nothing is cancelled.
     friction : AnyFriction
-        The class: `any_maxwell_slip`, `any_bounded`, `any_passive`.
+        The class: `any_maxwell_slip`, `any_bristle`, `any_bounded`, `any_passive`.
     delay : float
         From sampling to the force changing [s]; any part of a sample, or several.
     Fs : float, optional
@@ -166,13 +172,13 @@ def prove_friction(
     K = state_space("K", K)
     loop = sliding_loop(machine, K, delay)
     Fs = friction.Fs if friction.kind == "bounded" else np.nan if Fs is None else positive("Fs", Fs)
-    spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0)
+    spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
     found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
     found |= bounded_words(machine, loop, Fs)
     if spring is not None:
-        found |= {"verdict": "refuted", "reason": refutation(spring, loop)}
-    elif friction.kind == "Maxwell slip":
-        found |= maxwell_slip(machine, loop, friction, limits)
+        found |= {"verdict": "refuted", "reason": refutation(spring, loop, friction)}
+    elif friction.kind in ("Maxwell slip", "bristle"):
+        found |= certified(machine, K, delay, loop, friction, limits)
     elif friction.kind == "bounded":
         found |= {"verdict": "proved", "reason": ""}
     else:
@@ -204,20 +210,44 @@ def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict
     return {"kick_sure": kick, "error_bound": bound}
 
 
-def maxwell_slip(machine: SlidingMachine, loop: SlidingLoop, friction: AnyFriction, limits: bool) -> dict[str, Any]:
+def certified(
+    machine: SlidingMachine, K: Any, delay: float, loop: SlidingLoop, friction: AnyFriction, limits: bool
+) -> dict[str, Any]:
     """The verdict on a loop that no spring refutes."""
     reference = reference_rate(machine, loop)
-    arguments = friction.K0, friction.stiction, friction.bristle_time
     try:
-        proof = certify_maxwell_slip(loop, *arguments, reference)
+        proof = certify(loop, friction, reference)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return {"verdict": "not decided", "reason": f"numerical failure: {error}"}
     holds = proof.certificate.holds
     found: dict[str, Any] = {"verdict": "proved" if holds else "not decided", "reason": proof.certificate.reason}
     found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
+    if proof.numbers is not None:
+        exact = claimed(machine, K, delay, friction, proof.numbers)
+        found["certificate"] = replace(proof.certificate, claim=exact, again=verify_friction)
     if holds and limits:
-        found["K0_max"], found["stiction_max"] = proved_limits(loop, *arguments, reference)
+        found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)
     return found
+
+
+def claimed(
+    machine: SlidingMachine, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
+) -> FrictionClaim:
+    """What the certificate claims, with every number as given."""
+    return FrictionClaim(
+        machine=matrices_of(machine),
+        controller=as_given(K),
+        delay=float(delay),
+        kind=friction.kind,
+        **({name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS} | numbers),
+    )
+
+
+def matrices_of(machine: SlidingMachine) -> Matrices:
+    """The machine as a system: (force, force at the port) to (measured, displacement at the port)."""
+    inputs = np.column_stack([machine.B_force, machine.B_port])
+    outputs = np.vstack([machine.C_measured, machine.C_port])
+    return Matrices(A=machine.A, B=inputs, C=outputs, D=np.zeros((2, 2)))
 
 
 def reference_rate(machine: SlidingMachine, loop: SlidingLoop) -> float:
@@ -242,14 +272,15 @@ def passive(machine: SlidingMachine, K: Any, loop: SlidingLoop) -> dict[str, Any
     }
 
 
-def refutation(spring: tuple[float, complex], loop: SlidingLoop) -> str:
+def refutation(spring: tuple[float, complex], loop: SlidingLoop, friction: AnyFriction) -> str:
     """Which member of the class makes the loop unstable."""
     kappa, pole = spring
     size = f"|z| = {abs(pole):.6g}" if loop.T else f"real part {pole.real:.4g} rad/s"
     if kappa == 0:
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
+    still = "a bristle" if friction.kind == "bristle" else "a spring"
     return (
-        f"not every friction of the class: with a spring of {kappa / 1e3:.4g} kN/m that does not slip, its rests are "
+        f"not every friction of the class: with {still} of {kappa / 1e3:.4g} kN/m that does not slip, its rests are "
         f"unstable ({size}); yours may be another member"
     )
 

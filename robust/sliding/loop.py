@@ -64,13 +64,13 @@ class SlidingLoop:
             total = expm(span * F) @ jump @ total
         return total
 
-    def poles(self, kappa: float = 0.0) -> np.ndarray:
-        """Poles of the loop with a spring at its port: of one period where sampled."""
-        return np.linalg.eigvals(self.period(kappa))
+    def poles(self, kappa: float = 0.0, damper: float = 0.0) -> np.ndarray:
+        """Poles of the loop with a spring and a damper at its port: of one period where sampled."""
+        return np.linalg.eigvals(self.period(kappa, damper))
 
-    def growth(self, kappa: float = 0.0) -> float:
+    def growth(self, kappa: float = 0.0, damper: float = 0.0) -> float:
         """Largest |pole| less one, or largest real part: negative where the loop is stable."""
-        poles = self.poles(kappa)
+        poles = self.poles(kappa, damper)
         return float(np.abs(poles).max() - 1 if self.T else poles.real.max())
 
     def rest(self) -> tuple[np.ndarray, np.ndarray]:
@@ -80,6 +80,7 @@ class SlidingLoop:
         conditions = np.vstack([self.F * unit_time, *(jump - own for jump in self.jumps)])
         wanted = np.concatenate([-self.B * unit_time, np.zeros(conditions.shape[0] - self.F.shape[0])])
         unit = np.linalg.norm(conditions, axis=0)
+        unit[unit == 0] = 1.0  # a state that may rest anywhere
         inverse = np.linalg.pinv(conditions / unit, rcond=1e-15) / unit[:, None]
         there = inverse @ wanted
         for _ in range(2):

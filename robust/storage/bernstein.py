@@ -7,6 +7,8 @@ every instant. Each matrix is judged by its eigenvalues, by more than the roundi
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg import expm
 
@@ -26,7 +28,7 @@ class Judged:
     Fields
     ------
     form : Dissipation
-        In those coordinates; the input scaled so that R is minus one at its largest.
+        In those coordinates; the inputs scaled so that the diagonal of R is minus one.
     A, B, Q, N, R, jumps, stored : ndarray of shape (as in the form)
         How far an entry may be off.
     V : (n, n) ndarray
@@ -65,10 +67,11 @@ class Storage:
 
 def in_coordinates(form: Dissipation) -> Judged:
     """The inequality in balanced coordinates."""
-    V = coordinates(form)
+    unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
+    V = coordinates(replace(form, B=form.B * (unit.max() / unit)))
     back = np.linalg.inv(V)
     n = form.B.shape[0]
-    unit = np.sqrt(-np.linalg.eigvalsh(form.R)[0])
+    more = form.stored.shape[0] - n
     aV, aback = np.abs(V), 1.01 * np.abs(back)
     k = (2 * n + 8) * EPS
 
@@ -82,7 +85,7 @@ def in_coordinates(form: Dissipation) -> Judged:
     jumps = [similar(jump) for jump in form.jumps]
     B = back @ form.B / unit
     B_off = aback @ (np.abs(V @ B - form.B / unit) + k * (aV @ np.abs(B)) + form.B_error / unit)
-    wide = np.block([[V, np.zeros((n, 2))], [np.zeros((2, n)), np.eye(2)]])
+    wide = np.block([[V, np.zeros((n, more))], [np.zeros((more, n)), np.eye(more)]])
     awide = np.abs(wide)
     new = Dissipation(
         A=A,
@@ -91,7 +94,7 @@ def in_coordinates(form: Dissipation) -> Judged:
         jumps=np.array([jump for jump, _ in jumps]).reshape(-1, n, n),
         Q=V.T @ form.Q @ V,
         N=V.T @ form.N / unit,
-        R=form.R / unit**2,
+        R=form.R / np.outer(unit, unit),
         stored=wide.T @ form.stored @ wide,
         B_error=form.B_error,
         stored_error=form.stored_error,
@@ -216,11 +219,12 @@ def judge_constant(judged: Judged, P: np.ndarray) -> str:
 
 
 def positive_energy(judged: Judged, P: np.ndarray) -> str:
-    """Empty if the stored energy is positive for every state, filter and force of the friction."""
+    """Empty if the stored energy is positive, whatever its states."""
     n = P.shape[-1]
-    energy = np.broadcast_to(judged.form.stored, (*P.shape[:-2], n + 2, n + 2)).copy()
+    stored = judged.form.stored
+    energy = np.broadcast_to(stored, (*P.shape[:-2], *stored.shape)).copy()
     energy[..., :n, :n] += P
-    size = np.broadcast_to(judged.stored, energy.shape).copy() + 4 * EPS * np.abs(judged.form.stored)
+    size = np.broadcast_to(judged.stored, energy.shape).copy() + 4 * EPS * np.abs(stored)
     size[..., :n, :n] += 4 * EPS * np.abs(P)
     worst = negative(-energy, size)
     return "" if worst < 0 else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"

@@ -23,10 +23,10 @@ class Dissipation:
         How long each flow lasts [s], and the jump before it; none where nothing is sampled.
     Q, N, R : (n, n), (n, m), (m, m) ndarray
         Supply z'Qz + 2 z'Nd + d'Rd.
-    stored : (n + 2, n + 2) ndarray
-        The rest of the stored energy, a form in (z, fh_1, elastic force).
+    stored : (n + E, n + E) ndarray
+        The rest of the stored energy, a form in z and E more (forces that rest).
     B_error : (n, m) ndarray
-    stored_error : (n + 2, n + 2) ndarray
+    stored_error : (n + E, n + E) ndarray
         How far an entry may be off, because the rest xi_e is known to rounding only.
     """
 

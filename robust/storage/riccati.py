@@ -84,9 +84,15 @@ def flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
 
 def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
     """(n, n) P just after the jump that begins a period, P itself where nothing is sampled; None if none."""
-    n = form.A.shape[0]
     if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
         return None
+    with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
+        return stabilising(form, slack)
+
+
+def stabilising(form: Dissipation, slack: float) -> np.ndarray | None:
+    """The same, of an equation that exists."""
+    n = form.A.shape[0]
     A, G, Q = supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     try:

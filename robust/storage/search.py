@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from robust.storage.bernstein import in_coordinates, judge, judge_constant, storage_function
+from nlfrf.shared.values import value
+from robust.storage.bernstein import Storage, in_coordinates, judge, judge_constant, storage_function
 from robust.storage.form import Dissipation
 from robust.storage.riccati import proposed_storage
 
-__all__ = ["METHOD", "certified_dissipation"]
+__all__ = ["METHOD", "Energy", "certified_dissipation"]
 
 METHOD = "periodic Riccati equation, Bernstein"
 SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
@@ -17,8 +18,26 @@ FINEST = 512
 NEAR = 1e-3  # a failure so small that the finest intervals are worth their time
 
 
-def certified_dissipation(form: Dissipation, quick: bool = False) -> str:
-    """Empty if a storage function was found and judged to prove the inequality; else what failed last."""
+@value(copy=False)
+class Energy:
+    """A stored energy that was judged to prove its inequality: coordinates z = V z~ and P in them.
+
+    Fields
+    ------
+    V : (n, n) ndarray
+    P : (I, 4, n, n) ndarray
+        Bernstein coefficients on each interval; (1, 1, n, n) where nothing is sampled.
+    counts : (S,) integer ndarray
+        Intervals in each span.
+    """
+
+    V: np.ndarray
+    P: np.ndarray
+    counts: np.ndarray
+
+
+def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, Energy | None]:
+    """Empty and the energy, if a storage function was judged to prove the inequality; else what failed last."""
     judged = in_coordinates(form)
     failure = "no storage function was found"
     nearest = NEAR, 0.0, np.zeros(0)
@@ -29,14 +48,27 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> str:
         if not form.spans.size:
             failure = judge_constant(judged, P)
             if not failure:
-                return ""
+                return "", Energy(V=judged.V, P=P[None, None], counts=np.zeros(0, dtype=int))
             continue
         for n_intervals in INTERVALS:
-            failure, worst = judge(judged, storage_function(judged.form, P, slack, n_intervals))
+            storage = storage_function(judged.form, P, slack, n_intervals)
+            failure, worst = judge(judged, storage)
             if not failure:
-                return ""
+                return "", energy_of(judged.V, storage)
             if np.isinf(worst) and n_intervals > INTERVALS[0]:  # no solution of this slack: finer will not help
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
-    return judge(judged, storage_function(judged.form, P, slack, FINEST))[0] if worst < NEAR and not quick else failure
+    if worst < NEAR and not quick:
+        storage = storage_function(judged.form, P, slack, FINEST)
+        failure = judge(judged, storage)[0]
+        if not failure:
+            return "", energy_of(judged.V, storage)
+    return failure, None
+
+
+def energy_of(V: np.ndarray, storage: Storage) -> Energy:
+    """What is kept of a storage function, symmetric to the bit."""
+    P = storage.coefficients
+    counts = np.diff(np.append(storage.first, P.shape[0]))
+    return Energy(V=V, P=(P + np.swapaxes(P, -1, -2)) / 2, counts=counts)

@@ -26,6 +26,7 @@ ARROWS = {
     "nlfrf.doctor": "",
     "robust.systems": "",
     "robust.verification": "",
+    "robust.friction_verification": "verification",
     "robust.certificates": "verification systems",
     "robust.modelling": "systems",
     "robust.mu": "certificates systems",
@@ -36,12 +37,13 @@ ARROWS = {
     "robust.fixed_structure": "friction_proof sliding analysis synthesis uncertain certificates systems",
     "robust.sliding": "systems",
     "robust.storage": "",
-    "robust.friction_proof": "sliding storage certificates systems",
+    "robust.friction_proof": "sliding storage certificates friction_verification verification systems",
     "robust.friction_motion": "friction_proof sliding systems",
     "robust.plot": "loopshaping friction_motion analysis performance uncertain modelling systems",
     "robust.loopshaping": "uncertain systems",
     "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
-    "robust.files": "plot friction_proof sliding analysis performance uncertain modelling verification systems",
+    "robust.files": "plot friction_proof friction_verification sliding analysis performance uncertain modelling "
+    "verification systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
 FACES = {
@@ -55,9 +57,10 @@ HEAVY = {
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
     "nlfrf.friction.loop_kernels",
     "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
-    "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program",
+    "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
+    "robust.friction_proof.bristle_multipliers",
     "jinja2": "robust.files.report_page",
-    "flint": "robust.verification",
+    "flint": "robust.verification robust.friction_verification",
     "anywidget": "robust.shaping_page.widget",
     "traitlets": "robust.shaping_page.widget",
     "pandas": "nlfrf.readers.tables",

@@ -23,6 +23,11 @@ def pid(Kp, Ki, Kd):
     return control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[Ki * T, -Kd / T]], [[Kp + Kd / T]], T)
 
 
+def pd(Kp, Kd):
+    """K = Kp + Kd (1 - 1/z)/T."""
+    return control.StateSpace([[0.0]], [[1.0]], [[-Kd / T]], [[Kp + Kd / T]], T)
+
+
 def oracle_loop(name):
     (Kp, Ki, Kd, delay), _, _ = ORACLES[name]
     return sliding_loop(RIG, pid(Kp, Ki, Kd), delay)

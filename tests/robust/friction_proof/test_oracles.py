@@ -4,7 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import any_bounded, any_maxwell_slip, any_passive, prove_friction, sliding_machine
+from nlfrf.friction import Leuven, LuGre
+from robust import any_bounded, any_bristle, any_maxwell_slip, any_passive, prove_friction, sliding_machine
 from robust.friction_proof.multipliers import filter_rates, largest_stiffness, rows
 from robust.sliding.bounded import hunting_bound, sure_kick
 from robust.sliding.loop import sliding_loop
@@ -98,3 +99,46 @@ def test_passive_friction_and_integral_action_never():
     machine = sliding_machine(1.0, 80e3, 0.4)
     assert prove_friction(machine, PI, any_passive()).verdict == "not decided"
     assert prove_friction(machine, PD, any_passive()).verdict == "proved"
+
+
+def lugre_work(law, legs, cycles=100):
+    """[J] that LuGre takes in the last of many cycles of constant velocities [m/s] over ways [m], in closed form."""
+    z = work = 0.0
+    for _ in range(cycles):
+        work = 0.0
+        for v, way in legs:
+            g = law.Fc + (law.Fs - law.Fc) * np.exp(-(np.abs(v / law.vs) ** law.delta))
+            rate, span, goal = law.sigma0 * abs(v) / g, way / abs(v), np.sign(v) * g / law.sigma0
+            end = goal + (z - goal) * np.exp(-rate * span)
+            bent = goal * span - (z - goal) * np.expm1(-rate * span) / rate  # int z dt
+            work += v * (law.sigma0 * bent + law.sigma1 * (end - z) + law.sigma2 * v * span)
+            z = end
+    return work
+
+
+def test_lugre_gives_energy_back_where_its_viscous_friction_does_not_outweigh_its_bristles():
+    """O3: passive iff sigma2 >= sigma1 (Fs - Fc)/Fc (Barabanov & Ortega 2000); the rig needs 5.571 and has 0.4.
+
+    Creeping 10 um at 1e-4 m/s, then 5 um at 1 m/s, over and over: the bristles bend slowly and let go at speed.
+    """
+    legs, numbers = ((1e-4, 10e-6), (1.0, 5e-6)), {"sigma0": 64e3, "sigma1": 13.0, "Fc": 0.7, "Fs": 1.0, "vs": 0.01}
+    needed = 13.0 * (1.0 - 0.7) / 0.7
+    assert needed == pytest.approx(5.571, abs=1e-3)
+    assert lugre_work(LuGre(sigma2=0.4, delta=1.0, **numbers), legs) == pytest.approx(-6.25e-7, rel=0.03)
+    assert lugre_work(LuGre(sigma2=0.4, **numbers), legs) < -7e-7
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        sizes = rng.choice([-1, 1], 6) * 10 ** rng.uniform(-4, 0.5, 6)
+        legs = tuple(zip(sizes, 10 ** rng.uniform(-6, -4, 6), strict=True))
+        assert lugre_work(LuGre(sigma2=needed, **numbers), legs) > 0
+
+
+def test_the_rig_is_taken_for_no_passive_friction():
+    """What the harness calls passive, the bristles' own class proves only above that viscous friction."""
+    rig = Leuven()
+    needed = rig.sigma1 * ((rig.Fs / rig.Fc) ** rig.n - 1)
+    creeping = any_bristle(64e3, rig.Fs / rig.Fc, rig.sigma1)
+    verdicts = [
+        prove_friction(sliding_machine(1.0, 80e3, c), 0.0, creeping).verdict for c in (0.95 * needed, 1.05 * needed)
+    ]
+    assert verdicts == ["not decided", "proved"]

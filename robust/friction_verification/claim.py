@@ -1,0 +1,118 @@
+"""``FrictionClaim``: what is claimed of a machine with friction, with every number as given."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.values import value
+from robust.verification.claim import Matrices
+
+__all__ = ["FrictionClaim", "content", "from_content"]
+
+KINDS = ("Maxwell slip", "bristle")
+SYSTEMS = ("machine", "controller")
+
+
+@value
+class FrictionClaim:
+    """The loop u = -K y around p' = A p + B (u, -f), with friction f of a class, comes to rest; and the numbers why.
+
+    Fields
+    ------
+    machine : Matrices
+        Inputs: force of the actuator, force at the friction port [N]; outputs: measured position, displacement at the
+        port [m].
+    controller : Matrices
+        Sampled, or continuous (dt = 0).
+    delay : float
+        From sampling to the force changing [s]; within 1e-9 of a whole number of samples it is that number.
+    kind : str
+        "Maxwell slip" or "bristle".
+    K0, stiction, bristle_time, microdamping : float
+        Of the class [N/m], [-], [s], [Ns/m].
+    rates, weights : (J,) ndarray
+        Filters [rad/s] and their weights; of Maxwell slip the first is the reference.
+    free : float
+        Weight of the friction itself.
+    block : (3, 3) ndarray
+        Of bristles: the form in (v, q, gamma).
+    bounds : (2,) ndarray
+        Of bristles: multiples of the sector that the block is above.
+    V : (n, n) ndarray
+        Coordinates of the stored energy.
+    P : (I, 4, n, n) ndarray
+        Bernstein coefficients of the stored energy in these, interval by interval; (1, 1, n, n) where K is continuous.
+    counts : (S,) integer ndarray
+        Intervals of equal length in each span between changes of the force.
+    """
+
+    machine: Matrices
+    controller: Matrices
+    delay: float
+    kind: str
+    K0: float
+    stiction: float
+    bristle_time: float
+    microdamping: float
+    rates: np.ndarray
+    weights: np.ndarray
+    free: float
+    block: np.ndarray
+    bounds: np.ndarray
+    V: np.ndarray
+    P: np.ndarray
+    counts: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
+        if self.machine.D.shape != (2, 2) or self.controller.D.shape != (1, 1):
+            raise ValueError("machine must have two inputs and outputs and the controller one, got other shapes")
+        n = self.V.shape[0]
+        if self.V.shape != (n, n) or self.P.ndim != 4 or self.P.shape[2:] != (n, n):
+            raise ValueError(f"P must hold matrices of the size of V, got shapes {self.P.shape} and {self.V.shape}")
+        if self.rates.shape != self.weights.shape or self.rates.ndim != 1:
+            raise ValueError(f"weights must be one a rate, got {self.weights.shape} for {self.rates.shape}")
+        for name in ("rates", "weights", "free", "block", "bounds", "V", "P", "K0", "stiction", "delay"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise ValueError(f"{name} must be finite, got something else")
+
+
+def content(claim: FrictionClaim) -> dict[str, Any]:
+    """The claim as plain numbers and words."""
+    found: dict[str, Any] = {}
+    for field in fields(claim):
+        part = getattr(claim, field.name)
+        if field.name in SYSTEMS:
+            found[field.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
+        else:
+            found[field.name] = part.tolist() if isinstance(part, np.ndarray) else part
+    return found
+
+
+def from_content(given: Any) -> FrictionClaim:
+    """The claim back from `content`, or a ValueError that says what is wrong with it."""
+    names = {field.name for field in fields(FrictionClaim)}
+    if not isinstance(given, dict) or set(given) != names:
+        raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
+    try:
+        parts: dict[str, Any] = {}
+        for name, part in given.items():
+            if name in SYSTEMS:
+                D = np.array(part["D"], dtype=float, ndmin=2)
+                n = len(part["A"])
+                shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n), "D": D.shape}
+                system = {key: np.array(part[key], dtype=float).reshape(shape) for key, shape in shapes.items()}
+                parts[name] = Matrices(**system, dt=float(part["dt"]))
+            elif name == "kind":
+                parts[name] = str(part)
+            elif isinstance(part, list):
+                parts[name] = np.array(part, dtype=int if name == "counts" else float)
+            else:
+                parts[name] = float(part)
+        return FrictionClaim(**parts)
+    except (TypeError, KeyError, IndexError) as error:
+        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
