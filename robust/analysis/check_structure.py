@@ -14,6 +14,7 @@ from nlfrf.shared.wording import hertz, paragraph, shown
 from robust.analysis.verdict import VERDICTS, factor
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
+from robust.certificates.stability import instability
 from robust.mu.blocks import structure
 from robust.mu.certify import certify_mu
 from robust.mu.lower import searched
@@ -21,7 +22,6 @@ from robust.mu.real_parameters import Crossing, crossing
 from robust.mu.upper import bound, mu_upper, refined
 from robust.systems.grids import structure_grid
 from robust.systems.lti import along
-from robust.systems.stability import instability
 from robust.uncertain.interconnection import UncertainSystem
 
 __all__ = ["StructuredReport", "check_structure"]
