@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from robust import hinfsyn
+from robust.certificates.stability import instability
 from robust.systems.lft import lower
 from robust.systems.lti import evaluate
-from robust.systems.stability import instability
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.compleib import generalised
 

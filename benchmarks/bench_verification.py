@@ -16,8 +16,8 @@ import numpy as np
 
 from robust import UncertaintyModel, check
 from robust.analysis.claims import claim_of
+from robust.certificates.stability import instability
 from robust.systems.closed_loop import closed_loop
-from robust.systems.stability import instability
 from robust.verification.claim import as_given
 from robust.verification.loops import verify_loop
 from robust.verification.poles import stable_loop

@@ -24,9 +24,9 @@ from nlfrf.shared.arguments import one_of
 from nlfrf.shared.wording import shown
 from robust.analysis.check_lines import check_lines
 from robust.analysis.check_structure import StructuredReport, check_structure
-from robust.analysis.claims import claim_of, decided
+from robust.analysis.claims import claim_of
 from robust.analysis.curves import Peaks
-from robust.analysis.loop import assemble, find_peaks
+from robust.analysis.loop import assemble, find_peaks, nominal_instability
 from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_set, on_unstable
@@ -136,7 +136,7 @@ def check(
     of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
     of |= {"band": model.omega[[0, -1]], "unit": model.unit}
     claim = claim_of(model, K, loop.w_P, delay)
-    wrong = decided(loop, claim)
+    wrong = nominal_instability(loop)
     if wrong:
         return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, wrong), stable=False, **of)
     peaks = find_peaks(loop, omega, (float(model.omega[0]), float(model.omega[-1])))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -11,22 +12,24 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph, shown
-from robust.analysis.verdict import VERDICTS, factor
+from robust.analysis.verdict import VERDICTS, factor, judge_structure, structure_sentences
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
+from robust.certificates.stability import instability
 from robust.mu.blocks import structure
 from robust.mu.certify import certify_mu
 from robust.mu.lower import searched
+from robust.mu.parameter_margin import ParameterMargin, parameter_margin
 from robust.mu.real_parameters import Crossing, crossing
 from robust.mu.upper import bound, mu_upper, refined
 from robust.systems.grids import structure_grid
 from robust.systems.lti import along
-from robust.systems.stability import instability
 from robust.uncertain.interconnection import UncertainSystem
 
 __all__ = ["StructuredReport", "check_structure"]
 
 
+GAP = 0.05  # to which an open verdict is pursued
 FARTHEST = 100.0  # times as large as complex numbers would have to be: how far real ones are looked for
 
 
@@ -45,7 +48,7 @@ class StructuredReport:
         True only when established at all frequencies.
     margin_rs, margin_rp : float
         Factor on all perturbations up to which the upper bound stays at one (on the perturbations and the performance
-        together for margin_rp).
+        together for margin_rp), or that was proved part by part of the box of real parameters.
     margin_broken : float
         Factor at which a perturbation that was found makes the loop singular; inf where none was found.
     omega_rs, omega_rp : float
@@ -110,7 +113,9 @@ class StructuredReport:
         return "\n".join(lines)
 
 
-def check_structure(system: UncertainSystem, *, certify: bool = True, time_cap: float = 60.0) -> StructuredReport:
+def check_structure(
+    system: UncertainSystem, *, certify: bool = True, gap: float | None = None, time_cap: float = 60.0
+) -> StructuredReport:
     """Check a loop with several uncertainties by the structured singular value, and say what was proved.
 
     Parameters
@@ -119,6 +124,9 @@ def check_structure(system: UncertainSystem, *, certify: bool = True, time_cap: 
         From `interconnection`.
     certify : bool
         Prove the result at all frequencies; without it nothing better than "not certified" comes out.
+    gap : float, optional
+        With real parameters: relative distance between margin_rs and margin_broken, for which their box is cut up part
+        by part (`parameter_margin`). When not given it is cut up, to 5 %, only where the verdict is still open.
     time_cap : float
         Seconds. Where they were too few the bounds found by then, larger ones, are what is judged, and the reason says
         so.
@@ -160,10 +168,14 @@ def check_structure(system: UncertainSystem, *, certify: bool = True, time_cap: 
     curves = bound_curves(system, omega, deadline - 0.5 * time_cap)
     broken, worst = worst_found(system, curves, deadline - 0.3 * time_cap)
     certificates = proofs(system, curves, deadline) if certify and curves.peak < 1 and not broken <= 1 else ()
+    still_open = certify and broken > 1 and not any(one.holds for one in certificates)
+    cut = cut_up(system, GAP if gap is None else positive("gap", gap), deadline) if still_open or gap else None
+    if cut is not None:
+        broken, worst, certificates = with_parts(system, cut, broken, worst, certificates)
     stable = bool(certificates and certificates[0].holds)
     performs = len(certificates) == 2 and certificates[1].holds
-    verdict, reason = judge(system, curves, broken, certify, certificates)
-    proved, not_proved = sentences(system, stable, performs)
+    verdict, reason = judge_structure(system, curves, broken, certify, certificates, cut)
+    proved, not_proved = structure_sentences(system, stable, performs)
     return StructuredReport(
         omega=curves.omega,
         mu=curves.mu,
@@ -171,7 +183,7 @@ def check_structure(system: UncertainSystem, *, certify: bool = True, time_cap: 
         nominally_stable=True,
         robustly_stable=stable,
         robust_performance=performs,
-        margin_rs=1 / curves.peak if curves.peak > 0 else np.inf,
+        margin_rs=max(1 / curves.peak if curves.peak > 0 else np.inf, cut.proved if cut else 0.0),
         margin_rp=1 / curves.peak_rp if curves.peak_rp > 0 else np.nan,
         margin_broken=broken,
         omega_rs=float(curves.omega[curves.mu.argmax()]),
@@ -263,6 +275,31 @@ def proofs(system: UncertainSystem, curves: Curves, deadline: float) -> tuple[Ce
     return stability, performance
 
 
+def cut_up(system: UncertainSystem, gap: float, deadline: float) -> ParameterMargin | None:
+    """The box of real parameters cut up until proof and counter-example meet; None without real ones, or time.
+
+    The scalings on each part change with frequency, which says nothing of nonlinear perturbations.
+    """
+    kinds = {"real" if b.kind == "real" else b.perturbation for b in system.blocks.values()}
+    left = deadline - time.monotonic()
+    if "real" not in kinds or "operator" in kinds or left <= 0:
+        return None
+    return parameter_margin(system.loop, system.structure, gap=gap, time_cap=left)
+
+
+def with_parts(
+    system: UncertainSystem, cut: ParameterMargin, broken: float, worst: Any, certificates: tuple[Certificate, ...]
+) -> tuple[float, Any, tuple[Certificate, ...]]:
+    """What breaks the loop and what is proved of it, with what was found part by part."""
+    if cut.broken < broken:
+        broken, worst = cut.broken, dict(zip(system.blocks, map(float, cut.worst), strict=True))
+    if cut.proved >= 1 and not any(one.holds for one in certificates):
+        how = f"branch and bound, {len(cut.certificates)} parts of the parameter box"
+        whole = replace(cut.certificates[0], subject="robust stability", level=1.0, method=how)
+        certificates = (whole, *certificates[1:])
+    return broken, worst, certificates
+
+
 def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float, deadline: float) -> Crossing | None:
     """Real parameters that break the loop: they do so between the lines of any grid, where mu on it says nothing."""
     blocks = system.structure
@@ -332,54 +369,3 @@ def proof(
 def vars_of(certificate: Certificate) -> dict[str, Any]:
     """The fields of a certificate."""
     return {name: getattr(certificate, name) for name in certificate.__dataclass_fields__}
-
-
-def judge(
-    system: UncertainSystem, curves: Curves, broken: float, certify: bool, certificates: tuple[Certificate, ...]
-) -> tuple[str, str]:
-    """The verdict on stability and why."""
-    if broken <= 1:
-        return (
-            "not robust",
-            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
-        )
-    peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
-    if certificates and certificates[0].holds:
-        if any(block.perturbation == "statistical" for block in system.blocks.values()):
-            return "statistically robust", "the loop is stable with every linear plant of the set"
-        return "robust", "every perturbation of the set leaves the loop stable"
-    if peak >= 1:
-        reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
-        late = " by the time cap" if curves.late else ""
-        return "not certified", f"{reached}{late}, but no perturbation was found that breaks the loop"
-    if not certify:
-        return "not certified", f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
-    return "not certified", f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
-
-
-def sentences(system: UncertainSystem, stable: bool, performs: bool) -> tuple[str, str]:
-    """What was proved and what was not."""
-    if not stable:
-        return "Only that the nominal loop is stable.", "Anything about the set around it."
-    words = {
-        "real": "every constant value of {}",
-        "LTI": "every stable linear {}",
-        "statistical": "every linear {}",
-        "operator": "every causal {}, nonlinear ones included",
-    }
-    parts = [
-        words["real" if block.kind == "real" else block.perturbation].format(name)
-        for name, block in system.blocks.items()
-    ]
-    what = "Stability and the performance demand" if performs else "Stability"
-    missing = []
-    if any(block.kind == "real" for block in system.blocks.values()):
-        missing.append("parameters that change while the loop runs")
-    if any(block.perturbation == "statistical" for block in system.blocks.values()):
-        missing.append(
-            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
-        )
-    if system.inputs and not performs:
-        missing.append("the performance demand for the whole set")
-    text = "; ".join(missing or ["anything outside the set"])
-    return f"{what} with {' and '.join(parts)}, all at once, at all frequencies.", text[0].upper() + text[1:] + "."

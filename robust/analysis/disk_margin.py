@@ -9,12 +9,12 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer, real
 from nlfrf.shared.values import value
+from robust.certificates.stability import instability
 from robust.mu.upper import mu_upper, refined
 from robust.systems.grids import structure_grid
 from robust.systems.lft import lower
 from robust.systems.nyquist import winding
 from robust.systems.realisation import multivariable
-from robust.systems.stability import instability
 
 __all__ = ["DiskMargin", "disk_margin"]
 

@@ -12,6 +12,7 @@ from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.values import value
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.certificates.intervals import Magnitude, magnitude
+from robust.certificates.stability import LARGEST_EXACT, beside_boundary
 from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series, inverse
 from robust.systems.grids import highest, loop_grid
@@ -21,6 +22,8 @@ from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import certain_poles, moved_out
 from robust.uncertain.forms import FORMS, relative
 from robust.uncertain.model import UncertaintyModel
+from robust.verification.claim import as_given
+from robust.verification.poles import stable_loop
 
 __all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with", "weighted"]
 
@@ -54,6 +57,8 @@ class Loop:
         curves and margins are those of the delay itself.
     shaping : control.StateSpace
         What the plant is scaled by where the form depends on its units; the gain one elsewhere.
+    given, delay : control.StateSpace, float
+        The plant before hold and delay, and that delay [s]: what exact arithmetic takes.
     """
 
     G: control.StateSpace
@@ -67,6 +72,8 @@ class Loop:
     short: control.StateSpace
     shift: float
     shaping: control.StateSpace
+    given: control.StateSpace
+    delay: float
 
     @property
     def top(self) -> float:
@@ -75,7 +82,7 @@ class Loop:
 
     def with_plant(self, G: control.StateSpace) -> Loop:
         """The same loop around another plant, as the controller sees it."""
-        return replace(self, G=G, short=G, shift=0.0)
+        return replace(self, G=G, short=G, shift=0.0, given=G, delay=0.0)
 
     def shaped(self) -> Loop:
         """The same loop in the units of its set: the plant scaled, the controller scaled back."""
@@ -216,11 +223,32 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         short=short,
         shift=float(shift),
         shaping=model.shaping,
+        given=model.nominal,
+        delay=delay,
     )
 
 
 def nominal_instability(loop: Loop) -> str:
-    """Empty where every pole of the loop, hidden modes included, is stable beyond rounding; else what is wrong.
+    """Empty where every pole of the nominal loop, hidden modes included, is strictly stable; else what is wrong.
+
+    Floating point decides far from the boundary, exact arithmetic beside it, unless the loop is too large.
+    """
+    said = apparently(loop)
+    if not beside_boundary(loop.closed(("e",), ("r",))):
+        return said
+    if loop.given.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > LARGEST_EXACT:
+        return said
+    found = stable_loop(as_given(loop.given), as_given(loop.K), delay=loop.delay)
+    if found.holds or found.unclear:
+        return "" if found.holds else said
+    if said.startswith("unstable"):
+        return said
+    where = said.partition("a pole of the nominal loop ")[2].partition(" cannot")[0]
+    return f"unstable: the nominal loop has a pole {where}".rstrip() + ", on the stability boundary or beyond it"
+
+
+def apparently(loop: Loop) -> str:
+    """Empty where every pole of the loop is stable beyond rounding; else what is wrong, or left open.
 
     A delay in a continuous loop is taken as it is, not by its approximation.
     """
@@ -285,4 +313,4 @@ def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Loop,
 
 def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
     """Whether the loop is stable with another plant, `seen` as its controller sees it."""
-    return not nominal_instability(replace(loop, G=seen, short=plant if loop.pade_delay else seen))
+    return not nominal_instability(replace(loop, G=seen, short=plant if loop.pade_delay else seen, given=plant))

@@ -13,7 +13,15 @@ from robust.analysis.proofs import Proofs
 from robust.systems.lti import poles, response
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["VERDICTS", "factor", "on_lines_only", "on_set", "on_unstable"]
+__all__ = [
+    "VERDICTS",
+    "factor",
+    "judge_structure",
+    "on_lines_only",
+    "on_set",
+    "on_unstable",
+    "structure_sentences",
+]
 CURES = {
     "noise": "noise: average more periods",
     "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
@@ -237,3 +245,55 @@ def factor(margin: float) -> str:
     if margin > 1:
         return f"the uncertainty may grow by a factor {margin:.3g}"
     return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
+
+
+def judge_structure(
+    system: Any, curves: Any, broken: float, certify: bool, certificates: tuple[Any, ...], cut: Any
+) -> tuple[str, str]:
+    """The verdict on the stability of a loop with several uncertainties and why; `cut` a `ParameterMargin` or None."""
+    if broken <= 1:
+        return (
+            "not robust",
+            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
+        )
+    peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
+    if certificates and certificates[0].holds:
+        if any(block.perturbation == "statistical" for block in system.blocks.values()):
+            return "statistically robust", "the loop is stable with every linear plant of the set"
+        return "robust", "every perturbation of the set leaves the loop stable"
+    if peak >= 1:
+        reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
+        late = " by the time cap" if curves.late else ""
+        parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
+        return "not certified", f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
+    if not certify:
+        return "not certified", f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
+    return "not certified", f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
+
+
+def structure_sentences(system: Any, stable: bool, performs: bool) -> tuple[str, str]:
+    """What was proved and what was not."""
+    if not stable:
+        return "Only that the nominal loop is stable.", "Anything about the set around it."
+    words = {
+        "real": "every constant value of {}",
+        "LTI": "every stable linear {}",
+        "statistical": "every linear {}",
+        "operator": "every causal {}, nonlinear ones included",
+    }
+    parts = [
+        words["real" if block.kind == "real" else block.perturbation].format(name)
+        for name, block in system.blocks.items()
+    ]
+    what = "Stability and the performance demand" if performs else "Stability"
+    missing = []
+    if any(block.kind == "real" for block in system.blocks.values()):
+        missing.append("parameters that change while the loop runs")
+    if any(block.perturbation == "statistical" for block in system.blocks.values()):
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+    if system.inputs and not performs:
+        missing.append("the performance demand for the whole set")
+    text = "; ".join(missing or ["anything outside the set"])
+    return f"{what} with {' and '.join(parts)}, all at once, at all frequencies.", text[0].upper() + text[1:] + "."

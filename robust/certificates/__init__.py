@@ -4,5 +4,6 @@ certificate   `Certificate`: what was proved, how, and if not, why not
 bounded_real  one linear matrix inequality for a whole norm
 intervals     weights frozen on an interval, a Hamiltonian test on each
 single_loop   a proof for one loop from its responses, interval by interval, a delay taken as it is
+stability     stable or not: floating point far from the boundary, exact arithmetic beside it
 solver        cvxpy behind a time cap, by solvers that may fail in any way
 """

@@ -17,13 +17,13 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.intervals import SLACK, around, inside, prove
+from robust.certificates.stability import instability
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, bounded
 from robust.systems.bilinear import continuous_image
 from robust.systems.lti import Matrices, along, timebase
 from robust.systems.norms import sign_changes, well_conditioned
 from robust.systems.realisation import multivariable
-from robust.systems.stability import instability
 
 __all__ = ["certify_mu"]
 

@@ -18,6 +18,7 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from robust.certificates.certificate import Certificate
+from robust.certificates.stability import instability
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.certify import certify_mu
 from robust.mu.lower import searched
@@ -26,7 +27,6 @@ from robust.mu.upper import bounded, refined
 from robust.systems.grids import structure_grid
 from robust.systems.lti import along
 from robust.systems.realisation import multivariable
-from robust.systems.stability import instability
 
 __all__ = ["ParameterMargin", "parameter_margin"]
 

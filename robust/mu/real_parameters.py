@@ -15,9 +15,9 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
+from robust.certificates.stability import instability
 from robust.mu.blocks import BlockStructure
 from robust.systems.lti import in_s, timebase
-from robust.systems.stability import instability
 
 __all__ = ["Crossing", "crossing"]
 

@@ -39,7 +39,7 @@ MOST_STEPS = 80
 MOST_STEPS_REAL = 200
 GAP = 1e-9
 SPRING = 0.1
-MOST_ENTRIES = 4_000_000  # of the arrays of one Newton step
+MOST_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a second
 
 
 @value(copy=False)
@@ -224,6 +224,8 @@ def centres(
     best = bound.copy()
     alpha = np.where(bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9))
     for _ in range(MOST_STEPS_REAL if s.skew.size else MOST_STEPS):
+        if time.monotonic() > deadline:
+            break
         M, L, R, g, near, lost = centred(M, L, R, g, alpha, s)
         bound = top_eigenvalue(M, g)
         goal = target[todo]
@@ -236,7 +238,7 @@ def centres(
         alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
         keep = ~done & np.isfinite(bound)
         todo, M, L, R, g, alpha = todo[keep], M[keep], L[keep], R[keep], g[keep], alpha[keep]
-        if not todo.size or time.monotonic() > deadline:
+        if not todo.size:
             break
     return D_L, D_R, G
 
@@ -274,15 +276,16 @@ def centred(
     turned = P.swapaxes(-1, -2).reshape(W, -1, n * n)
     H = (flat @ turned.swapaxes(-1, -2)).real
     trace = np.einsum("kii->k", s.left).real
-    gram = np.einsum("kij,lji->kl", s.left, s.left).real
+    rows, G_rows = s.left.reshape(K, M.shape[1] ** 2), s.skew.reshape(len(s.skew), n * M.shape[1])
+    gram = (rows @ s.left.swapaxes(1, 2).reshape(rows.shape).T).real
     H[:, :K, :K] += gram
     gradient = -np.einsum("wkii->wk", P).real
     gradient[:, :K] -= trace
     size = H.shape[1]
     # a spring on G, which the barrier alone may let run away, weaker as the bound is approached
     spring = SPRING * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
-    gradient[:, K:] += spring[:, None] * np.einsum("lij,wij->wl", s.skew.conj(), G).real
-    H[:, K:, K:] += spring[:, None, None] * np.einsum("lij,kij->lk", s.skew.conj(), s.skew).real
+    gradient[:, K:] += spring[:, None] * (G.reshape(W, n * M.shape[1]) @ G_rows.conj().T).real
+    H[:, K:, K:] += spring[:, None, None] * (G_rows.conj() @ G_rows.T).real
     H = H + 1e-13 * np.einsum("wkk->w", H)[:, None, None] * np.eye(size) / size
     border = np.zeros((W, size, 2))
     border[:, :K, 0], border[:, :, 1] = trace, gradient

@@ -16,6 +16,7 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer, positive
 from nlfrf.shared.values import value
+from robust.certificates.stability import instability
 from robust.modelling.weights import minimum_phase
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.certify import certify_mu
@@ -25,7 +26,6 @@ from robust.systems.grids import structure_grid
 from robust.systems.lft import joined, lower
 from robust.systems.lti import along, response, timebase
 from robust.systems.realisation import multivariable
-from robust.systems.stability import instability
 
 __all__ = ["DkDesign", "dk_iteration"]
 

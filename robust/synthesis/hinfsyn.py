@@ -14,6 +14,7 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer, nonnegative, positive, real
 from nlfrf.shared.values import value
+from robust.certificates.stability import instability
 from robust.synthesis.central import LARGEST_GAMMA, bracket, central, least_level, solved
 from robust.synthesis.generalised_plant import (
     Plant,
@@ -28,7 +29,6 @@ from robust.synthesis.singular import between_circles
 from robust.systems.lft import lower
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import multivariable
-from robust.systems.stability import instability
 
 __all__ = ["Synthesis", "hinfsyn"]
 

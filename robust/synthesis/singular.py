@@ -21,6 +21,7 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
+from robust.certificates.stability import instability
 from robust.synthesis.central import LARGEST_GAMMA, bracket, central, control_equation, least_level, solved
 from robust.synthesis.generalised_plant import (
     Plant,
@@ -36,7 +37,6 @@ from robust.synthesis.generalised_plant import (
 from robust.systems.lft import lower
 from robust.systems.lti import along, evaluate, in_s, on_axis, timebase
 from robust.systems.norms import hinf_norm
-from robust.systems.stability import instability
 
 __all__ = ["Found", "between_circles", "fixed_gain"]
 

@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from robust.systems.lti import poles, response, timebase
 from robust.systems.norms import EPS, crossings
 
-__all__ = ["certain_poles", "instability", "moved_out", "stable"]
+__all__ = ["apparent_instability", "certain_poles", "moved_out", "stable"]
 
 
 def moved_out(L: control.StateSpace, delay: float) -> float:
@@ -73,8 +73,8 @@ def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(poles), np.concatenate(moved)
 
 
-def instability(system: control.StateSpace) -> str:
-    """Empty where every pole is stable beyond rounding, else what is wrong."""
+def apparent_instability(system: control.StateSpace) -> str:
+    """Empty where every pole is stable beyond rounding, else what is wrong, or left open."""
     poles, moved = certain_poles(system)
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     if not poles.size or np.all(excess < -moved):

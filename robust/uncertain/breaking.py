@@ -15,6 +15,7 @@ import numpy as np
 from nlfrf.shared.arguments import real
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
+from robust.certificates.stability import instability
 from robust.mu.lower import mu_lower
 from robust.mu.upper import refined
 from robust.systems.bilinear import to_discrete
@@ -22,7 +23,6 @@ from robust.systems.connections import in_series
 from robust.systems.grids import structure_grid
 from robust.systems.lft import joined
 from robust.systems.lti import along, timebase
-from robust.systems.stability import instability
 from robust.uncertain.forms import ELEMENTS
 from robust.uncertain.matrix_model import MatrixUncertainty
 

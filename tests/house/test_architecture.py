@@ -30,7 +30,7 @@ ARROWS = {
     "robust.certificates": "verification systems",
     "robust.modelling": "systems",
     "robust.mu": "certificates systems",
-    "robust.uncertain": "modelling mu systems",
+    "robust.uncertain": "modelling mu certificates systems",
     "robust.performance": "systems",
     "robust.analysis": "performance uncertain mu certificates verification systems",
     "robust.synthesis": "analysis uncertain modelling mu certificates systems",

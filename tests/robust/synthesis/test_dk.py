@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from robust import certify_mu, dk_iteration, mu_upper, mu_upper_lmi, worst_gain
+from robust.certificates.stability import instability
 from robust.modelling.weights import minimum_phase
 from robust.systems.bilinear import to_discrete
 from robust.systems.lft import lower
 from robust.systems.lti import response
-from robust.systems.stability import instability
 from tests.robust.mu.test_mu import along, random_matrix, size
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 

@@ -9,7 +9,8 @@ from robust.systems.grids import highest, loop_grid, structure_grid
 from robust.systems.lti import evaluate, response
 from robust.systems.nyquist import winding
 from robust.systems.realisation import from_roots, state_space
-from robust.systems.stability import certain_poles, instability, moved_out
+from robust.systems.stability import apparent_instability as instability
+from robust.systems.stability import certain_poles, moved_out
 
 OMEGA = np.geomspace(1e-2, 1e2, 50)
 G = state_space("G", control.tf([3, 1], [1, 0.4, 2]))
