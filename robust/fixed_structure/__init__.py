@@ -7,4 +7,5 @@ demands         what is asked of the loop, line by line, as a convex program tak
 starts          a simple stabilising controller to begin from, or the one that was given
 convex_concave  the iteration, from there to one that no step improves
 cone_program    one convex step, in second-order cones
+proved           the stiffest PID with which a machine is still proved to come to rest
 """

@@ -15,6 +15,7 @@ from nlfrf.shared.wording import hertz, shown
 from robust.fixed_structure.convex_concave import DesignTask, iterate
 from robust.fixed_structure.demands import Demand, end_row, limit_rows, objective_row, weight_rows
 from robust.fixed_structure.plants import SeenPlant, see, stacked_plants
+from robust.fixed_structure.proved import largest_proved_gain, machines_of
 from robust.fixed_structure.starts import find_start, given_start, loops_stable
 from robust.fixed_structure.structures import FASTEST, FASTEST_SAMPLED, Basis, structure_of
 from robust.synthesis.design import Design
@@ -49,6 +50,7 @@ def design_frf(
     start: Any = None,
     n_starts: int = 1,
     n_unstable: int = 0,
+    prove: Any = None,
     n_iterations: int = 60,
     time_cap: float = 20.0,
     progress: Callable[[int, float], Any] | None = None,
@@ -100,6 +102,9 @@ def design_frf(
         How many of the controllers found to begin with are followed; more take longer and may end in a better optimum.
     n_unstable : int
         Unstable poles of a plant that is an FRF.
+    prove : FrictionClass or (SlidingMachine, AnyFriction), optional
+        Whose friction, every one of the class, the loop must be proved to come to rest with: the gain is lowered until
+        it is, and all else is judged again there.
     n_iterations, time_cap : int, float
         Caps on convex steps and on time [s].
     progress : callable, optional
@@ -113,7 +118,8 @@ def design_frf(
     Raises
     ------
     ValueError
-        No stabilising controller to begin from, parts that do not fit each other, nothing asked for.
+        No stabilising controller to begin from, parts that do not fit each other, nothing asked for, no gain that is
+        proved.
 
     References
     ----------
@@ -164,7 +170,26 @@ def design_frf(
         X=X,
     )
     starts = [checked_start(task, start)] if start is not None else found_starts(task, n_starts)
-    return judged_design(task, *iterate(task, starts, n_iterations, began + time_cap, progress), objective)
+    theta, history, why = iterate(task, starts, n_iterations, began + time_cap, progress)
+    if prove is not None:
+        theta, why = proved_parameters(task, theta, prove, delay, why)
+    return judged_design(task, theta, history, why, objective)
+
+
+def proved_parameters(
+    task: DesignTask, theta: np.ndarray, prove: Any, delay: float, why: str
+) -> tuple[np.ndarray, str]:
+    """The parameters with the largest gain, at most the one found, that is proved for a class of friction."""
+    machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
+    gain, proofs = largest_proved_gain(task.basis.controller(theta), machines, friction, delay)
+    if proofs is None:
+        raise ValueError(
+            "prove must be a class for which some gain of the controller is proved, got none down to 1/256"
+        )
+    lowered = theta.copy()
+    lowered[task.basis.n_y :] *= gain
+    said = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
+    return lowered, f"{why}; {said}"
 
 
 def asked(at: SeenPlant, aim: str, weights: dict[str, Any], limits: dict[str, Any]) -> tuple[str, list[Demand]]:

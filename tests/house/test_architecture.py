@@ -33,7 +33,7 @@ ARROWS = {
     "robust.performance": "systems",
     "robust.analysis": "performance uncertain mu certificates verification systems",
     "robust.synthesis": "analysis uncertain modelling mu certificates systems",
-    "robust.fixed_structure": "analysis synthesis uncertain certificates systems",
+    "robust.fixed_structure": "friction_proof sliding analysis synthesis uncertain certificates systems",
     "robust.sliding": "systems",
     "robust.storage": "",
     "robust.friction_proof": "sliding storage certificates systems",

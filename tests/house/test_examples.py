@@ -80,6 +80,11 @@ PRINTED = {
         r"three levels +statistically robust +hard +[1-9]\d* +0 +0 +0\n",
         r"three levels +not robust",
     ],
+    "19_design_with_a_proof": [
+        r"shaped for 40 Hz +statistically robust +refuted .*the rig: 0\.01\d*, ",
+        r"shaped for 120 Hz +statistically robust +proved .*the rig: all",
+        r"PID, proved +statistically robust +proved .* class 2: all",
+    ],
     "18_proof_with_friction": [
         r"K0 = 7\d\.\d kN/m, 1\.25 times",
         r"--- PID ---\nproved: Comes to rest from every state with every Maxwell-slip friction",
