@@ -75,11 +75,18 @@ PRINTED = {
         "STATISTICALLY ROBUST",
     ],
     "14_friction_rig_in_closed_loop": [
-        r"one level +statistically robust +gentle +[1-9]",
-        r"one level +not robust +hard +\d+ +\d+ +[1-9]",
-        r"three levels +statistically robust +gentle +[1-9]\d* +0 +0 +0\n",
-        r"three levels +statistically robust +hard +[1-9]\d* +0 +0 +0\n",
-        r"three levels +not robust",
+        r"one level +statistically robust +refuted +hard +[1-9]\d* +0 +0 +0\n",
+        r"one level +statistically robust +refuted +very hard +\d+ +\d+ +[1-9]",  # promised, and it fails
+        r"one level +statistically robust +proved +very hard +[1-9]\d* +0 +0 +0\n",
+        r"one level +not robust +refuted +hard +\d+ +\d+ +[1-9]",
+        r"three levels +statistically robust +refuted +hard +[1-9]\d* +0 +0 +0\n",
+        r"three levels +not robust +proved +very hard +[1-9]\d* +0 +0 +0\n",
+        r"promised by the check, and surely running away: from kicks of 0\.\d+ to 0\.\d+ m/s",
+    ],
+    "19_design_with_a_proof": [
+        r"shaped for 40 Hz +statistically robust +refuted .*the rig: 0\.01\d*, ",
+        r"shaped for 120 Hz +statistically robust +proved .*the rig: all",
+        r"PID, proved +statistically robust +proved .* class 2: all",
     ],
     "19_design_with_a_proof": [
         r"shaped for 40 Hz +statistically robust +refuted .*the rig: 0\.01\d*, ",
