@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
-from robust.analysis.verdict import VERDICTS, factor
+from robust.analysis.verdict import factor, judged
 from robust.certificates.certificate import Certificate
 from robust.performance.classical import ClassicalMargins, classical_margins
 from robust.uncertain.forms import loop_discs
@@ -65,6 +65,8 @@ class RobustnessReport:
         The performance weight itself.
     delay : float
         Computation delay [s] on top of what the model contains.
+    probability : str
+        With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
 
     References
     ----------
@@ -112,6 +114,7 @@ class RobustnessReport:
     shaping: Any = None
     demand: Any = None
     delay: float = 0.0
+    probability: str = ""
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -141,7 +144,7 @@ class RobustnessReport:
     def findings(self) -> list[str]:
         """The rows of the summary."""
         lines = [
-            *paragraph("verdict", f"{self.verdict.upper()} ({VERDICTS[self.verdict]})"),
+            *paragraph("verdict", judged(self.verdict, self.probability)),
             *paragraph("because", self.reason),
         ]
         if self.nominally_stable and np.isfinite(self.margin_rs):
