@@ -88,11 +88,6 @@ PRINTED = {
         r"shaped for 120 Hz +statistically robust +proved .*the rig: all",
         r"PID, proved +statistically robust +proved .* class 2: all",
     ],
-    "19_design_with_a_proof": [
-        r"shaped for 40 Hz +statistically robust +refuted .*the rig: 0\.01\d*, ",
-        r"shaped for 120 Hz +statistically robust +proved .*the rig: all",
-        r"PID, proved +statistically robust +proved .* class 2: all",
-    ],
     "18_proof_with_friction": [
         r"K0 = 7\d\.\d kN/m, 1\.25 times",
         r"--- PID ---\nproved: Comes to rest from every state with every Maxwell-slip friction",
