@@ -182,10 +182,9 @@ def check(
     Exit code 0 where every loop is proved stable for the whole set, and the demand met where there is one; 1 where not.
     Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
     """
-    plant, w_P, say = robust.load_model(model), None, speaker(json)
+    plant, w_P, say, reports = robust.load_model(model), None, speaker(json), {}
     if bandwidth is not None:
         w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    reports = {}
     for path in controller:
         K = robust.load_controller(path)
         with working("checking"):
