@@ -8,7 +8,10 @@ from docs.api import write_if_changed
 
 INTRODUCTION = """# Commands
 
-Files in, files out; bad input is one line on standard error and exit code 2. The pages below are what `--help` prints.
+Files in, files out. Exit code 0: done, and proved or met where the command has a verdict (`robust check`, `design`,
+`prove`, `verify`); 1: not proved, or limits not met (what was found is written all the same); 2: bad input, one line on
+standard error. With `--json` standard output is the result as JSON and nothing else. `--install-completion` teaches
+your shell the commands and their options. The pages below are what `--help` prints.
 """
 
 

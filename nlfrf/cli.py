@@ -16,14 +16,13 @@ from nlfrf.doctor import examine
 from nlfrf.excitation.lines import KINDS
 from nlfrf.files.results import load
 from nlfrf.shared.arguments import nonnegative
-from nlfrf.shared.command import Version, run
+from nlfrf.shared.command import Json, Version, end, run, speaker
 from nlfrf.shared.plain import as_json
 from nlfrf.shared.whole_files import write_whole
 
 app = typer.Typer(
     help="Best linear approximations with a distortion bound from one multisine experiment.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # units stand in brackets
 )
@@ -141,7 +140,7 @@ def simulate(
 @app.command()
 def inspect(
     file: Annotated[list[Path], typer.Argument(help="Measurement files of any kind that 'nlfrf identify' reads.")],
-    json: Annotated[bool, typer.Option("--json", help="Print it as JSON.")] = False,
+    json: Json = False,
 ) -> None:
     """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
     found = [nlfrf.inspect_file(one) for one in file]
@@ -181,20 +180,23 @@ def identify(
     detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
     opinion: Annotated[bool, typer.Option("--opinion", help="Compare with the roughness of the FRF.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write a table beside the result.")] = False,
+    json: Json = False,
 ) -> None:
     """Best linear approximation, distortion level and bound from a measured record.
 
     With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix,
     written as a table (.csv); each file is then one experiment.
     """
+    say = speaker(json)
     outputs = [name for one in output or ["y"] for name in one.split(",")]
     if "," in input:
         channels: Any = {"u": input.split(","), "y": outputs, "r": (reference or "").split(",") if reference else ()}
         several = nlfrf.load_multirecord(file, **channels, fs=fs, n_samples=period, n_discard=discard)
         frm = nlfrf.identify(several, transient=transient, level_from=level_from, n_detection=detection)
         write_matrix(frm, out)
-        print(frm)
-        print(f"wrote {out}")
+        say(frm)
+        say(f"wrote {out}")
+        end(frm, True, json)
         return
     records = nlfrf.load_record(
         file,
@@ -212,12 +214,13 @@ def identify(
     for name, record, bla in zip(outputs, records, blas, strict=True):
         target = out if len(outputs) == 1 else out.with_name(f"{out.stem}-{slug(name)}{out.suffix}")
         nlfrf.save_bla(bla, target)
-        print(f"{name}: {bla}")
+        say(f"{name}: {bla}")
         if opinion:
-            print(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
+            say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
         if csv:
             nlfrf.export_csv(bla, target.with_suffix(".csv"))
-        print(f"wrote {target}")
+        say(f"wrote {target}")
+    end(dict(zip(outputs, blas, strict=True)), True, json)
 
 
 @app.command()
@@ -256,13 +259,14 @@ def reproduce(
     realizations: Annotated[int, typer.Option(help="Realisations for each level and grid; the paper has 100.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random phases.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
+    markdown: Annotated[bool, typer.Option("--markdown", help="Print the table of findings.md, in Markdown.")] = False,
 ) -> None:
     """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
     from nlfrf.studies.reproduce import reproduce as repeat
 
     with progress_bar("simulating") as advance:
         findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=resume)
-    print((out / "findings.md").read_text().strip())
+    print((out / "findings.md").read_text().strip() if markdown else "\n\n".join(map(str, findings)))
     print(f"wrote {len(findings)} findings and the figures in {out}")
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +12,7 @@ import nlfrf
 import robust
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.axes import write_pictures
-from nlfrf.shared.command import Version, run
+from nlfrf.shared.command import Json, Version, end, number, run, speaker, working
 from nlfrf.shared.whole_files import write_text
 from robust.files.friction_files import class_from_files, prove_all, save_proofs
 from robust.files.pid_gains import told_gains
@@ -24,7 +22,6 @@ from robust.uncertain.forms import RELATIVE
 app = typer.Typer(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # units stand in brackets
 )
@@ -118,8 +115,12 @@ def design(
     structure: Annotated[str, typer.Option(help="P, I, PI, PD, PID, lead, lead-lag or order-n (pid).")] = "PID",
     peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
+    json: Json = False,
 ) -> None:
-    """Design a controller: by loop shaping (Glover & McFarlane), in mixed sensitivity, or of a fixed structure."""
+    """Design a controller: by loop shaping (Glover & McFarlane), in mixed sensitivity, or of a fixed structure.
+
+    Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
+    """
     one_of("method", method, ("ncfsyn", "mixsyn", "pid"))
     if method == "pid":
         plant: Any = nlfrf.load_bla(model) if model.suffix == ".npz" else robust.load_model(model)
@@ -149,18 +150,21 @@ def design(
         words = f"gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}"
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
-    print(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit)}")
+    say = speaker(json)
+    say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit)}")
     if method == "ncfsyn" and result.gamma > 4:
-        print("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
-    if method == "mixsyn" and result.gamma > 1:
-        print("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
-    print(f"wrote {out}")
+        say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
+    short = method == "mixsyn" and result.gamma > 1
+    if short:
+        say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
+    say(f"wrote {out}")
+    end(result, result.met and not short, json)
 
 
 @app.command()
 def check(
     model: Annotated[Path, typer.Argument(help="Model written by 'robust model'.")],
-    controller: Annotated[Path, typer.Argument(help="Controller written by 'robust design'.")],
+    controller: Annotated[list[Path], typer.Argument(help="Controllers written by 'robust design'.")],
     delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
     bandwidth: Annotated[float | None, typer.Option(help="Performance: bandwidth of S demanded [Hz].")] = None,
     peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
@@ -171,28 +175,44 @@ def check(
         Path | None, typer.Option("--out", "-o", help="Report to write (.txt); its certificate comes beside it.")
     ] = None,
     picture: Picture = None,
+    json: Json = False,
 ) -> None:
-    """Check a controller against a model: nominal stability, the whole set, and a proof over all frequencies."""
-    plant, K = robust.load_model(model), robust.load_controller(controller)
-    w_P = None
+    """Check controllers against a model: nominal stability, the whole set, and a proof over all frequencies.
+
+    Exit code 0 where every loop is proved stable for the whole set, and the demand met where there is one; 1 where not.
+    Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
+    """
+    plant, w_P, say, reports = robust.load_model(model), None, speaker(json), {}
     if bandwidth is not None:
         w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    with working("checking"):
-        report = robust.check(plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver)
-    print(f"{report}{told_gains(K, plant.unit)}")
-    if out is not None:
-        write_text(out, f"{report}\n")
-        print(f"wrote {out}")
-        if any(certificate.holds for certificate in report.certificates):
-            handed = out.with_suffix(".certificate.json")
-            robust.save_certificate(report, handed)
-            print(f"wrote {handed}")
-            with working("verifying"):
-                print(robust.verify_certificate(handed))
-    if picture is not None:
-        from robust.plot import plot_check, plot_loop
+    for path in controller:
+        K = robust.load_controller(path)
+        with working("checking"):
+            report = robust.check(plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver)
+        several = len(controller) > 1
+        say(f"{path}:\n{report}{told_gains(K, plant.unit)}\n" if several else f"{report}{told_gains(K, plant.unit)}")
+        if out is not None:
+            hand_over(report, out.with_stem(f"{out.stem}-{path.stem}") if several else out, say)
+        if picture is not None:
+            from robust.plot import plot_check, plot_loop
 
-        draw(picture, [(plot_loop, report), (plot_check, report)])
+            target = picture.with_stem(f"{picture.stem}-{path.stem}") if several else picture
+            draw(target, [(plot_loop, report), (plot_check, report)], say)
+        reports[str(path)] = report
+    good = all(r.robustly_stable and (r.robust_performance or w_P is None) for r in reports.values())
+    end(reports, good, json)
+
+
+def hand_over(report: Any, out: Path, say: Any) -> None:
+    """Write a report, and what was proved beside it, verified."""
+    write_text(out, f"{report}\n")
+    say(f"wrote {out}")
+    if any(certificate.holds for certificate in report.certificates):
+        handed = out.with_suffix(".certificate.json")
+        robust.save_certificate(report, handed)
+        say(f"wrote {handed}")
+        with working("verifying"):
+            say(robust.verify_certificate(handed))
 
 
 @app.command()
@@ -201,16 +221,15 @@ def verify(
     model: Annotated[Path | None, typer.Option(help="Model that it has to be about.")] = None,
     controller: Annotated[Path | None, typer.Option(help="Controller that it has to be about.")] = None,
     seconds: Annotated[float, typer.Option(help="Time after which what is left counts as not verified.")] = 60.0,
+    json: Json = False,
 ) -> None:
     """Prove a certificate again to the last bit, all rounding outward; exit code 1 where any claim is not proved."""
     plant = None if model is None else robust.load_model(model)
     K = None if controller is None else robust.load_controller(controller)
     with working("verifying"):
         found = robust.verify_certificate(file, model=plant, K=K, time_cap=seconds)
-    print(found)
-    print("VERIFIED" if found.verified else "NOT VERIFIED")
-    if not found.verified:
-        raise typer.Exit(1)
+    speaker(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")
+    end(found, found.verified, json)
 
 
 @app.command()
@@ -228,17 +247,23 @@ def prove(
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,
     limits: Annotated[bool, typer.Option("--limits", help="Look for the largest stiffness and stiction too.")] = False,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Result (.txt), its certificates beside it.")] = None,
+    json: Json = False,
 ) -> None:
-    """Prove that a machine with friction comes to rest, with every friction of a class, or name one that breaks it."""
+    """Prove that a machine with friction comes to rest, with every friction of a class, or name one that breaks it.
+
+    Exit code 0 where it is proved, of every machine; 1 where not.
+    """
     machines, friction, text = class_from_files(machine, nominal, stiffness, stiction)
     with working("proving"):
         K = robust.load_controller(controller)
         proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
     text += "\n\n".join(map(str, proofs))
-    print(text)
+    say = speaker(json)
+    say(text)
     if out is not None:
         write_text(out, f"{text}\n")
-        print("wrote " + ", ".join(map(str, [out, *save_proofs(proofs, out)])))
+        say("wrote " + ", ".join(map(str, [out, *save_proofs(proofs, out)])))
+    end(proofs, all(proof.verdict == "proved" for proof in proofs), json)
 
 
 @app.command()
@@ -361,27 +386,10 @@ def shape(
     print(f"wrote {out}")
 
 
-def number(name: str, text: str) -> float:
-    """A number given as text, or a refusal."""
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{name} must be a number or the word its help names, got {text!r}") from None
-
-
-def draw(path: Path, pictures: list[Any]) -> None:
+def draw(path: Path, pictures: list[Any], say: Any = print) -> None:
     """Several pictures side by side in one file."""
     write_pictures(path, pictures)
-    print(f"wrote {path}")
-
-
-@contextmanager
-def working(what: str) -> Iterator[None]:
-    """A spinner on standard error while something takes its time."""
-    from rich.console import Console
-
-    with Console(stderr=True).status(what):
-        yield
+    say(f"wrote {path}")
 
 
 def main() -> None:

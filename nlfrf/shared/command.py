@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Annotated, Any
 
 import typer
 
-__all__ = ["Version", "run"]
+from nlfrf.shared.plain import as_json
+
+__all__ = ["Json", "Version", "end", "number", "run", "speaker", "working"]
 
 
-def run(name: str, app: Callable[[], Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
+def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
     """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
 
     Warnings of the classes `shown` are one line there too, each once. `options` says which parameters of the library
@@ -32,7 +35,7 @@ def run(name: str, app: Callable[[], Any], *shown: type[Warning], options: Mappi
 
         warnings.showwarning = show
         try:
-            app()
+            app(prog_name=name)
         except (ValueError, OSError) as error:
             typer.echo(f"{name}: {in_options(in_one_line(error), options)}", err=True)
             raise SystemExit(2) from None
@@ -63,6 +66,36 @@ def in_one_line(error: Exception) -> str:
     return str(error)
 
 
+def speaker(json: bool) -> Callable[[Any], None]:
+    """Who says what was found: standard output, or standard error where that is kept for JSON."""
+    return lambda said: typer.echo(str(said), err=json)
+
+
+def end(results: Any, good: bool, json: bool) -> None:
+    """The end of a command with a verdict: the result as JSON where asked for, exit code 1 where it is not good."""
+    if json:
+        typer.echo(as_json(results, most=MOST))
+    if not good:
+        raise typer.Exit(1)
+
+
+def number(name: str, text: str) -> float:
+    """A number given as text, or a refusal."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{name} must be a number or the word its help names, got {text!r}") from None
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner on standard error while something takes its time."""
+    from rich.console import Console
+
+    with Console(stderr=True).status(what):
+        yield
+
+
 def print_version(wanted: bool) -> None:
     """Print the version and stop, before a command is asked for."""
     if wanted:
@@ -70,6 +103,10 @@ def print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+MOST = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, all else on standard error; long arrays by shape.")
+]
 Version = Annotated[
     bool, typer.Option("--version", is_eager=True, callback=print_version, help="Print the version and stop.")
 ]

@@ -18,38 +18,42 @@ __all__ = ["as_json", "plain", "said_properties"]
 WORDS = {"str", "bool", "int", "float", str, bool, int, float}
 
 
-def as_json(thing: Any) -> str:
+def as_json(thing: Any, most: float = np.inf) -> str:
     """A value, or a list of them, as JSON: complex numbers as [re, im], what is not finite as null.
+
+    Arrays of more than `most` numbers are left out, and their shape told.
 
     >>> as_json({"gamma": 1.5, "poles": np.array([-1 + 2j]), "delay": float("nan")})
     '{"gamma": 1.5, "poles": [[-1.0, 2.0]], "delay": null}'
     """
-    return json.dumps(plain(thing), ensure_ascii=False)
+    return json.dumps(plain(thing, most), ensure_ascii=False)
 
 
-def plain(thing: Any) -> Any:
+def plain(thing: Any, most: float = np.inf) -> Any:
     """The same as dictionaries, lists, texts and numbers; systems as their matrices, all else in its own words."""
     if thing is None or isinstance(thing, str | bool | int):
         return thing
     if isinstance(thing, np.generic):
-        return plain(thing.item())
+        return plain(thing.item(), most)
     if isinstance(thing, float):
         return thing if np.isfinite(thing) else None
     if isinstance(thing, complex):
         return [plain(thing.real), plain(thing.imag)]
+    if isinstance(thing, np.ndarray) and thing.size > most:
+        return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
-        return [plain(one) for one in thing] if thing.ndim else plain(thing.item())
+        return [plain(one, most) for one in thing] if thing.ndim else plain(thing.item(), most)
     if isinstance(thing, Mapping):
-        return {str(key): plain(held) for key, held in thing.items()}
+        return {str(key): plain(held, most) for key, held in thing.items()}
     if hasattr(thing, "_fields"):
-        return {name: plain(getattr(thing, name)) for name in thing._fields}
+        return {name: plain(getattr(thing, name), most) for name in thing._fields}
     if isinstance(thing, list | tuple):
-        return [plain(one) for one in thing]
+        return [plain(one, most) for one in thing]
     if is_dataclass(thing):
-        fields = {name: plain(getattr(thing, name)) for name in field_names(thing)}
-        return {**fields, **{name: plain(held) for name, held in said_properties(thing).items()}}
+        fields = {name: plain(getattr(thing, name), most) for name in field_names(thing)}
+        return {**fields, **{name: plain(held, most) for name, held in said_properties(thing).items()}}
     if all(hasattr(thing, name) for name in "ABCD") and hasattr(thing, "dt"):
-        return {name: plain(getattr(thing, name)) for name in ("A", "B", "C", "D", "dt")}
+        return {name: plain(getattr(thing, name), most) for name in ("A", "B", "C", "D", "dt")}
     return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from nlfrf.bench.rig import Rig
 from nlfrf.shared.values import value
+from nlfrf.shared.wording import paragraph
 from nlfrf.studies.ensembles import (
     GRIDS,
     Ensembles,
@@ -55,6 +56,18 @@ class Finding:
     criterion: str
     holds: bool
     remark: str = ""
+
+    def __str__(self) -> str:
+        ours = "; ".join(f"{name} {number:.3g}" for name, number in self.ours.items())
+        said = {
+            "claim": self.claim,
+            "paper": self.paper,
+            "ours": ours,
+            "holds if": self.criterion,
+            "remark": self.remark,
+        }
+        rows = [row for label, text in said.items() for row in paragraph(label, text)]
+        return "\n".join([f"{self.name} {'holds' if self.holds else 'DOES NOT HOLD'}", *rows])
 
 
 def findings(ensembles: Ensembles, rig: Rig) -> list[Finding]:

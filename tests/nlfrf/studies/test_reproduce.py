@@ -167,3 +167,17 @@ def test_reproduce_refuses_bad_arguments(tmp_path):
         reproduce(tmp_path, n_realizations=2)
     with pytest.raises(ValueError, match="out must be a folder, got the file"):
         reproduce(__file__)
+
+
+def test_a_finding_is_text_on_a_terminal_and_a_row_in_markdown():
+    from nlfrf.studies.findings import Finding
+    from nlfrf.studies.reproduce import table
+
+    found = Finding(
+        name="F1", claim="A claim", paper="7.7 dB", ours={"level 1 [dB]": 1.234}, criterion="below 2", holds=False
+    )
+    rows = str(found).splitlines()
+    assert rows[0] == "F1 DOES NOT HOLD"
+    assert [row.split(":")[0] for row in rows[1:]] == ["claim", "paper", "ours", "holds if"]
+    assert "|" not in str(found)
+    assert "| F1 | A claim | 7.7 dB | level 1 [dB]: 1.23 | below 2 | **no** |" in table([found], 10)
