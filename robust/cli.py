@@ -55,9 +55,7 @@ def model(
     ] = 0.95,
     simultaneous: Annotated[bool, typer.Option("--simultaneous", help="... for all lines together.")] = False,
     no_even: Annotated[bool, typer.Option("--no-even", help="Leave the even distortion level out.")] = False,
-    systematic: Annotated[
-        float | None, typer.Option(help="Decibels above the odd level for the systematic part.")
-    ] = None,
+    systematic: Annotated[float | None, typer.Option(help="Systematic part: decibels above the odd level.")] = None,
     below: Annotated[str, typer.Option(help="Radius below the band: 'flat' or dB/decade.")] = "flat",
     above: Annotated[str, typer.Option(help="Radius above the band: 'flat' or dB/decade.")] = "20",
     perturbation: Annotated[str, typer.Option(help="Class of the set: statistical, LTI or operator.")] = "statistical",
