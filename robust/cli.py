@@ -27,7 +27,7 @@ app = typer.Typer(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = {"n_poles": "poles", "n_zeros": "zeros", "dt": "sample-time", "n_samples": "period", "n_discard": "discard"}
+OPTIONS = dict(n_poles="poles", n_zeros="zeros", dt="sample-time", n_samples="period", n_discard="discard", hold="hold")
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
 

@@ -116,6 +116,7 @@ class FileContents:
             return "\n".join([*lines, f"written by this package, as {self.schema}"])
         if self.u or self.y:
             lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}; {self.lines}")
+            lines.append("add:   --hold zoh where the input is a command, --hold band-limited where it was measured")
         return "\n".join([*lines, f"run:   {self.command}"])
 
 

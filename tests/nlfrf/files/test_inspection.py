@@ -28,6 +28,7 @@ def test_a_file_tells_its_channels_and_the_command_to_run(tmp_path):
     assert found.lines == f"period 250 samples (0.25 s), {P} periods; {MS.f.size} lines from 4 to 196 Hz"
     assert str(found).splitlines()[-1] == f"run:   {found.command}"
     assert "--input force --output position -o 'my run-bla.npz'" in found.command
+    assert "--hold zoh where the input is a command" in str(found)
 
 
 def test_without_names_the_input_is_the_channel_with_even_lines(tmp_path):
