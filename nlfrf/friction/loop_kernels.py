@@ -33,16 +33,18 @@ def digest() -> str:
     return hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in CALLED)).hexdigest()
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def control_step(A: Array, B: Array, C: Array, D: float, x: Array, e: float) -> float:
-    """Output of a controller for the error e; its state x goes on by one sample."""
-    u = D * e
-    new = B * e
+@njit(nogil=True, error_model="numpy")
+def control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float) -> float:
+    """Output of the i-th controller for the error e; its state x goes on by one sample, by way of `new`."""
+    u = D[i] * e
     for row in range(x.size):
-        u += C[row] * x[row]
+        u += C[i, row] * x[row]
+        ahead = B[i, row] * e
         for column in range(x.size):
-            new[row] += A[row, column] * x[column]
-    x[:] = new
+            ahead += A[i, row, column] * x[column]
+        new[row] = ahead
+    for row in range(x.size):
+        x[row] = new[row]
     return float(u)
 
 
@@ -90,7 +92,7 @@ def stamped(stamp: str) -> Callable[..., None]:
         samples = r.shape[1]
         drive, out = np.empty((steps + 1, 3)), np.empty((1, 4))
         for i in range(states.shape[0]):
-            xc = np.zeros(A.shape[1])
+            xc, new = np.zeros(A.shape[1]), np.zeros(A.shape[1])
             whole = int(delays[i])
             part = delays[i] - whole
             asked = np.zeros(samples + whole + 1)
@@ -101,7 +103,7 @@ def stamped(stamp: str) -> Callable[..., None]:
                 if resolution > 0.0:
                     y = resolution * np.round(y / resolution)
                 e = r[i, k] - y
-                u = min(max(control_step(A[i], B[i], C[i], D[i], xc, e), -saturation), saturation)
+                u = min(max(control_step(i, A, B, C, D, xc, new, e), -saturation), saturation)
                 asked[k + whole] = u
                 for piece in range(2):
                     span = part if piece == 0 else 1.0 - part
@@ -113,7 +115,8 @@ def stamped(stamp: str) -> Callable[..., None]:
                     elif k > 0:
                         force += asked[k - 1]
                     n = int(np.ceil(span * steps))
-                    drive[:n] = force
+                    for j in range(n):
+                        drive[j, 0] = drive[j, 1] = drive[j, 2] = force
                     h = span / (n * fs)
                     if not advance(body, law, grid, state, stack, drive[:n], h, n, out):
                         lengths[i] = k

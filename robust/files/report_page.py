@@ -24,7 +24,7 @@ from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
 from robust.files.report_data import bla_section, excitation_section, nominal_section, opinion_section, set_section
 from robust.files.report_sections import check_section, loop_section, settings_section, verdict_section, worst_section
-from robust.files.report_verdicts import friction_section
+from robust.files.report_verdicts import friction_section, in_short
 from robust.friction_proof.proof import FrictionProof
 from robust.modelling.nominal import NominalFit
 from robust.systems.lti import response
@@ -132,7 +132,8 @@ def write_report(
         worst_section(model, K, report, delay),
         settings_section(model, K, w_P, delay),
     ]
-    text = page(title=title, notes=notes, report=report, sections=sections)
+    beside = "" if friction is None else in_short(friction)
+    text = page(title=title, notes=notes, report=report, beside=beside, sections=sections)
     write_text(path, text)
     return report
 

@@ -9,7 +9,7 @@ from robust.analysis.verdict import VERDICTS
 from robust.files.report_parts import Section
 from robust.friction_proof.proof import FrictionProof
 
-__all__ = ["both_verdicts", "friction_section"]
+__all__ = ["both_verdicts", "friction_section", "in_short"]
 
 MEANS = {
     "proved": "comes to rest with every friction of the class, from every state",
@@ -36,6 +36,13 @@ def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
         ("runs away", "not asked", fails),
         ("not in it", report.not_proved, proof.not_claimed.removeprefix("Not claimed: ")),
     )
+
+
+def in_short(proof: FrictionProof) -> str:
+    """The other verdict in one line, so that no banner stands alone."""
+    kick = f"; with any friction of the given force it surely runs away from a kick of {proof.kick_sure:.3g} m/s"
+    away = kick if np.isfinite(proof.kick_sure) else ""
+    return f"Beside it, for a class of friction: {proof.verdict} ({MEANS[proof.verdict]}){away}."
 
 
 def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:

@@ -232,3 +232,21 @@ def test_the_command(undrawn, tmp_path, monkeypatch, capsys):
     text = Reader((tmp_path / "r.html").read_text(encoding="utf-8")).text
     assert "Bench: statistically robust" in text
     assert "level from detection" in text
+
+
+def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rig = control.ss(control.tf([1], [1, 0.4, 80e3]))
+    lines = np.array([10.0, 1000.0])
+    model = UncertaintyModel(rig, control.tf([0.02], [1]), "multiplicative", lines, np.array([0.01, 0.01]))
+    save_model(model, "m.json")
+    save_controller(control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3), "K.json")
+    monkeypatch.setattr(
+        sys, "argv", ["robust", "report", "m.json", "K.json", "--stiffness", "64e3", "--force", "1", "-o", "r.html"]
+    )
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    said = capsys.readouterr()
+    assert not stop.value.code, said.err
+    assert "; friction: refuted" in said.out
+    assert "Two verdicts" in (tmp_path / "r.html").read_text(encoding="utf-8")

@@ -86,6 +86,9 @@ def test_both_verdicts_stand_side_by_side(tmp_path):
     write_report(tmp_path / "r.html", stuck, K, report=report, friction=proof)
     text = plain(tmp_path / "r.html")
     assert "Two verdicts" in text
+    banner = text[: text.index("1. Verdict")] if "1. Verdict" in text else text[:2000]
+    assert "refuted (said of the class, not of the machine: a named member makes the loop unstable; yours" in banner
+    assert f"surely runs away from a kick of {proof.kick_sure:.3g} m/s" in banner
     row = re.search(r"verdict robust refuted it means (.*?) because", text).group(1)
     assert "proved for every perturbation of the set" in row
     assert "yours may be another" in row
