@@ -58,10 +58,7 @@ for form in ("multiplicative", "additive", "inverse-multiplicative"):
 
 # 5. Does it hold? A second record, another realisation, against the model of the first.
 seen = robust.validate(model, second)
-print(
-    f"\nsecond record: {seen.n_outside} of {seen.n_lines} lines outside, {seen.n_expected:.1f} expected; "
-    f"chance of so many {seen.p_value:.2f}"
-)
+print(f"\n{seen}")
 
 # 6. Weights by formula, for what is asked of the loop and for what was not measured: a delay of up to a millisecond.
 w_P = robust.performance_weight(2 * np.pi * 2, M_S=2, A=1e-2)

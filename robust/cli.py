@@ -339,7 +339,8 @@ def report(
             title=title,
             notes=notes,
         )
-    print(f"verdict: {result.verdict}" + ("" if proof is None else f"; friction: {proof.verdict}"))
+    held = f" ({result.probability})" if result.probability else ""
+    print(f"verdict: {result.verdict}{held}" + ("" if proof is None else f"; friction: {proof.verdict}"))
     print(f"wrote {out}")
 
 

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
+from nlfrf.identification.localfit import LEAST, fit_locally
+from nlfrf.identification.neighbours import place_lines
 from nlfrf.shared.arguments import one_of, probability, real
 from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
@@ -241,6 +243,25 @@ class Bla:
         with np.errstate(divide="ignore"):
             curves = [("|G|", self.f, 20 * np.log10(gain)), ("bound", self.f, 20 * np.log10(bound))]
         return Sketch("Hz", "dB", curves, log=True)
+
+    def roughness(self) -> np.ndarray:
+        """Variance of G read from how rough it is over its lines: a second reading beside `var_total`.
+
+        A level from detection lines errs on the wide side where it can be read in two ways; the scatter that is in G
+        itself does not, but it reads too high where G bends within a few lines, and misses what is smooth.
+
+        Returns
+        -------
+        (F,) ndarray
+            In the unit of G squared; nan on fewer than five lines and for noise excitation, whose lines share a window.
+
+        References
+        ----------
+        Pintelon & Schoukens, 2nd ed., 7.2.2 (local polynomials).
+        """
+        if self.f.size < LEAST or np.isfinite(self.coherence).any():
+            return np.full(self.f.size, np.nan)
+        return fit_locally(self.G[None], np.ones((1, self.f.size)), place_lines(self.lines)).variance[0]
 
     def __str__(self) -> str:
         """What was found, in a few lines."""

@@ -14,6 +14,7 @@ A controller that runs sampled is checked sampled: hold and computation delay go
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, overload
 
 import control
@@ -29,7 +30,7 @@ from robust.analysis.curves import Peaks
 from robust.analysis.loop import assemble, find_peaks, nominal_instability
 from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
-from robust.analysis.verdict import on_set, on_unstable
+from robust.analysis.verdict import on_set, on_unstable, probability_of
 from robust.certificates.solver import SOLVERS
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.measured import warn_of_unknown_hold
@@ -124,7 +125,8 @@ def check(
             raise ValueError(
                 f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top"
             )
-        return check_structure(model.loop(K, w_P=w_P), certify=certify)
+        found = check_structure(model.loop(K, w_P=w_P), certify=certify)
+        return replace(found, probability=probability_of(model))
     if isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
@@ -134,7 +136,7 @@ def check(
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
     of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
-    of |= {"band": model.omega[[0, -1]], "unit": model.unit}
+    of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": probability_of(model)}
     claim = claim_of(model, K, loop.w_P, delay)
     wrong = nominal_instability(loop)
     if wrong:

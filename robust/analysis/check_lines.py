@@ -10,7 +10,7 @@ from nlfrf.shared.arguments import integer, nonnegative
 from nlfrf.shared.wording import hertz
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.report import RobustnessReport, fill_report
-from robust.analysis.verdict import on_lines_only
+from robust.analysis.verdict import on_lines_only, probability_of
 from robust.systems.lti import response, timebase
 from robust.systems.nyquist import unstable_poles, winding
 from robust.systems.realisation import state_space
@@ -45,6 +45,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
         loop=f"{hold}; controller {K.nstates} states",
     )
     of = {"demand": w_P, "delay": delay, "band": omega[[0, -1]], "unit": getattr(model, "unit", "")}
+    of["probability"] = probability_of(model)
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph, shown
-from robust.analysis.verdict import VERDICTS, factor, judge_structure, structure_sentences
+from robust.analysis.verdict import factor, judge_structure, judged, structure_sentences
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.stability import instability
@@ -61,6 +61,8 @@ class StructuredReport:
         "robust", "statistically robust", "not robust" or "not certified", as for `RobustnessReport`.
     reason, proved, not_proved : str
         In words.
+    probability : str
+        With which probability a `MatrixUncertainty` holds another set of experiments; empty where none is claimed.
 
     References
     ----------
@@ -93,9 +95,10 @@ class StructuredReport:
     reason: str
     proved: str
     not_proved: str
+    probability: str = ""
 
     def __str__(self) -> str:
-        lines = paragraph("verdict", f"{self.verdict.upper()} ({VERDICTS[self.verdict]})")
+        lines = paragraph("verdict", judged(self.verdict, self.probability))
         lines += paragraph("because", self.reason)
         if self.nominally_stable:
             lines += paragraph(

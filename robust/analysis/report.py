@@ -10,7 +10,7 @@ from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
-from robust.analysis.verdict import VERDICTS, factor
+from robust.analysis.verdict import factor, judged
 from robust.certificates.certificate import Certificate
 from robust.performance.classical import ClassicalMargins, classical_margins
 from robust.uncertain.forms import loop_discs
@@ -70,6 +70,8 @@ class RobustnessReport:
         First and last measured frequency [rad/s]: outside, the radius is assumed.
     unit : str
         Unit of the plant, y over u, where it is known.
+    probability : str
+        With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
 
     References
     ----------
@@ -119,6 +121,7 @@ class RobustnessReport:
     delay: float = 0.0
     band: Any = None
     unit: str = ""
+    probability: str = ""
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -148,7 +151,7 @@ class RobustnessReport:
     def findings(self) -> list[str]:
         """The rows of the summary."""
         lines = [
-            *paragraph("verdict", f"{self.verdict.upper()} ({VERDICTS[self.verdict]})"),
+            *paragraph("verdict", judged(self.verdict, self.probability)),
             *paragraph("because", self.reason),
         ]
         if self.nominally_stable and np.isfinite(self.margin_rs):

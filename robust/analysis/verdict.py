@@ -11,15 +11,18 @@ from robust.analysis.curves import Curves, Peaks
 from robust.analysis.loop import Loop
 from robust.analysis.proofs import Proofs
 from robust.systems.lti import poles, response
+from robust.uncertain.joint import told
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = [
     "VERDICTS",
     "factor",
     "judge_structure",
+    "judged",
     "on_lines_only",
     "on_set",
     "on_unstable",
+    "probability_of",
     "structure_sentences",
 ]
 CURES = {
@@ -92,14 +95,23 @@ def described(model: Any) -> str:
     return f"every linear plant inside the {model.form} weight"
 
 
-def claim(model: Any) -> str:
-    """The confidence behind the set, in words; empty where none is claimed."""
-    if np.isnan(model.confidence):
+def probability_of(model: Any) -> str:
+    """The confidence behind a set and the joint probability beside it, in words; empty where none is claimed."""
+    confidence, joint = getattr(model, "confidence", np.nan), getattr(model, "joint", np.nan)
+    if np.isnan(confidence):
         return ""
-    percent = f"{100 * model.confidence:.4g} %"
+    percent = f"{100 * confidence:.4g} %"
+    estimated = "" if np.isnan(joint) else told(joint)
     if model.simultaneous:
-        return f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
-    return f"each line of another realisation lies in the set with {percent} probability"
+        text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
+        return f"{text} ({estimated} by estimate)" if estimated else text
+    text = f"each line of another realisation lies in the set with {percent} probability"
+    return f"{text}, all lines together with {estimated}" if estimated else text
+
+
+def judged(verdict: str, probability: str) -> str:
+    """The verdict in capitals, what it means, and with which probability the set holds what it was made for."""
+    return f"{verdict.upper()} ({VERDICTS[verdict]}{'; ' if probability else ''}{probability})"
 
 
 def sentences(model: Any, loop: Any, curves: Curves, stable: bool, performance: bool) -> tuple[str, str]:
@@ -115,8 +127,8 @@ def sentences(model: Any, loop: Any, curves: Curves, stable: bool, performance: 
         missing.append(
             "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
         )
-        if claim(model):
-            missing.append(f"more than the confidence of the set ({claim(model)})")
+        if probability_of(model):
+            missing.append(f"more than the confidence of the set ({probability_of(model)})")
     if loop.w_P is not None and not performance:
         missing.append("the performance demand for the whole set")
     if loop.unsampled is not None:

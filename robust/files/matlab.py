@@ -86,6 +86,8 @@ def model_struct(model: UncertaintyModel) -> dict[str, Any]:
         "class": model.perturbation,
         "confidence": model.confidence,
         "simultaneous": model.simultaneous,
+        "joint": model.joint,
+        "joint_bla": model.joint_bla,
         "delay": model.delay,
         "extrapolation": model.extrapolation,
         "source": model.source,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from nlfrf.shared.whole_files import write_text
 from nlfrf.shared.wording import shown
 from robust.files.biquads import controller_sections
 from robust.systems.realisation import state_space
+from robust.uncertain.evidence import Evidence
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import PARTS
 
@@ -35,6 +37,7 @@ __all__ = [
 
 MODEL_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-controller"
 VERSION = 1
+EVIDENCE = tuple(field.name for field in fields(Evidence))
 PathLike = str | os.PathLike[str]
 
 
@@ -86,6 +89,9 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
         "hold": model.hold,
         "fs": encoded(model.fs),
         "unit": model.unit,
+        "joint": encoded(model.joint),
+        "joint_bla": encoded(model.joint_bla),
+        "evidence": [{part: encoded(getattr(one, part)) for part in EVIDENCE} for one in model.evidence],
     }
     content |= {name: encoded_system(W) for name in ("W1", "W2") if (W := getattr(model, name)) is not None}
     content |= {f"radius_{name}": encoded(getattr(model, f"radius_{name}")) for name in PARTS}
@@ -135,6 +141,9 @@ def load_model(path: PathLike) -> UncertaintyModel:
             hold=str(content.get("hold", "unknown")),  # files of 0.1.0 do not say
             fs=float(decoded(content.get("fs"))),
             unit=str(content.get("unit", "")),
+            joint=float(decoded(content.get("joint"))),  # nor these, those of before
+            joint_bla=float(decoded(content.get("joint_bla"))),
+            evidence=tuple(decoded_evidence(one) for one in content.get("evidence", ())),
             **{name: decoded_system(content[name]) for name in ("W1", "W2") if name in content},
             **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
         )
@@ -242,6 +251,13 @@ def encoded_system(system: Any) -> dict[str, Any]:
     if isinstance(system, control.FrequencyResponseData):
         return {"kind": "frf", "omega": encoded(system.omega), "G": encoded(system.frdata[0, 0]), "dt": dt}
     return {"kind": "ss", "dt": dt, **{name: encoded(getattr(system, name)) for name in "ABCD"}}
+
+
+def decoded_evidence(content: dict[str, Any]) -> Evidence:
+    """What a model remembers of a record."""
+    parts = {part: decoded(content[part]) for part in EVIDENCE}
+    pairs = parts["G"].reshape(-1, 2)
+    return Evidence(**(parts | {"G": pairs[:, 0] + 1j * pairs[:, 1], "confirmed": float(parts["confirmed"])}))
 
 
 def yes_or_no(name: str, content: Any) -> bool:

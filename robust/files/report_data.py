@@ -7,13 +7,14 @@ import numpy as np
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf.shared.wording import counted
+from robust.analysis.verdict import probability_of
 from robust.files import report_parts as parts
 from robust.files.report_parts import Section, rows_of
 from robust.files.report_words import roots_text, system_text
 from robust.modelling.nominal import NominalFit
 from robust.systems.lti import poles, timebase, zeros
 from robust.uncertain.model import UncertaintyModel
-from robust.uncertain.validation import validate
+from robust.uncertain.validation import Validation, validate
 
 LITTLE = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 
@@ -144,8 +145,7 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
             facts.append(
                 (
                     f"lines in the set{which}",
-                    f"{seen.n_outside} of {seen.n_lines} lines of the BLA lie outside; {seen.n_expected:.3g} of a new "
-                    "realisation would be expected there",
+                    f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside" + told_change(seen),
                 )
             )
 
@@ -164,6 +164,17 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
     )
 
 
+def told_change(seen: Validation) -> str:
+    """What a record says against the one that the model was made of; nothing where it is that one."""
+    if seen.p_value == 1 or np.isnan(seen.p_value):
+        return ""
+    return (
+        f"; against the record of the model p = {seen.p_value:.2g} for another gain ({100 * seen.gain:+.2g} %), "
+        f"frequency ({100 * seen.frequency:+.2g} %) or delay ({1e3 * seen.delay:+.2g} ms), "
+        f"the rest {seen.level:.2g} times what both scatter"
+    )
+
+
 def set_section(model: UncertaintyModel) -> Section:
     """The uncertainty and its weight."""
     from robust import plot
@@ -171,7 +182,7 @@ def set_section(model: UncertaintyModel) -> Section:
     facts = [
         ("set", str(model)),
         ("class of perturbations", model.perturbation),
-        ("confidence", "none claimed" if np.isnan(model.confidence) else f"{100 * model.confidence:g} %"),
+        ("confidence", probability_of(model) or "none claimed"),
         ("outside the measured band", f"nothing was measured; assumed: {model.extrapolation}"),
         ("source", model.source),
     ]

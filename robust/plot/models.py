@@ -189,8 +189,8 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
         yscale="log",
         xlabel="frequency [Hz]",
         ylabel="distance from the nominal, over the weight",
-        title=f"{validation.n_outside} of {validation.n_lines} lines outside, {validation.n_expected:.3g} expected at "
-        f"most; p = {validation.p_value:.2g}",
+        title=f"{validation.n_outside_set} of {validation.n_lines} lines outside the set; "
+        f"another gain, delay or frequency: p = {validation.p_value:.2g}",
     )
     ax.title.set_fontsize("medium")
     mark_band(ax, (f.min(), f.max()))

@@ -33,6 +33,7 @@ from robust.systems.realisation import multivariable
 from robust.systems.stability import stable
 from robust.uncertain.forms import ADDITIVE, ELEMENTS, INPUT, MATRIX_FORMS, PERTURBATIONS
 from robust.uncertain.interconnection import Block, UncertainSystem
+from robust.uncertain.joint import told
 
 __all__ = ["MatrixUncertainty"]
 
@@ -55,7 +56,7 @@ class MatrixUncertainty:
     radius : (n, W) ndarray
         What the weights cover, those of `left` before those of `right`.
     confidence : float
-        Probability with which a line of another set lies in the set.
+        Probability with which a line of another set lies in the set; `joint` is that of all lines together.
     simultaneous : bool
         Whether it holds for all lines together.
     perturbation : str
@@ -64,6 +65,9 @@ class MatrixUncertainty:
         Names of the channels.
     extrapolation, source : str
         In words.
+    joint, joint_bla : float
+        Estimated probability that a whole matrix lies in the set, all its lines together: that of another set of
+        experiments, and the BLA; nan where the set was not made of a record.
 
     Raises
     ------
@@ -100,6 +104,8 @@ class MatrixUncertainty:
     outputs: tuple[str, ...] = ()
     extrapolation: str = "not stated"
     source: str = "not stated"
+    joint: float = float("nan")
+    joint_bla: float = float("nan")
 
     def __post_init__(self) -> None:
         one_of("form", self.form, MATRIX_FORMS)
@@ -146,12 +152,26 @@ class MatrixUncertainty:
         """One line."""
         dt = timebase(self.nominal)
         orders = [weight.nstates for weight in (*self.left, *self.right)]
+        lines = "for all lines together" if self.simultaneous else "per line"
+        lines += "" if np.isnan(self.joint) else f" (a whole matrix {told(self.joint)})"
         return (
             f"{self.form} uncertainty of {self.n_outputs} outputs by {self.n_inputs} inputs, {self.perturbation}, "
-            f"{100 * self.confidence:g} % {'for all lines together' if self.simultaneous else 'per line'}: nominal "
+            f"{100 * self.confidence:g} % {lines}: nominal "
             f"{self.nominal.nstates} states{f' at {1 / dt:g} Hz' if dt else ''}, weights of orders "
             f"{min(orders)} to {max(orders)}; {self.extrapolation}"
         )
+
+    def distances(self, omega: np.ndarray, deviation: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        """(..., W) size of the smallest Delta that adds a deviation (..., W, n_y, n_u) to the nominal (W, n_y, n_u)."""
+        right = np.array([gain_of(weight, omega) for weight in self.right])
+        if self.form == ELEMENTS:
+            sizes = np.abs(right).reshape(self.n_inputs, self.n_outputs, -1).transpose(2, 1, 0)
+            return np.max(np.abs(deviation) / sizes, axis=(-2, -1))
+        left = np.array([gain_of(weight, omega) for weight in self.left])
+        if self.form == INPUT:
+            deviation = np.linalg.solve(nominal, deviation)
+        scaled = deviation / left.T[:, :, None] / right.T[:, None, :]
+        return np.linalg.norm(scaled, ord=2, axis=(-2, -1))
 
     def open_loop(self) -> control.StateSpace:
         """From (what Delta drives, u) to (what Delta reads, y)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -17,6 +18,7 @@ from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable
 from robust.systems.sampling import delayed
 from robust.uncertain.forms import ELEMENTS, INPUT, MATRIX_FORMS
+from robust.uncertain.joint import matrix_chance
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.radius import extrapolated, record_disc, slope, total_of, worded
 
@@ -64,7 +66,7 @@ def matrix_uncertainty(
     # what is assumed outside the band is said once, of W_l
     rules = [(below, above)] * (split or len(radius)) + [(0.0, 0.0)] * (len(radius) - split if split else 0)
     weights = tuple(covering(frm.omega, one, order, *rule, dt) for one, rule in zip(radius, rules, strict=True))
-    return MatrixUncertainty(
+    made = MatrixUncertainty(
         nominal=nominal,
         form=form,
         left=weights[:split],
@@ -83,6 +85,8 @@ def matrix_uncertainty(
             f"{frm.level_source}"
         ),
     )
+    joint, joint_bla = matrix_chance(made, frm, model, misfits(frm, model))
+    return replace(made, joint=joint, joint_bla=joint_bla)
 
 
 def behind_delay(G: control.StateSpace, delay: float) -> control.StateSpace:

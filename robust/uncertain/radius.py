@@ -22,6 +22,7 @@ __all__ = [
     "family",
     "frf_at",
     "measured_as",
+    "misfit",
     "nominal_response",
     "of_form",
     "record_disc",

@@ -77,10 +77,12 @@ def test_validation_shows_every_line(ax):
     validation = validate(MODEL, make_bla(lambda s: 1.2 * plant(s), F, f0=0.25, sigma_distortion=0.05 * SIZE, rng=3))
     assert 0 < validation.n_outside < validation.n_lines == F.size
     pictures.plot_validation(validation, ax=ax)
-    assert curve(ax, "outside")[1].size == validation.n_outside
-    assert np.array_equal(curve(ax, "outside")[0], validation.omega_outside / 2 / np.pi)
+    out = validation.distance > 1
+    assert 0 < validation.n_outside_set == out.sum()
+    assert curve(ax, "outside")[1].size == validation.n_outside_set
+    assert np.array_equal(curve(ax, "outside")[0], validation.omega[out] / 2 / np.pi)
     assert curve(ax, "inside")[1].max() <= 1
-    assert f"{validation.n_outside} of {F.size} lines outside" in ax.get_title()
+    assert f"{validation.n_outside_set} of {F.size} lines outside" in ax.get_title()
 
 
 def test_an_unstable_loop_is_drawn_without_curves(ax):
