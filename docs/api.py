@@ -66,7 +66,6 @@ def write_pages(folder: Path) -> None:
     """One page a name, and an index of them by wing with their summaries."""
     index = ["Reference", "=========", ""]
     index += ["Every public name, by the step of the work. Arrays and units are those of the nomenclature.", ""]
-    classes = {name: module for module, name, thing in things() if inspect.isclass(thing)}
     for wing, entries in wings().items():
         title = wing.replace(".", ": ").replace("_", " ")
         plate = escaped(first_line(import_module(wing)))
@@ -82,7 +81,7 @@ def write_pages(folder: Path) -> None:
             # an orphan: a sidebar that listed every name would be most of every page, and of the time to build it
             up = ":doc:`Reference <index>`"
             page = [":orphan:", "", up, "", title, "=" * len(title), "", f".. {kind}:: {title}", *members, ""]
-            page += beside(module, name, thing, [(home, other) for home, other, _ in entries], classes)
+            page += beside(module, name, thing, [(home, other) for home, other, _ in entries], things())
             write_if_changed(folder / f"{title}.rst", "\n".join(page))
     write_if_changed(folder / "index.rst", "\n".join(index))
 

@@ -20,19 +20,27 @@ THEIRS = {
 }
 
 
-def beside(module: str, name: str, thing: Any, kin: list[tuple[str, str]], classes: dict[str, str]) -> list[str]:
-    """Rows of reStructuredText that end a page of the reference; kin as (module, name), classes by their name."""
+def beside(module: str, name: str, thing: Any, kin: list[tuple[str, str]], everything: Any) -> list[str]:
+    """Rows of reStructuredText that end a page of the reference; everything as `docs.api.things` gives it."""
+    classes = {other: home for home, other, its in everything if inspect.isclass(its)}
     text = inspect.getdoc(thing) or ""
     types = [f":doc:`{kind} <{home}.{kind}>`" for kind, home in classes.items() if kind != name and said(kind, text)]
     theirs = [linked(full) for short, full in THEIRS.items() if short in text]
     rows = {
         "In the same step": [f":doc:`{other} <{home}.{other}>`" for home, other in kin if other != name],
+        "Made by": [f":doc:`{other} <{home}.{other}>`" for home, other, its in everything if makes(its, name, thing)],
         "Types": types + theirs,
         "Guide": [f":doc:`{title} </{path}>`" for path, title, words in pages() if said(name, words)],
         "Examples": [f":doc:`{title} </{path}>`" for path, title, words in examples() if used(name, words)],
     }
     listed = [f"* **{head}:** {', '.join(links)}" for head, links in rows.items() if links]
     return ["", ".. rubric:: Beside it", "", *listed, ""] if listed else []
+
+
+def makes(function: Any, name: str, thing: Any) -> bool:
+    """Whether a function says that it returns a value of a class."""
+    returns = re.search(r"Returns\n-+\n(.*?)(?:\n\n[A-Z]|\Z)", inspect.getdoc(function) or "", re.DOTALL)
+    return inspect.isclass(thing) and inspect.isfunction(function) and bool(returns) and said(name, returns[1])
 
 
 def said(name: str, text: str) -> bool:

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 import nlfrf
 import robust
+from docs.gallery import made_from
 from robust.plot import plot_check, plot_nyquist
 
 KINDS = {"excited": "#1d2733", "odd": "#d1681f", "even": "#1f6fd1"}
@@ -20,11 +21,13 @@ DT = 1e-3  # s
 
 
 def draw_all(folder: Path) -> None:
-    """Every drawing, where one is missing."""
+    """Every drawing, where the packages or this page have changed since."""
     folder.mkdir(parents=True, exist_ok=True)
-    names = ("played", "answer", "bound", "discs", "verdict")
-    if all((folder / f"{name}.png").is_file() for name in names):
+    stamp = folder / "drawn.stamp"
+    wanted = made_from("01_identify_then_design") + Path(__file__).read_text(encoding="utf-8")
+    if stamp.is_file() and stamp.read_text(encoding="utf-8") == wanted:
         return
+    stamp.unlink(missing_ok=True)
     ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
     bla = nlfrf.identify(record)
@@ -43,6 +46,7 @@ def draw_all(folder: Path) -> None:
     for name, figure in drawn.items():
         figure.savefig(folder / f"{name}.png", dpi=110)
     plt.close("all")
+    stamp.write_text(wanted, encoding="utf-8")
 
 
 def one(draw, *content, width: float = 7.4, height: float = 4.0) -> Figure:
