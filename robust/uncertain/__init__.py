@@ -4,6 +4,7 @@ forms            the ways Delta enters, one row each: plant, S_p, discs of the l
 coprime          normalised coprime factors of a plant, and the plants that other factors make
 model            `UncertaintyModel`: the set, and how it is made from measurements
 radius           how large the disc about a nominal (a model or an FRF) has to be on each line, and what it is made of
+own_radius       a radius of the user's own, as arrays or from a list of plants
 matrix_model     `MatrixUncertainty`: sets of several inputs and outputs
 matrix_radius    how wide they have to be around the nominal of a measured matrix
 breaking         the smallest perturbation found that breaks a loop, to replay

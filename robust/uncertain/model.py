@@ -35,6 +35,7 @@ from robust.uncertain.coprime import as_shaping, refuse_everything
 from robust.uncertain.forms import ELEMENTS, FORMS, PERTURBATIONS, RELATIVE
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.matrix_radius import matrix_uncertainty
+from robust.uncertain.own_radius import own_radius, with_weight
 from robust.uncertain.perturbations import random_plants
 from robust.uncertain.radius import PARTS, as_nominal, family, frf_at, measured_as, of_form, scaled_by, total_of, worded
 
@@ -243,7 +244,7 @@ def uncertainty(
 
 @overload
 def uncertainty(
-    bla: Bla | Sequence[Bla],
+    bla: Bla | Sequence[Any],
     nominal: Any,
     *,
     form: str = ...,
@@ -261,7 +262,7 @@ def uncertainty(
 
 
 def uncertainty(
-    bla: Bla | Sequence[Bla] | Frm,
+    bla: Bla | Sequence[Any] | Frm,
     nominal: Any,
     *,
     form: str = RELATIVE,
@@ -287,7 +288,8 @@ def uncertainty(
     ----------
     bla : nlfrf.Bla or list of them
         What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or an
-        nlfrf.Frm: the set is a `MatrixUncertainty`.
+        nlfrf.Frm: the set is a `MatrixUncertainty`. Or a radius of your own: arrays (omega, radius), in rad/s and the
+        unit of the form, or a list of plants (FRFs, systems) that the set has to hold.
     nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
@@ -338,11 +340,15 @@ def uncertainty(
         asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
         return matrix_uncertainty(bla, nominal, below=below, above=above, **asked)
     many = list(bla) if isinstance(bla, Sequence) else [bla]
-    if not many or not all(isinstance(b, Bla) for b in many):
-        raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
     one_of("form", form, tuple(FORMS))
     p = probability("confidence", confidence)
     nominal, delay, dt = as_nominal(nominal)
+    given = own_radius(bla, nominal, FORMS[form])
+    if given is not None:
+        fields = with_weight(given, (below, above), order, dt, simultaneous, systematic)
+        return UncertaintyModel(nominal=nominal, form=form, delay=delay, perturbation=perturbation, **fields)
+    if not many or not all(isinstance(b, Bla) for b in many):
+        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {shown(bla)}")
     if not isinstance(nominal, control.FrequencyResponseData):
         many = [behind_hold(b, dt) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
