@@ -15,7 +15,7 @@ from docs.beside import beside
 #: Module -> its public names.
 PUBLIC: dict[str, tuple[str, ...]] = {
     "nlfrf": tuple(nlfrf.__all__),
-    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders"),
+    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders", "OwnFriction"),
     "nlfrf.hysteresis": (
         *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
         *("hysteresis_force", "fit_maxwell_slip"),
