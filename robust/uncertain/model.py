@@ -23,7 +23,6 @@ import numpy as np
 from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import one_of, probability, real, real_array
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import shown
 from robust.modelling.design_warning import suspected
 from robust.modelling.nominal import behind_hold
 from robust.modelling.weights import fit_weight
@@ -340,15 +339,12 @@ def uncertainty(
         asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
         return matrix_uncertainty(bla, nominal, below=below, above=above, **asked)
     many = list(bla) if isinstance(bla, Sequence) else [bla]
-    one_of("form", form, tuple(FORMS))
-    p = probability("confidence", confidence)
+    row, p = FORMS[one_of("form", form, tuple(FORMS))], probability("confidence", confidence)
     nominal, delay, dt = as_nominal(nominal)
-    given = own_radius(bla, nominal, FORMS[form])
+    given = own_radius(bla, nominal, row)
     if given is not None:
-        fields = with_weight(given, (below, above), order, dt, simultaneous, systematic)
-        return UncertaintyModel(nominal=nominal, form=form, delay=delay, perturbation=perturbation, **fields)
-    if not many or not all(isinstance(b, Bla) for b in many):
-        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {shown(bla)}")
+        asked = with_weight(given, (below, above), order, dt, simultaneous, systematic)
+        return UncertaintyModel(nominal=nominal, form=form, delay=delay, perturbation=perturbation, **asked)
     if not isinstance(nominal, control.FrequencyResponseData):
         many = [behind_hold(b, dt) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
@@ -356,7 +352,7 @@ def uncertainty(
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
         omega, discs = omega[inside], {name: part[inside] for name, part in discs.items()}
-    row, absolute = FORMS[form], total_of(discs)
+    absolute = total_of(discs)
     W1, W2, below, above = scaled_by(row, nominal, omega, (W1, W2), (below, above))
     factor, *covered = of_form(row, omega, absolute, nominal, (W1, W2), below, above, dt)
     return UncertaintyModel(

@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf.shared.arguments import real_array
-from nlfrf.shared.wording import counted
+from nlfrf.shared.wording import counted, shown
 from robust.modelling.design_warning import suspected
 from robust.modelling.weights import fit_weight
 from robust.systems.realisation import frequency_response
@@ -28,8 +28,10 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
     Two arrays are frequencies and radius as they are; FRFs or systems are plants that the set has to hold.
     """
     many = list(given) if isinstance(given, (list, tuple)) else [given]
-    if not many or all(isinstance(b, Bla) for b in many) or not any(own(part) for part in many):
+    if many and all(isinstance(b, Bla) for b in many):
         return None
+    if not any(is_plant(part) or isinstance(part, np.ndarray) for part in many):
+        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {shown(given)}")
     if form.scaled:
         raise ValueError(f"form must not depend on units where the radius is your own, got {form.name}")
     if isinstance(given, tuple) and len(many) == 2 and not any(is_plant(part) for part in many):
@@ -56,11 +58,6 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
     if not differs:
         raise ValueError("bla must hold a plant beside the nominal, got none that differs")
     return lines, np.maximum(radius, LEAST * radius.max()), f"{counted(len(many), 'plant')} that were given"
-
-
-def own(part: Any) -> bool:
-    """Whether it is something a radius of one's own is made of."""
-    return is_plant(part) or isinstance(part, np.ndarray)
 
 
 def is_plant(part: Any) -> bool:
