@@ -10,11 +10,12 @@ from typing import Any
 
 import nlfrf
 import robust
+from docs.beside import beside
 
 #: Module -> its public names.
 PUBLIC: dict[str, tuple[str, ...]] = {
     "nlfrf": tuple(nlfrf.__all__),
-    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders"),
+    "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders", "OwnFriction"),
     "nlfrf.hysteresis": (
         *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
         *("hysteresis_force", "fit_maxwell_slip"),
@@ -80,6 +81,7 @@ def write_pages(folder: Path) -> None:
             # an orphan: a sidebar that listed every name would be most of every page, and of the time to build it
             up = ":doc:`Reference <index>`"
             page = [":orphan:", "", up, "", title, "=" * len(title), "", f".. {kind}:: {title}", *members, ""]
+            page += beside(module, name, thing, [(home, other) for home, other, _ in entries], things())
             write_if_changed(folder / f"{title}.rst", "\n".join(page))
     write_if_changed(folder / "index.rst", "\n".join(index))
 

@@ -1,5 +1,6 @@
 """Sphinx: `make docs` builds build/docs from the pages here, the docstrings, and the examples as they ran."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -7,14 +8,15 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
 import nlfrf  # noqa: E402
-from docs import api, commands, gallery  # noqa: E402
+from docs import api, commands, drawings, gallery  # noqa: E402
 
 project = "nlfrf and robust"
 author = "The nlfrf developers"
 copyright = author
 version = release = nlfrf.__version__
-extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "myst_parser"]
-exclude_patterns = ["_static"]
+extensions = ["sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.intersphinx", "myst_parser", "docs.mathml"]
+html_math_renderer = "mathml"
+exclude_patterns = ["_static", "generated/extra"]
 default_role = "code"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
@@ -23,13 +25,28 @@ napoleon_custom_sections = [("Fields", "params_style"), ("Warns", "params_style"
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 autodoc_preserve_defaults = True
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 html_theme = "furo"
 html_title = f"nlfrf and robust {release}"
 html_static_path = ["_static"]
+html_extra_path = ["generated/extra"]
 html_css_files = ["gallery.css"]
 html_copy_source = False
+html_show_search_summary = False  # they are fetched, which a page opened from a folder may not do
+# Links into other people's documentation need their inventories, which need the network: only where it is asked for.
+intersphinx_timeout = 10
+intersphinx_mapping = (
+    {
+        "python": ("https://docs.python.org/3", None),
+        "numpy": ("https://numpy.org/doc/stable", None),
+        "scipy": ("https://docs.scipy.org/doc/scipy", None),
+        "matplotlib": ("https://matplotlib.org/stable", None),
+        "control": ("https://python-control.readthedocs.io/en/latest", None),
+    }
+    if os.environ.get("DOCS_LINKS")
+    else {}
+)
 html_show_sphinx = False
 pygments_style = "default"
 
@@ -40,4 +57,5 @@ def setup(app):
     api.write_pages(generated / "api")
     commands.write_page(generated / "commands.md")
     gallery.write_pages(generated / "examples")
+    drawings.draw_all(generated / "drawings")
     app.connect("autodoc-process-docstring", api.escape_docstring, priority=400)

@@ -26,6 +26,26 @@ from docs.api import write_if_changed
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
 BUILD = ROOT / "build" / "examples"
+HERE = Path("generated") / "examples"  # among the pages
+#: Example -> the picture and the axes in it that say most by themselves, for its card in the gallery.
+HEROES = {
+    "01_identify_then_design": ("bla", 0),
+    "02_design_an_experiment": ("excitation", 1),
+    "03_identify_one_record": ("bla", 3),
+    "04_compare_grids": ("grids", 1),
+    "05_levels_as_a_family": ("family", 1),
+    "06_from_bla_to_weights": ("weights", 2),
+    "07_shape_by_hand": ("by_hand", 1),
+    "08_hinf_loop_shaping": ("hinf", 0),
+    "09_pid_from_the_frf": ("pid", 3),
+    "10_check_and_certificate": ("check", 2),
+    "11_skogestad_postlethwaite": ("book", 3),
+    "12_matlab_and_back": ("loop", 0),
+    "13_motor_bench": ("motor", 1),
+    "15_several_uncertainties": ("several", 0),
+    "16_two_axis_stage": ("stage", 2),
+    "18_proof_with_friction": ("proof", 1),
+}
 STANDS_ON = ("numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba", "h5py", "jinja2")
 
 
@@ -56,6 +76,7 @@ def made_from(name: str) -> str:
         *(path for path in rooms if path.suffix in (".py", ".json", ".jinja", ".js")),
     ]:
         digest.update(path.read_bytes())
+    digest.update(str(HEROES.get(name)).encode())
     installed = [f"{package} {version(package)}" for package in STANDS_ON]
     found = [str(data_folder().is_dir()), str(shutil.which("octave") is not None)]
     digest.update(" ".join([platform.python_version(), *installed, *found]).encode())
@@ -99,7 +120,7 @@ def run(name: str, *arguments: str) -> str:
     os.chdir(BUILD)
     sys.argv = [f"{name}.py", *(arguments or ("--out", name))]
     try:
-        with contextlib.redirect_stdout(printed), warnings.catch_warnings():
+        with contextlib.redirect_stdout(printed), warnings.catch_warnings(), hero_kept(name):
             warnings.simplefilter("error")
             try:
                 runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
@@ -111,6 +132,29 @@ def run(name: str, *arguments: str) -> str:
         sys.argv = argv
         plt.close("all")
     return printed.getvalue()
+
+
+@contextlib.contextmanager
+def hero_kept(name: str):
+    """While an example runs, keep the one axes that stands on its card, beside its folder: NAME.hero.png."""
+    from matplotlib.figure import Figure
+
+    whole, (picture, which) = Figure.savefig, HEROES.get(name, ("", 0))
+
+    def savefig(figure: Figure, target, *args, **kwargs):
+        whole(figure, target, *args, **kwargs)
+        stem = Path(str(target)).stem
+        if figure.axes and (stem == picture or (not picture and not (BUILD / f"{name}.hero.png").exists())):
+            ax = figure.axes[min(which, len(figure.axes) - 1)]
+            box = ax.get_tightbbox(figure.canvas.get_renderer()).transformed(figure.dpi_scale_trans.inverted())
+            whole(figure, BUILD / f"{name}.hero.png", dpi=110, bbox_inches=box.padded(0.05))
+
+    (BUILD / f"{name}.hero.png").unlink(missing_ok=True)
+    Figure.savefig = savefig
+    try:
+        yield
+    finally:
+        Figure.savefig = whole
 
 
 def write_pages(folder: Path) -> None:
@@ -131,7 +175,11 @@ def write_pages(folder: Path) -> None:
             target = folder / f"{name}_{picture.name}"
             folder.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(picture, target)
-        first = f'<img src="../../_images/{name}_{shown[0].name}" alt="">' if shown else ""
+        hero = BUILD / f"{name}.hero.png"
+        first = f'<img src="heroes/{name}.png" alt="">' if hero.is_file() else ""
+        if hero.is_file():
+            (ROOT / "docs" / "generated" / "extra" / HERE / "heroes").mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(hero, ROOT / "docs" / "generated" / "extra" / HERE / "heroes" / f"{name}.png")
         index.append(f'<a href="{name}.html">{first}<span>{name[:2]}. {title}</span></a>')
         paragraphs = [
             f"```sh\n{part}\n```" if part.startswith("python ") else part for part in re.split(r"\n\s*\n", text)

@@ -34,6 +34,7 @@ from .files.report_page import write_report as write_report
 from .fixed_structure.design_frf import design_frf as design_frf
 from .fixed_structure.proved import ProvedDesign as ProvedDesign
 from .fixed_structure.proved import design_proved as design_proved
+from .fixed_structure.structures import ControllerStructure as ControllerStructure
 
 # Friction: how a loop moves, a proof for the machine itself
 from .friction_motion.quasi_linear import QuasiLinear as QuasiLinear

@@ -96,6 +96,10 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
 
     n_runs, n = runs.r.shape
     law, grid = packed_law(runs.rig.friction)
+    if law.form == packing.OWN:
+        raise ValueError(
+            "rig must have one of the laws of nlfrf.friction in a loop, got OwnFriction: run and simulate take it"
+        )
     body = packing.Body(False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping))
     memory = packing.at_rest(law.curve, grid)
     states = np.tile(memory.state, (n_runs, 1))

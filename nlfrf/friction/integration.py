@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nlfrf.friction import kernel_data
+from nlfrf.friction.own import OwnFriction, OwnLaw
 
 __all__ = ["integrate"]
 
@@ -25,6 +26,8 @@ def integrate(
     Returns (n / substeps, 4): position, velocity, z and friction force at the begin of every `substeps`-th step;
     None where the step was too long to be stable.
     """
+    if isinstance(law, OwnLaw):
+        return integrate_own(body, law.of, memory, drive, h, substeps)
     kernel: Callable[..., bool]
     if law.form == kernel_data.COULOMB:
         from nlfrf.friction.slip_kernels import advance_coulomb as kernel
@@ -36,4 +39,26 @@ def integrate(
         from nlfrf.friction.leuven_kernels import advance_hysteretic as kernel
     out = np.empty((drive.shape[0] // substeps, 4))
     stable = kernel(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
+    return out if stable else None
+
+
+def integrate_own(
+    body: kernel_data.Body,
+    law: OwnFriction,
+    memory: kernel_data.Memory,
+    drive: np.ndarray,
+    h: float,
+    substeps: int,
+) -> np.ndarray | None:
+    """The same for functions of the user's own; their state lies where others keep their turning points."""
+    from nlfrf.friction.own_kernels import stepper
+
+    kernel, _ = stepper(law.derivative, law.force, law.rest.size)
+    state, z = memory.state, memory.stack[0, : law.rest.size]
+    if not state[kernel_data.DEPTH]:  # it has never moved
+        z[:] = law.rest
+        state[kernel_data.DEPTH] = 1.0
+    out, place, own = np.empty((drive.shape[0] // substeps, 4)), state[[kernel_data.X, kernel_data.V]], z.copy()
+    stable = kernel(body, place, own, np.ascontiguousarray(drive), float(h), int(substeps), out)
+    state[[kernel_data.X, kernel_data.V]], z[:] = place, own
     return out if stable else None

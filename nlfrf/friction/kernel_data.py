@@ -16,8 +16,8 @@ __all__ = ["DEEPEST", "DEPTH", "DIRECTION", "ERROR", "LOST", "Body", "Curve", "F
 # Kinds of hysteresis: a spring that needs no memory, virgin curves with a stack of turning points (smooth ones
 # first), elements
 SPRING, LINEAR, TANH, EXPONENTIAL, PARABOLA, ELASTIC_PLASTIC, TABLE, ELEMENTS, VARYING = range(9)
-# Laws: three forms of the state equation dz/dt, and three that switch between sticking and slipping
-LEUVEN, ORIGINAL, DAHL, COULOMB, GMS, SLIDERS = range(6)
+# Laws: three forms of the state equation dz/dt, three that switch between sticking and slipping, the user's own
+LEUVEN, ORIGINAL, DAHL, COULOMB, GMS, SLIDERS, OWN = range(7)
 # Places in Memory.state
 X, V, Z, F, DIRECTION, DEPTH, DEEPEST, LOST, ERROR = range(9)
 N_STATES = 9

@@ -15,6 +15,7 @@ import numpy as np
 from nlfrf.friction import kernel_data
 from nlfrf.friction.curves import Curve, Linear, MaxwellSlip, Tanh
 from nlfrf.friction.hysteresis import NO_GRID, packed_curve
+from nlfrf.friction.own import OwnFriction, packed_own
 from nlfrf.friction.varying import VaryingSliders, packed_sliders
 from nlfrf.shared.arguments import nonnegative, one_of, positive
 from nlfrf.shared.values import value
@@ -296,7 +297,7 @@ def given(number: Any) -> bool:
     return not (isinstance(number, float) and np.isnan(number))
 
 
-Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip | VaryingSliders
+Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip | VaryingSliders | OwnFriction
 
 
 def check_stribeck(law: Any) -> None:
@@ -316,6 +317,8 @@ def stribeck(law: Any, v: Any) -> np.ndarray:
     array([-0.8104,  0.    ,  0.7   ])
     """
     v = np.asarray(v, dtype=float)
+    if isinstance(law, OwnFriction):
+        raise ValueError("law must have a Stribeck curve, got OwnFriction: `drive` it at constant velocities")
     packed, _ = packed_law(law)
     return np.sign(v) * (packed.Fc + (packed.Fs - packed.Fc) * np.exp(-(np.abs(v / packed.vs) ** packed.delta)))
 
@@ -335,6 +338,8 @@ def packed_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
         ), NO_GRID
     if isinstance(law, VaryingSliders):
         return packed_sliders(law)
+    if isinstance(law, OwnFriction):
+        return packed_own(law)
     if isinstance(law, GeneralizedMaxwellSlip):
         shares = MaxwellSlip(stiffness=law.stiffness, strength=law.alpha)
         curve, grid = packed_curve(shares)

@@ -17,7 +17,7 @@ from robust.fixed_structure.demands import Demand, end_row, limit_rows, objectiv
 from robust.fixed_structure.plants import SeenPlant, see, stacked_plants
 from robust.fixed_structure.proved import largest_proved_gain, machines_of
 from robust.fixed_structure.starts import find_start, given_start, loops_stable
-from robust.fixed_structure.structures import FASTEST, FASTEST_SAMPLED, Basis, structure_of
+from robust.fixed_structure.structures import FASTEST, FASTEST_SAMPLED, Basis, ControllerStructure, structure_of
 from robust.synthesis.design import Design
 from robust.systems.lti import constant, response, timebase
 from robust.systems.nyquist import unstable_poles
@@ -29,7 +29,7 @@ __all__ = ["design_frf"]
 
 def design_frf(
     plant: Any,
-    structure: str | int,
+    structure: str | int | ControllerStructure,
     *,
     w_P: Any = None,
     w_T: Any = None,
@@ -67,8 +67,9 @@ def design_frf(
         An FRF is known on its lines only; below the first one it is taken to go on as its slope says (flat, or as
         integrators). A list is a family: one controller for all. Discs of a Bla or model are
         part of every demand: it holds for each plant in them.
-    structure : str or int
-        "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n ("order-n").
+    structure : str, int or ControllerStructure
+        "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n ("order-n"); or one of
+        your own, with a denominator that is given.
     w_P, w_T, w_u : control system or float, optional
         Weights on S, T and K S. gamma = max over frequency of the norm of [|w_P S| at worst over the set; w_T T;
         w_u K S]: without uncertainty the H-infinity norm, with w_P alone the structured singular value of robust

@@ -11,14 +11,14 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.shared.arguments import nonnegative
+from nlfrf.shared.arguments import integer, nonnegative
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.systems.connections import in_series
 from robust.systems.lti import response
 from robust.systems.realisation import from_roots
 
-__all__ = ["FASTEST", "FASTEST_SAMPLED", "Basis", "structure_of"]
+__all__ = ["FASTEST", "FASTEST_SAMPLED", "Basis", "ControllerStructure", "structure_of"]
 
 
 #: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
@@ -38,26 +38,68 @@ NAMED = {
 
 @value
 class ControllerStructure:
-    """Degrees and signs of a controller structure.
+    """A controller structure of your own: K = x(s) / (s^m y(s)), by its degrees, or with a denominator that is given.
+
+    The words of `design_frf` ("PID", "lead-lag", ...) are such structures too. A known numerator, a notch or a filter
+    of any order, goes to `design_frf(fixed=)`.
 
     Fields
     ------
-    name : str
-        As it was asked for.
     n_zeros, n_integrators, n_poles : int
-        Degree of x, of the factor s in the denominator, and of y.
-    filter_time : float
-        Time constant [s] of the one pole of y where it is given; nan where y is free.
+        Degree of x, of the factor s in the denominator, and of y; as many poles as are given.
+    poles : tuple of complex
+        Roots of y [rad/s] where the denominator is given, stable, complex ones in pairs; none: y is free. A sampled
+        controller has them at z = (1 + p dt/2)/(1 - p dt/2).
     real : bool
-        Every zero and pole real and stable (lead, lead-lag).
+        Every zero and pole real and stable, as of "lead" and "lead-lag".
+    name : str
+        What messages call it.
+
+    Raises
+    ------
+    ValueError
+        More zeros than poles and integrators, poles that are not stable, or not in pairs.
+
+    References
+    ----------
+    Karimi & Kammer, *A data-driven approach to robust control of multivariable systems by convex optimization*,
+    Automatica 85 (2017), 3.
+
+    Examples
+    --------
+    A PI with a resonant denominator at 50 rad/s, for a disturbance that is known to be there.
+
+    >>> from robust import design_frf
+    >>> resonant = ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.5 + 50j, -0.5 - 50j))
+    >>> design = design_frf(control.tf([1], [0.1, 1]), resonant, M_S=1.6, omega_c=5.0)
+    >>> design.met, sorted(design.K.poles().imag.round(6).tolist())
+    (True, [-50.0, 0.0, 50.0])
     """
 
-    name: str
     n_zeros: int
-    n_integrators: int
-    n_poles: int
-    filter_time: float = float("nan")
+    n_integrators: int = 0
+    n_poles: int = 0
+    poles: tuple[complex, ...] = ()
     real: bool = False
+    name: str = "own"
+
+    def __post_init__(self) -> None:
+        poles = np.atleast_1d(np.asarray(self.poles, dtype=complex))
+        if not np.isfinite(poles).all() or np.any(poles.real >= 0):
+            raise ValueError(f"poles must be stable, got {shown(self.poles)}. Integrators go to n_integrators")
+        if np.abs(np.poly(poles).imag).max(initial=0.0) > 1e-9 * np.abs(np.poly(poles)).max(initial=1.0):
+            raise ValueError(f"poles must be real or in conjugate pairs, got {shown(self.poles)}")
+        for field in ("n_zeros", "n_integrators", "n_poles"):
+            object.__setattr__(self, field, integer(field, getattr(self, field), least=0))
+        if poles.size and self.n_poles not in (0, poles.size):
+            raise ValueError(f"n_poles must be that of the poles given, {poles.size}, got {self.n_poles}")
+        object.__setattr__(self, "poles", tuple(complex(p) for p in poles))
+        object.__setattr__(self, "n_poles", int(poles.size) or self.n_poles)
+        if not self.n_zeros <= self.order <= LARGEST_ORDER:
+            raise ValueError(
+                f"n_zeros must be at most the poles and integrators ({self.order}), and these at most {LARGEST_ORDER}, "
+                f"got {self.n_zeros}"
+            )
 
     @property
     def order(self) -> int:
@@ -67,11 +109,15 @@ class ControllerStructure:
     @property
     def free(self) -> bool:
         """Whether y has anything to choose."""
-        return self.n_poles > 0 and bool(np.isnan(self.filter_time))
+        return self.n_poles > 0 and not self.poles
 
 
 def structure_of(name: Any, integrators: int, filter_time: float | None) -> ControllerStructure:
-    """The structure asked for by a word or an order, or a refusal."""
+    """The structure asked for by a word or an order, or one that was given; or a refusal."""
+    if isinstance(name, ControllerStructure):
+        if integrators or filter_time is not None:
+            raise ValueError("integrators and filter_time must be left out with a ControllerStructure: it has its own")
+        return name
     text = str(name)
     if isinstance(name, (int, np.integer)) and not isinstance(name, bool):
         text = f"order-{name}"
@@ -85,13 +131,13 @@ def structure_of(name: Any, integrators: int, filter_time: float | None) -> Cont
     elif text in NAMED:
         if integrators:
             raise ValueError(f'integrators must only be given with "order-n", got {integrators} with {text!r}')
+        zeros, own, rest = NAMED[text]
         found = ControllerStructure(
-            name=text,
-            **dict(zip(("n_zeros", "n_integrators", "n_poles"), NAMED[text], strict=True)),
-            real=text.startswith("lead"),
+            n_zeros=zeros, n_integrators=own, n_poles=rest, real=text.startswith("lead"), name=text
         )
     else:
-        raise ValueError(f'structure must be one of {", ".join(NAMED)} or "order-n", got {shown(name)}')
+        words = ", ".join(NAMED)
+        raise ValueError(f'structure must be one of {words}, "order-n" or a ControllerStructure, got {shown(name)}')
     if filter_time is None:
         return found
     if text not in ("PD", "PID"):
@@ -100,7 +146,7 @@ def structure_of(name: Any, integrators: int, filter_time: float | None) -> Cont
     if tau == 0:
         raise ValueError("filter_time must be positive [s]: a derivative needs a filter, got 0")
     return ControllerStructure(
-        name=text, n_zeros=found.n_zeros, n_integrators=found.n_integrators, n_poles=1, filter_time=tau
+        name=text, n_zeros=found.n_zeros, n_integrators=found.n_integrators, poles=(complex(-1 / tau),)
     )
 
 
@@ -146,8 +192,8 @@ class Basis:
         """(W, n_y) columns of y(s) s^m / (s + a)^(order), without the integrators' s^m / (s + a)^m: see `integrals`."""
         if self.structure.free:
             return self.powers(s, self.structure.n_poles)
-        tau = self.structure.filter_time
-        return np.ones((s.size, 1), complex) if np.isnan(tau) else ((tau * s + 1) * self.a / (s + self.a))[:, None]
+        poles = np.array(self.structure.poles, dtype=complex)
+        return np.prod((1 - s[:, None] / poles) * (self.a / (s + self.a))[:, None], axis=1, keepdims=True)
 
     def integrals(self, s: np.ndarray) -> np.ndarray:
         """(W,) (s / (s + a))^m."""
@@ -206,8 +252,7 @@ class Basis:
 
     def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Zeros and poles of K without its known factor, in the s plane."""
-        tau = self.structure.filter_time
-        y = self.roots(theta[: self.n_y]) if self.structure.free else np.full(self.structure.n_poles, -1 / tau)
+        y = self.roots(theta[: self.n_y]) if self.structure.free else np.array(self.structure.poles, dtype=complex)
         return self.roots(theta[self.n_y :]), np.concatenate([np.zeros(self.structure.n_integrators), y])
 
     def controller(self, theta: np.ndarray) -> control.StateSpace:

@@ -23,7 +23,6 @@ import numpy as np
 from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import one_of, probability, real, real_array
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import shown
 from robust.modelling.design_warning import suspected
 from robust.modelling.nominal import behind_hold
 from robust.modelling.weights import fit_weight
@@ -37,6 +36,7 @@ from robust.uncertain.forms import ELEMENTS, FORMS, PERTURBATIONS, RELATIVE
 from robust.uncertain.joint import known_jointly, told
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.matrix_radius import matrix_uncertainty
+from robust.uncertain.own_radius import own_radius, with_weight
 from robust.uncertain.perturbations import random_plants
 from robust.uncertain.radius import PARTS, as_nominal, family, frf_at, measured_as, of_form, scaled_by, total_of, worded
 
@@ -257,7 +257,7 @@ def uncertainty(
 
 @overload
 def uncertainty(
-    bla: Bla | Sequence[Bla],
+    bla: Bla | Sequence[Any],
     nominal: Any,
     *,
     form: str = ...,
@@ -275,7 +275,7 @@ def uncertainty(
 
 
 def uncertainty(
-    bla: Bla | Sequence[Bla] | Frm,
+    bla: Bla | Sequence[Any] | Frm,
     nominal: Any,
     *,
     form: str = RELATIVE,
@@ -301,7 +301,8 @@ def uncertainty(
     ----------
     bla : nlfrf.Bla or list of them
         What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or an
-        nlfrf.Frm: the set is a `MatrixUncertainty`.
+        nlfrf.Frm: the set is a `MatrixUncertainty`. Or a radius of your own: arrays (omega, radius), in rad/s and the
+        unit of the form, or a list of plants (FRFs, systems) that the set has to hold.
     nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
@@ -353,11 +354,12 @@ def uncertainty(
         asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
         return matrix_uncertainty(bla, nominal, below=below, above=above, **asked)
     many = list(bla) if isinstance(bla, Sequence) else [bla]
-    if not many or not all(isinstance(b, Bla) for b in many):
-        raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
-    one_of("form", form, tuple(FORMS))
-    p = probability("confidence", confidence)
+    row, p = FORMS[one_of("form", form, tuple(FORMS))], probability("confidence", confidence)
     nominal, delay, dt = as_nominal(nominal)
+    given = own_radius(bla, nominal, row)
+    if given is not None:
+        asked = with_weight(given, (below, above), order, dt, simultaneous, systematic)
+        return UncertaintyModel(nominal=nominal, form=form, delay=delay, perturbation=perturbation, **asked)
     if not isinstance(nominal, control.FrequencyResponseData):
         many = [behind_hold(b, dt) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
@@ -365,7 +367,7 @@ def uncertainty(
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
         omega, discs = omega[inside], {name: part[inside] for name, part in discs.items()}
-    row, absolute = FORMS[form], total_of(discs)
+    absolute = total_of(discs)
     W1, W2, below, above = scaled_by(row, nominal, omega, (W1, W2), (below, above))
     factor, *covered = of_form(row, omega, absolute, nominal, (W1, W2), below, above, dt)
     made = UncertaintyModel(

@@ -28,6 +28,7 @@ __all__ = [
     "record_disc",
     "scaled_by",
     "slope",
+    "spread_over",
     "total_of",
     "worded",
 ]

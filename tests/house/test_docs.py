@@ -51,5 +51,74 @@ def test_a_browser_shows_it(built, tmp_path):
             assert page.run("document.documentElement.scrollWidth <= innerWidth + 1"), name
 
 
+def test_every_card_shows_one_picture_that_says_something(built):
+    cards = (built / "generated" / "examples" / "index.html").read_text(encoding="utf-8")
+    for name in gallery.names():
+        if list(gallery.outputs(name).glob("*.png")):
+            assert f'src="heroes/{name}.png"' in cards
+            assert (built / "generated" / "examples" / "heroes" / f"{name}.png").stat().st_size > 4000
+
+
+def test_equations_are_drawn_by_the_browser_itself(built):
+    page = (built / "guide" / "primer.html").read_text(encoding="utf-8")
+    assert page.count("<math") >= 10
+    assert not re.search(r"<script[^>]*(mathjax|http)", page, re.IGNORECASE)
+
+
+def tasks():
+    """(what, target) of the rows of the page that says where each task is."""
+    rows = (gallery.ROOT / "docs" / "howto" / "index.md").read_text(encoding="utf-8")
+    return re.findall(r"^\| (?!how do I)(.+?) \| \[.*?\]\((.+?)\) \|$", rows, re.MULTILINE)
+
+
+def test_forty_tasks_are_two_clicks_away(built):
+    """From the first page to the list of tasks, and from there to the page of each."""
+    assert len(tasks()) >= 40
+    assert len({what for what, _ in tasks()}) == len(tasks())
+    assert 'href="howto/index.html"' in (built / "index.html").read_text(encoding="utf-8")
+    listed = (built / "howto" / "index.html").read_text(encoding="utf-8")
+    for what, target in tasks():
+        page = re.sub(r"\.(md|rst)$", ".html", target)
+        assert f'href="{page}"' in listed, what
+        assert (built / "howto" / page).resolve().is_file(), what
+
+
+def test_a_search_finds_what_an_engineer_calls_it(built, tmp_path):
+    wanted = {
+        "bode phase": "guide/primer.html",
+        "backlash": "guide/primer.html",
+        "PLC": "howto/csv_to_pid.html",
+        "MIMO": "howto/machines.html",
+        "closed loop reference": "howto/closed_loop.html",
+        "gain margin": "generated/api/robust.disk_margin.html",
+        "biquads": "howto/index.html",
+    }
+    with browser(tmp_path / "profile") as page:
+        for words, target in wanted.items():
+            page.open(built / "index.html")
+            address = (built / "search.html").resolve().as_uri() + "?q=" + words.replace(" ", "+")
+            page.ask("Page.navigate", url=address)
+            found = page.run(
+                "new Promise(done => { const look = () => { const hits = [...document.querySelectorAll('ul.search a')];"
+                " if (document.querySelector('.search-summary')?.textContent.match(/finished|did not/))"
+                " done(hits.map(a => a.getAttribute('href').split('?')[0])); else setTimeout(look, 50); }; look(); })"
+            )
+            assert target in [hit.split("#")[0] for hit in found], words
+            assert page.errors == [], words
+
+
+def test_names_lead_to_their_kin_types_guide_and_examples(built):
+    page = (built / "generated" / "api" / "robust.check.html").read_text(encoding="utf-8")
+    for target in (
+        "robust.worst_case.html",
+        "robust.UncertaintyModel.html",
+        "guide/bounds.html",
+        "10_check_and_certificate.html",
+    ):
+        assert target in page, target
+    for module, name, _ in [*api.things(), *api.pictures()]:
+        assert "Beside it" in (built / "generated" / "api" / f"{module}.{name}.html").read_text(encoding="utf-8"), name
+
+
 def test_docstrings_are_plain_text_with_emphasis_and_code():
     assert api.escaped("|G| and b* are *not* `|x|`, np_ is") == r"\|G\| and b\* are *not* `|x|`, np\_ is"
