@@ -6,7 +6,6 @@ model            `UncertaintyModel`: the set, and how it is made from measuremen
 evidence         what one record says of its lines, as far as a set has to remember it
 joint            the probability that a whole FRF lies in the set
 radius           how large the disc about a nominal (a model or an FRF) has to be on each line, and what it is made of
-own_radius       a radius of the user's own, as arrays or from a list of plants
 matrix_model     `MatrixUncertainty`: sets of several inputs and outputs
 matrix_radius    how wide they have to be around the nominal of a measured matrix
 breaking         the smallest perturbation found that breaks a loop, to replay

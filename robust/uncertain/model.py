@@ -36,9 +36,19 @@ from robust.uncertain.forms import ELEMENTS, FORMS, PERTURBATIONS, RELATIVE
 from robust.uncertain.joint import known_jointly, told
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.matrix_radius import matrix_uncertainty
-from robust.uncertain.own_radius import own_radius, with_weight
 from robust.uncertain.perturbations import random_plants
-from robust.uncertain.radius import PARTS, as_nominal, family, frf_at, measured_as, of_form, scaled_by, total_of, worded
+from robust.uncertain.radius import (
+    PARTS,
+    as_nominal,
+    family,
+    frf_at,
+    measured_as,
+    of_form,
+    own_set,
+    scaled_by,
+    total_of,
+    worded,
+)
 
 __all__ = ["UncertaintyModel", "uncertainty"]
 
@@ -356,10 +366,8 @@ def uncertainty(
     many = list(bla) if isinstance(bla, Sequence) else [bla]
     row, p = FORMS[one_of("form", form, tuple(FORMS))], probability("confidence", confidence)
     nominal, delay, dt = as_nominal(nominal)
-    given = own_radius(bla, nominal, row)
-    if given is not None:
-        asked = with_weight(given, (below, above), order, dt, simultaneous, systematic)
-        return UncertaintyModel(nominal=nominal, form=form, delay=delay, perturbation=perturbation, **asked)
+    if own := own_set(bla, nominal, row, (below, above), dt, asked | {"systematic": systematic}):
+        return UncertaintyModel(nominal=nominal, form=form, delay=delay, **own)
     if not isinstance(nominal, control.FrequencyResponseData):
         many = [behind_hold(b, dt) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
