@@ -45,6 +45,8 @@ from .friction_proof.classes import any_maxwell_slip as any_maxwell_slip
 from .friction_proof.classes import any_passive as any_passive
 from .friction_proof.levels import FrictionClass as FrictionClass
 from .friction_proof.levels import friction_class as friction_class
+from .friction_proof.linear_uncertainty import FrequencyTest as FrequencyTest
+from .friction_proof.linear_uncertainty import friction_frequency_test as friction_frequency_test
 from .friction_proof.proof import FrictionProof as FrictionProof
 from .friction_proof.proof import prove_friction as prove_friction
 

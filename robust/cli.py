@@ -14,7 +14,7 @@ from nlfrf.shared.arguments import one_of
 from nlfrf.shared.axes import write_pictures
 from nlfrf.shared.command import Json, Version, end, number, run, speaker, working
 from nlfrf.shared.whole_files import write_text
-from robust.files.friction_files import class_from_files, prove_all, save_proofs
+from robust.files.friction_files import class_from_files, linear_part_tested, prove_all, save_proofs
 from robust.files.pid_gains import told_gains
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
@@ -255,7 +255,8 @@ def prove(
     with working("proving"):
         K = robust.load_controller(controller)
         proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
-    text += "\n\n".join(map(str, proofs))
+        tested = linear_part_tested(machine, nominal, K, friction, delay)
+    text += "\n\n".join(map(str, proofs)) + tested
     say = speaker(json)
     say(text)
     if out is not None:

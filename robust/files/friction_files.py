@@ -12,10 +12,11 @@ from robust.files.models import load_model
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
 from robust.friction_proof.flexible import modal_damping, undamped
 from robust.friction_proof.levels import friction_class
+from robust.friction_proof.linear_uncertainty import friction_frequency_test
 from robust.friction_proof.proof import FrictionProof, prove_friction
 from robust.sliding.machine import SlidingMachine, sliding_machine
 
-__all__ = ["class_from_files", "prove_all", "save_proofs"]
+__all__ = ["class_from_files", "linear_part_tested", "prove_all", "save_proofs"]
 
 
 def class_from_files(
@@ -49,6 +50,16 @@ def prove_all(
     proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
     worth = {"refuted": 0, "not decided": 1, "proved": 2}
     return tuple(sorted(proofs, key=lambda proof: worth[proof.verdict]))
+
+
+def linear_part_tested(files: Sequence[Path], nominal: Path | None, K: Any, friction: AnyFriction, delay: float) -> str:
+    """What a frequency test says of the mass and stiffness of BLAs, within two standard deviations; else nothing."""
+    if len(files) == 1 or nominal is not None:
+        return ""
+    found = friction_class([nlfrf.load_bla(path) for path in files], stiction=friction.stiction)
+    errors = {"mass": 2 * found.mass_std, "stiffness": 2 * found.stiffness_std}
+    test = friction_frequency_test(found.machine, K, friction, delay=delay, margin=True, **errors)
+    return f"\n\nTwo standard deviations. {test}"
 
 
 def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> list[Path]:

@@ -41,7 +41,8 @@ class FrictionCertificate:
     omega, form : (W,) ndarray
         The integrand with these weights over frequency [rad/s], over its largest part.
     numbers : dict or None
-        Where it holds: all that a `FrictionClaim` needs besides loop and class.
+        Where it holds: all that a `FrictionClaim` needs besides loop, class and energy.
+    energy : Energy or None
     """
 
     certificate: Certificate
@@ -49,6 +50,7 @@ class FrictionCertificate:
     omega: np.ndarray
     form: np.ndarray
     numbers: dict[str, Any] | None
+    energy: Energy | None
 
 
 def certify(loop: SlidingLoop, friction: AnyFriction, reference: float, *, quick: bool = False) -> FrictionCertificate:
@@ -87,7 +89,7 @@ def certify_maxwell_slip(
         if not reason:
             used = np.append(True, mu[2:] > 0)
             numbers = {"rates": rates[used], "weights": mu[1:][used], "free": float(mu[0]), **nothing_of_bristles()}
-            return outcome("", found, omega, form, numbers | kept(energy))
+            return outcome("", found, omega, form, numbers, energy)
     return outcome(reason, found, omega, form)
 
 
@@ -111,7 +113,7 @@ def certify_bristle(
             used = weights.nu > 0
             numbers = {"rates": rates[used], "weights": weights.nu[used], "free": weights.mu}
             numbers |= {"block": weights.block, "bounds": weights.bounds}
-            return outcome("", found, omega, form, numbers | kept(energy))
+            return outcome("", found, omega, form, numbers, energy)
     return outcome(reason, found, omega, form)
 
 
@@ -120,20 +122,21 @@ def nothing_of_bristles() -> dict[str, np.ndarray]:
     return {"block": np.zeros((0, 0)), "bounds": np.zeros(0)}
 
 
-def kept(energy: Energy | None) -> dict[str, np.ndarray]:
-    """The numbers of an energy."""
-    assert energy is not None
-    return {"V": energy.V, "P": energy.P, "counts": energy.counts}
-
-
 def outcome(
-    reason: str, found: np.ndarray, omega: np.ndarray, form: np.ndarray, numbers: dict[str, Any] | None = None
+    reason: str,
+    found: np.ndarray,
+    omega: np.ndarray,
+    form: np.ndarray,
+    numbers: dict[str, Any] | None = None,
+    energy: Energy | None = None,
 ) -> FrictionCertificate:
     """What was proved, where no reason speaks against it."""
     intervals = np.array([[0.0, np.inf]])
     proof = Certificate(subject=SUBJECT, holds=True, level=0.0, method=METHOD, intervals=intervals, reason="")
     certificate = refused(SUBJECT, 0.0, reason) if reason else proof
-    return FrictionCertificate(certificate=certificate, multipliers=found, omega=omega, form=form, numbers=numbers)
+    return FrictionCertificate(
+        certificate=certificate, multipliers=found, omega=omega, form=form, numbers=numbers, energy=energy
+    )
 
 
 def proved_limits(loop: SlidingLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.friction_proof.certify import certify, proved_limits
 from robust.friction_proof.classes import AnyFriction
+from robust.friction_proof.saturation import kick_within
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.verify import verify_friction
 from robust.sliding.bounded import hunting_bound, sure_kick
@@ -62,6 +63,9 @@ class FrictionProof:
     kick_sure : float
         Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
         given or the sliding loop is stable.
+    kick_linear : float
+        Velocity [m/s] of a kick on the relaxed machine up to which the actuator stays below its saturation, so that
+        the proof is one of the saturated loop too; nan where no saturation was given or nothing is proved.
     certificate : Certificate or None
         What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
     multipliers : (2, J) ndarray
@@ -95,6 +99,7 @@ class FrictionProof:
     stiction_max: float
     error_bound: float
     kick_sure: float
+    kick_linear: float
     certificate: Any
     multipliers: np.ndarray
     omega: np.ndarray
@@ -115,6 +120,11 @@ class FrictionProof:
             )
         if np.isfinite(self.kick_sure):
             lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} m/s.")
+        if np.isfinite(self.kick_linear):
+            lines.append(
+                f"With the actuator that saturates proved locally: at rest and relaxed, kicks up to "
+                f"{self.kick_linear:.3g} m/s never make it saturate; beyond that nothing is said."
+            )
         return "\n".join([*lines, self.not_claimed])
 
 
@@ -125,6 +135,7 @@ def prove_friction(
     *,
     delay: float = 0.0,
     Fs: float | None = None,
+    saturation: float | None = None,
     limits: bool = False,
 ) -> FrictionProof:
     """Prove that a loop comes to rest with every friction of a class, through sampler and hold, or refute it.
@@ -141,6 +152,9 @@ def prove_friction(
         From sampling to the force changing [s]; any part of a sample, or several.
     Fs : float, optional
         Largest friction force [N]: also says how far such a friction can hunt, or from which kick the loop runs away.
+    saturation : float, optional
+        Largest force of the actuator [N], more than Fs, which has to be given with it: also says up to which kick the
+        proof holds with it.
     limits : bool
         Whether to look for the largest stiffness and stiction that are still proved.
 
@@ -152,7 +166,8 @@ def prove_friction(
     Raises
     ------
     ValueError
-        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller.
+        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller,
+        a saturation without Fs or below it.
 
     References
     ----------
@@ -172,13 +187,17 @@ def prove_friction(
     K = state_space("K", K)
     loop = sliding_loop(machine, K, delay)
     Fs = friction.Fs if friction.kind == "bounded" else np.nan if Fs is None else positive("Fs", Fs)
+    if saturation is not None and not (np.isfinite(Fs) and positive("saturation", saturation) > Fs):
+        raise ValueError(
+            f"saturation must be above Fs, the largest friction force, got {saturation:g} N and Fs = {Fs:g} N"
+        )
     spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
-    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
+    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, "kick_linear": np.nan, **no_certificate()}
     found |= bounded_words(machine, loop, Fs)
     if spring is not None:
         found |= {"verdict": "refuted", "reason": refutation(spring, loop, friction)}
     elif friction.kind in ("Maxwell slip", "bristle"):
-        found |= certified(machine, K, delay, loop, friction, limits)
+        found |= certified(machine, K, delay, loop, friction, limits, Fs, saturation)
     elif friction.kind == "bounded":
         found |= {"verdict": "proved", "reason": ""}
     else:
@@ -211,7 +230,14 @@ def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict
 
 
 def certified(
-    machine: SlidingMachine, K: Any, delay: float, loop: SlidingLoop, friction: AnyFriction, limits: bool
+    machine: SlidingMachine,
+    K: Any,
+    delay: float,
+    loop: SlidingLoop,
+    friction: AnyFriction,
+    limits: bool,
+    Fs: float,
+    saturation: float | None,
 ) -> dict[str, Any]:
     """The verdict on a loop that no spring refutes."""
     reference = reference_rate(machine, loop)
@@ -222,8 +248,11 @@ def certified(
     holds = proof.certificate.holds
     found: dict[str, Any] = {"verdict": "proved" if holds else "not decided", "reason": proof.certificate.reason}
     found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
-    if proof.numbers is not None:
-        exact = claimed(machine, K, delay, friction, proof.numbers)
+    if proof.numbers is not None and proof.energy is not None:
+        energy = {name: getattr(proof.energy, name) for name in ("V", "P", "counts")}
+        exact = claimed(machine, K, delay, friction, proof.numbers | energy)
+        if saturation is not None:
+            found["kick_linear"] = kick_within(machine, K, loop, proof.energy, Fs, saturation)
         found["certificate"] = replace(proof.certificate, claim=exact, again=verify_friction)
     if holds and limits:
         found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)

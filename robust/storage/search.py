@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.shared.values import value
-from robust.storage.bernstein import Storage, in_coordinates, judge, judge_constant, storage_function
+from robust.storage.bernstein import Judged, Storage, in_coordinates, judge, judge_constant, storage_function
 from robust.storage.form import Dissipation
 from robust.storage.riccati import proposed_storage
 
@@ -29,11 +29,14 @@ class Energy:
         Bernstein coefficients on each interval; (1, 1, n, n) where nothing is sampled.
     counts : (S,) integer ndarray
         Intervals in each span.
+    stored : (n + E, n + E) ndarray
+        What is stored besides, in these coordinates.
     """
 
     V: np.ndarray
     P: np.ndarray
     counts: np.ndarray
+    stored: np.ndarray
 
 
 def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, Energy | None]:
@@ -48,13 +51,14 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
         if not form.spans.size:
             failure = judge_constant(judged, P)
             if not failure:
-                return "", Energy(V=judged.V, P=P[None, None], counts=np.zeros(0, dtype=int))
+                counts = np.zeros(0, dtype=int)
+                return "", Energy(V=judged.V, P=P[None, None], counts=counts, stored=judged.form.stored)
             continue
         for n_intervals in INTERVALS:
             storage = storage_function(judged.form, P, slack, n_intervals)
             failure, worst = judge(judged, storage)
             if not failure:
-                return "", energy_of(judged.V, storage)
+                return "", energy_of(judged, storage)
             if np.isinf(worst) and n_intervals > INTERVALS[0]:  # no solution of this slack: finer will not help
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
@@ -63,12 +67,13 @@ def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, 
         storage = storage_function(judged.form, P, slack, FINEST)
         failure = judge(judged, storage)[0]
         if not failure:
-            return "", energy_of(judged.V, storage)
+            return "", energy_of(judged, storage)
     return failure, None
 
 
-def energy_of(V: np.ndarray, storage: Storage) -> Energy:
+def energy_of(judged: Judged, storage: Storage) -> Energy:
     """What is kept of a storage function, symmetric to the bit."""
     P = storage.coefficients
     counts = np.diff(np.append(storage.first, P.shape[0]))
-    return Energy(V=V, P=(P + np.swapaxes(P, -1, -2)) / 2, counts=counts)
+    P = (P + np.swapaxes(P, -1, -2)) / 2
+    return Energy(V=judged.V, P=P, counts=counts, stored=judged.form.stored)

@@ -58,7 +58,7 @@ HEAVY = {
     "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels",
     "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
-    "robust.friction_proof.bristle_multipliers",
+    "robust.friction_proof.bristle_multipliers robust.friction_proof.linear_uncertainty",
     "jinja2": "robust.files.report_page",
     "flint": "robust.verification robust.friction_verification",
     "anywidget": "robust.shaping_page.widget",

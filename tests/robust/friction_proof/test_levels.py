@@ -102,6 +102,7 @@ def test_the_command(measured_levels, monkeypatch, capsys, tmp_path):
     assert code == 0
     assert "proved: Comes to rest from every state with every Maxwell-slip friction" in out
     assert (tmp_path / "proof.txt").read_text() in out
+    assert "Two standard deviations. Frequency test, not a proof" in out
     assert robust.verify_certificate("proof.certificate.json").verified
     nominal = robust.fit_nominal(measured_levels[2], n_poles=2, n_zeros=0)
     robust.save_model(robust.uncertainty(measured_levels[2], nominal), "m.json")
