@@ -89,9 +89,12 @@ from .shaping_page.widget import shape as shape
 from .sliding.machine import sliding_machine as sliding_machine
 
 # Synthesis: controllers from Riccati equations
+from .synthesis.cascade import cascade as cascade
 from .synthesis.design import Design as Design
 from .synthesis.dk import DkDesign as DkDesign
 from .synthesis.dk import dk_iteration as dk_iteration
+from .synthesis.feedforward import Feedforward as Feedforward
+from .synthesis.feedforward import feedforward as feedforward
 from .synthesis.hinfsyn import Synthesis as Synthesis
 from .synthesis.hinfsyn import hinfsyn as hinfsyn
 from .synthesis.mixsyn import mixsyn as mixsyn

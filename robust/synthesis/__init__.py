@@ -5,6 +5,8 @@ ncfsyn             loop shaping by Glover and McFarlane
 mixsyn             weighted S, K S and T made small together
 hinfsyn            any generalised plant
 prefilter          a loop that follows a reference model, and what the set makes of it
+feedforward        the same by what is added to the input of the plant
+cascade            an outer and an inner loop as one controller
 reduce_controller  a controller of lower order that keeps what was proved
 reduction          balanced truncation: plain, weighted, of coprime factors
 dk                 D-K iteration: several uncertainties and a performance

@@ -27,7 +27,7 @@ from robust.systems.realisation import stable_weight
 from robust.systems.sampling import discretize
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["Prefilter", "prefilter"]
+__all__ = ["Prefilter", "errors", "fewest_states", "matching", "on_time_base", "prefilter"]
 
 
 SMALL = 0.01  # what leaving out states of F may change of T F
@@ -113,17 +113,21 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     wrong = nominal_instability(loop)
     if wrong:
         raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {wrong}")
-    T_ref = stable_weight("reference", reference, loop.dt)
-    if loop.dt and not timebase(T_ref) and not constant(T_ref):
-        T_ref = discretize(T_ref, loop.dt)
+    T_ref = on_time_base(reference, loop.dt)
     T = loop.closed(("y",), ("r",))
     found = hinfsyn(matching(T_ref, T, effort, loop.dt), 1, 1)
     if not found.found:
         raise ValueError(f"reference must be one that a prefilter can be found for: {found.reason}")
     omega = loop.grid(model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
-    error, worst = errors(loop, F, T_ref, omega)
+    error, worst = errors(loop, response(F, omega), response(T_ref, omega), omega)
     return Prefilter(F=F, gamma=found.gamma, gamma_min=found.gamma_low, omega=omega, error=error, error_worst=worst)
+
+
+def on_time_base(reference: Any, dt: float) -> control.StateSpace:
+    """The reference model, stable, on the time base of the loop."""
+    T_ref = stable_weight("reference", reference, dt)
+    return discretize(T_ref, dt) if dt and not timebase(T_ref) and not constant(T_ref) else T_ref
 
 
 def matching(T_ref: control.StateSpace, T: control.StateSpace, effort: float, dt: float) -> control.StateSpace:
@@ -153,11 +157,9 @@ def exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.S
     return control.StateSpace(F.A, F.B, F.C * scale, F.D * scale, T.dt)
 
 
-def errors(
-    loop: Loop, F: control.StateSpace, T_ref: control.StateSpace, omega: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def errors(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
-    curves, f, wanted = loop.curves(omega), response(F, omega), response(T_ref, omega)
+    curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
     with np.errstate(all="ignore"):
         room = 1 - np.abs(b) ** 2

@@ -1,0 +1,66 @@
+"""Loops in cascade (position over velocity) as one controller, so that they are checked, and fail, as one.
+
+r -->(+)--[K_outer]-->(+)--[K_inner]-- u -->[ G ]---+--> y        K = K_inner (inner + K_outer outer)
+     -^               -^                            |
+      |                +---------[inner]------------+
+      +--------------------------[outer]------------+
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+
+from robust.systems.connections import in_parallel, in_series
+from robust.systems.lti import constant, timebase
+from robust.systems.realisation import state_space
+
+__all__ = ["cascade"]
+
+
+def cascade(K_outer: Any, K_inner: Any, *, outer: Any = 1.0, inner: Any = 1.0) -> control.StateSpace:
+    """Put an outer and an inner controller together into the one that their plant sees: for `check` and all the rest.
+
+    A margin of each loop by itself says little: the inner one is closed through the outer one too. What is broken in
+    the check of the equivalent controller is the actuator, through which both run.
+
+    Parameters
+    ----------
+    K_outer, K_inner : control.StateSpace, TransferFunction or float
+        u = K_inner (K_outer (r - outer y) - inner y).
+    outer, inner : control.StateSpace, TransferFunction or float
+        What makes the signal of each loop of the plant output y. For a plant from force to velocity outer = 1/s; for
+        one to position, under a clock, inner = (z - 1)/(z dt), the difference that is taken for a velocity.
+
+    Returns
+    -------
+    control.StateSpace
+        K = K_inner (inner + K_outer outer), all states kept: u = -K y.
+
+    Raises
+    ------
+    ValueError
+        Sampling times that differ, parts with several inputs or outputs.
+
+    References
+    ----------
+    SP 10.5 (cascade control).
+
+    Examples
+    --------
+    Position over velocity for a mass, 1/s from force to velocity: s^2 + 4 s + 4 = 0.
+
+    >>> K = cascade(1.0, 4.0, outer=control.tf([1], [1, 0]))
+    >>> control.feedback(control.tf([1], [1, 0]), control.ss2tf(K)).poles().real.round(6).tolist()
+    [-2.0, -2.0]
+    """
+    parts = {"K_outer": K_outer, "K_inner": K_inner, "outer": outer, "inner": inner}
+    systems = {name: state_space(name, part) for name, part in parts.items()}
+    clocks = {name: timebase(system) for name, system in systems.items() if not constant(system)}
+    if len(set(clocks.values())) > 1:
+        told = ", ".join(f"{name} {dt:g} s" for name, dt in clocks.items())
+        raise ValueError(f"K_inner must have the sampling time of all other parts, 0 for continuous, got {told}")
+    dt = next(iter(clocks.values()), systems["K_inner"].dt)
+    K_outer, K_inner, outer, inner = (control.StateSpace(s.A, s.B, s.C, s.D, dt) for s in systems.values())
+    return in_series(in_parallel(inner, in_series(outer, K_outer, dt=dt)), K_inner, dt=dt)
