@@ -27,7 +27,7 @@ from robust.systems.realisation import stable_weight
 from robust.systems.sampling import discretize
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["Prefilter", "errors", "fewest_states", "matching", "on_time_base", "prefilter"]
+__all__ = ["Prefilter", "errors", "fewest_states", "following", "matching", "on_time_base", "prefilter"]
 
 
 SMALL = 0.01  # what leaving out states of F may change of T F
@@ -107,12 +107,7 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     >>> found.F.nstates, round(float(found.F.D[0, 0]), 2)
     (0, 1.0)
     """
-    if not isinstance(model, UncertaintyModel) or model.measured_only:
-        raise ValueError(f"model must be an UncertaintyModel with a parametric nominal, got {shown(model)}")
-    effort, loop = positive("effort", effort), assemble(model, K, None, nonnegative("delay", delay))
-    wrong = nominal_instability(loop)
-    if wrong:
-        raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {wrong}")
+    effort, loop = positive("effort", effort), following(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
     T = loop.closed(("y",), ("r",))
     found = hinfsyn(matching(T_ref, T, effort, loop.dt), 1, 1)
@@ -122,6 +117,17 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
     error, worst = errors(loop, response(F, omega), response(T_ref, omega), omega)
     return Prefilter(F=F, gamma=found.gamma, gamma_min=found.gamma_low, omega=omega, error=error, error_worst=worst)
+
+
+def following(model: Any, K: Any, delay: float) -> Loop:
+    """The loop that is to follow a reference, or a refusal where it is not stable."""
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError(f"model must be an UncertaintyModel with a parametric nominal, got {shown(model)}")
+    loop = assemble(model, K, None, nonnegative("delay", delay))
+    wrong = nominal_instability(loop)
+    if wrong:
+        raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {wrong}")
+    return loop
 
 
 def on_time_base(reference: Any, dt: float) -> control.StateSpace:

@@ -29,8 +29,8 @@ def to_discrete(A, B, C, D):
     return back @ (np.eye(len(A)) + A), 2 * back @ B, C @ back, D + C @ back @ B
 
 
-def in_bad_coordinates(rng, poles):
-    """A system with these poles, its states mixed by a matrix of condition up to 1e6."""
+def modal_matrix(poles):
+    """A real matrix with these eigenvalues, block by block."""
     n = poles.size
     A, k = np.zeros((n, n)), 0
     while k < n:
@@ -41,6 +41,12 @@ def in_bad_coordinates(rng, poles):
         else:
             A[k, k] = p.real
             k += 1
+    return A
+
+
+def in_bad_coordinates(rng, poles):
+    """A system with these poles, its states mixed by a matrix of condition up to 1e6."""
+    n, A = poles.size, modal_matrix(poles)
     left, right = (np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(2))
     T = left @ np.diag(10 ** rng.uniform(-3, 3, n)) @ right
     B, C = rng.normal(size=(n, 1)), rng.normal(size=(1, n))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import control
 import numpy as np
 
+from tests.support.hard_loops import modal_matrix
 from tests.support.random_loops import (
     FORMS,
     closed_loop_poles,
@@ -195,15 +196,7 @@ def of_high_order(rng):
 
 def modes(rng, n, lightest):
     """A sum of modes, block by block."""
-    poles, A, k = roots(rng, n, -1.0, 2.0, lightest), np.zeros((n, n)), 0
-    while k < n:
-        p = poles[k]
-        if p.imag:
-            A[k : k + 2, k : k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
-            k += 2
-        else:
-            A[k, k] = p.real
-            k += 1
+    A = modal_matrix(roots(rng, n, -1.0, 2.0, lightest))
     return control.StateSpace(A, rng.normal(size=(n, 1)), rng.normal(size=(1, n)), [[0.0]], 0)
 
 
