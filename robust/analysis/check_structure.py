@@ -98,7 +98,7 @@ class StructuredReport:
     probability: str = ""
 
     def __str__(self) -> str:
-        lines = paragraph("verdict", judged(self.verdict, self.probability))
+        lines = paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else ""))
         lines += paragraph("because", self.reason)
         if self.nominally_stable:
             lines += paragraph(

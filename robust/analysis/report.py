@@ -151,7 +151,7 @@ class RobustnessReport:
     def findings(self) -> list[str]:
         """The rows of the summary."""
         lines = [
-            *paragraph("verdict", judged(self.verdict, self.probability)),
+            *paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else "")),
             *paragraph("because", self.reason),
         ]
         if self.nominally_stable and np.isfinite(self.margin_rs):
