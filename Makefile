@@ -63,6 +63,8 @@ bench: $(TESTS)
 	$(BIN)/python -m benchmarks.bench_friction_proof
 	$(BIN)/python -m benchmarks.bench_many_loops
 	$(BIN)/python -m benchmarks.bench_robust
+	$(BIN)/python -m benchmarks.joint --records 12 --fresh 300
+	$(BIN)/python -m benchmarks.validation --records 200
 	$(BIN)/python -m benchmarks.bench_design
 	$(BIN)/python -m benchmarks.bench_mu
 	$(BIN)/python -m benchmarks.fuzz_loaders
