@@ -79,10 +79,6 @@ def amount(a: float) -> str:
 
 def told(q: QuasiLinear, kick_sure: Any) -> str:
     """The heading."""
-    if np.isinf(q.amplitude):
-        said = "Predicted to come to rest"
-    elif q.amplitude == 0:
-        said = "Predicted not to come to rest"
-    else:
-        said = f"Predicted to grow from a kick of {q.kick:.3g} m/s"
+    fates = {0.0: "not to come to rest", np.inf: "to come to rest"}
+    said = "Predicted " + fates.get(q.amplitude, f"to grow from a kick of {q.kick:.3g} m/s")
     return f"{said},\nsurely to run away from {kick_sure:.3g} m/s" if np.isfinite(kick_sure) else said
