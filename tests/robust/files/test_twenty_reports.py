@@ -261,7 +261,11 @@ def told_of_the_model(facts, model, given):
     for i, bla in enumerate(blas):
         which = f", record {i + 1}" if len(blas) > 1 else ""
         seen = validate(model, bla)
-        holds(facts["nominal", f"lines in the set{which}"], seen.n_outside, seen.n_lines, seen.n_expected)
+        said = NUMBER.findall(facts["nominal", f"lines in the set{which}"])
+        holds(" ".join(said[:2]), seen.n_outside_set, seen.n_lines)
+        change = (seen.p_value, 100 * seen.gain, 100 * seen.frequency, 1e3 * seen.delay, seen.level, seen.p_level)
+        for token in said[2:]:
+            assert any(is_written(token, number) for number in (*change, seen.n_outside, seen.n_expected)), said
         rows = [row.strip() for row in str(bla).splitlines()]
         assert facts["bla", f"BLA{which.replace(', ', ' of ')}"].splitlines() == rows
 
