@@ -46,6 +46,7 @@ HEROES = {
     "16_two_axis_stage": ("stage", 2),
     "18_proof_with_friction": ("proof", 1),
 }
+STORED = ROOT / "docs" / "_static"  # what examples gave whose data may not be there
 STANDS_ON = ("numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba", "h5py", "jinja2")
 
 
@@ -157,6 +158,19 @@ def hero_kept(name: str):
         Figure.savefig = whole
 
 
+def shown_folder(name: str) -> tuple[Path, str]:
+    """The folder that the gallery shows; and, where an example was skipped for want of its data, why a stored one."""
+    made, stored = outputs(name), STORED / name
+    if not (stored.is_dir() and (made / "printed.txt").read_text(encoding="utf-8").startswith("skipped")):
+        return made, ""
+    return stored, (
+        "The records are not part of this project, and were not there when this page was built: below stands what the "
+        "example drew and printed where they were. KU Leuven publishes them with the MATLAB toolbox FdiTools, as "
+        "`MultisineTypeB.mat`; put that into a folder `motor_bench` and give the folder above it by `--data` or in "
+        "`NLFRF_DATA`."
+    )
+
+
 def write_pages(folder: Path) -> None:
     """A page for every example, with what it printed and drew, and an index with a picture of each."""
     index = [
@@ -169,7 +183,7 @@ def write_pages(folder: Path) -> None:
     ]
     for name in names():
         title, text = title_and_text(name)
-        made = outputs(name)
+        made, words = shown_folder(name)
         shown = sorted(made.glob("*.png"))
         for picture in shown:
             target = folder / f"{name}_{picture.name}"
@@ -190,6 +204,8 @@ def write_pages(folder: Path) -> None:
             "\n\n".join(paragraphs),
             "",
             f"```sh\npython examples/{name}.py\n```",
+            "",
+            words,
             "",
             *(f":::{{figure}} {name}_{picture.name}\n:alt: {picture.stem} of this example\n:::\n" for picture in shown),
             "## What it prints",

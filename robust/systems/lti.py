@@ -13,6 +13,7 @@ __all__ = [
     "along",
     "constant",
     "evaluate",
+    "evened",
     "finite",
     "in_s",
     "on_axis",
@@ -58,9 +59,16 @@ def on_axis(omega: np.ndarray, dt: float) -> np.ndarray:
     return np.exp(1j * omega * dt) if dt else 1j * omega
 
 
+def evened(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A with rows and columns alike in size, by powers of two, and those."""
+    with np.errstate(invalid="ignore"):  # scales beyond any integer, which scipy looks for a permutation in
+        scaled, (weights, _) = matrix_balance(A, permute=False, separate=True)
+    return scaled, weights
+
+
 def scaled_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same dynamics with each state in a unit of its own, by powers of two: rows and columns of A alike in size."""
-    A, (weights, _) = matrix_balance(A, permute=False, separate=True)
+    A, weights = evened(A)
     return A, B / weights[:, None], C * weights
 
 

@@ -6,10 +6,10 @@ import warnings
 
 import control
 import numpy as np
-from scipy.linalg import eig, matrix_balance, solve_continuous_lyapunov
+from scipy.linalg import eig, solve_continuous_lyapunov
 
 from robust.systems.bilinear import continuous_image
-from robust.systems.lti import Matrices, evaluate, scaled_states, timebase
+from robust.systems.lti import Matrices, evaluate, evened, scaled_states, timebase
 
 __all__ = ["EPS", "crossings", "hinf_norm", "largest_gain", "modal", "sign_changes", "well_conditioned"]
 
@@ -141,7 +141,7 @@ def near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] |
     """Eigenvalues of a Hamiltonian that may lie on the upper imaginary axis, with what rounding may have moved them."""
     if not np.isfinite(H).all():
         return None
-    H = matrix_balance(H, permute=False)[0]
+    H = evened(H)[0]
     found, left, right = eig(H, left=True, right=True)
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     # to first order; where eigenvalues coincide (the states of a delay do) they move by a root of that instead

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import control
 import numpy as np
-from scipy.linalg import eig, matrix_balance
+from scipy.linalg import eig
 from scipy.sparse.csgraph import connected_components
 
-from robust.systems.lti import poles, response, timebase
+from robust.systems.lti import evened, poles, response, timebase
 from robust.systems.norms import EPS, crossings
 
 __all__ = ["apparent_instability", "certain_poles", "moved_out", "stable"]
@@ -64,7 +64,7 @@ def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
     n_parts, part = connected_components(system.A != 0, connection="strong") if system.nstates else (0, np.zeros(0))
     poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
     for k in range(n_parts):
-        A = matrix_balance(system.A[np.ix_(part == k, part == k)], permute=False)[0]
+        A = evened(system.A[np.ix_(part == k, part == k)])[0]
         found, left, right = eig(A, left=True, right=True)
         cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
         poles.append(found)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from robust.systems.connections import feedback, in_parallel, in_series, inverse, one_plus
 from robust.systems.lft import joined, lower, upper
-from robust.systems.lti import evaluate, in_s, poles, response, zeros
+from robust.systems.lti import evaluate, evened, in_s, poles, response, zeros
 from robust.systems.realisation import from_roots, state_space
 
 OMEGA = np.geomspace(1e-2, 1e2, 60)
@@ -97,3 +97,11 @@ def test_numbers_polynomials_and_roots_become_the_same_system():
     for system in (control.tf([2, 1], [1, 0.2, 4]), control.ss(control.tf([2, 1], [1, 0.2, 4]))):
         assert response(state_space("G", system), OMEGA) == pytest.approx(wanted, rel=1e-9)
     assert response(state_space("G", 3), OMEGA) == pytest.approx(3.0)
+
+
+def test_states_of_sizes_beyond_any_integer_are_scaled_in_silence():
+    """A plant of a set with a weight far away: scipy casts scales of 1e23 to integers, and warns."""
+    A = np.array([[-1.0, 1e60, 0.0], [1e-60, -2.0, 1.0], [0.0, 1.0, -3.0]])
+    scaled, weights = evened(A)
+    np.testing.assert_allclose(scaled * weights[:, None] / weights, A, rtol=1e-12)
+    assert np.abs(scaled).max() < 1e3
