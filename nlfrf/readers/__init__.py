@@ -5,7 +5,8 @@
 tables          text tables: CSV as the world writes it
 layout          where header, units and numbers stand in a text table
 lvm             LabVIEW measurements
-matlab          MATLAB: variables, structs, Simulink scopes, dSPACE recordings
+matlab          MATLAB: which version it is
+matlab_v5       MATLAB to v7: variables, structs, Simulink scopes, dSPACE recordings
 matlab_objects  MATLAB: time series, timetables, datasets
 hdf5            HDF5: datasets, tables, attributes
 tdms            TDMS of LabVIEW

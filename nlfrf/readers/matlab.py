@@ -1,20 +1,15 @@
-"""MATLAB files: variables, structs, Simulink scopes, dSPACE recordings."""
+"""MATLAB files of any version, each read by the library that knows it, in a process of its own."""
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from nlfrf.readers import hdf5, matlab_objects
+from nlfrf.readers import hdf5, matlab_objects, matlab_v5
 from nlfrf.shared.own_process import Found, read_apart
 
 __all__ = ["contents"]
 
 
-MANY = 64  # elements of a struct array that are looked at
 INSTALL = "is a MATLAB object, which mat-io reads: pip install 'nlfrf[mat]'"
 
 
@@ -23,21 +18,9 @@ def contents(path: Path) -> Found:
     with path.open("rb") as stream:
         head = stream.read(128)
     newer = b"MATLAB 7.3" in head[:32] or head[:4] == b"\x89HDF" or head[124:128] in (b"\0\2IM", b"\2\0MI")
-    if newer:
-        found = read_apart(hdf5.__file__, path)
-        objects = "#subsystem#" in found[3]
-        found[3].clear()
-    else:
-        from scipy.io import loadmat
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # several objects share one name there
-            raw = loadmat(path, squeeze_me=True, struct_as_record=False, appendmat=False)
-        found = ({}, {}, {}, {})
-        for name, content in raw.items():
-            if isinstance(name, str) and not name.startswith("__"):
-                flatten(name, content, found)
-        objects = "__function_workspace__" in raw
+    found = read_apart((hdf5 if newer else matlab_v5).__file__, path)
+    objects = {"#subsystem#", "#objects"} & set(found[3])
+    found[3].clear()
     if objects:
         try:
             more = read_apart(matlab_objects.__file__, path)
@@ -46,62 +29,3 @@ def contents(path: Path) -> Found:
         else:
             found = found[0] | more[0], found[1] | more[1], found[2] | more[2], found[3] | more[3]
     return found
-
-
-def flatten(name: str, content: Any, found: Found) -> None:
-    """Add a MATLAB variable: numbers and texts as they are, structs member by member, scopes and dSPACE by name."""
-    members = getattr(content, "_fieldnames", None)
-    if members is not None:
-        if {"X", "Y"} <= set(members):
-            flatten_dspace(content, found)
-        elif "signals" in members:
-            flatten_scope(name, content, found)
-        else:
-            for member in members:
-                flatten(f"{name}.{member}", getattr(content, member), found)
-        return
-    array = np.asarray(content)
-    if array.dtype.kind in "fiubUS" and array.dtype.names is None:
-        found[0][name] = array
-    elif array.dtype.kind == "O" and array.size <= MANY:
-        for i, element in enumerate(array.ravel()):
-            if element is not content:
-                flatten(f"{name}.{i + 1}", element, found)
-
-
-def flatten_dspace(recording: Any, found: Found) -> None:
-    """A dSPACE ControlDesk recording: X.Data is the time, Y a list of channels with Name, Data and Unit."""
-    arrays, units, clocks, _ = found
-    time = np.ravel(getattr(np.ravel(recording.X)[0], "Data", np.empty(0)))
-    if time.size > 1:
-        arrays["time"], units["time"] = np.asarray(time, dtype=float), "s"
-    for channel in np.ravel(recording.Y):
-        name = str(channel.Name)
-        arrays[name] = np.asarray(channel.Data, dtype=float)
-        unit = getattr(channel, "Unit", "")
-        if isinstance(unit, str) and unit.strip() not in ("", "-"):
-            units[name] = unit.strip()
-        if "time" in arrays and arrays["time"].size == arrays[name].size:
-            clocks[name] = "time"
-
-
-def flatten_scope(name: str, scope: Any, found: Found) -> None:
-    """A Simulink scope or "structure with time": signals by their labels, each with the times of the scope."""
-    arrays, _, clocks, _ = found
-    time = np.ravel(getattr(scope, "time", np.empty(0)))
-    if time.size > 1:
-        arrays[f"{name}.time"] = np.asarray(time, dtype=float)
-        found[1][f"{name}.time"] = "s"
-    for i, signal in enumerate(np.ravel(scope.signals)):
-        values = np.asarray(getattr(signal, "values", np.empty(0)))
-        if values.dtype.kind not in "fiub":
-            continue
-        rows = np.squeeze(values)
-        rows = rows.T if rows.ndim == 2 and rows.shape[0] == time.size else np.atleast_2d(rows)
-        label = getattr(signal, "label", "")
-        label = label if isinstance(label, str) and label else f"{name}.{i + 1}"
-        for k, row in enumerate(rows if rows.ndim == 2 else ()):
-            full = label if len(rows) == 1 else f"{label}.{k + 1}"
-            arrays[full] = row
-            if time.size == row.size:
-                clocks[full] = f"{name}.time"

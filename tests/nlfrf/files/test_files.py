@@ -312,7 +312,7 @@ def damaged(content, rng):
 @pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_damaged_files_raise_documented_errors_only(record, suffix, tmp_path):
-    fuzz_loader(record, suffix, tmp_path, n=15 if suffix == ".h5" else 80, seed=0)
+    fuzz_loader(record, suffix, tmp_path, n=15 if suffix in (".h5", ".mat") else 80, seed=0)
 
 
 def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
