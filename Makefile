@@ -65,6 +65,10 @@ bench: $(TESTS)
 	$(BIN)/python -m benchmarks.bench_robust
 	$(BIN)/python -m benchmarks.joint --records 12 --fresh 300
 	$(BIN)/python -m benchmarks.validation --records 200
+	$(BIN)/python -m benchmarks.soundness
+	$(BIN)/python -m benchmarks.bench_verification
+	$(BIN)/python -m benchmarks.bench_synthesis
+	$(BIN)/python -m benchmarks.bench_quasi_linear
 	$(BIN)/python -m benchmarks.bench_design
 	$(BIN)/python -m benchmarks.bench_mu
 	$(BIN)/python -m benchmarks.fuzz_loaders

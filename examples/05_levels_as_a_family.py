@@ -63,8 +63,8 @@ for name, model in models.items():
 figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 plot_fit(fits["all three"], ax=axes[0, 0])
 plot_nominal(models["all three"], ax=axes[0, 1])
-for level, bla in zip(study.rms, study.blas, strict=True):
-    axes[0, 1].plot(bla.f, 20 * np.log10(np.abs(bla.G)), lw=1, label=f"{level:g} N rms")
+for level, bla, style in zip(study.rms, study.blas, (":", "--", "-."), strict=True):
+    axes[0, 1].plot(bla.f, 20 * np.log10(np.abs(bla.G)), style, lw=1.2, label=f"{level:g} N rms")
 axes[0, 1].legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=5, frameon=False)
 plot_weight(models["all three"], ax=axes[1, 0])
 plot_budget(models["all three"], ax=axes[1, 1])

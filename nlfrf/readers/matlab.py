@@ -18,7 +18,7 @@ def contents(path: Path) -> Found:
     with path.open("rb") as stream:
         head = stream.read(128)
     newer = b"MATLAB 7.3" in head[:32] or head[:4] == b"\x89HDF" or head[124:128] in (b"\0\2IM", b"\2\0MI")
-    found = read_apart((hdf5 if newer else matlab_v5).__file__, path)
+    found = read_apart(str((hdf5 if newer else matlab_v5).__file__), path)
     objects = {"#subsystem#", "#objects"} & set(found[3])
     found[3].clear()
     if objects:

@@ -130,8 +130,8 @@ def design_proved(
     --------
     >>> from robust import any_maxwell_slip, sliding_machine
     >>> rig = sliding_machine(1.0, 80e3)
-    >>> found = design_proved(rig, any_maxwell_slip(64e3), dt=1e-3, n_iterations=0)
-    >>> bool(found.bandwidth > 2 * np.pi), bool(found.peak < 2)
+    >>> found = design_proved(rig, any_maxwell_slip(64e3), dt=1e-3, n_iterations=0)     # the gain alone
+    >>> bool(1.5 < found.bandwidth < 2.0), bool(1.9 < found.peak < 2)
     (True, True)
     """
     machines, friction = machines_of(machine, friction)

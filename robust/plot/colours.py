@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["COLOR", "hz"]
+__all__ = ["COLOR", "STYLE", "hz"]
 
 
 # told apart by colour-blind readers too; the parts of the radius as in the pictures of nlfrf
@@ -21,6 +21,15 @@ COLOR = {
     "weight": "#009E73",
     "loop": "#0072B2",
     "limit": "#D55E00",
+}
+#: The parts of the radius on paper without colour.
+STYLE = {
+    "noise": ":",
+    "odd": "-",
+    "even": "-.",
+    "misfit": "--",
+    "level": (0, (6, 1, 1, 1, 1, 1)),
+    "systematic": (0, (1, 3)),
 }
 
 

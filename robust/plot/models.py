@@ -10,7 +10,7 @@ from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_ban
 from robust.modelling.nominal import NominalFit
 from robust.modelling.orders import OrderScan
 from robust.plot.band import BESIDE, mark_band
-from robust.plot.colours import COLOR, hz
+from robust.plot.colours import COLOR, STYLE, hz
 from robust.systems.lti import response
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
@@ -41,7 +41,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     floor = model.radius.min() * 10 ** (-25 / 20)
     for name, part in model.budget().items():
         if np.any(part > floor):
-            ax.plot(f, db(part), "-", lw=0.9, color=COLOR[name], alpha=0.9, label=f"part: {name}")
+            ax.plot(f, db(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=f"part: {name}")
     ax.plot(f, db(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
     wide = outside_too(model)
     ax.plot(hz(wide), db(np.abs(response(model.weight, wide))), "-", lw=1.8, color=COLOR["weight"], label="|weight|")

@@ -1,7 +1,7 @@
 """Fits and measured responses as python-control takes them."""
 
 import control
-import matplotlib
+import matplotlib.pyplot
 import numpy as np
 import pytest
 
@@ -18,6 +18,7 @@ def bla():
 
 def test_bode_plot_takes_a_measured_response(bla):
     matplotlib.use("Agg")
+    matplotlib.pyplot.close("all")  # it draws on whatever figure is open
     measured = robust.frd(bla)
     assert measured.name == "bla"
     plot = control.bode_plot(measured)
