@@ -65,7 +65,7 @@ for ax, kind in zip(axes, ("odd-odd", "special-odd", "random-odd"), strict=True)
         label = "detection lines, as read" if level_from == "detection" else f"identify, by itself: {what}"
         ax.plot(ms.f, db(level), style, label=label)
     ax.plot(ms.f, db(scatter), "k.", ms=3, label="true scatter of one realisation")
-    ax.plot(ms.f, db(np.abs(truth)), "0.6", label="|BLA|")
+    ax.plot(ms.f, db(np.abs(truth)), "k-.", lw=1, label="|BLA|")
     ax.set(title=f"{kind} grid", ylabel="[dB re 1 m/N]")
     ax.grid(alpha=0.3)
     ax.legend(fontsize="small")

@@ -68,8 +68,8 @@ figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 plot_loop(on_lines, ax=axes[0, 0])
 plot_nyquist(on_lines, ax=axes[0, 1])
 plot_check(report, ax=axes[1, 0])
-for structure, run in responses.items():
-    axes[1, 1].plot(run.t, 1e6 * run.x, lw=1.4, label=structure)
+for (structure, run), style in zip(responses.items(), ("-", "--", "-."), strict=True):
+    axes[1, 1].plot(run.t, 1e6 * run.x, style, lw=1.4, label=structure)
 axes[1, 1].plot(t, 1e6 * r, "k:", lw=1, label="reference")
 axes[1, 1].set(xlabel="time [s]", ylabel="position [µm]", title="On the rig: a step at 0.1 s, a push of 0.2 N at 1 s")
 axes[1, 1].legend()

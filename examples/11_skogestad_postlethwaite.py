@@ -85,12 +85,12 @@ figure, axes = plt.subplots(2, 2, figsize=(15, 9), layout="constrained")
 for ax, report, gain in ((axes[0, 0], fast, 1.13), (axes[0, 1], slow, 0.31)):
     plot_check(report, ax=ax).set_title(f"K_c = {gain}: {report.verdict}")
 L = control.ss(G_d) * design.K
-for loop, name in ((control.ss(G_d * W_1), "shaped plant G W_1"), (L, "with the robustifying controller")):
-    axes[1, 0].loglog(omega, np.abs(response(loop, omega)), label=name)
+axes[1, 0].loglog(omega, np.abs(response(control.ss(G_d * W_1), omega)), "--", label="shaped plant G W_1")
+axes[1, 0].loglog(omega, np.abs(response(L, omega)), label="with the robustifying controller")
 axes[1, 0].set(xlabel="frequency [rad/s]", ylabel="|L|", title="Example 9.3: the shape is kept")
 curves = ((mu, "robust performance"), (np.abs(w_I * T), "robust stability"), (np.abs(w_P * S), "nominal performance"))
-for curve, name in curves:
-    axes[1, 1].loglog(w, curve, label=name)
+for (curve, name), style in zip(curves, ("-", "--", "-."), strict=True):
+    axes[1, 1].loglog(w, curve, style, label=name)
 axes[1, 1].set(xlabel="frequency [rad/s]", ylabel="mu, must stay below 1", title="Section 8.11.3: distillation")
 for ax in axes[1]:
     ax.axhline(1, color="0.5", lw=0.8)

@@ -88,9 +88,9 @@ figure, axes = plt.subplots(len(LEVELS), 1, figsize=(9, 9), sharex=True, sharey=
 for ax, name in zip(axes, LEVELS, strict=True):
     ax.axvspan(0.3, 1, color="0.92", lw=0, label="stability promised for the set")
     for kick, marker in zip(KICKS, ("o", "^", "s"), strict=True):
-        for outcome, color in OUTCOMES.items():
+        for (outcome, color), fill in zip(OUTCOMES.items(), ("none", "left", "full", "full"), strict=True):
             chosen = [r[4:6] for r in results if (r[0], r[2], r[3]) == (name, kick, outcome)]
-            ax.plot(*np.reshape(chosen, (-1, 2)).T, marker, color=color, ms=5, label=f"{outcome}, {kick} burst")
+            ax.plot(*np.reshape(chosen, (-1, 2)).T, marker, c=color, fillstyle=fill, label=f"{outcome}, {kick} burst")
     proved = [r[4:6] for r in results if r[0] == name and " proved" in r[1]]
     ax.plot(*np.reshape(proved, (-1, 2)).T, "ko", mfc="none", ms=11, label="proved for a class of friction")
     ax.set(xscale="log", yscale="log", xlim=(0.3, 200), ylabel="motion left, over motion in the burst (1e-8: or less)")

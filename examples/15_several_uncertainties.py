@@ -81,14 +81,14 @@ report = robust.check_structure(accepted["system"])
 print(f"margins: the factor by which the whole set may grow.\n\nThe loop of {accepted['crossover']:g} Hz:\n{report}")
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(15, 6), layout="constrained")
-for level, bla in zip(levels, blas, strict=True):
-    left.semilogx(bla.f, 20 * np.log10(np.abs(bla.G)), lw=1.5, label=f"{level:g} N rms, measured")
+for level, bla, style in zip(levels, blas, ("-", "--", "-."), strict=True):
+    left.semilogx(bla.f, 20 * np.log10(np.abs(bla.G)), style, lw=1.5, label=f"{level:g} N rms, measured")
 corners = [1 / (m * s**2 + (c + i * dc) * s + k + j * dk) for i in (-1, 0, 1) for j in np.linspace(-1, 1, 41)]
 size = 20 * np.log10(np.abs(corners))
 left.fill_between(omega / 2 / np.pi, size.min(axis=0), size.max(axis=0), color="0.85", label="springs and dampers")
 left.set(xlabel="frequency [Hz]", ylabel="|x / F| [dB re 1 m/N]", title="One machine at three levels")
 disc = accepted["disc"]
-right.loglog(disc.omega / 2 / np.pi, disc.rs, label="one disc over the levels: |w T|")
+right.loglog(disc.omega / 2 / np.pi, disc.rs, "--", label="one disc over the levels: |w T|")
 right.loglog(report.omega[1:] / 2 / np.pi, report.mu[1:], label="spring, damper and a disc: mu, upper bound")
 right.axhline(1, color="k", lw=0.8)
 right.set(xlim=(0.05, 500), ylim=(1e-3, 20), xlabel="frequency [Hz]", ylabel="below one: robustly stable [-]")

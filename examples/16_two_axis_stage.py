@@ -85,11 +85,11 @@ print(f"on the machine: after {924 / FS:.1f} s off by {1e6 * np.abs(moved[:, -1]
 figure, axes = plt.subplots(2, 3, figsize=(15, 7), layout="constrained")
 for j, i in np.ndindex(2, 2):
     curves = {"measured": frm.G, "nominal, 4 states": fit.response, "95 % bound of the entry": frm.bound()}
-    for label, curve in curves.items():
-        axes[j, i].loglog(frm.f, np.abs(curve[j, i]), lw=1, label=label)
+    for (label, curve), style in zip(curves.items(), (".", "-", "--"), strict=True):
+        axes[j, i].loglog(frm.f, np.abs(curve[j, i]), style, lw=1, ms=3, label=label)
     axes[j, i].set(title=f"{frm.outputs[j]} by {frm.inputs[i]}", xlabel="frequency [Hz]", ylabel="[m/N]")
-for name, report in reports.items():
-    axes[0, 2].loglog(report.omega[1:] / 2 / np.pi, report.mu[1:], label=name)
+for (name, report), style in zip(reports.items(), ("-", "--"), strict=True):
+    axes[0, 2].loglog(report.omega[1:] / 2 / np.pi, report.mu[1:], style, label=name)
 axes[0, 2].axhline(1, color="k", lw=0.8)
 axes[0, 2].set(title="mu: below one is robustly stable", xlabel="frequency [Hz]", ylabel="[-]")
 axes[1, 2].plot(np.arange(1024) / FS, 1e6 * moved.T, label=["x", "y"])

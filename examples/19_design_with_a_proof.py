@@ -28,6 +28,7 @@ warnings.filterwarnings("ignore", message="the hysteresis memory", category=nlfr
 
 T, LEVELS = 1e-3, (0.1, 0.25, 0.5, 2.5)  # sample time [s]; rms of the force [N]
 KICKS = np.geomspace(0.003, 3.0, 16)  # [m/s]
+MARKS = {"the rig": "o-", "class 1": "s--", "class 2": "^-."}
 
 
 def identified(rms):
@@ -86,7 +87,7 @@ for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
         first = np.argmin(np.append(rests, False))  # that does not
         hardest = "none" if not first else "all" if first == KICKS.size else f"{KICKS[first - 1]:.2g}"
         row += f"   {law}: {hardest}, {left[:first].max(initial=0):.1g}"
-        ax.loglog(KICKS, np.clip(left, 1e-16, 1), ".-", label=law)
+        ax.loglog(KICKS, np.clip(left, 1e-16, 1), MARKS[law], mfc="none", label=law)
     ax.set(title=f"{name}: {proof.verdict}", xlabel="kick [m/s]", ylabel="swing in the third second [m]")
     if np.isfinite(proof.kick_sure):
         ax.axvline(proof.kick_sure, color="k", ls="--", label="surely runs away from here")
