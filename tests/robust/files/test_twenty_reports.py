@@ -7,7 +7,7 @@ import control
 import numpy as np
 import pytest
 
-from nlfrf import Record, identify, multisine
+from nlfrf import Record, identify, multisine, second_opinion
 from robust import (
     UncertaintyModel,
     check,
@@ -28,7 +28,7 @@ from robust import (
     write_report,
 )
 from robust.files import report_parts
-from robust.systems.lti import poles, response, zeros
+from robust.systems.lti import poles, response, timebase, zeros
 from tests.support.bla import make_bla
 
 T = 0.02
@@ -98,12 +98,28 @@ DESIGNS = {
 }
 
 
+class Told(dict):
+    """Texts by (section, label), and which of them were held against anything."""
+
+    def __init__(self):
+        super().__init__()
+        self.held = set()
+
+    def __getitem__(self, key):
+        self.held.add(key)
+        return super().__getitem__(key)
+
+    def left(self):
+        """What has numbers and was held against nothing."""
+        return {key: text for key, text in self.items() if key not in self.held and NUMBER.search(text)}
+
+
 class Facts(HTMLParser):
     """(section, label) -> text of every fact, and the rows of every table."""
 
     def __init__(self, text):
         super().__init__()
-        self.section, self.label, self.tag, self.said, self.rows = "", "", "", {}, {}
+        self.section, self.label, self.tag, self.said, self.rows = "", "", "", Told(), {}
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
@@ -122,6 +138,8 @@ class Facts(HTMLParser):
         elif self.tag == "dd":
             key = (self.section, self.label)
             self.said[key] = self.said.get(key, "") + text
+        elif self.tag == "figcaption":
+            self.said[f"{self.section}, a picture", text] = text
         elif self.tag == "td":
             self.rows[self.section][-1].append(text)
 
@@ -228,6 +246,44 @@ def told_of_the_controller(facts, rows, K, unit):
     assert facts.get(("loop", "gains"), "").splitlines() == said
 
 
+def told_of_the_advice(facts, model, report):
+    """Where the margin is limited, what is assumed there, the shares of the radius, how far the weight lies above."""
+    key = ("verdict", "what to do next")
+    if key not in facts:
+        return
+    text, omega = facts[key], report.omega_rs
+    if not report.nominally_stable:
+        holds(text)
+        return
+    k = np.argmin(np.abs(np.log(model.omega / omega)))
+    over = np.abs(response(model.weight, model.omega[[k]]))[0] / model.radius[k]
+    wanted = [omega / HZ]
+    if "nothing was measured: the radius is assumed" in text:
+        wanted += [*map(float, NUMBER.findall(model.extrapolation)), model.omega[k] / HZ]
+    shares = np.array([part[k] for part in model.budget().values()])
+    shares = np.sort(shares[shares > 0] / shares[np.isfinite(shares)].sum())[::-1][:4]
+    wanted += [100 * share for share in shares if share >= 0.005]
+    if "makes it" in text:
+        wanted.append(np.abs(response(model.weight, np.array([omega])))[0] / model.radius[k] / over)
+    if "over the radius" in text:
+        wanted.append(20 * np.log10(over))
+    holds(text, *wanted)
+
+
+def told_of_the_gains(facts, K, unit):
+    """Every gain is that of the controller; the equation for a PLC is held where it is written, by running it."""
+    key = ("loop", "gains")
+    if key not in facts:
+        with pytest.raises(ValueError, match="K must be a P"):
+            pid_gains(K)
+        return
+    gains, text = pid_gains(K, unit=unit), facts[key]
+    for name, number in (("Kp", gains.kp), ("Ki", gains.ki), ("Kd", gains.kd), ("Tf", gains.filter_time)):
+        for token in re.findall(rf"\b{name} = ([-+.\de]+)", text):
+            assert is_written(token, number)
+    assert text.splitlines() == [f"PID {row}" for row in str(gains).splitlines()]
+
+
 def told_of_the_worst(facts, model, K, report):
     if not report.nominally_stable:
         assert not [label for section, label in facts if section == "worst"]
@@ -246,7 +302,8 @@ def told_of_the_worst(facts, model, K, report):
 
 def told_of_the_model(facts, model, given):
     holds(facts["nominal", "nominal plant"], model.nominal.nstates)
-    holds(facts["nominal", "poles"], *in_hertz(poles(model.nominal), 0.0))
+    holds(facts["nominal", "poles"], *in_hertz(poles(model.nominal), timebase(model.nominal)))
+    holds(facts["nominal", "zeros"], *in_hertz(zeros(model.nominal), timebase(model.nominal)))
     assert facts["set", "set"] == str(model)
     assert facts["set", "source"] == model.source
     if np.isnan(model.confidence):
@@ -279,6 +336,13 @@ def told_of_the_record(facts):
     holds(facts["record", "record"], 1, 2, 1024, 64, 32, 1 / 16)
 
 
+def told_of_the_opinion(facts):
+    """The median difference of the two readings, and the limit between agreeing and not."""
+    opinion = second_opinion(RECORD)
+    assert not opinion.disagree.any()
+    holds(facts["opinion", "opinion"], np.median(opinion.difference), 6)
+
+
 def told_of_settings(facts, model, K, report):
     holds(facts["settings", "weight"], model.weight.nstates)
     holds(facts["settings", "computation delay"], 1e3 * report.delay, 1e3 * model.delay)
@@ -304,17 +368,32 @@ def test_every_number_is_that_of_the_value(name, tmp_path, monkeypatch):
     page = Facts((tmp_path / "r.html").read_text(encoding="utf-8"))
     told_by_the_check(page.said, report)
     told_of_the_controller(page.said, page.rows, K, model.unit)
+    told_of_the_advice(page.said, model, report)
+    told_of_the_gains(page.said, K, model.unit)
     told_of_the_worst(page.said, model, K, report)
     told_of_the_model(page.said, model, given)
     told_of_settings(page.said, model, K, report)
     if "record" in given:
         told_of_the_record(page.said)
+        told_of_the_opinion(page.said)
+    for section, caption in [key for key in page.said if key[0].endswith("a picture")]:
+        if " with its " in caption:
+            holds(page.said[section, caption].split(" with its ")[1], 95)
+        if caption.startswith("Input spectrum"):
+            U = np.abs(np.fft.rfft(RECORD.u[0, -1]))
+            stray = np.delete(U, RECORD.lines.excited).max() / U[RECORD.lines.excited].min()
+            holds(page.said[section, caption], 100)
+            assert 20 * np.log10(stray) < -100
+        if " of record " in caption:
+            which = NUMBER.findall(page.said[section, caption])[0]
+            assert 1 <= int(which) <= len(given["bla"])
     rows = [row for row in page.rows.get("check", []) if row]
     assert len(rows) == len(report.certificates)
     for row, certificate in zip(rows, report.certificates, strict=True):
         assert row[0] == certificate.subject
         assert float(row[1]) == pytest.approx(certificate.level, rel=1e-5)
         assert row[2] == ("yes" if certificate.holds else "no")
+    assert not page.said.left()
 
 
 def test_there_are_twenty_designs_of_every_kind():
