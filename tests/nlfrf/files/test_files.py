@@ -11,6 +11,7 @@ from nlfrf.files.results import load
 from nlfrf.readers.clock import frequency_of
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import write_whole
+from tests.support.measurement_files import damaged
 
 FORMATS = [".npz", ".mat", ".h5", ".csv"]
 
@@ -222,8 +223,8 @@ def test_damaged_files_are_refused(record, suffix, tmp_path):
     nlfrf.save_record(record, whole)
     content = whole.read_bytes()
     cut = tmp_path / f"cut{suffix}"
-    for damaged in (b"", content[: len(content) // 2], b"not a measurement"):
-        cut.write_bytes(damaged)
+    for broken in (b"", content[: len(content) // 2], b"not a measurement"):
+        cut.write_bytes(broken)
         with pytest.raises(ValueError, match=r"path must|n_samples|u must|y must"):
             nlfrf.load_record(cut, n_samples=512 * 3)
 
@@ -293,20 +294,6 @@ def test_the_linear_guide_repeats_one_sample_early(measured):
 
 
 # Fuzz: whatever happens to a file, only documented errors come out
-
-
-def damaged(content, rng):
-    """The bytes of a file, cut short, with some flipped, or with a stretch moved."""
-    raw = bytearray(content)
-    how = rng.integers(3)
-    if how == 0:
-        return bytes(raw[: rng.integers(len(raw))])
-    if how == 1:
-        for place in rng.integers(len(raw), size=rng.integers(1, 20)):
-            raw[place] ^= 1 << rng.integers(8)
-        return bytes(raw)
-    a, b = np.sort(rng.integers(len(raw), size=2))
-    return bytes(raw[:a] + raw[b:] + raw[a:b])
 
 
 @pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
