@@ -48,7 +48,7 @@ def bode_axes(ax: Axes | None) -> tuple[Any, Any]:
         low = 0.38 * place.height
         top = figure.add_axes((place.x0, place.y0 + low, place.width, place.height - low))
         bottom = figure.add_axes((place.x0, place.y0, place.width, low - 0.03), sharex=top)
-    top.tick_params(labelbottom=False)
+    top.tick_params(which="both", labelbottom=False)
     return top, bottom
 
 
