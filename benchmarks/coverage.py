@@ -1,7 +1,7 @@
 """How often the 95 % bound from one record holds: the table of the README, and the cases that try it.
 
-python -m benchmarks.coverage [--records 200]
-python -m benchmarks.coverage --hard [--group sparse] [--records 600]
+python -m benchmarks.coverage [--records 200] [--processes 4]
+python -m benchmarks.coverage --hard [--group sparse] [--records 600] [--processes 4]
 
 The hard cases are told line by line: over all lines, on the first three, on the last three, on the worst line, for the
 BLA and for a new realisation. What misses the target is marked: B the BLA, N a new realisation, W the width.
@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import argparse
 import warnings
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -169,15 +171,24 @@ def subset_of(ms, n, rng):
     return replace(ms, phase=rng.uniform(0, 2 * np.pi, (n, ms.f.size)))
 
 
-def print_hard(group, n_records):
-    """The table of the hard cases; several realisations count for several records."""
+def row_of_hard(case, n_records):
+    """Its row of `HARD_ROW`, in a process of its own; several realisations count for several records."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", nlfrf.DataWarning)
+        return measure_hard(*case, max(100, n_records // case[3]), np.random.default_rng(1))
+
+
+def rows_of(case, n_records):
+    """The rows of one case of the table, in a process of its own."""
+    plant, kind, n_realizations = case
+    return list(measure(plant, kind, n_records, n_realizations=n_realizations))
+
+
+def print_hard(group, n_records, each):
+    """The table of the hard cases."""
     held = total = 0
-    for case in hard_cases():
-        if group not in (None, case[0]):
-            continue
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", nlfrf.DataWarning)
-            row = measure_hard(*case, max(100, n_records // case[3]), np.random.default_rng(1))
+    chosen = [case for case in hard_cases() if group in (None, case[0])]
+    for row in each(row_of_hard, chosen, [n_records] * len(chosen)):
         print(HARD_ROW.format(*row), flush=True)
         held, total = held + (row[-1] == ""), total + 1
     print(f"{held} of {total} cases hold the target")
@@ -192,17 +203,24 @@ def main() -> None:
     parser.add_argument("--realizations", type=int)
     parser.add_argument("--hard", action="store_true", help="the cases that try the bound")
     parser.add_argument("--group", help="one group of the hard cases")
+    parser.add_argument("--processes", type=int, default=1, help="cases worked on at a time")
     chosen = parser.parse_args()
+    several = ProcessPoolExecutor(chosen.processes) if chosen.processes > 1 else nullcontext()
+    with several as executor:
+        print_tables(chosen, executor)
+
+
+def print_tables(chosen: argparse.Namespace, executor: Executor | None) -> None:
+    """One of the tables; each case has its own random numbers, so that it does not matter who works it out."""
+    each = map if executor is None else executor.map
     if chosen.hard or chosen.group:
-        print_hard(chosen.group, chosen.records)
+        print_hard(chosen.group, chosen.records, each)
         return
     print("{:<11} {:<12} {:>2} {:<27} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}".format(*HEADER))
-    for plant, kind, n_realizations in cases():
-        if chosen.plant not in (None, plant) or chosen.kind not in (None, kind):
-            continue
-        if chosen.realizations not in (None, n_realizations):
-            continue
-        for row in measure(plant, kind, chosen.records, n_realizations=n_realizations):
+    wanted = chosen.plant, chosen.kind, chosen.realizations
+    asked = [case for case in cases() if all(w in (None, c) for w, c in zip(wanted, case, strict=True))]
+    for rows in each(rows_of, asked, [chosen.records] * len(asked)):
+        for row in rows:
             print(ROW.format(*row), flush=True)
 
 
