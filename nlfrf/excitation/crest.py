@@ -7,6 +7,7 @@ time for the best of a hundred draws (crest factor 2.8), 91 % where clipping bro
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
 from dataclasses import replace
@@ -16,7 +17,7 @@ import numpy as np
 from nlfrf.excitation.multisine import Multisine, Rng
 from nlfrf.shared.arguments import DataWarning, integer, positive
 
-__all__ = ["expected_peaks", "is_improbable", "reduce_crest"]
+__all__ = ["expected_peaks", "is_improbable", "most_peaks", "reduce_crest"]
 
 
 CHANCE = 1e-5  # with which random phases have peaks as low as those that are warned of
@@ -122,6 +123,11 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, 
     return np.asarray(np.minimum(np.minimum(crossings, envelope), samples) / mirrored)
 
 
+def most_peaks(crest: np.ndarray, last: int) -> np.ndarray:
+    """(M,) what `expected_peaks` gives at most for lines up to `last`: the crossings of that line alone."""
+    return np.asarray(2 * last * np.exp(-(crest**2) / 2))
+
+
 def is_improbable(peaks: np.ndarray) -> bool:
     """Whether random phases would expect so many peaks (M,) above the largest, which are none, less than by CHANCE.
 
@@ -129,12 +135,12 @@ def is_improbable(peaks: np.ndarray) -> bool:
     (False, True, True)
     """
     total, n = float(peaks.sum()), peaks.size
-    if total <= n:
+    if total <= max(n, -math.log(CHANCE)):  # n variables are above it more often than one is
         return False
     # the sum of n exponential variables is above s with probability sum_{i < n} s^i exp(-s) / i!
-    i = np.arange(1, n)
-    terms = np.concatenate([[0.0], np.cumsum(np.log(total / i))])
-    return bool(terms.max() + np.log(np.sum(np.exp(terms - terms.max()))) - total < math.log(CHANCE))
+    terms = list(itertools.accumulate((math.log(total / i) for i in range(1, n)), initial=0.0))
+    largest = max(terms)
+    return largest + math.log(sum(math.exp(term - largest) for term in terms)) - total < math.log(CHANCE)
 
 
 def harmless_draws(n_realizations: int) -> int:

@@ -8,7 +8,7 @@ Schoukens, 4.3).
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -153,10 +153,16 @@ def one_of_four_left_out(excited: np.ndarray) -> bool:
 def local_mean(x: np.ndarray, n: int) -> np.ndarray:
     """Mean over the n neighbours of each entry along the last axis, one-sided at the ends."""
     size, half = x.shape[-1], n // 2
-    total = np.zeros((*x.shape[:-1], size + 2 * half + 1))  # running sums, held beyond either end
+    total = np.empty((*x.shape[:-1], size + 2 * half + 1))  # running sums, held beyond either end
+    total[..., : half + 1] = 0.0
     end = half + 1 + size
-    np.cumsum(x, axis=-1, out=total[..., half + 1 : end])
+    np.add.accumulate(x, axis=-1, out=total[..., half + 1 : end])
     total[..., end:] = total[..., end - 1 : end]
+    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / neighbours(size, half))
+
+
+@lru_cache(maxsize=64)
+def neighbours(size: int, half: int) -> np.ndarray:
+    """(size,) how many entries stand within `half` of each."""
     centre = np.arange(size)
-    width = np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)
-    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / width)
+    return np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)

@@ -51,11 +51,13 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     n = fast_length(2 * last + 1)  # terms beyond last alias onto lines outside -last..last
     both = np.zeros((2, *amplitude.shape[:-1], n + 1))
     p, doubled = both
-    p[..., excited] = amplitude**2 / 4
-    doubled[..., : 2 * last + 1 : 2] = p[..., : last + 1] ** 2
+    p[..., excited] = amplitude * amplitude / 4
+    np.multiply(p[..., : last + 1], p[..., : last + 1], out=doubled[..., : 2 * last + 1 : 2])
     # the DFT of an even sequence of period 2 n is a DCT of its half
     spectrum, spectrum_doubled = dct_even(both)
-    sums = dct_even(spectrum * (6 * spectrum**2 - 9 * spectrum_doubled))
+    spectrum_doubled *= -9
+    spectrum_doubled += 6 * (spectrum * spectrum)
+    sums = dct_even(spectrum * spectrum_doubled)
     counts = sums.take(lines, axis=-1) / (2 * n)  # 6 S3 - 9 S21
     tripled = np.zeros((*amplitude.shape[:-1], last + 1))
     tripled[..., ::3] = p[..., : last // 3 + 1]
@@ -109,5 +111,5 @@ def grid_factor(
     The nonlinearity may be driven by the input itself, or by the output (friction sees the displacement): the
     larger of the two counts is taken. Arguments as in `variance_ratio`.
     """
-    ratio = variance_ratio(np.stack([amplitude_u, amplitude_y]), excited, detection, window)
-    return np.clip(ratio.max(axis=0), 1.0, LARGEST)
+    ratio = variance_ratio(np.array([amplitude_u, amplitude_y]), excited, detection, window)
+    return np.minimum(np.maximum(np.maximum.reduce(ratio), 1.0), LARGEST)

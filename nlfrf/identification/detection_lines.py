@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.identification.frf import residual_variance
+from nlfrf.identification.neighbours import Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.values import value
 
@@ -36,23 +37,23 @@ class Answer:
 
 def nonlinear_answer(spectra: Spectra, smooth: np.ndarray) -> Answer:
     """What is left of the output when the linear answer, of an FRF on the excited lines, is taken off."""
-    G = interpolate_frf(smooth, spectra.lines[spectra.where.excited], spectra.lines)
+    G = interpolate_frf(smooth, spectra.where)
     noise = residual_variance(G, spectra)
     return Answer(G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(noise) / len(noise))
 
 
-def interpolate_frf(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def interpolate_frf(G: np.ndarray, where: Places) -> np.ndarray:
     """G between its lines, linear in log magnitude and in phase; held at the ends."""
     magnitude = np.abs(G)
     # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
-    floor = np.maximum(np.finfo(float).eps * magnitude.max(), np.finfo(float).tiny ** 0.25)
-    logarithm = np.empty(G.size, dtype=complex)
-    logarithm.real = np.log(np.maximum(magnitude, floor))
-    phase = np.arctan2(G.imag, G.real)
-    turns = np.round((phase[1:] - phase[:-1]) / (2 * np.pi))
-    phase[1:] -= 2 * np.pi * np.cumsum(turns)
-    logarithm.imag = phase
-    return np.exp(np.interp(lines, excited, logarithm))
+    floor = max(np.finfo(float).eps * magnitude.max(), np.finfo(float).tiny ** 0.25)
+    logarithm, rise = np.empty(G.size, dtype=complex), np.zeros(G.size, dtype=complex)
+    np.log(np.maximum(magnitude, floor), out=logarithm.real)
+    np.arctan2(G.imag, G.real, out=logarithm.imag)
+    np.subtract(logarithm[1:], logarithm[:-1], out=rise[:-1])
+    turns = rise.imag / (2 * np.pi)
+    rise.imag -= 2 * np.pi * np.rint(turns, out=turns)  # phase goes the shorter way round
+    return np.exp(logarithm.take(where.below) + where.share * rise.take(where.below))
 
 
 def detected_power(
@@ -77,9 +78,9 @@ def detected_power(
         Measured power, variance by noise and |G|^2 on all lines.
     gain_excited : (F,) ndarray
         |G|^2 on the excited lines.
-    window : (..., F, n) int ndarray
+    window : (n, ..., F) int ndarray
         Detection lines of each excited line, nearest first, by their place among all lines; -1: none.
-    follows : (..., 1, 1) bool ndarray
+    follows : (..., 1) bool ndarray
         Whether the distortion is taken to follow |G|^2.
 
     Returns
@@ -93,26 +94,38 @@ def detected_power(
     likelihood : (..., F) ndarray
         Log-likelihood of the powers on a window under what is expected, but for a constant.
     """
-    P, N, A = power[window], noise[window], gain[window] / gain_excited[:, None]
+    P, N, A = power.take(window), noise.take(window), gain.take(window)
+    A /= gain_excited
     used = (narrowed(A) & (window >= 0)).astype(float)
     A = np.where(follows, A, 1.0)
-    n_used = np.add.reduce(used, axis=-1)
-    excess, square = A * (P - N), A * A
-    floor = np.maximum(N, np.finfo(float).tiny ** 0.25)  # its square can still be divided by
-    weight = used / square
-    for _ in range(5):  # the first weighs by |G|^-4, as without noise
-        d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)
-        expected = A * d[..., None] + floor
-        weight = used / (expected * expected)
+    n_used = np.add.reduce(used)
+    excess = (P - N) / A
+    floor = np.maximum(N, np.finfo(float).tiny ** 0.25) / A  # its square can still be divided by
+    weighted, weight = sums = np.empty((2, *window.shape))  # (2, n, ..., F)
+    weight[...] = used  # as without noise
+    for _ in range(5):  # q_j / |G_j|^2 = d + floor_j: the weights are those of (P_j - N_j) / |G_j|^2
+        np.multiply(weight, excess, out=weighted)
+        over, under = np.add.reduce(sums, axis=1)
+        d = np.maximum(over / under, 0.0)
+        expected = d + floor
+        np.multiply(expected, expected, out=weight)
+        np.divide(used, weight, out=weight)
+    expected *= A
     ratio = P / expected
-    return d, np.vecdot(used, ratio) / n_used, n_used, -np.vecdot(used, np.log(expected) + ratio)
+    likelihood = np.add.reduce(used * (np.log(expected) + ratio))
+    ratio *= used
+    return d, np.add.reduce(ratio) / n_used, n_used, -likelihood
 
 
 def narrowed(gain: np.ndarray) -> np.ndarray:
-    """(..., F, n) which lines of a window to use: up to where |G|^2 has changed by SHARP, never under FEWEST.
+    """(n, ..., F) which lines of a window to use: up to where |G|^2 has changed by SHARP, never under FEWEST.
 
     Gains are relative to the excited line.
     """
-    highest = np.maximum(np.maximum.accumulate(gain, axis=-1), 1.0)
-    lowest = np.minimum(np.minimum.accumulate(gain, axis=-1), 1.0)
-    return np.asarray((highest < 10 ** (SHARP / 10) * lowest) | (np.arange(gain.shape[-1]) < FEWEST))
+    highest, lowest = np.maximum(gain, 1.0), np.minimum(gain, 1.0)
+    np.maximum.accumulate(highest, out=highest)
+    np.minimum.accumulate(lowest, out=lowest)
+    lowest *= 10 ** (SHARP / 10)
+    used = highest < lowest
+    used[:FEWEST] = True
+    return used

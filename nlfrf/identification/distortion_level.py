@@ -10,7 +10,7 @@ from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.identification.calibration import LARGEST, grid_factor, variance_ratio
 from nlfrf.identification.detection_lines import Answer, detected_power
 from nlfrf.identification.frf import Frf
-from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
+from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally, smooth_locally
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import DataWarning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
@@ -66,9 +66,9 @@ def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | No
 
 def level_from_detection(excited: Spectra, answer: Answer, grid: LineGrid) -> Level:
     """From the odd lines that were not excited, scaled by what the grid makes of a cubic."""
-    U, where = rms(excited.U), excited.where
+    U, where = excited.amplitude, excited.where
     factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, where.near_odd)
-    factors = np.ones((len(where.near_detection), factor.size))
+    factors = np.ones((where.near_detection.shape[1], factor.size))
     factors[:2] = factor
     variance, n_used, likelihood = read_detected(U, answer, where.excited, where.near_detection, factors)
     # of two readings the larger, but where the powers around decide: a line stands in as many windows as these have
@@ -111,17 +111,20 @@ def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
     where = excited.where
     if not where.even.size:
         return np.full(excited.lines.size, np.nan)
-    return read_detected(rms(excited.U), answer, where.excited, where.near_even, np.ones((1, 1)))[0][0]
+    return read_detected(excited.amplitude, answer, where.excited, where.near_even, np.ones((1, 1)))[0][0]
 
 
 def read_detected(
     U: np.ndarray, answer: Answer, here: np.ndarray, windows: np.ndarray, factors: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Variances (k, F) of one realisation's FRF for inputs of amplitude U, by k readings; lines used; likelihoods."""
+    """Variances (k, F) of one realisation's FRF for inputs of amplitude U, by k readings; lines used; likelihoods.
+
+    Windows are (n, k, F).
+    """
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
     power, gain = mean_power(answer.Yc), squared(answer.G)
-    follows = np.arange(len(windows))[:, None, None] != 1
+    follows = np.arange(windows.shape[1])[:, None] != 1
     distortion, ratio, n_used, likelihood = detected_power(power, noise, gain, gain[here], windows, follows)
     return ratio * (factors * distortion + noise[here]) / U**2, n_used, likelihood
 
@@ -133,8 +136,7 @@ def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, Loc
         return fit.G.mean(axis=0), fit
     if excited.lines.size < LEAST or excited.U.shape[0] >= ENOUGH:
         return frf.G, None
-    fit = fit_locally(frf.G[None], rms(excited.U)[None], excited.where)  # less scatter: it whitens more evenly
-    return fit.G[0], None
+    return smooth_locally(frf.G[None], excited.amplitude[None], excited.where)[0], None  # it whitens more evenly
 
 
 def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
@@ -175,7 +177,7 @@ def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
         return True
     if np.any(grid.excited % 2 == 0):
         return False
-    ratio = variance_ratio(rms(excited.U), grid.excited, grid.odd, excited.where.near_odd)
+    ratio = variance_ratio(excited.amplitude, grid.excited, grid.odd, excited.where.near_odd)
     return bool(np.mean(ratio <= LARGEST) >= 0.95)
 
 

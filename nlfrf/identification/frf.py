@@ -44,7 +44,7 @@ def average_frf(spectra: Spectra) -> Frf:
     """
     n = spectra.U.shape[0]
     each = spectra.Y / spectra.U
-    noise = residual_variance(each, spectra) / squared(spectra.U)
+    noise = residual_variance(each, spectra) / spectra.power_U
     if spectra.R is None:
         G = np.add.reduce(each, axis=0) / n
         var_noise = np.add.reduce(noise) / n**2

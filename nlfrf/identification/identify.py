@@ -111,7 +111,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     """`identify` for one record, with the spectra of its input where they are known."""
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
     periodic, known = (record.u, spectra.U) if spectra.R is None else (record.r, spectra.R)
-    refuse_wrong_lines(periodic, record.lines, known[:, spectra.where.excited])
+    refuse_wrong_lines(periodic, record.lines, known.take(spectra.where.excited, axis=1))
     spectra, excited, n_periods = check_realizations(spectra, periodic, record.n_periods - (treatment == "discard"))
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
@@ -151,7 +151,7 @@ def assemble_bla(
         var_noise=frf.var_noise,
         var_total=var_total,
         # without periods to tell them apart, noise counts as distortion
-        var_distortion=n * np.maximum(var_total - np.nan_to_num(frf.var_noise), 0.0),
+        var_distortion=n * np.maximum(var_total - np.where(np.isnan(frf.var_noise), 0.0, frf.var_noise), 0.0),
         var_even=level.even,
         dof=dof.astype(float),
         grid_factor=level.grid_factor if n == 1 else np.ones(grid.excited.size),
@@ -168,14 +168,15 @@ def assemble_bla(
 def output_levels(record: Record, excited: Spectra, answer: Answer) -> DistortionLevels:
     """What the output holds on each kind of line."""
     grid, where = record.lines, excited.where
+    noise = np.sqrt(answer.noise)
     return DistortionLevels(
         f_excited=grid.excited * record.f0,
         f_odd=grid.odd * record.f0,
         f_even=grid.even * record.f0,
         excited=excited.Y,
-        odd=answer.Yc[:, where.odd],
-        even=answer.Yc[:, where.even],
+        odd=answer.Yc.take(where.odd, axis=1),
+        even=answer.Yc.take(where.even, axis=1),
         noise_excited=np.sqrt(np.add.reduce(excited.var_Y) / len(excited.var_Y)),
-        noise_odd=np.sqrt(answer.noise[where.odd]),
-        noise_even=np.sqrt(answer.noise[where.even]),
+        noise_odd=noise.take(where.odd),
+        noise_even=noise.take(where.even),
     )

@@ -18,10 +18,11 @@ from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.shared.leastsquares import power, two_unknowns
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
+__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally", "smooth_locally"]
 
 
-ORDER = 2
+ORDER = 2  # of both polynomials, which are written out here
+N_RATIONAL = 2 * ORDER + 1  # unknowns of the rational function
 EARNED = 0.25  # the denominator has to earn its place: at 0.5 noise alone was fitted by it in one window of five
 POOLED = 9  # neighbouring lines over which it is judged
 LEAST_NOISE = 0.5  # share of the known noise that a roughness shows at least
@@ -70,52 +71,112 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
     """
     if where.excited.size < LEAST:
         raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {where.excited.size}")
-    window, r, powers = local_powers(where)
-    n = window.shape[1]
-    w = weight[:, window]
-    basis, at_zero = polynomials(r, w)
-    spanned, rest = split(basis, (w * G[:, window])[:, :, None, :] * powers)
-    value_at_zero = np.matvec(spanned, at_zero)
-    fitted = value_at_zero[..., 0]
-    variance = power(rest[..., 0, :]) / (n - ORDER - 1)
+    both = fit_both_ways(G, weight, where)
+    variance, better = both.variance, both.better
+    n = where.near_excited.shape[1]
     dof = np.full(variance.shape, n - ORDER - 1)
     denominator: np.ndarray | float = 1.0
-    n_rational = 2 * ORDER + 1  # the two polynomials of this order are written out here
-    if n >= n_rational + 3:
-        a, remainder = two_unknowns(rest[..., 1, :], rest[..., 2, :], rest[..., 0, :])
-        variance_r = power(remainder) / (n - n_rational)
-        # at the ends of the band windows are one-sided and the same: there it is as where they are centred
-        last = variance.shape[1] - 1
-        end = min(n // 2, last // 2)
-        earned = local_mean((EARNED * variance - variance_r)[:, end : last - end + 1], POOLED) > 0
-        better = earned.take(np.clip(np.arange(last + 1) - end, 0, last - 2 * end), axis=1)
-        fitted = np.where(better, fitted - np.vecdot(a.conj(), value_at_zero[..., 1:]), fitted)
-        inverse = np.where(better[..., None], np.abs(1 - np.vecmat(a.conj(), powers[:, 1:])), 1.0)
+    if better.any():
+        _, powers, _ = local_powers(where)
+        inverse = np.where(better[..., None], np.abs(1 - np.vecmat(both.a.conj(), powers[:, 1:])), 1.0)
         # the residual under the denominator follows |G|; without it, it is flat: nobody knows which the distortion does
-        flat = power(remainder / np.maximum(inverse, SMALLEST)) / (n - n_rational)
-        variance = np.where(better, np.maximum(variance_r, flat), variance)
-        dof = np.where(better, n - n_rational, dof)
+        flat = power(both.remainder / np.maximum(inverse, SMALLEST)) / (n - N_RATIONAL)
+        variance = np.where(better, np.maximum(both.variance_r, flat), variance)
+        dof = np.where(better, n - N_RATIONAL, dof)
         if noise is not None:
-            denominator = np.where(flat[..., None] > variance_r[..., None], 1.0, inverse)
+            denominator = np.where(flat[..., None] > both.variance_r[..., None], 1.0, inverse)
     if noise is not None:
         smooth = local_mean(noise * weight**2, NOISE_LINES)
         # and not far under the noise that is known to be there
-        variance = np.maximum(variance * noise_share(variance, denominator, smooth, window), LEAST_NOISE * smooth)
-    return LocalFit(G=fitted, variance=variance / weight**2, dof=dof)
+        share = noise_share(variance, denominator, smooth, where.near_excited)
+        variance = np.maximum(variance * share, LEAST_NOISE * smooth)
+    return LocalFit(G=both.value(), variance=variance / weight**2, dof=dof)
+
+
+def smooth_locally(G: np.ndarray, weight: np.ndarray, where: Places) -> np.ndarray:
+    """(M, F) the fitted value of `fit_locally` alone."""
+    return fit_both_ways(G, weight, where).value()
+
+
+@value(copy=False)
+class BothFits:
+    """The polynomial over each window, and the rational function.
+
+    Fields
+    ------
+    at_zero : (M, F, 3) complex ndarray
+        At the line itself the polynomials fitted to G, -r G and -r^2 G.
+    a : (M, F, 2) complex ndarray
+        Coefficients of the denominator 1 + a1 r + a2 r^2.
+    remainder : (M, F, n) complex ndarray
+        What the rational function leaves.
+    variance, variance_r : (M, F) ndarray
+        Of what the polynomial leaves, and the rational function.
+    better : (M, F) bool ndarray
+        Where the denominator has earned its place.
+    """
+
+    at_zero: np.ndarray
+    a: np.ndarray
+    remainder: np.ndarray
+    variance: np.ndarray
+    variance_r: np.ndarray
+    better: np.ndarray
+
+    def value(self) -> np.ndarray:
+        """(M, F) the better of the two at the line itself."""
+        polynomial = self.at_zero[..., 0]
+        if not self.better.any():
+            return polynomial
+        return np.where(self.better, polynomial - np.vecdot(self.a.conj(), self.at_zero[..., 1:]), polynomial)
+
+
+def fit_both_ways(G: np.ndarray, weight: np.ndarray, where: Places) -> BothFits:
+    """Fit FRFs (M, F) over the windows of `where`, weighted by `weight` (M, F)."""
+    window, (r, powers, centred) = where.near_excited, local_powers(where)
+    n = window.shape[1]
+    w = weight.take(window, axis=1)
+    basis, basis_at_zero = polynomials(r, w)
+    spanned, rest = split(basis, w * G.take(window, axis=1), powers)
+    at_zero = np.matvec(spanned, basis_at_zero)
+    variance = power(rest[..., 0, :]) / (n - ORDER - 1)
+    if n < N_RATIONAL + 3:
+        none = np.zeros(variance.shape, dtype=bool)
+        return BothFits(
+            at_zero=at_zero,
+            a=at_zero[..., 1:],
+            remainder=rest[..., 0, :],
+            variance=variance,
+            variance_r=variance,
+            better=none,
+        )
+    a, remainder = two_unknowns(rest)
+    variance_r = power(remainder) / (n - N_RATIONAL)
+    # at the ends of the band windows are one-sided and the same: there it is as where they are centred
+    first, last = centred[0], centred[-1] + 1
+    earned = local_mean((EARNED * variance - variance_r)[:, first:last], POOLED) > 0
+    better = earned.take(centred - first, axis=1)
+    return BothFits(at_zero=at_zero, a=a, remainder=remainder, variance=variance, variance_r=variance_r, better=better)
 
 
 @lru_cache(maxsize=KEPT)
 def local_powers(where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Windows of neighbours (F, n), distances r in them (F, n) from -1 to 1, and the columns of the fit (F, 3, n)."""
+    """Distances r in the windows of neighbours (F, n), from -1 to 1, and the columns of the fit (F, 3, n).
+
+    And for each line the nearest one whose window is centred (F,).
+    """
     window, lines = where.near_excited, where.lines[where.excited]
     r = (lines[window] - lines[:, None]).astype(float)
     r /= np.abs(r).max(axis=1, keepdims=True)
     # b0 + b1 r + b2 r^2 = G, and (1 + a1 r + a2 r^2) G = b0 + b1 r + b2 r^2: the residual of the second is weighted
     # by the denominator, that is by 1/|G| across a resonance, where the distortion follows |G|
     powers = np.stack([np.ones(r.shape), -r, -r * r], axis=1)
-    for array in (r, powers):
+    last = lines.size - 1
+    end = min(window.shape[1] // 2, last // 2)
+    centred = np.clip(np.arange(last + 1), end, last - end)
+    for array in (r, powers, centred):
         array.flags.writeable = False
-    return window, r, powers
+    return r, powers, centred
 
 
 def noise_share(
@@ -135,25 +196,36 @@ def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     basis = np.empty((*w.shape[:2], ORDER + 1, r.shape[1]))
     at_zero = np.empty((*w.shape[:2], ORDER + 1))
+    p, p_0 = w, np.ones(w.shape[:2])
     for k in range(ORDER + 1):
-        p, p_0 = (r * basis[..., k - 1, :], np.zeros(w.shape[:2])) if k else (w, np.ones(w.shape[:2]))
-        for j in range(max(k - 2, 0), k):
-            along = np.vecdot(basis[..., j, :], p)
-            p = p - along[..., None] * basis[..., j, :]
-            p_0 = p_0 - along * at_zero[..., j]
+        if k:
+            known = basis[..., max(k - 2, 0) : k, :]
+            p = r * known[..., -1, :]
+            along = np.vecdot(known, p[..., None, :])
+            p -= np.vecmat(along, known)
+            p_0 = -np.vecdot(along, at_zero[..., max(k - 2, 0) : k])
         scale = 1 / np.sqrt(np.vecdot(p, p))
-        basis[..., k, :] = p * scale[..., None]
-        at_zero[..., k] = p_0 * scale
+        np.multiply(p, scale[..., None], out=basis[..., k, :])
+        np.multiply(p_0, scale, out=at_zero[..., k])
     return basis, at_zero
 
 
-def split(basis: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the real orthonormal rows of `basis` (..., p, n) span of complex rows (..., c, n), and the rest.
+def split(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What the real orthonormal rows of `basis` (..., p, n) span of a complex row (..., n) times `powers` (c, n).
 
-    The first is (..., c, p) coefficients, the second (..., c, n).
+    The first is (..., c, p) coefficients, the second (..., c, n) the rest.
     """
-    c = rows.shape[-2]
-    parts = np.concatenate([rows.real, rows.imag], axis=-2)  # so that the products stay real
+    c = powers.shape[-2]
+    parts = np.empty((*row.shape[:-1], 2 * c, row.shape[-1]))  # real ones, so that the products stay real
+    np.multiply(row.real[..., None, :], powers, out=parts[..., :c, :])
+    np.multiply(row.imag[..., None, :], powers, out=parts[..., c:, :])
     spanned = parts @ np.swapaxes(basis, -1, -2)
-    rest = parts - spanned @ basis
-    return spanned[..., :c, :] + 1j * spanned[..., c:, :], rest[..., :c, :] + 1j * rest[..., c:, :]
+    parts -= spanned @ basis
+    return as_complex(spanned, c), as_complex(parts, c)
+
+
+def as_complex(parts: np.ndarray, c: int) -> np.ndarray:
+    """(..., c, n) complex rows from c real parts and c imaginary ones."""
+    joined = np.empty((*parts.shape[:-2], c, parts.shape[-1]), dtype=complex)
+    joined.real, joined.imag = parts[..., :c, :], parts[..., c:, :]
+    return joined

@@ -28,11 +28,15 @@ class Places:
         Where each kind stands among them.
     near_excited, near_odd : (F, n) int ndarray
         For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds.
-    near_detection : (k, F, n) int ndarray
+    near_detection : (n, k, F) int ndarray
         For each excited line the nearest odd lines, the same again, as they are read in two ways, and where there are
-        any the even ones, as places among all lines; -1 where there are fewer.
-    near_even : (1, F, n) int ndarray
+        any the even ones, as places among all lines; -1 where there are fewer. Windows stand along the first axis, so
+        that sums over them run through memory in order.
+    near_even : (n, 1, F) int ndarray
         The even ones alone.
+    below, share : (K,) int and float ndarray
+        The excited line below each line, by its order, and how far it is to the next one, from 0 to 1; 0
+        outside the band.
     """
 
     lines: np.ndarray
@@ -43,6 +47,8 @@ class Places:
     near_odd: np.ndarray
     near_detection: np.ndarray
     near_even: np.ndarray
+    below: np.ndarray
+    share: np.ndarray
 
 
 @lru_cache(maxsize=KEPT)
@@ -55,6 +61,8 @@ def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
     near_detection = np.full((len(windows), excited.size, max(one.shape[1] for one in windows)), -1)
     for row, one in zip(near_detection, windows, strict=True):
         row[:, : one.shape[1]] = one
+    below = np.maximum(np.searchsorted(grid.excited, lines, side="right") - 1, 0)
+    step = np.append(np.diff(grid.excited), np.inf)[below]
     return Places(
         lines=lines,
         excited=excited,
@@ -62,9 +70,16 @@ def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
         even=even,
         near_excited=nearest_lines(grid.excited, grid.excited, WIDTH),
         near_odd=near_odd,
-        near_detection=near_detection,
-        near_even=even[near_even][None],
+        near_detection=windows_first(near_detection),
+        near_even=windows_first(even[near_even][None]),
+        below=below,
+        share=np.maximum(lines - grid.excited[below], 0) / step,
     )
+
+
+def windows_first(windows: np.ndarray) -> np.ndarray:
+    """(k, F, n) -> (n, k, F)."""
+    return np.ascontiguousarray(np.moveaxis(windows, -1, 0))
 
 
 def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:

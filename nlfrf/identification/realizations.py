@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.excitation.crest import expected_peaks, is_improbable
+from nlfrf.excitation.crest import expected_peaks, is_improbable, most_peaks
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import DataWarning
@@ -84,12 +84,15 @@ def warn_of_repeats(groups: list[list[int]], n: int) -> None:
 
 def warn_of_low_peaks(u: np.ndarray, excited: Spectra) -> None:
     """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped."""
-    amplitude = rms(excited.U if excited.R is None else excited.R)
+    amplitude = excited.amplitude if excited.R is None else rms(excited.R)
     if amplitude.size < FEWEST_SUMMED:
         return
     middle = np.add.reduce(u, axis=1) / u.shape[1]
     peak = np.maximum(u.max(axis=1) - middle, middle - u.min(axis=1))
     crest = peak / np.sqrt(power(amplitude) / 2)
+    # no more than the highest line would have: where these are probable there is no need to look closer
+    if not is_improbable(most_peaks(crest, int(excited.lines[-1]))):
+        return
     if is_improbable(expected_peaks(crest, excited.lines, amplitude, u.shape[1])):
         warnings.warn(
             f"u must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, lower "
@@ -131,7 +134,7 @@ def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
         root = np.sqrt(np.abs(U))
         even = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
         step = even[:, 1:] * even[:, :-1].conj()
-        turned = step[:, i] * step[:, j].conj()
+        turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
         same |= alike(turned, squared(turned @ turned[:MOST].conj().T), 1)
     elif n <= MOST:  # few lines are equally far apart: every delay is tried
         n_delays = fast_length(8 * int(where.lines[-1]))
@@ -167,12 +170,22 @@ def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     Unit vectors of n random phases have more than c of their power in common with probability (1 - c)^(n - 1). Whether
     what they have in common is the whole of them is left to `aligned`.
     """
+    if x.shape[1] < FEWEST:
+        return np.eye(*common.shape, dtype=bool)
     size = power(x)
+    whole = size[:, None] * size[: common.shape[1]]
+    chance = BY_CHANCE / (common.size * n_delays)
+    if np.count_nonzero(common > in_common(chance, x.shape[1]) * whole) == common.shape[1]:
+        return np.eye(*common.shape, dtype=bool)  # no more than n lines weigh something: each is like itself alone
     n = float(np.median(size**2 / np.add.reduce(squared(squared(x)), axis=1)))  # lines that weigh something
     if n < FEWEST:
         return np.eye(*common.shape, dtype=bool)
-    chance = BY_CHANCE / (common.size * n_delays)
-    return np.asarray(common > (1 - chance ** (1 / (n - 1))) * size[:, None] * size[: common.shape[1]])
+    return np.asarray(common > in_common(chance, n) * whole)
+
+
+def in_common(chance: float, n: float) -> float:
+    """The share of power that unit vectors of n random phases have in common, but for so small a chance."""
+    return float(1 - chance ** (1 / (n - 1)))
 
 
 def aligned(U: np.ndarray, other: np.ndarray, where: Places) -> tuple[float, float]:
@@ -225,9 +238,10 @@ def refuse_unexcited(excited: Spectra) -> None:
     for name, spectrum in (("input", excited.U), ("reference", excited.R)):
         if spectrum is None:
             continue
-        power = squared(spectrum)
-        silent = (power <= 1e-18 * power.max()).any(axis=0)
-        if silent.any():
+        power = excited.power_U if spectrum is excited.U else squared(spectrum)
+        faintest = 1e-18 * power.max()
+        if power.min() <= faintest:
+            silent = (power <= faintest).any(axis=0)
             k = int(excited.lines[np.argmax(silent)])
             raise ValueError(f"lines must be excited by the {name}, got line {k} with no {name} on it")
 
@@ -238,9 +252,11 @@ def refuse_strangers(excited: Spectra) -> None:
     A measured force scatters from line to line and from realisation to realisation where the shaker gives way, at a
     resonance above all: the limit is as wide as the mean over a part of the band then scatters.
     """
-    known = excited.U if excited.R is None else excited.R
+    known = excited.power_U if excited.R is None else squared(excited.R)
+    if (np.maximum.reduce(known) <= 10 ** (STRANGE / 10) * np.minimum.reduce(known)).all():
+        return  # not even a line is so far apart
     first = np.arange(0, known.shape[1], max(1, known.shape[1] // N_PARTS))
-    level = 10 * np.log10(squared(known))
+    level = 10 * np.log10(known)
     level -= level[:1] if len(level) == 2 else np.median(level, axis=0)
     jumps = np.zeros((1, level.shape[1]))
     jumps[0, 1:] = np.mean(np.diff(level, axis=1) ** 2, axis=0) / 2  # scatter has them, another spectrum has none

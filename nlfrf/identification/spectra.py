@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -47,6 +48,16 @@ class Spectra:
     var_Y: np.ndarray
     cov_YU: np.ndarray
     where: Places
+
+    @cached_property
+    def power_U(self) -> np.ndarray:
+        """(M, K) |U|^2."""
+        return squared(self.U)
+
+    @cached_property
+    def amplitude(self) -> np.ndarray:
+        """(K,) rms of |U| over realisations."""
+        return np.sqrt(np.add.reduce(self.power_U) / len(self.power_U))
 
     def on_excited(self) -> Spectra:
         """The spectra on the excited lines alone."""
@@ -115,10 +126,13 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     if (x[:, 0, 0] == x[:, -1, 0]).all() and all((x[m, 1:] == x[m, :1]).all() for m in some):
         x = x[:, :1]
     spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
+    in_a_row = lines[-1] - lines[0] == lines.size - 1
     for m in some:
         transformed = rfft(x[m])
-        np.take(transformed, lines, axis=2, out=spectra[m], mode="clip")  # buffered, and slower, without the mode
-    spectra *= 2 / n_samples
+        if in_a_row:
+            np.multiply(transformed[..., lines[0] : lines[-1] + 1], 2 / n_samples, out=spectra[m])
+        else:
+            np.multiply(transformed.take(lines, axis=2), 2 / n_samples, out=spectra[m])
     return spectra
 
 
@@ -133,9 +147,10 @@ def average_periods(where: Places, U: np.ndarray, Y: np.ndarray, R: np.ndarray |
     n_realizations, n_lines = Y.shape[0], Y.shape[2]
     U_mean, Y_mean = (x[:, 0] if x.shape[1] == 1 else np.add.reduce(x, axis=1) / n_periods for x in (U, Y))
     shape = (n_realizations, n_lines)
-    unknown = 0.0 if n_periods > 1 else np.nan
-    var_U, var_Y, cov_YU = np.full(shape, unknown), np.full(shape, unknown), np.full(shape, complex(unknown))
-    if n_periods > 1:
+    var_U, var_Y, cov_YU = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=complex)
+    if n_periods == 1:
+        var_U[:], var_Y[:], cov_YU[:] = np.nan, np.nan, np.nan
+    else:
         scale = 1 / (n_periods * (n_periods - 1))
         for m in blocks(n_realizations, n_periods * n_lines):
             dY = Y[m] - Y_mean[m, None]

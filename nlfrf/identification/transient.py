@@ -30,8 +30,10 @@ def find_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
 
     def settled(first: int) -> bool:
         one, other = Y[:, first], Y[:, -1]
-        slope = (y[:, -1].mean(axis=1) - y[:, first].mean(axis=1)) / (n_periods - 1 - first)
-        return not (is_transient(one, other) or is_drift(one, other, slope, lines))
+        if is_transient(one, other):
+            return False
+        rise = (np.add.reduce(y[:, -1], axis=1) - np.add.reduce(y[:, first], axis=1)) / y.shape[2]
+        return not is_drift(one, other, rise / (n_periods - 1 - first), lines)
 
     if n_periods < 2 or settled(0):
         return "none"
@@ -52,12 +54,14 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
         (x[:, : n_windows * WINDOW].reshape(x.shape[0], -1, WINDOW)[:, ::step]) for x in (first, last)
     )
     windows = windows - reference
-    if np.vdot(windows, windows).real <= 1e-20 * np.vdot(reference, reference).real:
+    total = power(windows)
+    if total.sum() <= 1e-20 * np.vdot(reference, reference).real:
         return False
-    explained, total = power(windows @ smooth_part()) / N_POLYNOMIAL, power(windows)
-    rest = np.maximum(total - N_POLYNOMIAL * explained, 1e-12 * total) / (WINDOW - N_POLYNOMIAL)
+    explained = power(windows @ smooth_part())
+    rest = np.maximum(total - explained, 1e-12 * total)
     # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
     ratio = explained / np.maximum(rest, np.finfo(float).tiny)
+    ratio *= (WINDOW - N_POLYNOMIAL) / N_POLYNOMIAL
     return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
 
 
@@ -82,7 +86,7 @@ def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.n
 @cache
 def smooth_part() -> np.ndarray:
     """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
-    return np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0]
+    return np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
 def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.records.regular_grids import played_lines
+from nlfrf.shared.leastsquares import mean_power
 from nlfrf.shared.transforms import fast_length, rfft
 
 __all__ = ["detect_lines", "detect_period", "refuse_wrong_lines"]
@@ -69,12 +70,13 @@ def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
     U : (M, F) complex ndarray
         Its amplitudes, 2/N rfft, on the excited lines of that grid.
     """
-    power = np.mean(np.abs(U) ** 2, axis=0)
-    median = np.median(power)
-    weak = power < FAR_BELOW * median
+    power = mean_power(U)
     carried = power.sum() / 2
-    mean = u.mean(axis=2, keepdims=True)
-    total = float(np.vdot(u, u)) / u.size - float(np.mean(mean**2))
+    means = np.add.reduce(u, axis=2) / u.shape[2]
+    total = float(np.vdot(u, u)) / u.size - float(np.vdot(means, means)) / means.size
+    if power.min() >= FAR_BELOW * power.max() and carried > CARRIED * total:
+        return
+    weak = power < FAR_BELOW * np.median(power)
     if not weak.any() and carried > CARRIED * total:
         return
     try:

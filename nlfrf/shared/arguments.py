@@ -50,6 +50,8 @@ def real(name: str, number: Any) -> float:
 
 def integer(name: str, number: Any, *, least: int) -> int:
     """The number as an int, or a refusal unless it is a whole number of at least `least`."""
+    if type(number) is int and number >= least:
+        return number
     if isinstance(number, numbers.Real) and not isinstance(number, (bool, np.bool_)):
         number_f = float(number)
         if number_f.is_integer() and number_f >= least:

@@ -7,20 +7,23 @@ import numpy as np
 __all__ = ["least_squares", "mean_power", "power", "rms", "squared", "two_unknowns"]
 
 
-def two_unknowns(first: np.ndarray, second: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares x1 first + x2 second = b for vectors (..., n) by Gram-Schmidt, and the residual.
+def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares x1 first + x2 second = b by Gram-Schmidt, and the residual; dependent vectors get zero.
 
-    Dependent vectors get zero.
+    `rows` (..., 3, n) holds b, first and second; x is (..., 2).
     """
-    tiny = np.finfo(float).tiny
-    n_first = np.maximum(power(first), tiny)
-    along = np.vecdot(first, second) / n_first
-    second = second - along[..., None] * first
+    first = rows[..., 1, :]
+    along = np.vecdot(first[..., None, :], rows)
+    n_first = np.maximum(along[..., 1].real, np.finfo(float).tiny)
+    along /= n_first[..., None]
+    b, second = (rows[..., i, :] - along[..., i, None] * first for i in (0, 2))
     n_second = power(second)
     n_second = np.where(n_second > 1e-20 * n_first, n_second, np.inf)
-    x_first, x_second = np.vecdot(first, b) / n_first, np.vecdot(second, b) / n_second
-    rest = b - x_first[..., None] * first - x_second[..., None] * second
-    return np.stack([x_first - along * x_second, x_second], axis=-1), rest
+    x = np.empty((*n_first.shape, 2), dtype=rows.dtype)
+    x_second = np.divide(np.vecdot(second, b), n_second, out=x[..., 1])
+    np.subtract(along[..., 0], along[..., 2] * x_second, out=x[..., 0])
+    b -= x_second[..., None] * second
+    return x, b
 
 
 def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

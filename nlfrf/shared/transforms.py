@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,6 +12,7 @@ __all__ = ["dct_even", "fast_length", "rfft"]
 LONG = 1 << 17  # samples past which threads are worth the import
 
 
+@lru_cache(maxsize=64)
 def fast_length(n: int) -> int:
     """The least 2^a 3^b 5^c that is n or more: a length that the FFT is quick for.
 
@@ -35,7 +37,9 @@ def dct_even(half: np.ndarray) -> np.ndarray:
     >>> dct_even(np.array([1.0, 0.5, 0.25]))
     array([2.25, 0.75, 0.25])
     """
-    whole = np.concatenate([half, half[..., -2:0:-1]], axis=-1)
+    n = half.shape[-1] - 1
+    whole = np.empty((*half.shape[:-1], 2 * n))
+    whole[..., : n + 1], whole[..., n + 1 :] = half, half[..., -2:0:-1]
     return np.ascontiguousarray(np.fft.rfft(whole).real)
 
 
