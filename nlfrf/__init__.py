@@ -22,6 +22,7 @@ from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.noise_excitation import identify_noise
 from nlfrf.identification.second_opinion import SecondOpinion, second_opinion
 from nlfrf.multivariable.frm import Frm
+from nlfrf.multivariable.gains import RelativeGains, SingularValues, rga, singular_values
 from nlfrf.multivariable.identify import identify
 from nlfrf.records.record import Record, join_records
 from nlfrf.records.samples import record_from_samples
@@ -46,8 +47,10 @@ __all__ = [
     "Multisine",
     "OrthogonalMultisine",
     "Record",
+    "RelativeGains",
     "Rig",
     "SecondOpinion",
+    "SingularValues",
     "drive",
     "export_csv",
     "identify",
@@ -65,6 +68,7 @@ __all__ = [
     "progress_bar",
     "record_from_samples",
     "reduce_crest",
+    "rga",
     "run",
     "save_bla",
     "save_multisine",
@@ -73,4 +77,5 @@ __all__ = [
     "simulate",
     "simulate_loop",
     "simulate_loops",
+    "singular_values",
 ]

@@ -6,6 +6,7 @@
 
 identify         the door: a record of one input and one output or of several, to its `Bla` or `Frm`
 frm              `Frm`: the matrix, its covariances, its bounds
+gains            singular values and relative gains of a measured matrix, with their bounds
 channels         spectra of every channel, and their scatter over periods
 matrix_frf       the matrix, what its estimation makes of a residual, the residuals themselves
 matrix_level     the covariance of one experiment's distortion, from detection lines or from roughness

@@ -8,6 +8,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.multivariable.roy import roy_quantile
 from nlfrf.shared.arguments import integer, one_of, probability
+from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
 
 __all__ = ["Frm", "positive_part", "root"]
@@ -237,6 +238,12 @@ class Frm:
             levels=self.levels[j],
             var_bound=bound,
         )
+
+    def _sketch_(self) -> Sketch:
+        """The singular values, for a notebook."""
+        with np.errstate(divide="ignore"):
+            sizes = 20 * np.log10(np.linalg.svd(np.moveaxis(self.G, 2, 0), compute_uv=False).T)
+        return Sketch("Hz", "dB", [(f"sigma {i + 1}", self.f, one) for i, one in enumerate(sizes)], log=True)
 
     def __str__(self) -> str:
         """What was found, in a few lines."""

@@ -13,7 +13,19 @@ from nlfrf.shared.whole_files import write_whole
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["axes", "bode_axes", "db", "finished", "labelled", "note", "phase_band", "under", "write_pictures"]
+__all__ = [
+    "axes",
+    "bode_axes",
+    "db",
+    "finished",
+    "finished_matrix",
+    "labelled",
+    "matrix_axes",
+    "note",
+    "phase_band",
+    "under",
+    "write_pictures",
+]
 
 
 LETTERS = 15.0  # of a legend in an inch, its markers counted as
@@ -52,14 +64,68 @@ def bode_axes(ax: Axes | None) -> tuple[Any, Any]:
     return top, bottom
 
 
+def matrix_axes(ax: Axes | None, rows: Sequence[str], columns: Sequence[str]) -> tuple[Any, Any]:
+    """(n, m) axes of a matrix, in the place of those given or in a new figure, and a foot for their legend.
+
+    Rows are called at their left end, columns at their top: outputs and inputs. A row shares what goes up.
+    """
+    n, m = len(rows), len(columns)
+    if ax is None:
+        from matplotlib import pyplot as plt
+
+        ax = plt.figure(figsize=(1.6 + 2.8 * m, 1.4 + 2.0 * n), layout="constrained").add_subplot()
+    figure: Any = ax.figure
+    spec, place = ax.get_subplotspec(), ax.get_position()
+    ax.remove()
+    inside: Any = None if spec is None else spec.subgridspec(n + 1, m, height_ratios=[1.0] * n + [1e-3])
+    wide, high = place.width / m, place.height / n
+    made = np.empty((n, m), dtype=object)
+    for j, i in np.ndindex(n, m):
+        where = (place.x0 + i * wide, place.y0 + (n - 1 - j) * high, 0.93 * wide, 0.86 * high)
+        shared = {"sharex": made[0, 0], "sharey": made[j, 0]}  # None, of the first
+        one = figure.add_axes(where, **shared) if inside is None else figure.add_subplot(inside[j, i], **shared)
+        one.tick_params(which="both", labelbottom=j == n - 1, labelleft=i == 0)
+        one.set_title(columns[i] if j == 0 else "", fontsize="medium")
+        one.set_ylabel(rows[j] if i == 0 else "")
+        made[j, i] = one
+    under_all = (place.x0, place.y0, place.width, 1e-3)
+    foot = figure.add_axes(under_all) if inside is None else figure.add_subplot(inside[n, :])
+    foot.set_axis_off()
+    return made, foot
+
+
+def finished_matrix(made: Any, foot: Any, across: str) -> Any:
+    """Grids, the label of the axis that goes across in the lowest row, and one legend for all under it."""
+    entries: dict[str, Any] = {}
+    for one in made.flat:
+        grid(one)
+        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    for one in made[-1]:
+        one.set_xlabel(across)
+    if entries:
+        legend_below(foot, list(entries.values()), list(entries), -34 if foot.get_subplotspec() is None else 0)
+    return made
+
+
 def finished(ax: Any) -> Any:
     """Grid and legend, the same in every picture: the legend stands below the axes, off the data."""
+    grid(ax)
+    handles, labels = ax.get_legend_handles_labels()
+    if handles:
+        legend_below(ax, handles, labels)
+    return ax
+
+
+def grid(ax: Any) -> None:
+    """A grid, and plain numbers on a logarithmic axis."""
     ax.grid(alpha=0.3, which="both", lw=0.5)
     if ax.get_xscale() == "log":
         plain_numbers(ax)
-    handles, labels = ax.get_legend_handles_labels()
-    if not handles:
-        return ax
+
+
+def legend_below(ax: Any, handles: Sequence[Any], labels: list[str], down: float = -34) -> None:
+    """A legend under the axes, so many points down."""
     from matplotlib.transforms import offset_copy
 
     ax.legend(
@@ -68,13 +134,12 @@ def finished(ax: Any) -> Any:
         fontsize="small",
         loc="upper center",
         bbox_to_anchor=(0.5, 0.0),
-        bbox_transform=offset_copy(ax.transAxes, ax.figure, y=-34, units="points"),
+        bbox_transform=offset_copy(ax.transAxes, ax.figure, y=down, units="points"),
         ncols=columns(ax, labels),
         frameon=False,
         borderaxespad=0.2,
         columnspacing=1.4,
     )
-    return ax
 
 
 def plain_numbers(ax: Any) -> None:

@@ -22,7 +22,7 @@ ARROWS = {
     "nlfrf.readers": "",
     "nlfrf.files": "readers identification records excitation",
     "nlfrf.studies": "bench identification records excitation",
-    "nlfrf.plot": "identification records excitation",
+    "nlfrf.plot": "multivariable identification records excitation",
     "nlfrf.doctor": "",
     "robust.systems": "",
     "robust.verification": "",
@@ -47,7 +47,7 @@ ARROWS = {
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
 FACES = {
-    *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis"),
+    *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
     *("robust", "robust.cli", "robust.plot", "robust.shaping_plot"),
 }
 #: Where a heavy package may be imported at all: rooms, or whole wings.

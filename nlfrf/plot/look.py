@@ -1,0 +1,31 @@
+"""How every picture of this package looks: a colour and a marker a kind of line, what lies at rounding left out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf.shared.axes import db, note
+
+__all__ = ["COLOR", "DEEPEST", "MARKER", "ROUNDING", "cut"]
+
+
+# one colour a kind of line in every picture, told apart by colour-blind readers too
+COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
+MARKER = {"excited": ".", "odd": "x", "even": "+"}  # and in grey
+ROUNDING = 120.0  # dB under the input; what lies lower is of no interest
+DEEPEST = 160.0  # dB under the output, or the FRF; the same
+
+
+def cut(ax: Any, amplitude: np.ndarray) -> Any:
+    """Leave out what lies at rounding, far under the largest amplitude, and say so."""
+    bottom = float(db(amplitude.max())) - DEEPEST
+    if ax.get_ylim()[0] < bottom:
+        ax.set_ylim(bottom=bottom)
+        unseen = [line for line in ax.get_lines() if np.all(np.nan_to_num(line.get_ydata(), nan=-np.inf) < bottom)]
+        if unseen:
+            note(ax, f"{'; '.join(str(line.get_label()) for line in unseen)}: more than {DEEPEST:g} dB lower")
+        for line in unseen:
+            line.set_label(None)
+    return ax

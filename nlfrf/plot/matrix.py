@@ -1,0 +1,160 @@
+"""Pictures of an `Frm`: a matrix of axes, one an entry, and what its directions are worth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nlfrf.multivariable.frm import Frm
+from nlfrf.multivariable.gains import RelativeGains, SingularValues
+from nlfrf.plot.look import COLOR
+from nlfrf.shared.axes import axes, db, finished, finished_matrix, matrix_axes, phase_band
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_frm", "plot_frm_bounds", "plot_frm_phase", "plot_rga", "plot_singular_values"]
+
+
+ROOM = 12.0  # dB above and below the curves
+FEW = 300  # lines that are drawn as points too
+LINES = ("-", "--", "-.", ":")
+TONES = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")
+
+
+def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
+    """Magnitude of every entry with its bound: a row of axes an output, a column an input.
+
+    Parameters
+    ----------
+    frm : Frm
+        What was identified.
+    confidence : float
+        Probability of the bound that is drawn.
+    ax : matplotlib Axes, optional
+        Where to draw: it gives its place to the matrix of axes that is returned; a new figure when not given.
+
+    Returns
+    -------
+    (n_y, n_u) ndarray of matplotlib Axes
+    """
+    made, foot = places(ax, frm, "[dB]")
+    size, radius = np.abs(frm.G), frm.bound(confidence)
+    label = f"{100 * confidence:g} % bound of the entry"
+    for j, one in enumerate(made):
+        shown = size[j][size[j] > 0]
+        floor, ceiling = (float(db(shown.min())) - ROOM, float(db((size + radius)[j].max())) + ROOM / 4)
+        for i, entry in enumerate(one):
+            low = db(np.maximum(size[j, i] - radius[j, i], 10 ** (floor / 20) / 10))
+            entry.fill_between(frm.f, low, db(size + radius)[j, i], color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+            entry.plot(frm.f, db(size[j, i]), dotted(frm), ms=2, lw=1.0, color=COLOR["excited"], label="|G|")
+            entry.set(xscale="log", ylim=(floor, ceiling))
+    return finished_matrix(made, foot, "frequency [Hz]")
+
+
+def plot_frm_phase(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
+    """Unwrapped phase of every entry with its bound; arguments and what is returned as in `plot_frm`."""
+    made, foot = places(ax, frm, "[deg]")
+    wide = phase_band(frm.G, frm.bound(confidence))
+    phase = np.degrees(np.unwrap(np.angle(frm.G), axis=2))
+    for (j, i), one in np.ndenumerate(made):
+        low, high = phase[j, i] - wide[j, i], phase[j, i] + wide[j, i]
+        label = f"{100 * confidence:g} % bound of the entry"
+        one.fill_between(frm.f, low, high, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+        one.plot(frm.f, phase[j, i], dotted(frm), ms=2, lw=1.0, color=COLOR["excited"], label="arg G")
+        one.set_xscale("log")
+    return finished_matrix(made, foot, "frequency [Hz]")
+
+
+def plot_frm_bounds(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
+    """What every entry may be off by: by its own bound, as part of the matrix, and by noise and distortion.
+
+    Arguments and what is returned as in `plot_frm`. The bound of the matrix is drawn by how far it lets the entry go,
+    which is further: it holds all entries at once.
+    """
+    made, foot = places(ax, frm, "[dB]")
+    left, right = frm.block(confidence)
+    reach = np.sqrt(np.einsum("jkf,jkf->jf", left, left.conj()).real)[:, None] * np.sqrt(
+        np.einsum("kif,kif->if", right, right.conj()).real
+    )
+    curves = (
+        (np.abs(frm.G), "|G|", "-", COLOR["excited"], 1.6),
+        (reach, f"{100 * confidence:g} % bound of the matrix", "-.", COLOR["even"], 1.2),
+        (frm.bound(confidence), f"{100 * confidence:g} % bound of the entry", "-", COLOR["bound"], 1.2),
+        (np.sqrt(frm.var_distortion), "std by distortion, one set", "--", COLOR["odd"], 1.0),
+        (np.sqrt(frm.var_noise), "std by noise", ":", COLOR["noise"], 1.4),
+    )
+    for (j, i), one in np.ndenumerate(made):
+        for curve, label, style, color, width in curves:
+            if np.isfinite(curve[j, i]).any():
+                one.plot(frm.f, db(curve[j, i]), style, lw=width, color=color, label=label)
+        one.set_xscale("log")
+    return finished_matrix(made, foot, "frequency [Hz]")
+
+
+def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Axes:
+    """Singular values of the matrix, each in the band that the bound of the matrix leaves it.
+
+    Parameters
+    ----------
+    found : SingularValues
+        From `singular_values`.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+    """
+    ax = axes(ax)
+    floor = float(db(found.sigma[found.sigma > 0].min())) - 2 * ROOM
+    for i, sigma in enumerate(found.sigma):
+        low = db(np.maximum(found.low[i], 10 ** (floor / 20)))
+        color = TONES[i % len(TONES)]
+        ax.fill_between(found.f, low, db(found.high[i]), color=color, alpha=0.2, lw=0)
+        ax.plot(found.f, db(sigma), LINES[i % len(LINES)], lw=1.4, color=color, label=f"singular value {i + 1}")
+    ax.fill_between([], [], [], color="0.5", alpha=0.3, lw=0, label=f"{100 * found.confidence:g} % bound of the matrix")
+    low, high = floor + 2 * ROOM, float(db(found.high.max()))
+    shown = max(floor, min(low, float(db(np.where(found.low > 0, found.low, np.inf).min()))) - ROOM / 3)
+    ax.set(
+        xscale="log",
+        xlabel="frequency [Hz]",
+        ylabel="singular values of G [dB]",
+        ylim=(shown, high + ROOM / 3),
+        title="Gain in the strongest and in the weakest direction",
+    )
+    return finished(ax)
+
+
+def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
+    """Magnitude of every relative gain over frequency with its bound: near one is a good pairing.
+
+    Parameters
+    ----------
+    found : RelativeGains
+        From `rga` of an `Frm`.
+    ax : matplotlib Axes, optional
+        As in `plot_frm`.
+
+    Returns
+    -------
+    (n_y, n_u) ndarray of matplotlib Axes
+    """
+    made, foot = matrix_axes(ax, list(found.outputs), [f"by {name}" for name in found.inputs])
+    size = np.abs(found.gains)
+    top = 1.15 * max(float(np.quantile(size + found.radius, 0.99)), 1.2)
+    label = f"{100 * found.confidence:g} % bound"
+    for (j, i), one in np.ndenumerate(made):
+        low, high = np.maximum(size[j, i] - found.radius[j, i], 0.0), size[j, i] + found.radius[j, i]
+        one.fill_between(found.f, low, high, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+        one.plot(found.f, size[j, i], "-", lw=1.2, color=COLOR["excited"], label="|relative gain|")
+        one.axhline(1, color="0.3", lw=0.8, ls=":")
+        one.set(xscale="log", ylim=(0, top))
+    return finished_matrix(made, foot, "frequency [Hz]")
+
+
+def places(ax: Axes | None, frm: Frm, up: str) -> tuple[Any, Any]:
+    """A matrix of axes with the names of the channels."""
+    return matrix_axes(ax, [f"{name}  {up}" for name in frm.outputs], [f"by {name}" for name in frm.inputs])
+
+
+def dotted(frm: Frm) -> str:
+    """A curve with its lines as points, where they can be told apart."""
+    return ".-" if frm.f.size <= FEW else "-"

@@ -1,0 +1,93 @@
+"""Singular values and relative gains: published numbers, their laws, bounds attacked from inside the set."""
+
+import numpy as np
+import pytest
+
+import nlfrf
+
+#: Distillation column of Skogestad & Postlethwaite at steady state: gains, singular values, relative gain.
+COLUMN = np.array([[87.8, -86.4], [108.2, -109.6]])
+BAND = {"fs": 256, "n_samples": 512, "f_min": 1, "f_max": 100}
+
+
+def measured(gains, *, noise, rng):
+    n_y, n_u = gains.shape
+    ms = nlfrf.multisine("random-odd", **BAND, n_inputs=n_u, rng=1)
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    scatter = noise * np.random.default_rng(rng).standard_normal((n_y, *u.shape[1:]))
+    y = np.einsum("ji,imps->jmps", gains, u) + scatter
+    return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines), transient="none")
+
+
+def test_the_distillation_column():
+    assert nlfrf.rga(COLUMN)[0, 0] == pytest.approx(35.07, abs=0.005)
+    clean = nlfrf.singular_values(measured(COLUMN, noise=1e-6, rng=0))
+    assert clean.sigma[:, 0] == pytest.approx([197.2, 1.39], rel=2e-3)
+    assert str(clean).startswith("2 singular values on 75 lines; largest 197.2, smallest 1.39")
+
+
+def test_the_laws_of_relative_gains():
+    rng = np.random.default_rng(0)
+    G = rng.standard_normal((3, 3, 5)) + 1j * rng.standard_normal((3, 3, 5))
+    gains = nlfrf.rga(G)
+    for axis in (0, 1):
+        np.testing.assert_allclose(gains.sum(axis=axis), 1)
+    D1, D2 = np.diag([2.0, 0.1, 30.0]), np.diag([5.0, 1.0, 0.3])
+    np.testing.assert_allclose(nlfrf.rga(np.einsum("ij,jkf,kl->ilf", D1, G, D2)), gains)  # no units
+    np.testing.assert_allclose(nlfrf.rga(np.tril(np.ones((3, 3)))), np.eye(3), atol=1e-12)  # triangular: one way only
+    tall = nlfrf.rga(G[:, :2])
+    np.testing.assert_allclose(tall.sum(axis=0), 1)  # columns, where outputs are more than inputs
+    # a relative change of an element by minus one over it makes the matrix singular
+    at, j, i = G[:, :, 0].copy(), 1, 2
+    at[j, i] *= 1 - 1 / gains[j, i, 0]
+    assert abs(np.linalg.det(at)) < 1e-12
+    with pytest.raises(
+        ValueError, match=r"G must be finite, of axes \(n_y, n_u\) or \(n_y, n_u, F\), got shape \(3,\)"
+    ):
+        nlfrf.rga(np.ones(3))
+
+
+@pytest.mark.parametrize("shape", [(2, 2), (3, 2), (2, 3), (3, 3)])
+def test_no_plant_of_the_set_has_singular_values_outside(shape):
+    rng = np.random.default_rng(3)
+    gains = rng.standard_normal(shape) * np.geomspace(1, 0.02, shape[1])
+    frm = measured(gains, noise=0.02, rng=4)
+    found = nlfrf.singular_values(frm)
+    left, right = (np.moveaxis(part, 2, 0) for part in frm.block())
+    G = np.moveaxis(frm.G, 2, 0)
+    U, _, Vh = np.linalg.svd(G, full_matrices=False)
+    closest = np.zeros((2, *found.sigma.shape))
+    for n in range(150):
+        Delta = rng.standard_normal((len(G), *shape)) + 1j * rng.standard_normal((len(G), *shape))
+        if n < 4:  # along one direction of the matrix, up and down
+            Delta = (1 - 2 * (n % 2)) * np.linalg.inv(left) @ U[:, :, [n // 2]] @ Vh[:, [n // 2]] @ np.linalg.inv(right)
+        X, _, Yh = np.linalg.svd(Delta, full_matrices=False)
+        Delta = X @ Yh if n % 2 else X[:, :, :1] @ Yh[:, :1]
+        sigma = np.linalg.svd(G + left @ Delta @ right, compute_uv=False).T
+        assert np.all(sigma >= found.low * (1 - 1e-9))
+        assert np.all(sigma <= found.high * (1 + 1e-9))
+        used = (found.sigma - sigma) / (found.sigma - found.low), (sigma - found.sigma) / (found.high - found.sigma)
+        closest = np.maximum(closest, used)
+    assert closest.mean(axis=2).min() > 0.5  # and they are no wider than twice what is needed
+
+
+def test_bounds_hold_the_truth_as_often_as_they_say():
+    sigma, gains = np.linalg.svd(COLUMN, compute_uv=False)[:, None], nlfrf.rga(COLUMN)[:, :, None]
+    of_gains, of_sigma = [], []
+    for e in range(60):
+        frm = measured(COLUMN, noise=0.03, rng=e)
+        found, relative = nlfrf.singular_values(frm), nlfrf.rga(frm)
+        of_sigma.append(np.mean(np.all((found.low < sigma) & (sigma < found.high), axis=0)))
+        of_gains.append(np.mean(np.abs(relative.gains - gains) < relative.radius, axis=2))
+    assert np.mean(of_sigma) > 0.93  # a set that holds the matrix holds them
+    assert np.all(np.abs(np.mean(of_gains, axis=0) - 0.95) < 0.025)
+    assert f"{relative.inputs[0]}" in str(relative)
+
+
+def test_a_weak_direction_that_was_not_measured_is_said():
+    frm = measured(np.array([[1.0, 1.0], [1.0, 1.0]]), noise=0.05, rng=2)
+    found = nlfrf.singular_values(frm)
+    assert np.mean(found.low[1] == 0) > 0.9
+    assert "the set may hold a matrix of lower rank: the weakest direction is not measured" in str(found)
+    assert "sigma 1" in frm._repr_html_()
+    assert "value 2" in found._repr_html_()
