@@ -42,10 +42,9 @@ def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     made, foot = places(ax, frm, "[dB]")
     size, radius = np.abs(frm.G), frm.bound(confidence)
     label = f"{100 * confidence:g} % bound of the entry"
-    for j, one in enumerate(made):
-        shown = size[j][size[j] > 0]
-        floor, ceiling = (float(db(shown.min())) - ROOM, float(db((size + radius)[j].max())) + ROOM / 4)
-        for i, entry in enumerate(one):
+    for j in range(frm.n_outputs):
+        floor, ceiling = least(size[j]) - ROOM, float(db((size + radius)[j].max())) + ROOM / 4
+        for i, entry in enumerate(made[j]):
             low = db(np.maximum(size[j, i] - radius[j, i], 10 ** (floor / 20) / 10))
             entry.fill_between(frm.f, low, db(size + radius)[j, i], color=COLOR["bound"], alpha=0.35, lw=0, label=label)
             entry.plot(frm.f, db(size[j, i]), dotted(frm), ms=2, lw=1.0, color=COLOR["excited"], label="|G|")
@@ -104,20 +103,19 @@ def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Ax
         Where to draw; a new figure when not given.
     """
     ax = axes(ax)
-    floor = float(db(found.sigma[found.sigma > 0].min())) - 2 * ROOM
+    floor = least(found.sigma) - 2 * ROOM
     for i, sigma in enumerate(found.sigma):
         low = db(np.maximum(found.low[i], 10 ** (floor / 20)))
         color = TONES[i % len(TONES)]
         ax.fill_between(found.f, low, db(found.high[i]), color=color, alpha=0.2, lw=0)
         ax.plot(found.f, db(sigma), LINES[i % len(LINES)], lw=1.4, color=color, label=f"singular value {i + 1}")
     ax.fill_between([], [], [], color="0.5", alpha=0.3, lw=0, label=f"{100 * found.confidence:g} % bound of the matrix")
-    low, high = floor + 2 * ROOM, float(db(found.high.max()))
-    shown = max(floor, min(low, float(db(np.where(found.low > 0, found.low, np.inf).min()))) - ROOM / 3)
+    bottom = min(least(found.sigma), least(found.low)) - ROOM / 3
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel="singular values of G [dB]",
-        ylim=(shown, high + ROOM / 3),
+        ylim=(max(floor, bottom), float(db(found.high.max())) + ROOM / 3),
         title="Gain in the strongest and in the weakest direction",
     )
     return finished(ax)
@@ -158,3 +156,8 @@ def places(ax: Axes | None, frm: Frm, up: str) -> tuple[Any, Any]:
 def dotted(frm: Frm) -> str:
     """A curve with its lines as points, where they can be told apart."""
     return ".-" if frm.f.size <= FEW else "-"
+
+
+def least(sizes: np.ndarray) -> float:
+    """The smallest that is not zero [dB]."""
+    return float(db(np.min(sizes, initial=np.inf, where=sizes > 0)))
