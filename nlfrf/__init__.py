@@ -17,7 +17,7 @@ from nlfrf.files.designs import load_multisine, save_multisine
 from nlfrf.files.inspection import FileContents, inspect_file
 from nlfrf.files.multirecords import load_multirecord
 from nlfrf.files.records import load_record, save_record
-from nlfrf.files.results import export_csv, load_bla, save_bla
+from nlfrf.files.results import export_csv, load, load_bla, load_frm, save_bla, save_frm
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.noise_excitation import identify_noise
 from nlfrf.identification.second_opinion import SecondOpinion, second_opinion
@@ -58,7 +58,9 @@ __all__ = [
     "inspect_file",
     "join_records",
     "level_study",
+    "load",
     "load_bla",
+    "load_frm",
     "load_multirecord",
     "load_multisine",
     "load_record",
@@ -71,6 +73,7 @@ __all__ = [
     "rga",
     "run",
     "save_bla",
+    "save_frm",
     "save_multisine",
     "save_record",
     "second_opinion",

@@ -14,7 +14,6 @@ import typer
 import nlfrf
 from nlfrf.doctor import examine
 from nlfrf.excitation.lines import KINDS
-from nlfrf.files.results import load
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.command import Json, Version, end, run, speaker
 from nlfrf.shared.plain import as_json
@@ -184,8 +183,8 @@ def identify(
 ) -> None:
     """Best linear approximation, distortion level and bound from a measured record.
 
-    With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix,
-    written as a table (.csv); each file is then one experiment.
+    With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix
+    in one file, or a table of it (.csv); each file that is read is then one experiment.
     """
     say = speaker(json)
     outputs = [name for one in output or ["y"] for name in one.split(",")]
@@ -193,9 +192,10 @@ def identify(
         channels: Any = {"u": input.split(","), "y": outputs, "r": (reference or "").split(",") if reference else ()}
         several = nlfrf.load_multirecord(file, **channels, fs=fs, n_samples=period, n_discard=discard)
         frm = nlfrf.identify(several, transient=transient, level_from=level_from, n_detection=detection)
-        write_matrix(frm, out)
         say(frm)
-        say(f"wrote {out}")
+        for target in dict.fromkeys([out, *[out.with_suffix(".csv")] * csv]):
+            (nlfrf.export_csv if target.suffix.lower() == ".csv" else nlfrf.save_frm)(frm, target)
+            say(f"wrote {target}")
         end(frm, True, json)
         return
     records = nlfrf.load_record(
@@ -225,14 +225,14 @@ def identify(
 
 @app.command()
 def plot(
-    file: Annotated[Path, typer.Argument(help="Multisine, record or BLA written by this command.")],
+    file: Annotated[Path, typer.Argument(help="Multisine, record, BLA or matrix written by this command.")],
     out: Out,
     confidence: Annotated[float, typer.Option(help="Probability of the bound that is drawn.")] = 0.95,
 ) -> None:
     """Draw a saved result as .png, .pdf or .svg."""
     if out.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise ValueError(f"out must end in .png, .pdf or .svg, got {out.name!r}")
-    content = load(file)
+    content = nlfrf.load(file)
     import matplotlib
 
     matplotlib.use("Agg")
@@ -242,8 +242,12 @@ def plot(
 
     if isinstance(content, nlfrf.Record):
         content = nlfrf.identify(content)
-    figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 9), layout="constrained")
-    if isinstance(content, nlfrf.Multisine):
+    size = (3 * content.n_inputs + 3, 2 * content.n_outputs + 6) if isinstance(content, nlfrf.Frm) else (9, 9)
+    figure, (top, bottom) = plt.subplots(2, 1, figsize=size, layout="constrained")
+    if isinstance(content, nlfrf.Frm):
+        pictures.plot_frm(content, confidence=confidence, ax=top)
+        pictures.plot_singular_values(nlfrf.singular_values(content, confidence), ax=bottom)
+    elif isinstance(content, nlfrf.Multisine):
         pictures.plot_excitation(content, ax=top)
         pictures.plot_spectrum(content, ax=bottom)
     else:
@@ -281,18 +285,6 @@ def doctor() -> None:
     if faults:
         raise typer.Exit(1)
     print("all is well")
-
-
-def write_matrix(frm: nlfrf.Frm, out: Path) -> None:
-    """The entries of a matrix with their bounds, one excited line a row."""
-    if out.suffix.lower() != ".csv":
-        raise ValueError(f"out must end in .csv for several inputs, got {out.name!r}: a matrix is written as a table")
-    columns, bound = {"f [Hz]": frm.f}, frm.bound()
-    for j, y in enumerate(frm.outputs):
-        for i, u in enumerate(frm.inputs):
-            columns |= {f"Re {y}/{u}": frm.G[j, i].real, f"Im {y}/{u}": frm.G[j, i].imag, f"bound {y}/{u}": bound[j, i]}
-    table, header = np.column_stack(list(columns.values())), ",".join(columns)
-    write_whole(out, lambda to: np.savetxt(to, table, delimiter=",", header=header, comments="", fmt="%.17g"))
 
 
 def slug(name: str) -> str:

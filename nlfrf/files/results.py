@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from typing import Any
 
@@ -13,13 +14,15 @@ from nlfrf.files.designs import MULTISINE_SCHEMA, load_multisine
 from nlfrf.files.records import RECORD_SCHEMA, load_record
 from nlfrf.files.stored_values import load_value, save_value
 from nlfrf.identification.bla import Bla
+from nlfrf.multivariable.frm import Frm
 from nlfrf.records.record import Record
 from nlfrf.shared.whole_files import write_whole
+from nlfrf.shared.wording import shown
 
-__all__ = ["export_csv", "load", "load_bla", "save_bla"]
+__all__ = ["export_csv", "load", "load_bla", "load_frm", "save_bla", "save_frm"]
 
 
-BLA_SCHEMA = "nlfrf-bla"
+BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
@@ -53,15 +56,48 @@ def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     save_value(bla, BLA_SCHEMA, path)
 
 
-def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95) -> None:
-    """Write a `Bla` as a table, one excited line a row, for spreadsheets and other programs.
-
-    Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
-    dof, grid_factor; standard deviations in the unit of G.
+def save_frm(frm: Frm, path: str | os.PathLike[str]) -> None:
+    """Write an `Frm` to an ``.npz`` or ``.h5`` file, exactly.
 
     Parameters
     ----------
-    bla : Bla
+    frm : Frm
+        What was identified.
+    path : path
+        File to write, ``.npz`` or ``.h5``. Written whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        Another suffix.
+
+    Examples
+    --------
+    >>> import nlfrf, tempfile
+    >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
+    >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    >>> frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u[::-1] + 0.1 * u**3, fs=256, lines=ms.lines))
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> save_frm(frm, f"{folder.name}/G.npz")
+    >>> bool(np.array_equal(nlfrf.load_frm(f"{folder.name}/G.npz").bound(), frm.bound()))
+    True
+    >>> folder.cleanup()
+    """
+    if not isinstance(frm, Frm):
+        raise ValueError(f"frm must be an Frm, got {shown(frm)}")
+    save_value(frm, FRM_SCHEMA, path)
+
+
+def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: float = 0.95) -> None:
+    """Write a `Bla` or `Frm` as a table, one excited line a row, for spreadsheets and other programs.
+
+    Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
+    dof, grid_factor; standard deviations in the unit of G. Of an Frm, for every entry: Re, Im and bound, behind each
+    "output/input".
+
+    Parameters
+    ----------
+    bla : Bla or Frm
         What was identified.
     path : path
         File to write. Written whole or not at all.
@@ -87,7 +123,23 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
     'f [Hz],Re G,Im G,bound,bound_realiza'
     >>> folder.cleanup()
     """
-    columns = {
+    columns = matrix_columns(bla, confidence) if isinstance(bla, Frm) else single_columns(bla, confidence)
+    table, header = np.column_stack(list(columns.values())), ",".join(columns)
+    write_whole(path, lambda target: np.savetxt(target, table, delimiter=",", header=header, comments="", fmt="%.17g"))
+
+
+def matrix_columns(frm: Frm, confidence: float) -> dict[str, np.ndarray]:
+    """The table of a matrix, entry by entry."""
+    columns, bound = {"f [Hz]": frm.f}, frm.bound(confidence)
+    for (j, y), (i, u) in itertools.product(enumerate(frm.outputs), enumerate(frm.inputs)):
+        entry, name = frm.G[j, i], f"{y}/{u}".replace(",", ";")
+        columns |= {f"Re {name}": entry.real, f"Im {name}": entry.imag, f"bound {name}": bound[j, i]}
+    return columns
+
+
+def single_columns(bla: Bla, confidence: float) -> dict[str, np.ndarray]:
+    """The table of one input and output."""
+    return {
         "f [Hz]": bla.f,
         "Re G": bla.G.real,
         "Im G": bla.G.imag,
@@ -100,8 +152,6 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
         "dof": bla.dof,
         "grid_factor": bla.grid_factor,
     }
-    table, header = np.column_stack(list(columns.values())), ",".join(columns)
-    write_whole(path, lambda target: np.savetxt(target, table, delimiter=",", header=header, comments="", fmt="%.17g"))
 
 
 def load_bla(path: str | os.PathLike[str]) -> Bla:
@@ -134,12 +184,71 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
     return bla
 
 
-def load(path: str | os.PathLike[str]) -> Multisine | Record | Bla:
-    """Read whatever this package wrote: a multisine, a record or a BLA; errors as of `load_bla`."""
-    readers = {RECORD_SCHEMA: load_record, BLA_SCHEMA: load_bla, MULTISINE_SCHEMA: load_multisine}
+def load_frm(path: str | os.PathLike[str]) -> Frm:
+    """Read what `save_frm` wrote.
+
+    Parameters
+    ----------
+    path : path
+        A file that `save_frm` wrote.
+
+    Returns
+    -------
+    Frm
+
+    Raises
+    ------
+    ValueError
+        A file that is not a whole matrix of a version this package reads.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> load_frm("README.md")
+    Traceback (most recent call last):
+        ...
+    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
+    """
+    frm: Frm = load_value(Frm, FRM_SCHEMA, path)
+    return frm
+
+
+def load(path: str | os.PathLike[str]) -> Multisine | Record | Bla | Frm:
+    """Read whatever this package wrote: a multisine, a record, a BLA or a matrix.
+
+    Parameters
+    ----------
+    path : path
+        A file of `save_multisine`, `save_record`, `save_bla` or `save_frm`.
+
+    Returns
+    -------
+    Multisine, Record, Bla or Frm
+
+    Raises
+    ------
+    ValueError
+        A file of another kind, one that is not whole, or of a version that this package does not read.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> load("README.md")
+    Traceback (most recent call last):
+        ...
+    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
+    """
+    readers = {
+        RECORD_SCHEMA: load_record,
+        BLA_SCHEMA: load_bla,
+        FRM_SCHEMA: load_frm,
+        MULTISINE_SCHEMA: load_multisine,
+    }
     schema = read_channels(path).text("schema")
     if schema not in readers:
-        raise ValueError(f"path must be a multisine, record or BLA that this package wrote, got {str(path)!r}")
+        raise ValueError(f"path must be a multisine, record, BLA or FRM that this package wrote, got {str(path)!r}")
     reader: Any = readers[schema]
-    content: Multisine | Record | Bla = reader(path)
+    content: Multisine | Record | Bla | Frm = reader(path)
     return content

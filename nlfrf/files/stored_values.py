@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +20,23 @@ from nlfrf.shared.whole_files import VERSION, write_arrays
 __all__ = ["AXES", "load_value", "refuse_newer", "save_value"]
 
 
-PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla
+PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla; of an Frm one an output
+NAMES = ("inputs", "outputs")
 #: What the axes of signals are. A channel axis in front, for several inputs and outputs, is reserved.
 AXES = "realization period sample"
 
 
 def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np.ndarray) -> None:
-    """Write every field of a value, those of the values inside it by dotted names."""
+    """Write every field of a value, those of the values inside it by dotted names, names of channels as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
     for name in field_names(thing):
         part = getattr(thing, name)
-        if name in PARTS:
+        if name in NAMES:
+            content[name] = np.array(json.dumps(part))
+        elif name in PARTS and isinstance(part, tuple):
+            for k, one in enumerate(part):
+                content |= {f"{name}.{k}.{inner}": getattr(one, inner) for inner in field_names(one)}
+        elif name in PARTS:
             content |= {f"{name}.{inner}": getattr(part, inner) for inner in field_names(part)}
         else:
             content[name] = np.asarray(part)
@@ -40,20 +49,43 @@ def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
     found = channels.text("schema")
     if found != schema:
         raise ValueError(f"path must be a file of the schema {schema}, got {found or 'none'} in {str(path)!r}")
-    content = channels.arrays
     refuse_newer(channels, schema)
+    content = channels.arrays
     try:
         return kind(
             **{
-                name: PARTS[name](**{inner: content[f"{name}.{inner}"] for inner in field_names(PARTS[name])})
-                if name in PARTS
-                else plain(content[name])
+                name: stored(name, content)
                 for name in field_names(kind)
                 if name in content or name in PARTS or not hasattr(kind, name)  # a newer field has a default
             }
         )
     except KeyError as missing:
         raise ValueError(f"path must hold a whole {schema}, got {str(path)!r} without {missing}") from None
+
+
+def stored(name: str, content: Mapping[str, np.ndarray]) -> Any:
+    """One field of a value from the arrays of its file."""
+    if name in NAMES:
+        return names_of(name, content[name])
+    if name not in PARTS:
+        return plain(content[name])
+    kind = PARTS[name]
+    first = field_names(kind)[0]
+    if f"{name}.0.{first}" not in content:
+        return kind(**{inner: content[f"{name}.{inner}"] for inner in field_names(kind)})
+    several = itertools.takewhile(lambda k: f"{name}.{k}.{first}" in content, itertools.count())
+    return tuple(kind(**{inner: content[f"{name}.{k}.{inner}"] for inner in field_names(kind)}) for k in several)
+
+
+def names_of(field: str, array: np.ndarray) -> tuple[str, ...]:
+    """Names of channels, from JSON."""
+    try:
+        names = json.loads(str(plain(array)))
+    except (json.JSONDecodeError, RecursionError):
+        names = None
+    if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
+        raise ValueError(f"path must hold names as a list in JSON for {field}, got {str(array)[:60]!r}")
+    return tuple(names)
 
 
 def plain(array: np.ndarray) -> Any:

@@ -16,6 +16,7 @@ __all__ = ["Frm", "positive_part", "root"]
 
 #: Share of the distortion that bends the FRF smoothly, so that its roughness does not show it (as in `Bla`).
 SMOOTH = 0.3
+COVARIANCES = ("cov_noise", "cov_total", "cov_distortion", "cov_even", "cov_bound")
 FLOOR = 1e-8  # of the largest eigenvalue: one nonlinearity alone makes a covariance of rank one
 
 
@@ -69,6 +70,11 @@ class Frm:
     levels : tuple of DistortionLevels
         Amplitudes of each output on excited and detection lines.
 
+    Raises
+    ------
+    ValueError
+        Parts whose shapes do not belong to one another.
+
     References
     ----------
     Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.7 and 4.3; C. G. Khatri,
@@ -111,6 +117,20 @@ class Frm:
     dof: np.ndarray
     grid_factor: np.ndarray
     levels: tuple[DistortionLevels, ...]
+
+    def __post_init__(self) -> None:
+        n_y, n_u, F = len(self.outputs), len(self.inputs), self.f.size
+        shapes: dict[str, tuple[int, ...]] = {"f": (F,), "G": (n_y, n_u, F), "gamma": (n_u, n_u, F)}
+        shapes |= dict.fromkeys(COVARIANCES, (n_y, n_y, F)) | dict.fromkeys(("dof", "grid_factor"), (F,))
+        for name, shape in shapes.items():
+            array = np.asarray(getattr(self, name))
+            if array.shape != shape or array.dtype.kind not in "fiuc":
+                raise ValueError(
+                    f"{name} must be numbers of shape {shape}, for {n_y} outputs, {n_u} inputs and {F} lines, "
+                    f"got shape {array.shape}"
+                )
+        if len(self.levels) != n_y:
+            raise ValueError(f"levels must be one an output, {n_y} of them, got {len(self.levels)}")
 
     @property
     def omega(self) -> np.ndarray:

@@ -53,7 +53,7 @@ def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> A
 
 
 def plot_frm_phase(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
-    """Unwrapped phase of every entry with its bound; arguments and what is returned as in `plot_frm`."""
+    """Unwrapped phase of every entry with its bound; arguments as in `plot_frm`, and what is returned."""
     made, foot = places(ax, frm, "[deg]")
     wide = phase_band(frm.G, frm.bound(confidence))
     phase = np.degrees(np.unwrap(np.angle(frm.G), axis=2))
@@ -69,7 +69,7 @@ def plot_frm_phase(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None
 def plot_frm_bounds(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
     """What every entry may be off by: by its own bound, as part of the matrix, and by noise and distortion.
 
-    Arguments and what is returned as in `plot_frm`. The bound of the matrix is drawn by how far it lets the entry go,
+    Arguments as in `plot_frm`, and what is returned. The bound of the matrix is drawn by how far it lets the entry go,
     which is further: it holds all entries at once.
     """
     made, foot = places(ax, frm, "[dB]")

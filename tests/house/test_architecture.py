@@ -20,7 +20,7 @@ ARROWS = {
     "nlfrf.multivariable": "identification records excitation",
     "nlfrf.bench": "friction records excitation",
     "nlfrf.readers": "",
-    "nlfrf.files": "readers identification records excitation",
+    "nlfrf.files": "readers multivariable identification records excitation",
     "nlfrf.studies": "bench identification records excitation",
     "nlfrf.plot": "multivariable identification records excitation",
     "nlfrf.doctor": "",

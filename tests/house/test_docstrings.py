@@ -19,6 +19,7 @@ OWN = {
     *("nlfrf.DataWarning", "nlfrf.LineGrid", "nlfrf.LoopResponse", "nlfrf.Motion", "nlfrf.Record", "nlfrf.drive"),
     *("nlfrf.MultiRecord", "nlfrf.multirecord_from_samples"),
     *("nlfrf.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_multirecord"),
+    *("nlfrf.load", "nlfrf.load_frm", "nlfrf.save_frm"),
     *("nlfrf.export_csv", "nlfrf.load_bla", "nlfrf.load_multisine", "nlfrf.load_record", "nlfrf.record_from_samples"),
     *("nlfrf.run", "nlfrf.save_bla", "nlfrf.save_multisine", "nlfrf.save_record", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),

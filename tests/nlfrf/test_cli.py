@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from nlfrf import __version__, cli, load_bla, load_multisine, multisine
+from nlfrf import __version__, cli, load_bla, load_frm, load_multisine, multisine
 
 
 @pytest.fixture
@@ -59,6 +59,27 @@ def test_more_that_design_and_identify_can_do(nlfrf_command, tmp_path):
     assert (tmp_path / "bla.csv").read_text().startswith("f [Hz],Re G,Im G,bound")
     assert (tmp_path / "play.npz").exists()
     assert load_bla(tmp_path / "bla.h5").n_realizations == 2
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5", ".csv"])
+def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
+    ms = multisine(fs=100, n_samples=200, f_min=1, f_max=30, n_inputs=2, rng=1)
+    for m in range(2):
+        fx, fy = np.tile(ms.u[:, m], 3)
+        np.savez(tmp_path / f"run{m}.npz", fx=fx, fy=fy, x=fx + 0.1 * fx**3, y=2 * fy, fs=100.0)
+    asked = ["--input", "fx,fy", "--output", "x,y", "--period", "200"]
+    code, out, _ = nlfrf_command("identify", "run0.npz", "run1.npz", *asked, "-o", f"G{suffix}", "--csv")
+    assert code == 0
+    assert "FRM of 2 outputs by 2 inputs" in out
+    assert out.count("wrote G.csv") == 1
+    assert (tmp_path / "G.csv").read_text().startswith("f [Hz],Re x/fx,Im x/fx,bound x/fx,Re x/fy")
+    if suffix != ".csv":
+        frm = load_frm(tmp_path / f"G{suffix}")
+        assert (frm.inputs, frm.outputs) == (("fx", "fy"), ("x", "y"))
+        assert np.abs(frm.G[1, 1] - 2).max() < 1e-9
+        code, out, _ = nlfrf_command("plot", f"G{suffix}", "-o", "G.png")
+        assert code == 0
+        assert (tmp_path / "G.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_too_few_realisations_of_the_paper_are_refused(nlfrf_command, tmp_path):
