@@ -243,7 +243,9 @@ def test_an_experiment_that_was_disturbed_is_named():
         nlfrf.identify(alike, transient="none")
     noise[:, 1] *= 10
     loud = nlfrf.MultiRecord(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
-    with pytest.warns(nlfrf.DataWarning, match=r"experiment 2 of 3 scatters (9\.\d|1[01]\.\d) times as much from period"):
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"experiment 2 of 3 scatters (9\.\d|1[01]\.\d) times as much from period"
+    ):
         nlfrf.identify(loud, transient="none")
 
 
