@@ -7,6 +7,7 @@ one alone is for a new set without measurement noise.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -181,17 +182,21 @@ def compared(first: Lines, second: Lines, p: float) -> MatrixValidation:
     """Two records on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     F, n_y, n_u = d.shape
-    variances = [np.einsum("fjj,fii->fji", one.C, one.gamma).real for one in (first, second)]
-    variance = np.maximum(sum(variances), np.finfo(float).tiny)
-    L = together(*variances, first.dof[:, None, None], second.dof[:, None, None])
+    before, after = (np.einsum("fjj,fii->fji", one.C, one.gamma).real for one in (first, second))
+    variance = np.maximum(before + after, np.finfo(float).tiny)
+    L = together(before, after, first.dof[:, None, None], second.dof[:, None, None])
     outside = np.abs(d) ** 2 > L * np.expm1(-np.log1p(-p) / L) * variance
     # of inputs that went along the same directions both times the sum is a product again; else it lies above
     turned = np.linalg.eigvals(np.linalg.solve(first.gamma, second.gamma)).real.max(axis=1)
     C = [first.C, turned[:, None, None] * second.C]
-    L = together(*(np.einsum("fjj->f", one).real for one in C), first.dof, second.dof)
+    before, after = (np.einsum("fjj->f", one).real for one in C)
+    L = together(before, after, first.dof, second.dof)
     Z = inverse_root(C[0] + C[1]) @ d @ inverse_root(first.gamma)
     limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
     same = bool(np.all(np.abs(d) <= 1e-9 * np.abs(second.G)))
+    found: dict[str, Any] = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
+    if not same:
+        found = changes(first, second, d, C[0] + C[1])
     return MatrixValidation(
         n_outside=int(np.sum(np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit)),
         n_expected=(1 - p) * F,
@@ -199,7 +204,7 @@ def compared(first: Lines, second: Lines, p: float) -> MatrixValidation:
         n_lines=F,
         omega=omega,
         distance=np.full(F, np.nan),
-        **({"p_value": 1.0, "p_values": np.ones((n_y, n_u))} if same else changes(first, second, d, C[0] + C[1])),
+        **found,
     )
 
 
@@ -217,7 +222,7 @@ def inverse_root(X: np.ndarray) -> np.ndarray:
     return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
-def changes(first: Lines, second: Lines, d: np.ndarray, C: np.ndarray) -> dict[str, object]:
+def changes(first: Lines, second: Lines, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
     """The change that all entries share, and how likely each entry changed by itself."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2

@@ -151,11 +151,12 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) 
     >>> bool(abs(seen.gain - 0.3) < 0.1), seen.p_value < 1e-3
     (True, True)
     """
-    several = isinstance(model, MatrixUncertainty | Frm)
-    if not isinstance(bla, Frm if several else Bla):
-        raise ValueError(f"bla must be an nlfrf.{'Frm' if several else 'Bla'}, as the model, got {shown(bla)}")
     if isinstance(model, MatrixUncertainty | Frm):
+        if not isinstance(bla, Frm):
+            raise ValueError(f"bla must be an nlfrf.Frm, as the model, got {shown(bla)}")
         return validate_matrix(model, bla)
+    if not isinstance(bla, Bla):
+        raise ValueError(f"bla must be an nlfrf.Bla, as the model, got {shown(bla)}")
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
