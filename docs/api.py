@@ -26,8 +26,8 @@ PUBLIC: dict[str, tuple[str, ...]] = {
 WINGS = (
     *("nlfrf.excitation", "nlfrf.records", "nlfrf.identification", "nlfrf.friction", "nlfrf.bench", "nlfrf.studies"),
     *("nlfrf.files", "nlfrf.plot", "nlfrf.shared"),
-    *("robust.modelling", "robust.uncertain", "robust.synthesis", "robust.fixed_structure", "robust.loopshaping"),
-    *("robust.shaping_page", "robust.analysis", "robust.performance", "robust.mu"),
+    *("robust.modelling", "robust.uncertain", "robust.validation", "robust.synthesis", "robust.fixed_structure"),
+    *("robust.loopshaping", "robust.shaping_page", "robust.analysis", "robust.performance", "robust.mu"),
     *("robust.sliding", "robust.friction_proof", "robust.friction_motion"),
     *("robust.certificates", "robust.systems", "robust.files", "robust.plot"),
 )

@@ -121,8 +121,9 @@ from .uncertain.interconnection import interconnection as interconnection
 from .uncertain.matrix_model import MatrixUncertainty as MatrixUncertainty
 from .uncertain.model import UncertaintyModel as UncertaintyModel
 from .uncertain.model import uncertainty as uncertainty
-from .uncertain.validation import Validation as Validation
-from .uncertain.validation import validate as validate
+from .validation.matrices import MatrixValidation as MatrixValidation
+from .validation.records import Validation as Validation
+from .validation.records import validate as validate
 
 # Verification: proofs that hold to the last bit
 from .verification.loops import Verification as Verification

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
 from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, is_time, seconds_of, unit_of
-from nlfrf.shared.arguments import DataWarning, positive
+from nlfrf.shared.arguments import data_warning, positive
 from nlfrf.shared.own_process import Found, read_apart
 from nlfrf.shared.values import value
 
@@ -149,10 +148,8 @@ class Channels:
             return fs
         given = positive("fs", given)
         if fs > 0 and abs(given / fs - 1) > APART:
-            warnings.warn(
-                f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {fs:g} Hz; the one given is used",
-                DataWarning,
-                stacklevel=4,
+            data_warning(
+                f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {fs:g} Hz; the one given is used"
             )
         return given
 
@@ -188,7 +185,7 @@ class Channels:
         said += f"{1e3 * fs:g} Hz if they are milliseconds"
         if fs <= UNLIKELY:
             raise ValueError(f"fs must be given: {said}")
-        warnings.warn(f"{said}; seconds are taken, give fs if they are not", DataWarning, stacklevel=5)
+        data_warning(f"{said}; seconds are taken, give fs if they are not")
         return fs
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from nlfrf.files.stored_values import AXES, refuse_newer
 from nlfrf.records.record import SAME_CLOCK, Record, join_records
 from nlfrf.records.reference import played_reference
 from nlfrf.records.samples import records_from_streams
-from nlfrf.shared.arguments import DataWarning, integer
+from nlfrf.shared.arguments import data_warning, integer
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, save_mat, write_arrays, write_whole
 from nlfrf.shared.wording import shown
@@ -210,11 +209,9 @@ def whole(*groups: dict[str, list[np.ndarray]]) -> None:
                 "one, or fill the gaps and give the arrays to record_from_samples(u, y, fs=...)"
             )
         if held.size - inside.size > FRAYED * held.size:
-            warnings.warn(
+            data_warning(
                 f"{held.size - inside.size} of {held.size} rows at the ends of the file have no number in every "
-                "channel; they are left out",
-                DataWarning,
-                stacklevel=4,
+                "channel; they are left out"
             )
         for (i, name), stream in streams.items():
             groups[i][name][m] = stream[first : last + 1]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
@@ -12,7 +10,7 @@ from nlfrf.identification.detection_lines import Answer, detected_power
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally, smooth_locally
 from nlfrf.identification.spectra import Spectra
-from nlfrf.shared.arguments import DataWarning
+from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
 from nlfrf.shared.values import value
 
@@ -164,7 +162,7 @@ def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection
         return "detection"
     if excited.U.shape[0] >= ENOUGH:
         return "realizations"
-    warnings.warn(why_roughness(grid, n_detection), DataWarning, stacklevel=4)
+    data_warning(why_roughness(grid, n_detection))
     return "roughness"
 
 

@@ -6,14 +6,13 @@ other form of the same BLA, to lay over the one from a multisine of the same pow
 
 from __future__ import annotations
 
-import warnings
 from itertools import pairwise
 
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.shared.arguments import DataWarning, integer, one_of, positive, real_array
+from nlfrf.shared.arguments import data_warning, integer, one_of, positive, real_array
 from nlfrf.shared.leastsquares import power
 
 __all__ = ["identify_noise"]
@@ -213,11 +212,9 @@ def warn_of_other_signals(u: np.ndarray) -> None:
         lines = mean[first:last].sum() ** 2 / np.sum(mean[first:last] ** 2)
         ratios.append(float(np.var(band, ddof=1) / band.mean() ** 2 * lines))
     if ratios and np.mean(ratios) > UNSTEADY:
-        warnings.warn(
+        data_warning(
             f"u must be stationary noise for its bounds to hold: its power scatters {np.mean(ratios) ** 0.5:.1f} times "
-            "as much over time as that of noise, as chirps and bursts do; play a multisine, or noise all the time",
-            DataWarning,
-            stacklevel=3,
+            "as much over time as that of noise, as chirps and bursts do; play a multisine, or noise all the time"
         )
 
 
@@ -227,9 +224,7 @@ def warn_of_coarse_segments(f: np.ndarray, G: np.ndarray, variance: np.ndarray, 
     far = np.abs(G - better) > FAR * bound
     if far.any():
         at = int(np.argmax(np.where(far, np.abs(G - better) / bound, 0.0)))
-        warnings.warn(
+        data_warning(
             f"n_samples must resolve the resonances: on {far.sum()} of {f.size} lines, worst at {f[at]:g} Hz, leakage "
-            'moves G further than its bound; take method="local" or longer segments',
-            DataWarning,
-            stacklevel=3,
+            'moves G further than its bound; take method="local" or longer segments'
         )

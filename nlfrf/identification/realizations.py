@@ -7,7 +7,6 @@ change with a delay, nor with a constant phase, so that the same phases are foun
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 from nlfrf.excitation.crest import expected_peaks, is_improbable, most_peaks
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
-from nlfrf.shared.arguments import DataWarning
+from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import power, rms, squared
 from nlfrf.shared.transforms import fast_length
 
@@ -73,12 +72,10 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
 def warn_of_repeats(groups: list[list[int]], n: int) -> None:
     """Warn of realisations that were joined, by their numbers."""
     told = "; ".join(", ".join(map(str, group)) for group in groups[:4] if len(group) > 1)
-    warnings.warn(
+    data_warning(
         f"u holds realisations with the same phases ({told}): they repeat one another, so their distortion does not "
         f"average out. They were taken as periods of one realisation, which leaves M = {len(groups)} of {n}; "
-        f"play others, as of multisine(n_realizations={n})",
-        DataWarning,
-        stacklevel=5,
+        f"play others, as of multisine(n_realizations={n})"
     )
 
 
@@ -94,13 +91,11 @@ def warn_of_low_peaks(u: np.ndarray, excited: Spectra) -> None:
     if not is_improbable(most_peaks(crest, int(excited.lines[-1]))):
         return
     if is_improbable(expected_peaks(crest, excited.lines, amplitude, u.shape[1])):
-        warnings.warn(
+        data_warning(
             f"u must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, lower "
             "than random phases of its spectrum have it but once in 100000 experiments. Where the phases were chosen "
             "for low peaks, or the input was clipped, the BLA and its bound are those of that signal: the 95 % bound "
-            "may hold half the time; play random phases, or the best of a few draws (reduce_crest without a target)",
-            DataWarning,
-            stacklevel=5,
+            "may hold half the time; play random phases, or the best of a few draws (reduce_crest without a target)"
         )
 
 

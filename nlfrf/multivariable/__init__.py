@@ -13,5 +13,4 @@ matrix_level     the covariance of one experiment's distortion, from detection l
 counts           what two inputs together send to detection and to excited lines, exactly
 local_matrix     the matrix fitted over its neighbouring lines, with one denominator for all entries
 conditions       dead and dependent inputs, phases that are copies of one another
-roy              the law of the largest singular value of a matrix of estimates
 """

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.calibration import LARGEST, variance_ratio
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_places
 from nlfrf.records.several import MultiRecord
-from nlfrf.shared.arguments import DataWarning
+from nlfrf.shared.arguments import data_warning
 
-__all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered"]
+__all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered", "warn_of_loud"]
 
 
 LOOSE, LOST = 10.0, 1e6  # condition of the inputs: warned of, refused
 COPIED = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
+LOUD = 1.3  # covariance of one experiment over the mean of all, above which the law of the matrix is off
+ROUNDING = 1e-12  # of |Y|: scatter below it is none
 APART = 0.03  # amplitude beside that of the owner below which a line counts as zippered
 
 
@@ -38,7 +38,7 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
     if is_zippered(spectra):
         if record.r is not None:
             raise ValueError("r must be left out for a zippered record, which is for open loop, got references")
-        warn(
+        data_warning(
             "each line drives one input (zippered): every column was interpolated between its own lines, and where a "
             "resonance is no wider than their distance the bound covers less than it says (86 % instead of 95 % was "
             "measured there, in noise alone); an orthogonal set has no such gap"
@@ -55,12 +55,12 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
     Z = known_inputs(spectra)
     if n_u > 1 and spectra.excited.size > 5:
         if copies(Z).any():
-            warn(
+            data_warning(
                 "inputs of an experiment have the same phases (phi): the BLA of u1^2 u2 would read 3 sigma^2 "
                 "instead of sigma^2; give each input phases of its own, as multisine(n_inputs=) does"
             )
         if independent_experiments(spectra) < M:
-            warn(
+            data_warning(
                 "experiments have the same phases (psi): their distortion is the same but for signs, so its covariance "
                 "is not the one assumed, up to 1.8 times as large in some entries, and the detection lines of the "
                 "experiments are copies, counted once; give each experiment phases of its own, as multisine(n_inputs=) "
@@ -97,7 +97,7 @@ def warned_of_condition(spectra: ChannelSpectra) -> bool:
             "Are two experiments the same?"
         )
     if worst > LOOSE:
-        warn(
+        data_warning(
             f"the experiments tell the inputs apart badly: condition {worst:.3g} at line {where}, "
             f"{float(np.median(condition)):.3g} in the median; errors of G grow by it"
         )
@@ -134,6 +134,28 @@ def calibrated(grid: LineGrid, n_detection: int) -> bool:
     return bool(np.mean(ratio <= LARGEST) >= 0.95)
 
 
-def warn(text: str) -> None:
-    """A `DataWarning` that points at the caller of `identify`."""
-    warnings.warn(text, DataWarning, stacklevel=6)
+def warn_of_loud(spectra: ChannelSpectra, cov_total: np.ndarray) -> None:
+    """Warn of an experiment that was disturbed: bounds take all of a set to scatter alike.
+
+    Its own scatter takes the place of the mean one in the covariance (n_y, n_y, F) by everything. Entries are hardly
+    moved, as every experiment goes into every entry; the largest singular value is, as the error has rank one.
+    """
+    at = spectra.excited
+    noise = np.sum(np.abs(spectra.dY[..., at]) ** 2, axis=2)  # (n_y, M, F)
+    size = np.mean(np.abs(spectra.Y[..., at]) ** 2, axis=1)
+    mean = noise.mean(axis=1)
+    if noise.shape[1] < 2 or not np.any(mean > ROUNDING**2 * size):
+        return
+    floor = ROUNDING**2 * size + np.finfo(float).tiny
+    share = np.median(np.minimum(mean / (np.einsum("jjk->jk", cov_total).real + floor), 1.0), axis=1)
+    own = np.mean((noise + floor[:, None]) / (mean + floor)[:, None], axis=2)  # (n_y, M), one in the mean
+    louder = np.max(1 + share[:, None] * (own - 1), axis=0)
+    if louder.max() > LOUD + 2 / np.sqrt(at.size * spectra.n_free):
+        worst = int(louder.argmax())
+        others = np.delete(noise, worst, axis=1).mean(axis=1)
+        times = float(np.sqrt((noise[:, worst].mean(axis=1) / np.maximum(others.mean(axis=1), 1e-300)).max()))
+        data_warning(
+            f"experiment {worst + 1} of {noise.shape[1]} scatters {times:.1f} times as much from period to period as "
+            "the others; was it disturbed? Measure it again: the bound of the whole matrix takes them to be alike "
+            "(where one was ten times as noisy 58 to 87 % was measured instead of 95 %, 92 to 95 % of the entries)"
+        )

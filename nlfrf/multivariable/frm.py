@@ -6,9 +6,9 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.multivariable.roy import roy_quantile
 from nlfrf.shared.arguments import integer, one_of, probability
 from nlfrf.shared.cards import Sketch
+from nlfrf.shared.roy import roy_quantile
 from nlfrf.shared.values import value
 
 __all__ = ["Frm", "positive_part", "root"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any, overload
 
@@ -11,14 +10,20 @@ import numpy as np
 from nlfrf.identification import identify as single
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
-from nlfrf.multivariable.conditions import calibrated, check_experiments, independent_experiments, is_zippered
+from nlfrf.multivariable.conditions import (
+    calibrated,
+    check_experiments,
+    independent_experiments,
+    is_zippered,
+    warn_of_loud,
+)
 from nlfrf.multivariable.frm import Frm, positive_part
 from nlfrf.multivariable.local_matrix import LEAST, fit_matrix
 from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf, zippered_frf
 from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
-from nlfrf.shared.arguments import DataWarning, integer, one_of
+from nlfrf.shared.arguments import data_warning, integer, one_of
 
 __all__ = ["identify"]
 
@@ -80,7 +85,8 @@ def identify(
     -----
     DataWarning
         The grid has no detection lines that can be calibrated, and the level comes from the roughness. Of several
-        inputs: phases that are copies of each other, inputs that are nearly dependent, one period only.
+        inputs: phases that are copies of each other, inputs that are nearly dependent, one experiment much noisier
+        than the others, one period only.
 
     References
     ----------
@@ -125,6 +131,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     if grid.even.size:
         even = level_from_lines(spectra, grid, part, "even", n_detection, independent).cov
     total = level.cov if R == 1 else frf.cov_scatter
+    warn_of_loud(spectra, total)
     dof = level.dof + per_set * (R - 1)
     pooled = level.cov if R == 1 else (per_set * (R - 1) * total + level.dof * level.cov) / dof
     return Frm(
@@ -169,22 +176,16 @@ def choose_source(level_from: str, record: MultiRecord, n_detection: int, R: int
             f'level_from="detection", got {grid.odd.size} on this {grid.kind} grid'
         )
     if record.n_periods < 2:
-        warnings.warn(
-            "one period does not tell noise from distortion: noise counts as distortion; record two",
-            DataWarning,
-            stacklevel=4,
-        )
+        data_warning("one period does not tell noise from distortion: noise counts as distortion; record two")
     if level_from != "auto":
         return level_from
     if calibrated(grid, n_detection):
         return "detection"
     if R >= ENOUGH:
         return "realizations"
-    warnings.warn(
+    data_warning(
         f"the detection lines of this {grid.kind} grid do not calibrate; the level was taken from the roughness of the "
-        "matrix, which reads too high where it bends within a few lines",
-        DataWarning,
-        stacklevel=4,
+        "matrix, which reads too high where it bends within a few lines"
     )
     return "roughness"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,7 +16,7 @@ from nlfrf.records.output_faults import follow, on_the_clock_of_the_input
 from nlfrf.records.record import Record, refuse_constant
 from nlfrf.records.reference import played_period, played_reference
 from nlfrf.records.regular_grids import jumpy_grid
-from nlfrf.shared.arguments import DataWarning, integer, positive, real_array
+from nlfrf.shared.arguments import data_warning, integer, positive, real_array
 
 __all__ = ["record_from_samples", "records_from_streams"]
 
@@ -204,9 +203,9 @@ def examine_outputs(
                 raise ValueError(f"{told} must stand still against u from period to period, got: {lag.fault}")
             elif lag.fault:
                 said = f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {told} is out of place"
-                warnings.warn(said, DataWarning, stacklevel=5)
+                data_warning(said)
             if lag.drift:
-                warnings.warn(f"{told}: {lag.drift}", DataWarning, stacklevel=5)
+                data_warning(f"{told}: {lag.drift}")
     return cured
 
 
@@ -236,11 +235,9 @@ def grid_of(periodic: np.ndarray) -> LineGrid:
     grid = detect_lines(periodic)
     jump = jumpy_grid(periodic, grid)
     if jump:
-        warnings.warn(
+        data_warning(
             f"the level of the {grid.excited.size} lines that were found in the input jumps by {jump:.1f} dB from line "
-            "to line, as the distortion of an actuator does; give the design that was played, or lines",
-            DataWarning,
-            stacklevel=5,
+            "to line, as the distortion of an actuator does; give the design that was played, or lines"
         )
     return grid
 
@@ -251,30 +248,22 @@ def refuse_fault(where: Track) -> None:
     if fault and (where.misplaced > SEVERE or not where.sound.all()):
         raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
     if fault:
-        warnings.warn(
-            f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place",
-            DataWarning,
-            stacklevel=5,
-        )
+        data_warning(f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place")
 
 
 def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     """Warn of a signal that is clipped or that stands still: both would read as distortion."""
     share = clipped(signal)
     if share > CLIPPED:
-        warnings.warn(
+        data_warning(
             f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
-            "lower the level or widen the range",
-            DataWarning,
-            stacklevel=5,
+            "lower the level or widen the range"
         )
     begin, length = longest_standstill(signal)
     if length > n_samples // 4:
-        warnings.warn(
+        data_warning(
             f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
-            "was the channel alive?",
-            DataWarning,
-            stacklevel=5,
+            "was the channel alive?"
         )
 
 

@@ -12,4 +12,5 @@ command       what the two commands share: versions, warnings and refusals in on
 axes          axes, grids and decibels of every picture
 transforms    Fourier transforms that NumPy does not name
 leastsquares  small least-squares problems in many windows of lines at once
+roy           the law of the largest singular value of a matrix of estimates
 """

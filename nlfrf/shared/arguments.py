@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import numbers
+import sys
+import warnings
 from typing import Any
 
 import numpy as np
 
 from nlfrf.shared.wording import shown
 
-__all__ = ["DataWarning", "integer", "nonnegative", "one_of", "positive", "probability", "real", "real_array"]
+__all__ = [
+    "DataWarning",
+    "data_warning",
+    "integer",
+    "nonnegative",
+    "one_of",
+    "positive",
+    "probability",
+    "real",
+    "real_array",
+]
 
 
 class DataWarning(UserWarning):
@@ -21,6 +33,14 @@ class DataWarning(UserWarning):
     >>> with warnings.catch_warnings():
     ...     warnings.simplefilter("error", DataWarning)  # to stop at every suspicious result
     """
+
+
+def data_warning(text: str) -> None:
+    """A `DataWarning` that points at the line of the user's that led to it, however many of ours lie between."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ("nlfrf", "robust"):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, DataWarning, stacklevel=level)
 
 
 def positive(name: str, number: Any) -> float:

@@ -14,7 +14,7 @@ from robust.files.report_words import roots_text, system_text
 from robust.modelling.nominal import NominalFit
 from robust.systems.lti import poles, timebase, zeros
 from robust.uncertain.model import UncertaintyModel
-from robust.uncertain.validation import Validation, validate
+from robust.validation.records import Validation, validate
 
 LITTLE = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 

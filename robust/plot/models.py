@@ -14,7 +14,7 @@ from robust.plot.colours import COLOR, STYLE, hz
 from robust.systems.lti import response
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
-from robust.uncertain.validation import Validation
+from robust.validation.records import Validation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,6 +11,5 @@ matrix_radius    how wide they have to be around the nominal of a measured matri
 breaking         the smallest perturbation found that breaks a loop, to replay
 measured         a plant known on measured lines only: its lines, radius, hold
 perturbations    Delta as a system, random or of a given value at a frequency, and the plant it makes
-validation       a second record held against the set
 interconnection  several uncertainties, joined by the names of their signals
 """

@@ -25,6 +25,7 @@ import control
 import numpy as np
 from scipy.linalg import block_diag
 
+from nlfrf import Frm
 from nlfrf.shared.arguments import one_of, real_array
 from nlfrf.shared.values import value
 from robust.systems.lft import joined, lower
@@ -68,6 +69,8 @@ class MatrixUncertainty:
     joint, joint_bla : float
         Estimated probability that a whole matrix lies in the set, all its lines together: that of another set of
         experiments, and the BLA; nan where the set was not made of a record.
+    measured : nlfrf.Frm, optional
+        The record that it was made of, for `validate`.
 
     Raises
     ------
@@ -106,6 +109,7 @@ class MatrixUncertainty:
     source: str = "not stated"
     joint: float = float("nan")
     joint_bla: float = float("nan")
+    measured: Frm | None = None
 
     def __post_init__(self) -> None:
         one_of("form", self.form, MATRIX_FORMS)

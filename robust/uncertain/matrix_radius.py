@@ -22,7 +22,7 @@ from robust.uncertain.joint import matrix_chance
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.radius import extrapolated, record_disc, slope, total_of, worded
 
-__all__ = ["matrix_uncertainty"]
+__all__ = ["matrix_uncertainty", "smoothed"]
 
 
 PADE_ORDER = 2
@@ -84,6 +84,7 @@ def matrix_uncertainty(
             f"{frm.n_realizations} sets of {frm.n_inputs} experiments x {frm.n_periods} periods, level from "
             f"{frm.level_source}"
         ),
+        measured=frm,
     )
     joint, joint_bla = matrix_chance(made, frm, model, misfits(frm, model))
     return replace(made, joint=joint, joint_bla=joint_bla)

@@ -31,6 +31,7 @@ ARROWS = {
     "robust.modelling": "systems",
     "robust.mu": "certificates systems",
     "robust.uncertain": "modelling mu certificates systems",
+    "robust.validation": "uncertain modelling systems",
     "robust.performance": "systems",
     "robust.analysis": "performance uncertain mu certificates verification systems",
     "robust.synthesis": "analysis uncertain modelling mu certificates systems",
@@ -39,11 +40,11 @@ ARROWS = {
     "robust.storage": "",
     "robust.friction_proof": "sliding storage certificates friction_verification verification systems",
     "robust.friction_motion": "friction_proof sliding systems",
-    "robust.plot": "loopshaping friction_motion analysis performance uncertain modelling systems",
+    "robust.plot": "validation loopshaping friction_motion analysis performance uncertain modelling systems",
     "robust.loopshaping": "uncertain systems",
     "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
-    "robust.files": "plot friction_proof friction_verification sliding analysis performance uncertain modelling "
-    "verification systems",
+    "robust.files": "plot validation friction_proof friction_verification sliding analysis performance uncertain "
+    "modelling verification systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
 FACES = {

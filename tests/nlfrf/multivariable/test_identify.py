@@ -230,3 +230,38 @@ def test_a_zippered_record_gives_the_matrix_from_one_experiment():
     assert 0.93 < np.mean(inside) < 0.998
     assert many.n_realizations == 3
     np.testing.assert_array_equal(many.dof, 3 * clean.dof + 2)
+
+
+def test_an_experiment_that_was_disturbed_is_named():
+    """Ten times the noise in one experiment: the error of the matrix has rank one, and its law does not know that."""
+    ms = nlfrf.multisine(**BAND, n_inputs=3, rng=13)
+    record = linear(ms)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(record.y.shape)
+    alike = nlfrf.MultiRecord(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        nlfrf.identify(alike, transient="none")
+    noise[:, 1] *= 10
+    loud = nlfrf.MultiRecord(u=record.u, y=record.y + noise, fs=512, lines=ms.lines)
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"experiment 2 of 3 scatters (9\.\d|1[01]\.\d) times as much from period"
+    ):
+        nlfrf.identify(loud, transient="none")
+
+
+def test_every_warning_points_at_the_line_that_called():
+    """Of whatever depth: one and several inputs, conditions, levels, streams."""
+    ms = nlfrf.multisine("full", **BAND, n_inputs=2, rng=14)
+    one = nlfrf.multisine("full", **BAND, rng=14)
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    near = u.copy()
+    near[:, 1] = near[:, 0] + 0.05 * near[:, 1]
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        nlfrf.identify(nlfrf.MultiRecord(u=near[:, :, :1], y=u[:, :, :1], fs=512, lines=ms.lines))
+        nlfrf.identify(nlfrf.Record(u=one.u[:, None], y=one.u[:, None], fs=512, lines=one.lines))
+        stuck = np.tile(one.u, 4).ravel()
+        stuck[100:500] = 0.0
+        nlfrf.record_from_samples(np.tile(one.u, 4).ravel(), stuck, fs=512, n_samples=512)
+    assert len(said) >= 5
+    assert {warning.filename for warning in said} == {__file__}

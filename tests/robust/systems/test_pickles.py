@@ -61,6 +61,10 @@ def values_of_robust():
         nominal=two_by_two, form="additive", left=(w, w), right=(w, w), omega=[1.0], radius=0.5 * np.ones((4, 1)),
         confidence=0.95,
     )  # fmt: skip
+    ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u + 0.1 * u**3, fs=256, lines=ms.lines))
+    yield robust.validate(frm, frm)
     yield from (several, robust.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))
     yield from (BLA, FIT, MODEL, K, block, system, robust.check_structure(system))
     yield from (robust.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))

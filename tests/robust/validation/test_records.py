@@ -12,7 +12,8 @@ import robust
 from benchmarks import validation as harness
 from robust import uncertainty, validate
 from robust.uncertain.evidence import Evidence
-from robust.uncertain.validation import local_slope, on_lines, shape_and_level
+from robust.validation.difference import local_slope, shape_and_level
+from robust.validation.records import on_lines
 from tests.support.bla import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25

@@ -1,39 +1,28 @@
-"""A second record, of another day or level, held against a model: is it the same machine, and does it lie in the set?
-
-What is tested is the difference between the two records, d = G_2 - G_1, as both scatter about one BLA where nothing has
-changed. Divided by its standard deviation it is white: z_k, of independent phases whatever their sizes are. Two things
-may be wrong with it, and they are told apart.
-
-shape   d goes along a change of gain, delay or frequency, x_k = dG_k/dtheta over the same deviation. By chance the
-        score s = sum Re(conj(x_k) z_k) has the covariance C = 1/2 sum |z_k|^2 Re(conj(x_k) x_k^T), given the sizes
-        |z_k|: then s^T C^-1 s is chi-square of three degrees of freedom. It needs no level: a wrong one drops out.
-level   what is left of d is larger than both records say that they scatter.
-"""
+"""A second record, of another day or level, against a model: is it the same machine, and does it lie in the set?"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import overload
 
 import control
 import numpy as np
-from scipy.special import gammaincc, ndtr
 
-from nlfrf import Bla
+from nlfrf import Bla, Frm
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz
+from nlfrf.shared.wording import hertz, shown
 from robust.modelling.nominal import behind_hold
 from robust.systems.lti import timebase
 from robust.uncertain.evidence import LEVEL_DOF, Evidence, evidence_of
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import nominal_response
+from robust.validation.difference import local_slope, shape_and_level
+from robust.validation.matrices import MatrixValidation, validate_matrix
 
 __all__ = ["Validation", "validate"]
 
 
-WINDOW = 9  # lines over which the slope of an FRF is taken
-FEWEST = 8  # lines below which no shape is told
-#: Lines: over their number, the variance of the log power of the residual of two records of one machine.
-LEVEL_LINES = 2.0
 STEP = 1e-5
 
 
@@ -113,7 +102,15 @@ class Validation:
         )
 
 
-def validate(model: UncertaintyModel, bla: Bla) -> Validation:
+@overload
+def validate(model: UncertaintyModel, bla: Bla) -> Validation: ...
+
+
+@overload
+def validate(model: MatrixUncertainty | Frm, bla: Frm) -> MatrixValidation: ...
+
+
+def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) -> Validation | MatrixValidation:
     """Hold a second record (another day, another level, closed loop) against a model.
 
     The record is compared with the one that the model was made of, line by line (between lines that one is
@@ -123,19 +120,19 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
 
     Parameters
     ----------
-    model : UncertaintyModel
-        The model.
-    bla : nlfrf.Bla
+    model : UncertaintyModel, MatrixUncertainty or nlfrf.Frm
+        The model; of several inputs and outputs also the first record alone.
+    bla : nlfrf.Bla or nlfrf.Frm
         What was measured later; lines outside the band of the model are left out.
 
     Returns
     -------
-    Validation
+    Validation, or MatrixValidation of an Frm
 
     Raises
     ------
     ValueError
-        No line inside the band of the model, or a model that claims no probability.
+        No line inside the band of the model, a model that claims no probability, a record of other inputs and outputs.
 
     References
     ----------
@@ -154,6 +151,12 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation:
     >>> bool(abs(seen.gain - 0.3) < 0.1), seen.p_value < 1e-3
     (True, True)
     """
+    if isinstance(model, MatrixUncertainty | Frm):
+        if not isinstance(bla, Frm):
+            raise ValueError(f"bla must be an nlfrf.Frm, as the model, got {shown(bla)}")
+        return validate_matrix(model, bla)
+    if not isinstance(bla, Bla):
+        raise ValueError(f"bla must be an nlfrf.Bla, as the model, got {shown(bla)}")
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
@@ -226,33 +229,3 @@ def directions(
         slope = np.log(above / below) / (2 * STEP)
     along = np.array([np.ones(omega.size), -1j * omega / omega[-1], -slope])
     return along * G / np.sqrt(variance), np.array([1.0, 1 / omega[-1], 1.0])
-
-
-def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray) -> dict[str, float]:
-    """Shape and level of whitened differences z (F,) along directions x (3, F)."""
-    if z.size < FEWEST:
-        return {"p_value": float("nan")}
-    score, fisher = (x.conj() @ z).real, (x.conj() @ x.T).real
-    covariance = ((x.conj() * np.abs(z) ** 2) @ x.T).real / 2
-    theta = np.linalg.lstsq(fisher, score, rcond=1e-12)[0]
-    T = float(score @ np.linalg.lstsq(covariance, score, rcond=1e-12)[0])
-    square = float(np.sum(np.abs(z - theta @ x) ** 2) / (z.size - len(x) / 2))
-    gain, delay, frequency = (float(t) for t in theta * units)
-    return {
-        "p_value": float(gammaincc(len(x) / 2, T / 2)),
-        "gain": gain,
-        "delay": delay,
-        "frequency": frequency,
-        "level": float(np.sqrt(square)),
-        "p_level": float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(LEVEL_LINES / z.size))),
-    }
-
-
-def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(F,) slope of y over x by a parabola through the lines around each."""
-    n = min(WINDOW, x.size)
-    first = np.clip(np.arange(x.size) - n // 2, 0, x.size - n)
-    window = first[:, None] + np.arange(n)
-    r = x[window] - x[:, None]
-    powers = np.stack([np.ones(r.shape), r, r**2], axis=-1)
-    return np.asarray((np.linalg.pinv(powers) @ y[window][..., None])[:, 1, 0])

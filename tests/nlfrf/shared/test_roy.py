@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nlfrf.multivariable.roy import roy_probability, roy_quantile
+from nlfrf.shared.roy import roy_probability, roy_quantile
 
 #: 95 % quantiles of sigma_max^2 for (n_y, n_u, dof), computed independently by the lead of this project's design paper.
 QUANTILES = {
