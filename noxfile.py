@@ -46,7 +46,8 @@ def package(session):
     shutil.rmtree(ROOT / "dist", ignore_errors=True)
     session.run("python", "-m", "build", "--quiet")
     session.run("twine", "check", "--strict", *map(str, (ROOT / "dist").iterdir()))
-    session.run("check-wheel-contents", "--toplevel", "nlfrf,robust", str(built("whl")))
+    # W002, files held twice: the licence of the plot library stands beside it, and among the licences of the wheel
+    session.run("check-wheel-contents", "--toplevel", "nlfrf,robust", "--ignore", "W002", str(built("whl")))
 
 
 @nox.session
