@@ -14,7 +14,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.timing import best
-from nlfrf.bench.rig import Rig, advance, at_rest, run
+from nlfrf.bench.motion import run
+from nlfrf.bench.rig import Rig, advance, at_rest
 from nlfrf.bench.simulate import one_period
 from nlfrf.excitation.multisine import multisine
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre

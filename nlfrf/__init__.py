@@ -7,7 +7,8 @@ Pictures are in `nlfrf.plot`, friction laws in `nlfrf.friction`, hysteresis in `
 
 from nlfrf.bench.closed_loop import simulate_loop, simulate_loops
 from nlfrf.bench.loop_response import LoopResponse
-from nlfrf.bench.rig import Motion, Rig, drive, paper_rig, run
+from nlfrf.bench.motion import Motion, drive, run
+from nlfrf.bench.rig import Rig, paper_rig, two_axis_stage
 from nlfrf.bench.simulate import simulate
 from nlfrf.excitation.crest import reduce_crest
 from nlfrf.excitation.lines import LineGrid
@@ -81,4 +82,5 @@ __all__ = [
     "simulate_loop",
     "simulate_loops",
     "singular_values",
+    "two_axis_stage",
 ]

@@ -15,9 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from nlfrf.bench.axes_loop import loop_of_axes
+from nlfrf.bench.controllers import matrices
 from nlfrf.bench.loop_response import LoopResponse
 from nlfrf.bench.loop_runs import LoopRuns, Parts, respond
-from nlfrf.bench.rig import Rig, some_samples
+from nlfrf.bench.motion import some_samples
+from nlfrf.bench.rig import Rig, one_axis
 from nlfrf.bench.runs import Progress, run_each
 from nlfrf.friction.hysteresis import warn_lost
 from nlfrf.shared.arguments import integer, nonnegative, positive, real, real_array
@@ -35,8 +38,8 @@ def simulate_loop(
     r: Any,
     *,
     fs: float,
-    saturation: float = np.inf,
-    resolution: float = 0.0,
+    saturation: Any = np.inf,
+    resolution: Any = 0.0,
     delay: float = 0.0,
     disturbance: Any = None,
     noise: Any = None,
@@ -45,27 +48,29 @@ def simulate_loop(
 ) -> LoopResponse:
     """Put a sampled controller around the rig, u = K (r - y), with a zero-order hold, and let it follow a reference.
 
+    Around a rig of matrices it is a controller matrix, full or one loop an axis; signals have a channel axis in front.
+
     Parameters
     ----------
     rig : Rig
         The machine.
     K : state space
-        Anything with A, B, C, D and dt, one input and one output: force [N] from error [m]. Sampled, dt = 1/fs.
-    r : (n,) ndarray
-        Reference of the position [m], one value per sample.
+        Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs. Sampled, dt = 1/fs.
+    r : (n,) or (n_y, n) ndarray
+        Reference of the measured positions [m], one value per sample.
     fs : float
         Sampling frequency of the controller [Hz].
-    saturation : float
-        Largest force the actuator gives, either way [N].
-    resolution : float
-        Step of the position sensor [m]; zero for none.
+    saturation : float or (n_u,) ndarray
+        Largest force the actuators give, either way [N].
+    resolution : float or (n_y,) ndarray
+        Step of the position sensors [m]; zero for none.
     delay : float
         From sampling to the force changing [s]; any part of a sample, or several.
-    disturbance : (n,) ndarray, optional
+    disturbance : (n,) or (n_u, n) ndarray, optional
         Force added to the controller's [N], held over each sample.
-    noise : (n,) ndarray, optional
+    noise : (n,) or (n_y, n) ndarray, optional
         Added to the measured position [m], before it is quantised.
-    initial : (2,) ndarray
+    initial : (2,) or (2, axes) ndarray
         Position [m] and velocity [m/s] that the rig begins with, its friction relaxed.
     oversampling : int
         Integration steps per sample at least; more are taken where the rig needs them.
@@ -78,8 +83,8 @@ def simulate_loop(
     Raises
     ------
     ValueError
-        A controller that is continuous, of another sampling time, or not single-input single-output; arrays that do
-        not fit; a rig that is far too fast for fs.
+        A controller that is continuous, of another sampling time, or of other inputs and outputs than the rig; arrays
+        that do not fit; a rig that is far too fast for fs.
 
     References
     ----------
@@ -96,6 +101,10 @@ def simulate_loop(
     >>> bool(abs(response.e[-1]) < 1e-5)
     True
     """
+    if rig.several:
+        fs = positive("fs", fs)
+        steps = steps_of(rig, fs, oversampling)
+        return loop_of_axes(rig, K, r, fs, saturation, resolution, delay, disturbance, noise, initial, steps)
     r = some_samples("r", r)
     runs = stack(
         rig,
@@ -182,6 +191,7 @@ def simulate_loops(
     >>> bool(abs(rest.x).max() == 0), bool(abs(kicked.x).max() > 1e-5)
     (True, True)
     """
+    one_axis(rig, "in a stack of loops")
     controllers = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
     shapes = {
         "r": np.ndim(r),
@@ -233,12 +243,7 @@ def stack(
         positive("saturation", saturation)
     resolution = nonnegative("resolution", resolution)
     delays = np.array([nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
-    needed = int(np.ceil(1 / (fs * rig.stable_step)))
-    if needed > MOST_STEPS:
-        raise ValueError(
-            f"fs must leave the rig at most {MOST_STEPS} integration steps a sample, got {fs:g} Hz with {needed}: "
-            f"its stable step is {rig.stable_step:.2g} s"
-        )
+    steps = steps_of(rig, fs, oversampling)
     initial = real_array("initial", initial, ndim=2)
     if initial.shape[1] != 2:
         raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
@@ -253,17 +258,28 @@ def stack(
         fs=fs,
         saturation=float(saturation),
         resolution=resolution,
-        steps=max(integer("oversampling", oversampling, least=1), needed),
+        steps=steps,
         A=each([np.pad(A, (0, size - A.shape[0])) for A, _, _, _ in given]),
-        B=each([np.pad(B, (0, size - B.size)) for _, B, _, _ in given]),
-        C=each([np.pad(C, (0, size - C.size)) for _, _, C, _ in given]),
-        D=each([D for _, _, _, D in given]),
+        B=each([np.pad(B[:, 0], (0, size - B.size)) for _, B, _, _ in given]),
+        C=each([np.pad(C[0], (0, size - C.size)) for _, _, C, _ in given]),
+        D=each([D[0, 0] for _, _, _, D in given]),
         r=each(r),
         disturbance=each(disturbance),
         noise=each(noise),
         delays=np.minimum(each(delays) * fs, r.shape[1]),  # all later is after the end
         initial=each(initial),
     )
+
+
+def steps_of(rig: Rig, fs: float, oversampling: int) -> int:
+    """Integration steps a sample: those that are asked for, or those that the rig needs."""
+    needed = int(np.ceil(1 / (fs * rig.stable_step)))
+    if needed > MOST_STEPS:
+        raise ValueError(
+            f"fs must leave the rig at most {MOST_STEPS} integration steps a sample, got {fs:g} Hz with {needed}: "
+            f"its stable step is {rig.stable_step:.2g} s"
+        )
+    return max(integer("oversampling", oversampling, least=1), needed)
 
 
 def told(runs: LoopRuns, out: dict[str, np.ndarray]) -> list[LoopResponse]:
@@ -286,35 +302,6 @@ def many(name: str, signal: Any, n: int) -> np.ndarray:
     if signal.shape[1] != n:
         raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.shape[1]}")
     return signal
-
-
-def matrices(K: Any, fs: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """A (s, s), B (s,), C (s,) and D of a sampled controller with one input and one output."""
-    missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(K, name)]
-    if missing:
-        raise ValueError(f"K must have A, B, C, D and dt, got {type(K).__name__} without {', '.join(missing)}")
-    dt = K.dt
-    if isinstance(dt, (bool, np.bool_)) or dt is None or dt == 0:
-        raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {dt}. Discretise it first")
-    if abs(float(dt) * fs - 1) > 1e-6:
-        raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {float(dt):g} s")
-    given = {name: np.asarray(getattr(K, name)) for name in ("A", "B", "C", "D")}
-    for name, matrix in given.items():
-        if matrix.dtype.kind not in "fiu":
-            raise ValueError(f"K must have real matrices, got {name} of dtype {matrix.dtype}")
-        if not np.isfinite(matrix).all():
-            raise ValueError(f"K must have finite matrices, got a number in {name} that is not")
-    A, B, C, D = (matrix.astype(float) for matrix in given.values())
-    D = np.atleast_2d(D)
-    if D.shape != (1, 1):
-        raise ValueError(f"K must have one input and one output, got {D.shape[1]} and {D.shape[0]}")
-    size = B.size
-    if A.size != size**2 or C.size != size:
-        raise ValueError(
-            f"K must have A (s, s), B (s, 1) and C (1, s), got shapes "
-            f"{given['A'].shape}, {given['B'].shape} and {given['C'].shape}"
-        )
-    return A.reshape(size, size), B.reshape(size), C.reshape(size), float(D[0, 0])
 
 
 def fitted(name: str, signal: Any, n: int) -> np.ndarray:

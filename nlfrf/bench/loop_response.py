@@ -23,15 +23,15 @@ class LoopResponse:
     ------
     t : (n,) ndarray
         Time [s].
-    r : (n,) ndarray
+    r : (n,) or (n_y, n) ndarray
         Reference [m].
-    u : (n,) ndarray
+    u : (n,) or (n_u, n) ndarray
         What the controller asked for at each sample, saturated [N]; it reaches the rig after the delay.
-    x, v : (n,) ndarray
-        Position [m] and velocity [m/s] of the rig at the samples.
-    y : (n,) ndarray
+    x, v : (n,) or (n_y, n) ndarray
+        Position [m] and velocity [m/s] of the rig at the samples, where it is measured.
+    y : (n,) or (n_y, n) ndarray
         Position as the controller saw it: with noise, quantised [m].
-    friction : (n,) ndarray
+    friction : (n,) or (axes, n) ndarray
         Friction force [N].
     diverged : bool
         Whether the loop ran away; the arrays end there.
@@ -57,19 +57,19 @@ class LoopResponse:
 
     @property
     def e(self) -> np.ndarray:
-        """(n,) error r - x [m]."""
+        """(n,) or (n_y, n) error r - x [m]."""
         return self.r - self.x
 
     def residual(self, calm: float) -> float:
         """Swing in the last quarter of the time after `calm` [s], over the swing before; inf where it ran away.
 
         For a loop that was disturbed until then and left alone afterwards. The swing is between the largest and the
-        smallest error: a loop at rest has none, wherever it rests.
+        smallest error: a loop at rest has none, wherever it rests. Of several channels it is the largest swing.
         """
         before, after = self.disturbed_and_left_alone(calm)
         if self.diverged:
             return np.inf
-        return swing(after[-(after.size // 4) :]) / max(swing(before), np.finfo(float).tiny)
+        return swing(after[..., -(after.shape[-1] // 4) :]) / max(swing(before), np.finfo(float).tiny)
 
     def outcome(self, calm: float) -> str:
         """What became of a loop that was disturbed until `calm` [s] and left alone afterwards, judged by its swing.
@@ -82,23 +82,24 @@ class LoopResponse:
         if self.diverged:
             return "ran away"
         before, after = self.disturbed_and_left_alone(calm)
-        n = after.size // 4
-        last, earlier = swing(after[-n:]), swing(after[-2 * n : -n])
+        n = after.shape[-1] // 4
+        last, earlier = swing(after[..., -n:]), swing(after[..., -2 * n : -n])
         if last > max(0.95 * earlier, SMALLEST_SWING * swing(before)):
             return "limit cycle"
-        held, usual = self.friction[-2 * n :], np.median(np.abs(self.friction[self.t < calm]))
-        waits = abs(np.mean(held[n:]) - np.mean(held[:n])) > SETTLED * usual
+        held = self.friction[..., -2 * n :]
+        usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
+        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > SETTLED * usual)
         return "settled" if self.residual(calm) < SETTLED and not waits else "stable"
 
     def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
         """The error before and after `calm` [s]."""
         positive("calm", calm)
-        before, after = self.e[self.t < calm], self.e[self.t >= calm]
-        if not self.diverged and after.size < 8:
+        before, after = self.e[..., self.t < calm], self.e[..., self.t >= calm]
+        if not self.diverged and after.shape[-1] < 8:
             raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
         return before, after
 
 
 def swing(x: np.ndarray) -> float:
-    """Largest less smallest."""
-    return float(np.ptp(x)) if x.size else 0.0
+    """Largest less smallest, of the channel where it is most."""
+    return float(np.ptp(x, axis=-1).max()) if x.size else 0.0

@@ -1,65 +1,59 @@
-"""A mass on a spring with friction: force in, position out.
+"""A machine with friction: masses on springs, forces in, positions out.
 
-    m x'' + c x' + k x + friction(x') = force
+    m x'' + c x' + k x + friction(x') = force                                          one axis
+    M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force, y = sensors @ q        several
 
-`Rig` is the machine; `run` takes it from rest through any force. `nlfrf.simulate` runs multisines.
+`Rig` is the machine; `nlfrf.run` takes it from rest through any force, `nlfrf.simulate` through multisines.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from nlfrf.bench import axes
+from nlfrf.bench.steps import REAL_LIMIT, longest_step
 from nlfrf.friction import kernel_data as packing
-from nlfrf.friction.hysteresis import warn_lost
 from nlfrf.friction.integration import integrate
-from nlfrf.friction.laws import Friction, Leuven, packed_law
-from nlfrf.shared.arguments import DataWarning, integer, nonnegative, one_of, positive, real_array
+from nlfrf.friction.laws import Leuven, LuGre, packed_law
+from nlfrf.shared.arguments import nonnegative, one_of, positive
 from nlfrf.shared.values import value
 
-__all__ = [
-    "Motion",
-    "Rig",
-    "advance",
-    "at_rest",
-    "drive",
-    "paper_rig",
-    "refuse_long_step",
-    "run",
-    "some_samples",
-    "step_refusal",
-    "warn_coarse",
-]
-
-
-#: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
-REAL_LIMIT = 2.785
-#: Relative error at the resonance of the stuck rig above which a step is called coarse.
-COARSE = 0.01
+__all__ = ["Rig", "advance", "at_rest", "one_axis", "paper_rig", "two_axis_stage"]
 
 
 @value(kw_only=False)
 class Rig:
-    """A mass on a spring, with viscous damping and friction between mass and ground.
+    """A mass on a spring with viscous damping and friction to ground, or several such axes coupled.
+
+    With numbers it is one axis. With matrices it has n axes, each with a friction law of its own or none.
 
     Parameters
     ----------
-    mass : float
-        [kg].
-    stiffness : float
-        Of the spring to ground [N/m]; zero for a free mass.
-    friction : Coulomb, Dahl, LuGre, Leuven or GeneralizedMaxwellSlip
-        The friction law.
-    damping : float
+    mass : float or (n, n) ndarray
+        [kg]; symmetric and positive definite.
+    stiffness : float or (n, n) ndarray
+        Of the springs to ground and between axes [N/m]; zero for a free mass.
+    friction : law, or a list of n laws or None
+        Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders, of one axis OwnFriction too.
+    damping : float or (n, n) ndarray
         Viscous damping beside the friction law's own [Ns/m].
+    cubic : (n, n) ndarray, optional
+        Springs of force c d^3 [N/m^3]: on the diagonal to ground, beside it between two axes. Symmetric.
+    actuators : (n, n_u) ndarray, optional
+        What each force does to each axis; one force an axis when not given.
+    sensors : (n_y, n) ndarray, optional
+        What each measured position sees of each axis; one an axis when not given.
+    inputs, outputs : tuple of str
+        Names of the n_u forces and n_y positions, as records of the rig carry them.
 
     Raises
     ------
     ValueError
-        A mass that is not positive, a negative stiffness or damping, a friction that is no law.
+        A mass that is not positive (definite), a negative (indefinite) stiffness or damping, a friction that is no law,
+        matrices, laws or names that do not fit each other.
 
     References
     ----------
@@ -68,35 +62,80 @@ class Rig:
     Examples
     --------
     >>> from nlfrf.friction.laws import LuGre
-    >>> rig = Rig(1.0, 80e3, LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01))
-    >>> bool(rig.stable_step > 1 / 4096)
-    True
+    >>> lugre = LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+    >>> rig = Rig(1.0, 80e3, lugre)
+    >>> bool(rig.stable_step > 1 / 4096), rig.n_axes
+    (True, 1)
+
+    A motor and a load on a shaft, friction at the motor, the load measured:
+
+    >>> drive = Rig(np.diag([1.0, 2.0]), [[5e4, -5e4], [-5e4, 5e4]], [lugre, None], [[2.0, -2.0], [-2.0, 2.0]],
+    ...             actuators=[[1.0], [0.0]], sensors=[[0.0, 1.0]])
+    >>> drive.n_axes, drive.n_inputs, drive.n_outputs
+    (2, 1, 1)
     """
 
-    mass: float
-    stiffness: float
-    friction: Friction
-    damping: float = 0.0
+    mass: Any
+    stiffness: Any
+    friction: Any
+    damping: Any = 0.0
+    cubic: Any = None
+    actuators: Any = None
+    sensors: Any = None
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        positive("mass", self.mass)
-        nonnegative("stiffness", self.stiffness)
-        nonnegative("damping", self.damping)
-        packed_law(self.friction)
+        if self.several:
+            checked = axes.checked({name: getattr(self, name) for name in axes.FIELDS})
+        else:
+            checked = axes.checked_single({name: getattr(self, name) for name in axes.FIELDS})
+            positive("mass", self.mass)
+            nonnegative("stiffness", self.stiffness)
+            nonnegative("damping", self.damping)
+            packed_law(self.friction)
+        for name, content in checked.items():
+            object.__setattr__(self, name, content)
 
     @property
+    def several(self) -> bool:
+        """Whether it was made of matrices."""
+        return np.ndim(self.mass) > 0
+
+    @property
+    def n_axes(self) -> int:
+        """Axes n."""
+        return len(self.mass) if self.several else 1
+
+    @property
+    def n_inputs(self) -> int:
+        """Forces n_u."""
+        return len(self.inputs)
+
+    @property
+    def n_outputs(self) -> int:
+        """Measured positions n_y."""
+        return len(self.outputs)
+
+    def poles(self, gain: float) -> np.ndarray:
+        """(2 n,) poles [rad/s] with so many times the presliding stiffness of the friction: 1 stuck, 0 sliding."""
+        if self.several:
+            return axes.poles(self.mass, self.stiffness, self.damping, self.friction, gain)
+        law, _ = packed_law(self.friction)
+        stiffness, damping = self.stiffness + gain * law.curve.K0, self.damping + gain * law.sigma1 + law.sigma2
+        return np.roots([self.mass, damping, stiffness])
+
+    @cached_property
     def stable_step(self) -> float:
         """Longest integration step [s] that is stable without sliding; sliding may ask for a shorter one."""
-        law, _ = packed_law(self.friction)
-        limits = []
         # stuck, just after a reversal (dz/dt = 2 v), and sliding
-        for gain in (1.0, 2.0, 0.0):
-            stiffness = self.stiffness + gain * law.curve.K0
-            damping = self.damping + gain * law.sigma1 + law.sigma2
-            poles = np.roots([self.mass, damping, stiffness])
-            limits += [longest_step(complex(pole)) for pole in poles]
-        if law.form == packing.GMS:  # how fast a slipping element is drawn to the Stribeck curve
-            limits.append(REAL_LIMIT * law.Fc / law.n)
+        limits = [longest_step(complex(pole)) for gain in (1.0, 2.0, 0.0) for pole in self.poles(gain)]
+        for friction in self.friction if self.several else (self.friction,):
+            if friction is None:
+                continue
+            law, _ = packed_law(friction)
+            if law.form == packing.GMS:  # how fast a slipping element is drawn to the Stribeck curve
+                limits.append(REAL_LIMIT * law.Fc / law.n)
         return min(limits)
 
 
@@ -119,227 +158,76 @@ def paper_rig() -> Rig:
     return Rig(mass=1.0, stiffness=80e3, friction=Leuven())
 
 
-@value
-class Motion:
-    """What a run gave, sample by sample.
+def two_axis_stage(nonlinearity: str = "friction") -> Rig:
+    """A stage of two coupled axes near 29 and 50 Hz, measured at two points that mix them.
 
-    Fields
-    ------
-    t : (n,) ndarray
-        Time [s].
-    drive : (n,) ndarray
-        Force on the mass [N], or velocity of a prescribed motion [m/s].
-    x, v, z : (n,) ndarray
-        Position [m], velocity [m/s], and deflection of the friction [m].
-    friction : (n,) ndarray
-        Friction force [N].
-
-    Examples
-    --------
-    >>> from nlfrf import paper_rig, run
-    >>> motion = run(paper_rig(), np.zeros(4), fs=1000)
-    >>> motion.t.tolist(), motion.x.tolist()
-    ([0.0, 0.001, 0.002, 0.003], [0.0, 0.0, 0.0, 0.0])
-    """
-
-    t: np.ndarray
-    drive: np.ndarray
-    x: np.ndarray
-    v: np.ndarray
-    z: np.ndarray
-    friction: np.ndarray
-
-
-def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "linear") -> Motion:
-    """Run the rig from rest through any force, periodic or not.
+    Masses of 1 and 1.5 kg on springs, a spring and a damper between them.
 
     Parameters
     ----------
-    rig : Rig
-        The machine.
-    force : (n,) ndarray
-        Force on the mass [N].
-    fs : float
-        Sampling frequency [Hz].
-    oversampling : int
-        Integration steps per sample.
-    hold : str
-        The force between samples: "linear", or "zoh" (held).
+    nonlinearity : str
+        "friction": LuGre friction on both axes. "springs": cubic springs to ground and between the axes, no friction.
+        "none": neither.
 
     Returns
     -------
-    Motion
+    Rig
+        Forces Fx, Fy [N], positions x, y [m].
 
     Raises
     ------
     ValueError
-        A step too long to be stable, with the oversampling that would do; no sample.
+        Another nonlinearity.
 
-    Examples
-    --------
-    A force below the static friction moves the mass by a few micrometres and does not set it free.
-
-    >>> motion = run(paper_rig(), np.full(4000, 0.5), fs=4000.0)
-    >>> bool(2e-6 < motion.x[-1] < 8e-6)
-    True
-    """
-    samples = some_samples("force", force)
-    fs = positive("fs", fs)
-    oversampling = integer("oversampling", oversampling, least=1)
-    one_of("hold", hold, ("linear", "zoh"))
-
-    def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory = at_rest(rig)
-        return advance(rig, memory, between_samples(samples, steps, hold), 1 / (fs * steps), steps), memory
-
-    refuse_long_step(rig, fs, oversampling)
-    warn_coarse(rig, fs, oversampling)
-    out, memory = attempt(oversampling)
-    if out is None:
-        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
-    warn_lost(memory.state[packing.LOST])
-    return motion(samples, out, fs)
-
-
-def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Motion:
-    """Friction force for a prescribed motion, from rest: to draw hysteresis loops and Stribeck curves.
-
-    Parameters
+    References
     ----------
-    friction : Coulomb, Dahl, LuGre, Leuven or GeneralizedMaxwellSlip
-        The friction law.
-    v : (n,) ndarray
-        Velocity [m/s], straight between samples.
-    fs : float
-        Sampling frequency [Hz].
-    oversampling : int
-        Integration steps per sample.
-
-    Returns
-    -------
-    Motion
-        With the velocity as its drive.
-
-    Raises
-    ------
-    ValueError
-        As in `run`.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.7: what such a stage is for.
 
     Examples
     --------
-    At constant velocity the friction settles on the Stribeck curve, with the viscous part on top.
-
-    >>> motion = drive(Leuven(), np.full(2000, 0.01), fs=10e3)
-    >>> round(float(motion.friction[-1]), 4)
-    0.8144
+    >>> poles = two_axis_stage("none").poles(1.0)
+    >>> (np.sort(np.abs(poles))[::2] / (2 * np.pi)).round(1).tolist()
+    [28.9, 49.8]
     """
-    velocity = some_samples("v", v)
-    fs = positive("fs", fs)
-    oversampling = integer("oversampling", oversampling, least=1)
-    law, grid = packed_law(friction)
-    body = packing.Body(True, 1.0, 0.0, 0.0)
-
-    def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
-        memory = packing.at_rest(law.curve, grid)
-        samples = between_samples(velocity, steps, "linear")
-        return integrate(body, law, grid, memory, samples, 1 / (fs * steps), steps), memory
-
-    out, memory = attempt(oversampling)
-    if out is None:
-        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
-    warn_lost(memory.state[packing.LOST])
-    return motion(velocity, out, fs)
+    one_of("nonlinearity", nonlinearity, ("friction", "springs", "none"))
+    k1, k2, coupling = 0.8 * (2 * np.pi * 28) ** 2, 1.5 * (2 * np.pi * 48) ** 2, 9e3
+    lugre = LuGre(sigma0=3e4, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+    return Rig(
+        mass=np.diag([1.0, 1.5]),
+        stiffness=np.array([[k1 + coupling, -coupling], [-coupling, k2 + coupling]]),
+        friction=[lugre, lugre] if nonlinearity == "friction" else [None, None],
+        damping=np.array([[8.0, -2.0], [-2.0, 14.0]]),
+        cubic=np.array([[3.3e10, 4.5e10], [4.5e10, 1.2e11]]) if nonlinearity == "springs" else None,
+        sensors=np.array([[1.0, 0.15], [-0.1, 1.0]]),
+        inputs=("Fx", "Fy"),
+        outputs=("x", "y"),
+    )
 
 
-def some_samples(name: str, signal: Any) -> np.ndarray:
-    """The signal as an array of at least one sample."""
-    samples = real_array(name, signal, ndim=1)
-    if samples.size == 0:
-        raise ValueError(f"{name} must hold at least one sample, got none")
-    return samples
-
-
-def motion(drive: np.ndarray, out: np.ndarray, fs: float) -> Motion:
-    """What the integrator gave, as a value."""
-    x, v, z, friction = out.T
-    return Motion(t=np.arange(drive.size) / fs, drive=drive, x=x, v=v, z=z, friction=friction)
+def one_axis(rig: Rig, where: str) -> Rig:
+    """The rig, or a refusal where it has several axes."""
+    if rig.several:
+        raise ValueError(f"rig must have one axis {where}, got one of matrices with {rig.n_axes}")
+    return rig
 
 
 def at_rest(rig: Rig) -> packing.Memory:
     """The memory of a rig that has never moved."""
+    if rig.several:
+        return axes.at_rest(rig.friction)
     law, grid = packed_law(rig.friction)
     return packing.at_rest(law.curve, grid)
 
 
 def advance(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
-    """Integrate the rig over the (n, 3) force at begin, middle and end of each step, moving `memory` on."""
+    """Integrate the rig over the force at begin, middle and end of each step, moving `memory` on.
+
+    drive (n, 3), or (n, 3, n_u) where the rig has several axes; what comes (n / substeps, 4), or with an axis of axes.
+    """
+    if rig.several:
+        machine = axes.machine(rig.mass, rig.stiffness, rig.damping, rig.cubic)
+        forces = drive.reshape(len(drive), 3, rig.n_inputs) @ rig.actuators.T
+        return axes.advance(machine, rig.friction, memory, forces, h, substeps)
     law, grid = packed_law(rig.friction)
     body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
     return integrate(body, law, grid, memory, drive, h, substeps)
-
-
-def between_samples(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
-    """(n * oversampling, 3) force at the begin, middle and end of each step; the last sample is held."""
-    step = np.arange(oversampling)[:, np.newaxis]
-    fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling if hold == "linear" else np.zeros((oversampling, 3))
-    rise = np.diff(samples, append=samples[-1])
-    return (samples[:, np.newaxis, np.newaxis] + rise[:, np.newaxis, np.newaxis] * fraction).reshape(-1, 3)
-
-
-def longest_step(pole: complex) -> float:
-    """Longest step [s] with which the Runge-Kutta method keeps a mode with this pole from growing."""
-    if abs(pole) == 0 or pole.real > 0:
-        return np.inf
-    direction = pole / abs(pole)
-
-    def growth(length: float) -> float:
-        q = length * direction
-        return abs(1 + q + q**2 / 2 + q**3 / 6 + q**4 / 24)
-
-    low, high = 0.0, 4.0  # along every ray into the left half plane growth passes 1 once before 4
-    for _ in range(25):
-        middle = (low + high) / 2
-        low, high = (middle, high) if growth(middle) <= 1 + 1e-12 else (low, middle)
-    return low / abs(pole)
-
-
-def refuse_long_step(rig: Rig, fs: float, oversampling: int) -> None:
-    """Refuse a step with which the rig is unstable even before it slides."""
-    longest = rig.stable_step
-    if 1 / (fs * oversampling) > longest:
-        raise ValueError(
-            f"oversampling must be at least {int(np.ceil(1 / (fs * longest)))} for a stable integration step "
-            f"of at most {longest:.3g} s at fs = {fs:g} Hz, got {oversampling}"
-        )
-
-
-def step_refusal(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
-    """The refusal of a step that turned out too long in sliding, with one that was tried and would do."""
-    enough, finer = "more than", oversampling
-    for finer in (oversampling * 2**i for i in range(1, 10)):
-        if stable(finer):
-            enough = "about"
-            break
-    return ValueError(
-        f"oversampling must be {enough} {finer} for a stable integration step in sliding "
-        f"({1 / (fs * finer):.3g} s at fs = {fs:g} Hz), got {oversampling}"
-    )
-
-
-def warn_coarse(rig: Rig, fs: float, oversampling: int) -> None:
-    """Warn where the step moves the pole of the stuck rig by more than 1 % of its damping: the resonance is wrong."""
-    law, _ = packed_law(rig.friction)
-    poles = np.roots([rig.mass, rig.damping + law.sigma1 + law.sigma2, rig.stiffness + law.curve.K0])
-    pole = poles[np.argmax(np.abs(poles.imag))]
-    if pole.imag == 0 or pole.real == 0:
-        return
-    # a Runge-Kutta step of fourth order is off by (h p)^5 / 120
-    shift = np.abs(pole / pole.real) * (np.abs(pole) / (fs * oversampling)) ** 4 / 120
-    if shift > COARSE:
-        enough = int(np.ceil(oversampling * (shift / COARSE) ** 0.25))
-        warnings.warn(
-            f"the integration step is coarse: the resonance of the stuck rig comes out wrong by {100 * shift:.2g} %. "
-            f"Take an oversampling of {enough}, or state the accuracy",
-            DataWarning,
-            stacklevel=3,
-        )

@@ -168,6 +168,9 @@ def absorb(digest: Any, value: Any) -> None:
     elif isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode())
         digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, (tuple, list)):
+        for one in value:
+            absorb(digest, one)
     elif isinstance(value, (str, int, float, type(None))):
         digest.update(repr(value).encode())
     elif isinstance(value, numbers.Real):  # of numpy, or a fraction

@@ -5,16 +5,19 @@ from __future__ import annotations
 import warnings
 from concurrent.futures import Executor
 from dataclasses import replace
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
-from nlfrf.bench.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
+from nlfrf.bench.rig import Rig, advance, at_rest
 from nlfrf.bench.runs import Arrays, Progress, run_all
+from nlfrf.bench.steps import refuse_long_step, step_refusal, warn_coarse
 from nlfrf.excitation.multisine import Multisine
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.hysteresis import warn_lost
 from nlfrf.records.record import Record
+from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import DataWarning, integer, one_of, positive
 from nlfrf.shared.values import value
 
@@ -32,16 +35,48 @@ class Experiment:
     """One realisation of a multisine on a rig, and how it is integrated: all that a worker needs."""
 
     rig: Rig
-    ms: Multisine
+    ms: Multisine | OrthogonalMultisine
     n_periods: int
     n_discard: int
     oversampling: int
     hold: str
 
 
+@overload
 def simulate(
     rig: Rig,
     ms: Multisine,
+    *,
+    n_periods: int = ...,
+    n_discard: int = ...,
+    oversampling: int = ...,
+    hold: str = ...,
+    accuracy: float | None = ...,
+    executor: Executor | None = ...,
+    progress: Progress | None = ...,
+    resume: Any = ...,
+) -> Record: ...
+
+
+@overload
+def simulate(
+    rig: Rig,
+    ms: OrthogonalMultisine,
+    *,
+    n_periods: int = ...,
+    n_discard: int = ...,
+    oversampling: int = ...,
+    hold: str = ...,
+    accuracy: float | None = ...,
+    executor: Executor | None = ...,
+    progress: Progress | None = ...,
+    resume: Any = ...,
+) -> MultiRecord: ...
+
+
+def simulate(
+    rig: Rig,
+    ms: Multisine | OrthogonalMultisine,
     *,
     n_periods: int = 1,
     n_discard: int = 2,
@@ -51,15 +86,15 @@ def simulate(
     executor: Executor | None = None,
     progress: Progress | None = None,
     resume: Any = None,
-) -> Record:
+) -> Record | MultiRecord:
     """Run every realisation of a multisine through a rig, from rest to steady state: force in, position out.
 
     Parameters
     ----------
     rig : Rig
         The machine.
-    ms : Multisine
-        The force [N], M realisations of N samples.
+    ms : Multisine, or OrthogonalMultisine for a rig of several inputs
+        The forces [N], M realisations or experiments of N samples.
     n_periods : int
         Periods P kept.
     n_discard : int
@@ -82,14 +117,14 @@ def simulate(
 
     Returns
     -------
-    Record
-        u, y (M, P, N), with the lines of the multisine.
+    Record, or MultiRecord of an OrthogonalMultisine
+        u, y (M, P, N), or with an axis of channels in front, with the lines of the multisine and the names of the rig.
 
     Raises
     ------
     ValueError
-        A step too long to be stable, with the oversampling that would do; an accuracy that is not reached; an
-        executor that dies; numbers out of range.
+        A multisine of other inputs than the rig has; a step too long to be stable, with the oversampling that would do;
+        an accuracy that is not reached; an executor that dies; numbers out of range.
 
     Warns
     -----
@@ -117,10 +152,12 @@ def simulate(
         oversampling=integer("oversampling", oversampling, least=1),
         hold=one_of("hold", hold, ("band-limited", "zoh")),
     )
-    realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
+    refuse_other_inputs(rig, ms)
+    n_runs = ms.phase.shape[-2]
+    realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
     if accuracy is None:
-        refuse_long_step(rig, ms.fs, oversampling)
-        warn_coarse(rig, ms.fs, oversampling)
+        refuse_long_step(rig.stable_step, ms.fs, oversampling)
+        warn_coarse(rig.poles(1.0), ms.fs, oversampling)
     else:
         steps = steps_for(realizations[0], positive("accuracy", accuracy))
         realizations = [replace(realization, oversampling=steps) for realization in realizations]
@@ -134,16 +171,14 @@ def simulate(
             stacklevel=2,
         )
     warn_lost(float(sum(outcome["lost"] for outcome in outcomes)))
-    y = np.stack([outcome["y"] for outcome in outcomes])
-    u = np.broadcast_to(ms.u[:, np.newaxis, :], y.shape)
-    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold)
+    return recorded(rig, ms, np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold)
 
 
 def run_experiment(experiment: Experiment) -> Arrays:
     """Integrate one realisation from rest; runs in a worker.
 
-    Gives y (P, N), the change from the last period but one to the last (rms over rms; nan where there is only
-    one), and how many turning points were forgotten for lack of memory.
+    Gives y (P, N) or (n_y, P, N), the change from the last period but one to the last (rms over rms; nan where there is
+    only one), and how many turning points were forgotten for lack of memory.
     """
     outcome = attempt(experiment)
     if outcome is None:
@@ -162,12 +197,20 @@ def attempt(experiment: Experiment) -> Arrays | None:
         out = advance(rig, memory, drive, 1 / (ms.fs * steps), steps)
         if out is None:
             return None
-        periods = [*periods[-max(experiment.n_periods - 1, 1) :], out[:, 0].copy()]
+        periods = [*periods[-max(experiment.n_periods - 1, 1) :], measured(experiment, out[:, 0])]
     change = np.nan
     if len(periods) > 1:
         change = difference(periods[-2], periods[-1])
-    y = np.stack(periods[-experiment.n_periods :])
-    return {"y": y, "change": np.array(change), "lost": np.array(memory.state[packing.LOST])}
+    y = np.stack(periods[-experiment.n_periods :], axis=-2)
+    return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
+
+
+def measured(experiment: Experiment, x: np.ndarray) -> np.ndarray:
+    """(N,) position of the only axis or at the only sensor, or (n_y, N) of several, from those of the axes."""
+    if not experiment.rig.several:
+        return x.copy()
+    y: np.ndarray = experiment.rig.sensors @ x.T
+    return y if isinstance(experiment.ms, OrthogonalMultisine) else y[0]
 
 
 def difference(y: np.ndarray, of: np.ndarray) -> float:
@@ -195,9 +238,31 @@ def steps_for(experiment: Experiment, accuracy: float) -> int:
         experiment, coarse = finer, fine
 
 
-def one_period(ms: Multisine, oversampling: int, hold: str) -> np.ndarray:
-    """(n, 3) force at the begin, middle and end of every integration step of one period."""
+def refuse_other_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
+    """Refuse a multisine that does not drive the inputs that the rig has."""
+    if isinstance(ms, OrthogonalMultisine):
+        if not rig.several or rig.n_inputs != ms.n_inputs:
+            raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
+    elif (rig.n_inputs, rig.n_outputs) != (1, 1):
+        raise ValueError(
+            f"ms must be made with n_inputs={rig.n_inputs} for a rig of {rig.n_inputs} inputs and {rig.n_outputs} "
+            "outputs, got one of a single input"
+        )
+
+
+def recorded(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold: str) -> Record | MultiRecord:
+    """What was measured, with the names and units of the rig."""
+    u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
+    if isinstance(ms, OrthogonalMultisine):
+        return MultiRecord(u=u, y=y, fs=ms.fs, lines=ms.lines, inputs=rig.inputs, outputs=rig.outputs)
+    names = {"u_name": rig.inputs[0], "y_name": rig.outputs[0], "u_unit": "N", "y_unit": "m"}
+    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold, **names)
+
+
+def one_period(ms: Multisine | OrthogonalMultisine, oversampling: int, hold: str) -> np.ndarray:
+    """(n, 3) or (n, 3, n_u) force at the begin, middle and end of every integration step of one period."""
     if hold == "zoh":
-        return np.repeat(np.repeat(ms.u[0], oversampling)[:, np.newaxis], 3, axis=1)
-    u = ms.sampled(2 * ms.n_samples * oversampling)[0]
-    return np.stack([u[0::2], u[1::2], np.roll(u[0::2], -1)], axis=1)
+        u = np.repeat(ms.u[..., 0, :].T, oversampling, axis=0)
+        return np.stack([u, u, u], axis=1)
+    u = ms.sampled(2 * ms.n_samples * oversampling)[..., 0, :].T
+    return np.stack([u[0::2], u[1::2], np.roll(u[0::2], -1, axis=0)], axis=1)

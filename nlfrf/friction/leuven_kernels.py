@@ -22,7 +22,7 @@ from numba import njit
 from nlfrf.friction import kernel_data
 from nlfrf.friction.kernel_data import DEEPEST, DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
-__all__ = ["advance_hysteretic"]
+__all__ = ["advance_hysteretic", "commit", "follow", "growth", "hysteresis", "rates"]
 
 
 #: Branches: where the memory is asked at every stage, and the two that are followed without asking.

@@ -21,16 +21,16 @@ from nlfrf.friction.leuven_kernels import advance_hysteretic
 from nlfrf.friction.slider_kernels import advance_sliders
 from nlfrf.friction.slip_kernels import advance_coulomb, advance_gms
 
-__all__ = ["run_loops"]
+__all__ = ["CALLED", "digest", "run_loops"]
 
 Array = np.ndarray
 CALLED = ("kernel_data", "leuven_kernels", "slip_kernels", "slider_kernels")
 
 
-def digest() -> str:
-    """Of the files whose kernels are called from here."""
+def digest(*names: str) -> str:
+    """Of the files whose kernels are called from a file."""
     folder = Path(__file__).parent
-    return hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in CALLED)).hexdigest()
+    return hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in names)).hexdigest()
 
 
 @njit(nogil=True, error_model="numpy")
@@ -130,4 +130,4 @@ def stamped(stamp: str) -> Callable[..., None]:
     return loops
 
 
-run_loops = stamped(digest())
+run_loops = stamped(digest(*CALLED))

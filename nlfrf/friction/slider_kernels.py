@@ -14,7 +14,7 @@ from numba import njit
 
 from nlfrf.friction.kernel_data import Body, F, Law, V, X
 
-__all__ = ["advance_sliders"]
+__all__ = ["advance_sliders", "commit_sliders", "sliders_force"]
 
 
 Array = np.ndarray
@@ -54,7 +54,7 @@ def force_after(law: Law, grid: Array, stack: Array, i: int, move: float, x: flo
 
 
 @compiled
-def total(law: Law, grid: Array, stack: Array, move: float, x: float, v: float) -> float:
+def sliders_force(law: Law, grid: Array, stack: Array, move: float, x: float, v: float) -> float:
     """Force of all elements after a move."""
     force = 0.0
     for i in range(grid.shape[1]):
@@ -63,7 +63,7 @@ def total(law: Law, grid: Array, stack: Array, move: float, x: float, v: float) 
 
 
 @compiled
-def commit(law: Law, grid: Array, stack: Array, move: float, x: float, v: float, h: float) -> None:
+def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v: float, h: float) -> None:
     """The elements at the end of a step: which slip now, and how long the others have rested."""
     for i in range(grid.shape[1]):
         stuck = stack[FORCE, i] + grid[0, i] * move
@@ -93,7 +93,7 @@ def advance_sliders(
         u1, u2, u3 = drive[j, 0], drive[j, 1], drive[j, 2]
         if body.driven:
             v = u1
-        f1 = total(law, grid, stack, 0.0, x, v)
+        f1 = sliders_force(law, grid, stack, 0.0, x, v)
         if j % substeps == 0:
             i = j // substeps
             out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, v, 0.0, f1
@@ -104,15 +104,15 @@ def advance_sliders(
         else:
             a1 = w * (u1 - k * x - c * v - f1)
             v2, x2 = v + 0.5 * h * a1, x + 0.5 * h * v
-            a2 = w * (u2 - k * x2 - c * v2 - total(law, grid, stack, x2 - x, x2, v2))
+            a2 = w * (u2 - k * x2 - c * v2 - sliders_force(law, grid, stack, x2 - x, x2, v2))
             v3, x3 = v + 0.5 * h * a2, x + 0.5 * h * v2
-            a3 = w * (u2 - k * x3 - c * v3 - total(law, grid, stack, x3 - x, x3, v3))
+            a3 = w * (u2 - k * x3 - c * v3 - sliders_force(law, grid, stack, x3 - x, x3, v3))
             v4, x4 = v + h * a3, x + h * v3
-            a4 = w * (u3 - k * x4 - c * v4 - total(law, grid, stack, x4 - x, x4, v4))
+            a4 = w * (u3 - k * x4 - c * v4 - sliders_force(law, grid, stack, x4 - x, x4, v4))
             x1 = x + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
             v1 = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-        commit(law, grid, stack, x1 - x, x1, v1, h)
+        commit_sliders(law, grid, stack, x1 - x, x1, v1, h)
         x, v = x1, v1
     state[X], state[V] = x, v
-    state[F] = total(law, grid, stack, 0.0, x, v)
+    state[F] = sliders_force(law, grid, stack, 0.0, x, v)
     return abs(x) < 1e150 and abs(v) < 1e150

@@ -14,7 +14,7 @@ from numba import njit
 
 from nlfrf.friction.kernel_data import DIRECTION, Body, F, Law, Step, V, X
 
-__all__ = ["advance_coulomb", "advance_gms"]
+__all__ = ["advance_coulomb", "advance_gms", "elements_force", "settle", "sliding_force"]
 
 
 Array = np.ndarray

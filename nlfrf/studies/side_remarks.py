@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.bench.rig import Rig, advance, at_rest, step_refusal
+from nlfrf.bench.rig import Rig, advance, at_rest
 from nlfrf.bench.runs import Arrays, run_all
 from nlfrf.bench.simulate import Experiment, run_experiment
+from nlfrf.bench.steps import step_refusal
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.records.record import Record
 from nlfrf.shared.values import value

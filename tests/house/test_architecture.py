@@ -56,7 +56,8 @@ HEAVY = {
     "matplotlib": "nlfrf.plot robust.plot nlfrf.shared.axes nlfrf.studies.figures "
     "robust.files.report_parts nlfrf.cli robust.cli",
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
-    "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels",
+    "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels nlfrf.friction.axes_kernels "
+    "nlfrf.friction.axes_loop_kernels",
     "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
     "robust.friction_proof.bristle_multipliers robust.friction_proof.linear_uncertainty",

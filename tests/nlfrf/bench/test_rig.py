@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from nlfrf.bench.rig import Rig, paper_rig, run
+from nlfrf.bench.motion import run
+from nlfrf.bench.rig import Rig, paper_rig
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh, fit_maxwell_slip
 from nlfrf.shared.arguments import DataWarning

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from nlfrf.bench.rig import Rig, drive, run
+from nlfrf.bench.motion import drive, run
+from nlfrf.bench.rig import Rig
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, stribeck
 from nlfrf.hysteresis import ElasticPlastic, Exponential, MaxwellSlip, Tanh, hysteresis_force
 
