@@ -1,7 +1,6 @@
 """The friction bench: masses on springs with friction, played by multisines or driven by a controller.
 
 rig            the machine `Rig`, the paper's own `paper_rig`, a stage of two axes
-axes           matrices and laws of several coupled axes
 steps          how long an integration step may be
 motion         the machine's motion through any force, from rest on
 simulate       multisine experiments, run to steady state

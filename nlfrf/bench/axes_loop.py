@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.bench import axes
+from nlfrf.axes import machine as axes
 from nlfrf.bench.controllers import matrices
 from nlfrf.bench.loop_response import LoopResponse
 from nlfrf.bench.motion import some_samples
@@ -58,7 +58,7 @@ def attempt(
     rig: Rig, controller: list[np.ndarray], r: np.ndarray, signals: list[np.ndarray], begin: np.ndarray, numbers: Any
 ) -> tuple[int, list[np.ndarray], float]:
     """One call of the compiled code: samples reached, channels (.., n) of x, v, friction, y and u, loops lost."""
-    from nlfrf.friction.axes_loop_kernels import run_axes_loop
+    from nlfrf.axes.run_kernels import run_axes_loop
 
     memory = at_rest(rig)
     laws, grids = axes.packed_laws(rig.friction)

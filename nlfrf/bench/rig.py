@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.bench import axes
+from nlfrf.axes import machine as axes
 from nlfrf.bench.steps import REAL_LIMIT, longest_step
 from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.integration import integrate

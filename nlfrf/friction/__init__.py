@@ -12,8 +12,6 @@
     slip_kernels    compiled steps of Coulomb friction and of Maxwell slip
     slider_kernels  compiled steps of sliders that vary
     loop_kernels    compiled sampled loops around all of them
-    axes_kernels    compiled steps of several coupled masses, each with its law
-    axes_loop_kernels  their runs: through given forces, and in a sampled loop
 
 The laws are handed on from here: `from nlfrf.friction import LuGre`.
 """

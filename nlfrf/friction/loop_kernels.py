@@ -24,13 +24,13 @@ from nlfrf.friction.slip_kernels import advance_coulomb, advance_gms
 __all__ = ["CALLED", "digest", "run_loops"]
 
 Array = np.ndarray
-CALLED = ("kernel_data", "leuven_kernels", "slip_kernels", "slider_kernels")
+NAMES = ("kernel_data", "leuven_kernels", "slip_kernels", "slider_kernels")
+CALLED = tuple(Path(__file__).parent / f"{name}.py" for name in NAMES)
 
 
-def digest(*names: str) -> str:
-    """Of the files whose kernels are called from a file."""
-    folder = Path(__file__).parent
-    return hashlib.sha256(b"".join((folder / f"{name}.py").read_bytes() for name in names)).hexdigest()
+def digest(*files: Path) -> str:
+    """Of the files whose kernels are called from another."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
 
 
 @njit(nogil=True, error_model="numpy")

@@ -7,12 +7,13 @@ Kept on disk with a digest of the files that they call, for the reason given in 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import njit
 
-from nlfrf.friction.axes_kernels import N_ROWS, advance_axes, let_free
+from nlfrf.axes.step_kernels import N_ROWS, advance_axes, let_free
 from nlfrf.friction.kernel_data import X
 from nlfrf.friction.loop_kernels import CALLED, digest
 
@@ -149,6 +150,6 @@ def stamped_loop(stamp: str) -> Callable[..., int]:
     return loop
 
 
-STAMP = digest("axes_kernels", *CALLED)
+STAMP = digest(Path(__file__).parent / "step_kernels.py", *CALLED)
 run_axes: Callable[..., Any] = stamped_run(STAMP)
 run_axes_loop: Callable[..., Any] = stamped_loop(STAMP)
