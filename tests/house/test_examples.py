@@ -111,7 +111,10 @@ PRINTED = {
         r"robust stability at all frequencies: yes",
         r"--- greedy ---\nverdict: +NOT ROBUST",
         r"breaking perturbation: 0\.99\d+ and 1\.00\d+",
-        r"on the machine: after 1\.8 s off by 0\.0\d um",
+        r"careful, 0 ms late: off by 0\.\d+ um after 1\.1 s, swings by 0\.\d+ um",
+        r"greedy, 0 ms late: off by 0\.\d+ um after 1\.1 s, swings by 0\.\d+ um",
+        r"careful, 0\.5 ms late: off by 0\.\d+ um after 1\.1 s, swings by 0\.\d+ um",
+        r"greedy, 0\.5 ms late: off by \d\d\d\d?\.\d+ um after 1\.1 s, swings by \d\d\d\d\.\d+ um",
     ],
     "13_motor_bench": [r"skipped: there is no|(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
 }
