@@ -54,8 +54,8 @@ worst = robust.breaking_perturbation(model, pids["careful"])
 radii = [np.abs((worst.plant(x) * pids["careful"]).feedback(np.eye(2)).poles()).max() for x in (0.99, 1.01)]
 print(f"largest pole with 0.99 and 1.01 of the breaking perturbation: {radii[0]:.5f} and {radii[1]:.5f}")
 
-# 4. On the machine, with its friction and actuators of 40 N: a step of 100 um along x, then a kick of both axes. Again with
-# a computer that is half a millisecond late, of which the experiment knew nothing.
+# 4. On the machine, with its friction and actuators of 40 N: a step of 100 um along x, then a kick of both axes.
+# Again with a computer that is half a millisecond late, of which the experiment knew nothing.
 t = np.arange(1024) / FS
 goal, kick = np.outer([100e-6, 0], t >= 0.1), np.outer([3, 4], (t >= 1.2) & (t < 1.22))
 moves = {}
