@@ -253,7 +253,7 @@ def fit_nominal(
 
 
 def checked_orders(
-    lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: float | str
+    lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: Any
 ) -> tuple[tuple[int, int], int]:
     """Numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
     n_poles = integer("n_poles", n_poles, least=0)

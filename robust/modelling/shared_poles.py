@@ -10,6 +10,8 @@ steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 from scipy.linalg import block_diag
@@ -116,9 +118,9 @@ def fit_shared_poles(
     stable: bool,
 ) -> SharedPoles:
     """The best fit from two sets of starting poles; left (F, n_y, n_y) and right (F, n_u, n_u) whiten the error."""
+    kind: dict[str, Any] = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
     fits = []
     for spacing in ("log", "linear"):
-        kind = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
         start = rough_fit(omega, G, left, right, **kind, spacing=spacing)
         fits.append(improve(omega, G, left, right, start, direct, stable))
     return min(fits, key=lambda found: found[1])[0]
