@@ -99,7 +99,8 @@ def warned_of_condition(spectra: ChannelSpectra) -> bool:
     if worst > LOOSE:
         data_warning(
             f"the experiments tell the inputs apart badly: condition {worst:.3g} at line {where}, "
-            f"{float(np.median(condition)):.3g} in the median; errors of G grow by it"
+            f"{float(np.median(condition)):.3g} in the median; errors of G grow by it, unless a mixing "
+            "for the weak direction of the plant was meant"
         )
     return worst > LOOSE
 

@@ -41,7 +41,7 @@ class NominalFit:
     ------
     G : control.StateSpace
         The model without its delay, continuous (dt = 0) or discrete.
-    delay : float
+    delay, delays : float, (n_u,) ndarray
         Delay [s] in series with G.
     omega : (F,) ndarray
         The lines it was fitted to [rad/s]; those of several records one after the other.
@@ -93,12 +93,14 @@ class NominalFit:
     p_value: float = float("nan")
     hold: str = "unknown"
     unit: str = ""
+    delays: np.ndarray | None = None
 
     def __str__(self) -> str:
         ratio = self.cost / self.expected_cost
         kind = f"sampled at {1 / self.G.dt:g} Hz" if self.G.dt else "continuous"
+        told = ", ".join(f"{1e3 * tau:.3g}" for tau in np.unique(self.delay if self.delays is None else self.delays))
         return (
-            f"nominal model: {self.G.nstates} poles, {kind}, delay {self.delay * 1e3:.3g} ms; "
+            f"nominal model: {self.G.nstates} poles, {kind}, delay {told} ms; "
             f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
             + ("" if np.isnan(self.p_value) else f" (p = {self.p_value:.2g})")
             + told_roots(self.uncertainty, bool(self.G.dt))
@@ -154,7 +156,7 @@ def fit_nominal(
     *,
     n_poles: int,
     n_zeros: int | None = None,
-    delay: float | str = 0.0,
+    delay: float | str | np.ndarray = 0.0,
     dt: float = 0,
     stable: bool = True,
     std: np.ndarray | None = None,
@@ -175,7 +177,7 @@ def fit_nominal(
     n_zeros : int, optional
         Number of zeros, n_poles - 1 when not given. Of an Frm either none is given, or n_poles for a direct term.
     delay : float or "estimate"
-        Delay [s] in series; in discrete time a whole number of samples.
+        Delay [s] in series; in discrete time a whole number of samples. Of an Frm also (n_u,), one for each input.
     dt : float
         0 for a continuous model, otherwise the sampling time [s] of a discrete one.
     stable : bool
@@ -251,7 +253,7 @@ def fit_nominal(
 
 
 def checked_orders(
-    lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: float | str
+    lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: Any
 ) -> tuple[tuple[int, int], int]:
     """Numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
     n_poles = integer("n_poles", n_poles, least=0)

@@ -10,6 +10,8 @@ steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
 
 from __future__ import annotations
 
+from typing import Any
+
 import control
 import numpy as np
 from scipy.linalg import block_diag
@@ -19,7 +21,7 @@ from nlfrf.shared.values import value
 from robust.modelling.rational import partial_fractions, relocated, stacked, starting_poles
 from robust.systems.realisation import in_order
 
-__all__ = ["SharedPoles", "fit_shared_poles", "whitening"]
+__all__ = ["SharedPoles", "fit_shared_poles", "improve", "rough_fit", "tangents", "whitening"]
 
 
 N_RELOCATIONS, N_STEPS = 15, 60
@@ -116,14 +118,31 @@ def fit_shared_poles(
     stable: bool,
 ) -> SharedPoles:
     """The best fit from two sets of starting poles; left (F, n_y, n_y) and right (F, n_u, n_u) whiten the error."""
-    std = 1 / np.sqrt(np.einsum("fjj,fii->fji", left.conj() @ left, right @ right.conj()).real)
-    std = np.maximum(std, 1e-3 * std.min(axis=0))
+    kind: dict[str, Any] = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
     fits = []
     for spacing in ("log", "linear"):
-        poles = relocate(omega, G, std, starting_poles(n_poles, omega[0], omega[-1], spacing=spacing), direct, stable)
-        start = residues_of_rank(omega, G, std, poles, rank, direct)
+        start = rough_fit(omega, G, left, right, **kind, spacing=spacing)
         fits.append(improve(omega, G, left, right, start, direct, stable))
     return min(fits, key=lambda found: found[1])[0]
+
+
+def rough_fit(
+    omega: np.ndarray,
+    G: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    *,
+    n_poles: int,
+    rank: int,
+    direct: bool,
+    stable: bool,
+    spacing: str = "log",
+) -> SharedPoles:
+    """By vector fitting alone, from poles of one spacing: what `fit_shared_poles` starts from."""
+    std = 1 / np.sqrt(np.einsum("fjj,fii->fji", left.conj() @ left, right @ right.conj()).real)
+    std = np.maximum(std, 1e-3 * std.min(axis=0))
+    poles = relocate(omega, G, std, starting_poles(n_poles, omega[0], omega[-1], spacing=spacing), direct, stable)
+    return residues_of_rank(omega, G, std, poles, rank, direct)
 
 
 def relocate(

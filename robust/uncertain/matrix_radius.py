@@ -48,7 +48,7 @@ def matrix_uncertainty(
     below, above = slope("below", below), slope("above", above)
     p, order = probability("confidence", confidence), integer("order", order, least=0)
     if isinstance(nominal, NominalFit):
-        nominal = behind_delay(nominal.G, nominal.delay)
+        nominal = behind_delays(nominal.G, nominal.delays)
     nominal = multivariable("nominal", nominal)
     if (nominal.noutputs, nominal.ninputs) != (frm.n_outputs, frm.n_inputs):
         raise ValueError(
@@ -90,12 +90,12 @@ def matrix_uncertainty(
     return replace(made, joint=joint, joint_bla=joint_bla)
 
 
-def behind_delay(G: control.StateSpace, delay: float) -> control.StateSpace:
-    """The plant with all its inputs behind a delay."""
-    if delay == 0:
+def behind_delays(G: control.StateSpace, delays: np.ndarray | None) -> control.StateSpace:
+    """The plant with each of its inputs behind a delay."""
+    if delays is None or not np.any(delays):
         return G
-    one = delayed(control.StateSpace([], [], [], [[1.0]], G.dt), delay, order=PADE_ORDER)
-    return in_series(joined([one] * G.ninputs, G.dt), G)
+    through = control.StateSpace([], [], [], [[1.0]], G.dt)
+    return in_series(joined([delayed(through, float(tau), order=PADE_ORDER) for tau in delays], G.dt), G)
 
 
 def entry_discs(frm: Frm, model: np.ndarray, p: float, simultaneous: bool, even: bool) -> np.ndarray:

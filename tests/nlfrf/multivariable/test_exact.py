@@ -17,17 +17,17 @@ EXCITED = (1, 3, 9, 11, 17, 19)
 def followed(powers, line, n_u=2, psi=True):
     """E|.|^2 of the FRF's error per column (or of the output amplitude), by summing terms of the same random phases.
 
-    `powers`: which input each of the three factors is, as (0, 0, 1) for u1^2 u2. Amplitudes one.
+    `powers`: which input each factor is, as (0, 0, 1) for u1^2 u2. Amplitudes one.
     """
     T = orthogonal_matrix(n_u, "dft")
     columns = [defaultdict(complex) for _ in range(n_u)]
     answers = [defaultdict(complex) for _ in range(n_u)]
     signed = [s * k for k in EXCITED for s in (1, -1)]
-    for js in product(signed, repeat=3):
+    for js in product(signed, repeat=len(powers)):
         if sum(js) != line:
             continue
         for e in range(n_u):
-            phases, term = defaultdict(int), 1 / 8 + 0j
+            phases, term = defaultdict(int), 0.5 ** len(powers) + 0j
             for a, j in zip(powers, js, strict=True):
                 phases["phi", a, abs(j)] += np.sign(j)
                 if psi:
@@ -82,6 +82,15 @@ def test_the_counts_are_those_of_the_terms(powers):
 def test_three_inputs():
     found = [followed((0, 1, 2), k, n_u=3)[2] for k in (1, 9, 19, 5, 7, 13, 15)]
     np.testing.assert_allclose(found, [4.5, 4.5625, 3.75, 3, 3.1875, 2.4375, 2.25], atol=1e-12)
+
+
+def test_the_product_of_two_inputs_answers_on_even_lines_alone():
+    """4 (p_a * p_b)(k), p = 1/4 on both sides of every line."""
+    signed = [s * k for k in EXCITED for s in (1, -1)]
+    for k in range(1, 39):
+        pairs = sum(j + m == k for j in signed for m in signed)
+        assert followed((0, 1), k)[2] == pytest.approx(4 * pairs / 16, abs=1e-12)
+        assert pairs == 0 or k % 2 == 0
 
 
 def test_counts_of_different_spectra_against_a_plain_sum():

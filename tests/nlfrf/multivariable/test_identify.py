@@ -265,3 +265,27 @@ def test_every_warning_points_at_the_line_that_called():
         nlfrf.record_from_samples(np.tile(one.u, 4).ravel(), stuck, fs=512, n_samples=512)
     assert len(said) >= 5
     assert {warning.filename for warning in said} == {__file__}
+
+
+def test_a_mixing_from_a_first_matrix_finds_the_weak_direction():
+    """Skogestad & Postlethwaite's distillation column (3.7.2): gains 197 and 1.4; 1 % noise on every line."""
+    G = np.array([[87.8, -86.4], [108.2, -109.6]])
+    weak, sizes, into = np.linalg.svd(G)
+
+    def error(mixing, rng):
+        """Of the weak gain, relative."""
+        ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, mixing=mixing, rng=rng)
+        u = np.repeat(ms.u[:, :, None], 2, axis=2)
+        y = np.einsum("ji,imps->jmps", G, u)
+        of_line = np.sqrt(512 * 2 / 2 / ms.f.size) * y.std(axis=(1, 2, 3))  # behind it, over two periods
+        size = 0.01 * of_line[:, None, None, None]
+        y = y + size * np.random.default_rng(rng).standard_normal(y.shape)
+        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=512, lines=ms.lines), transient="none")
+        return np.abs(np.einsum("j,jik,i->k", weak[:, 1], frm.G, into[1]) - sizes[1]) / sizes[1]
+
+    plain = np.concatenate([error(None, rng) for rng in range(4)])
+    with pytest.warns(nlfrf.DataWarning, match=r"condition 142 .* unless a mixing for the weak direction"):
+        mixed = np.concatenate([error(into.T / sizes, rng) for rng in range(4)])
+    assert 0.6 < np.sqrt(np.mean(plain**2)) < 1.0
+    assert 0.005 < np.sqrt(np.mean(mixed**2)) < 0.01
+    assert 70 < np.sqrt(np.mean(plain**2) / np.mean(mixed**2)) < 140

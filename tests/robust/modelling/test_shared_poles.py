@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from robust import fit_nominal, frd, scan_orders
+from robust import fit_nominal, frd, scan_orders, uncertainty
 from robust.modelling.shared_poles import fit_shared_poles
 
 OMEGA = 2 * np.pi * np.linspace(2, 100, 120)
@@ -89,6 +89,50 @@ def held(dt, omega):
     return sampled(system, dt)
 
 
+def behind(delays, dt, rng, noise=0.01):
+    """An `Frm` of the stage with each input behind a delay [s], in noise."""
+    ms = nlfrf.multisine("random-odd", fs=1024, n_samples=2048, f_min=2, f_max=100, n_inputs=2, rng=rng)
+    omega = 2 * np.pi * ms.f
+    H = np.moveaxis(held(dt, omega)(np.exp(1j * omega * dt)), 2, 0) if dt else stage(omega)
+    H = H * np.exp(-1j * omega[:, None] * np.array(delays))[:, None]
+    spectrum = np.zeros((2, 2, 1025), dtype=complex)
+    spectrum[..., ms.lines.excited] = np.einsum("kji,iek->jek", H, ms.spectrum) * 1024
+    y = np.repeat(np.fft.irfft(spectrum, 2048)[:, :, None], 2, axis=2)
+    y = y + noise * y.std() * np.random.default_rng(rng).standard_normal(y.shape)
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=1024, lines=ms.lines), transient="none")
+
+
+@pytest.mark.parametrize("delays", [(2e-3, 5.1e-3), (0.0, 1e-3), (1e-2, 1e-2)])
+def test_each_input_has_a_delay_of_its_own(delays):
+    frm = behind(delays, 0, 1)
+    fit = fit_nominal(frm, n_poles=4, delay="estimate")
+    np.testing.assert_allclose(fit.delays, delays, atol=5e-4)
+    known = fit_nominal(frm, n_poles=4, delay=delays)
+    # two numbers more, each worth half of its square of a unit of scatter
+    assert -6 < fit.cost - known.cost < 0.01
+    assert (fit.n_parameters, known.n_parameters) == (18, 16)
+    assert fit.delay == fit.delays.min()
+    told = ", ".join(f"{1e3 * tau:.3g}" for tau in np.unique(known.delays))
+    assert f"delay {told} ms" in str(known)
+    # the set has them inside its nominal, as all-passes
+    model = uncertainty(frm, known, form="additive", order=2)
+    omega = 2 * np.pi * 30.0
+    there = model.nominal(1j * omega)
+    expected = stage(np.array([omega]))[0] * np.exp(-1j * omega * np.array(delays))
+    np.testing.assert_allclose(there, expected, atol=0.1 * np.abs(expected).max())
+
+
+def test_in_discrete_time_a_delay_is_whole_samples():
+    frm = behind((3 / 1024, 7 / 1024), 1 / 1024, 1, noise=1e-3)
+    fit = fit_nominal(frm, n_poles=4, delay="estimate", dt=1 / 1024)
+    samples = fit.delays * 1024
+    np.testing.assert_array_equal(samples, np.round(samples))
+    # a plant behind a hold is z^-1 times a proper one of the same poles: a sample more is as good
+    assert set(samples - np.array([3, 7])) <= {0.0, 1.0}
+    assert 0.7 < fit.cost / fit.expected_cost < 1.4
+
+
 def test_from_a_record_to_a_nominal_in_discrete_and_in_continuous_time():
     ms = nlfrf.multisine("random-odd", fs=1024, n_samples=2048, f_min=2, f_max=100, n_inputs=2, rng=1)
     plant = held(1 / 1024, OMEGA)
@@ -130,5 +174,9 @@ def test_refusals():
         fit_nominal(frm, n_poles=4, n_zeros=2)
     with pytest.raises(ValueError, match="dt must put the Nyquist frequency above the last line"):
         fit_nominal(frm, n_poles=4, dt=0.01)
+    with pytest.raises(ValueError, match="delay must be one number or 2, one for each input, none negative, got"):
+        fit_nominal(frm, n_poles=2, delay=(0.1, 0.2, 0.3))
+    with pytest.raises(ValueError, match=r'delay must be a number .* one for each input, or "estimate", got'):
+        fit_nominal(frm, n_poles=2, delay="guess")
     with pytest.raises(ValueError, match="n_poles must be at most 40"):
         fit_nominal(frm, n_poles=41)
