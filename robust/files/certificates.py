@@ -10,7 +10,7 @@ import numpy as np
 from nlfrf.shared.wording import shown
 from robust.analysis.claims import claim_of
 from robust.analysis.report import RobustnessReport
-from robust.files.models import PathLike
+from robust.files.json_files import PathLike
 from robust.friction_proof.proof import FrictionProof, matrices_of
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.file import read_friction_claim, write_friction_claim

@@ -12,12 +12,14 @@ from scipy.io import savemat
 
 from nlfrf.shared.whole_files import write_text, write_whole
 from robust.files.biquads import controller_sections, roots_and_gain
-from robust.files.models import CONTROLLER_SCHEMA, MODEL_SCHEMA, PathLike
+from robust.files.json_files import PathLike
+from robust.files.matrix_models import MATRIX_SCHEMA
+from robust.files.models import CONTROLLER_SCHEMA, MODEL_SCHEMA, controller
 from robust.systems.connections import in_series
 from robust.systems.lti import response, timebase
-from robust.systems.realisation import state_space
 from robust.uncertain.coprime import factor_systems
-from robust.uncertain.forms import FORMS
+from robust.uncertain.forms import ELEMENTS, FORMS, INPUT
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import PARTS
 
@@ -31,7 +33,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
 
     Parameters
     ----------
-    content : UncertaintyModel, or a controller
+    content : UncertaintyModel, MatrixUncertainty, or a controller
         What to write.
     path : path
         The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
@@ -58,10 +60,12 @@ def export_matlab(content: Any, path: PathLike) -> None:
     name = re.sub(r"\W", "_", path.stem)
     if isinstance(content, UncertaintyModel):
         struct, loader = model_struct(content), MODEL_LOADER
+    elif isinstance(content, MatrixUncertainty):
+        struct, loader = matrix_struct(content), MATRIX_LOADER
     else:
-        K = state_space("content", content)
+        K = controller("content", content)
         struct, loader = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K)}, CONTROLLER_LOADER
-        if K.dt:
+        if K.dt and K.ninputs == K.noutputs == 1:
             struct["sections"] = controller_sections(K)
 
     def write_mat(beside: Path) -> None:
@@ -100,6 +104,38 @@ def model_struct(model: UncertaintyModel) -> dict[str, Any]:
     return struct
 
 
+def matrix_struct(model: MatrixUncertainty) -> dict[str, Any]:
+    """A model of several inputs and outputs as a struct; weights of "elements" as W (n_y, n_u)."""
+    weights = [matlab_system(weight) for weight in (*model.left, *model.right)]
+    struct = {
+        "kind": MATRIX_SCHEMA,
+        "freq": model.omega,
+        "freq_unit": "rad/s",
+        "nominal": matlab_system(model.nominal),
+        "radius": model.radius,
+        "form": model.form,
+        "class": model.perturbation,
+        "confidence": model.confidence,
+        "simultaneous": model.simultaneous,
+        "joint": model.joint,
+        "joint_bla": model.joint_bla,
+        "extrapolation": model.extrapolation,
+        "source": model.source,
+        "Ts": timebase(model.nominal),
+        "inputs": cells(list(model.inputs)),
+        "outputs": cells(list(model.outputs)),
+    }
+    n = len(model.left)
+    return struct | {"left": cells(weights[:n]), "right": cells(weights[n:])}
+
+
+def cells(things: list[Any]) -> np.ndarray:
+    """A MATLAB cell array, a row."""
+    row = np.empty((1, len(things)), dtype=object)
+    row[0, :] = things
+    return row
+
+
 def factors(model: UncertaintyModel) -> dict[str, Any]:
     """Normalised coprime factors of the scaled plant: systems, or values on the lines."""
     if not model.measured_only:
@@ -110,13 +146,13 @@ def factors(model: UncertaintyModel) -> dict[str, Any]:
 
 
 def matlab_system(system: control.StateSpace) -> dict[str, Any]:
-    """A system as a struct: A, B, C, D, num, den, Ts."""
-    z, p, gain = roots_and_gain(system)
-    return {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"} | {
-        "num": gain * np.poly(z).real,
-        "den": np.poly(p).real,
-        "Ts": timebase(system),
-    }
+    """A system as a struct: A, B, C, D, Ts; of one input and output num and den too."""
+    struct: dict[str, Any] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
+    struct["Ts"] = timebase(system)
+    if system.ninputs == system.noutputs == 1:
+        z, p, gain = roots_and_gain(system)
+        struct |= {"num": gain * np.poly(z).real, "den": np.poly(p).real}
+    return struct
 
 
 MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)
@@ -154,6 +190,43 @@ CASES
 end
 end
 """.replace("CASES", "\n".join(f"    case '{form.name}'\n        Gu = {form.matlab};" for form in FORMS.values()))
+MATRIX_LOADER = """function [Gu, G, model] = NAME(file)
+%NAME  Uncertain plant of several inputs and outputs from FILE (frequencies in rad/s, times in s).
+%   Gu     the uncertain plant: nominal, weights and ultidyn
+%   G      nominal, ss
+%   model  everything that was written, as a struct
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+model = data.content;
+make = @(s) ss(s.A, s.B, s.C, s.D, model.Ts);
+G = make(model.nominal);
+ny = size(model.nominal.D, 1);
+nu = size(model.nominal.D, 2);
+W = cellfun(make, model.right, 'UniformOutput', false);
+if strcmp(model.form, ELEMENTS)
+    Gu = G;
+    for i = 1:nu
+        for j = 1:ny
+            row = zeros(ny, 1); row(j) = 1;
+            column = zeros(1, nu); column(i) = 1;
+            Gu = Gu + row * W{(i - 1) * ny + j} * ultidyn(sprintf('Delta%d%d', j, i), [1 1]) * column;
+        end
+    end
+    return
+end
+Wr = blkdiag(W{:});
+V = cellfun(make, model.left, 'UniformOutput', false);
+Wl = blkdiag(V{:});
+Delta = ultidyn('Delta', [size(Wl, 2), size(Wr, 1)]);
+if strcmp(model.form, INPUT)
+    Gu = G * (eye(nu) + Wl * Delta * Wr);
+else
+    Gu = G + Wl * Delta * Wr;
+end
+end
+""".replace("ELEMENTS", f"'{ELEMENTS}'").replace("INPUT", f"'{INPUT}'")
 CONTROLLER_LOADER = """function [K, content] = NAME(file)
 %NAME  Controller from FILE, negative feedback u = K (r - y).
 %   K        ss

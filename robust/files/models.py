@@ -1,32 +1,39 @@
-"""Models and controllers to and from JSON files with a versioned schema, exact to the bit.
-
-A number is written with the digits that give it back exactly; a complex one as [re, im]; nan as null, infinities as
-strings. A file is written whole or not at all.
-"""
+"""Models and controllers to and from JSON files, exact to the bit."""
 
 from __future__ import annotations
 
-import json
-import os
 from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf.shared.whole_files import write_text
 from nlfrf.shared.wording import shown
 from robust.files.biquads import controller_sections
-from robust.systems.realisation import state_space
+from robust.files.json_files import (
+    VERSION,
+    PathLike,
+    damaged,
+    decoded,
+    decoded_system,
+    encoded,
+    encoded_system,
+    parsed,
+    read,
+    written,
+    yes_or_no,
+)
+from robust.files.matrix_models import MATRIX_SCHEMA, decoded_matrix, encoded_matrix
+from robust.systems.realisation import multivariable, state_space
 from robust.uncertain.evidence import Evidence
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import PARTS
 
 __all__ = [
     "CONTROLLER_SCHEMA",
     "MODEL_SCHEMA",
-    "PathLike",
+    "controller",
     "holds_model",
     "load_controller",
     "load_model",
@@ -36,17 +43,15 @@ __all__ = [
 
 
 MODEL_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-controller"
-VERSION = 1
 EVIDENCE = tuple(field.name for field in fields(Evidence))
-PathLike = str | os.PathLike[str]
 
 
-def save_model(model: UncertaintyModel, path: PathLike) -> None:
+def save_model(model: UncertaintyModel | MatrixUncertainty, path: PathLike) -> None:
     """Write an uncertainty model to a ``.json`` file.
 
     Parameters
     ----------
-    model : UncertaintyModel
+    model : UncertaintyModel or MatrixUncertainty
         The model.
     path : path
         File to write.
@@ -54,7 +59,7 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
     Raises
     ------
     ValueError
-        Anything that is not an UncertaintyModel.
+        Anything that is no model.
     FileNotFoundError
         A folder that does not exist.
 
@@ -69,8 +74,11 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
     True
     >>> folder.cleanup()
     """
+    if isinstance(model, MatrixUncertainty):
+        written(encoded_matrix(model), path)
+        return
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel, got {shown(model)}")
+        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {shown(model)}")
     content: dict[str, Any] = {
         "schema": MODEL_SCHEMA,
         "version": VERSION,
@@ -98,7 +106,7 @@ def save_model(model: UncertaintyModel, path: PathLike) -> None:
     written(content, path)
 
 
-def load_model(path: PathLike) -> UncertaintyModel:
+def load_model(path: PathLike) -> Any:
     """Read an uncertainty model back from a ``.json`` file.
 
     Parameters
@@ -108,7 +116,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
 
     Returns
     -------
-    UncertaintyModel
+    UncertaintyModel or MatrixUncertainty
 
     Raises
     ------
@@ -124,8 +132,10 @@ def load_model(path: PathLike) -> UncertaintyModel:
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
-    content = read(path, MODEL_SCHEMA)
+    schema, content = read(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
     try:
+        if schema == MATRIX_SCHEMA:
+            return decoded_matrix(content)
         return UncertaintyModel(
             nominal=decoded_system(content["nominal"]),
             weight=decoded_system(content["weight"]),
@@ -148,7 +158,7 @@ def load_model(path: PathLike) -> UncertaintyModel:
             **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
         )
     except (KeyError, TypeError, IndexError) as error:
-        raise damaged(MODEL_SCHEMA, path, error) from None
+        raise damaged(schema, path, error) from None
 
 
 def save_controller(K: Any, path: PathLike) -> None:
@@ -156,7 +166,7 @@ def save_controller(K: Any, path: PathLike) -> None:
 
     Parameters
     ----------
-    K : control.StateSpace, TransferFunction or float
+    K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback.
     path : path
         File to write.
@@ -164,7 +174,7 @@ def save_controller(K: Any, path: PathLike) -> None:
     Raises
     ------
     ValueError
-        Several inputs or outputs, or anything that is no controller.
+        Anything that is no controller.
     FileNotFoundError
         A folder that does not exist.
 
@@ -177,7 +187,7 @@ def save_controller(K: Any, path: PathLike) -> None:
     0.01
     >>> folder.cleanup()
     """
-    K = state_space("K", K)
+    K = controller("K", K)
     content = {
         "schema": CONTROLLER_SCHEMA,
         "version": VERSION,
@@ -185,7 +195,7 @@ def save_controller(K: Any, path: PathLike) -> None:
         "feedback": "negative: u = K (r - y)",
         "K": encoded_system(K),
     }
-    if K.dt:
+    if K.dt and K.ninputs == K.noutputs == 1:
         content["sections"] = encoded(controller_sections(K))
     written(content, path)
 
@@ -217,40 +227,17 @@ def load_controller(path: PathLike) -> control.StateSpace:
         ...
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
-    content = read(path, CONTROLLER_SCHEMA)
+    _, content = read(path, (CONTROLLER_SCHEMA,))
     try:
-        return state_space("K", decoded_system(content["K"]))
+        return controller("K", decoded_system(content["K"]))
     except (KeyError, TypeError, IndexError) as error:
         raise damaged(CONTROLLER_SCHEMA, path, error) from None
 
 
-def encoded(numbers: Any) -> Any:
-    """Numbers as JSON holds them."""
-    array = np.asarray(numbers)
-    if array.ndim:
-        return [encoded(item) for item in array]
-    if array.dtype.kind == "c":
-        return [encoded(array.real), encoded(array.imag)]
-    number = float(array)
-    return number if np.isfinite(number) else None if np.isnan(number) else ("inf" if number > 0 else "-inf")
-
-
-def decoded(content: Any) -> Any:
-    """The way back, for real numbers: float, or float arrays."""
-    try:
-        if isinstance(content, list):
-            return np.array([decoded(item) for item in content], dtype=float)
-        return np.nan if content is None else float(content)
-    except ValueError:
-        raise ValueError(f"path must hold numbers where its schema has them, got {shown(content)}") from None
-
-
-def encoded_system(system: Any) -> dict[str, Any]:
-    """A state space or an FRF."""
-    dt = None if system.dt is None else float(system.dt)
-    if isinstance(system, control.FrequencyResponseData):
-        return {"kind": "frf", "omega": encoded(system.omega), "G": encoded(system.frdata[0, 0]), "dt": dt}
-    return {"kind": "ss", "dt": dt, **{name: encoded(getattr(system, name)) for name in "ABCD"}}
+def controller(name: str, K: Any) -> control.StateSpace:
+    """Any controller as a state space, of one input and output or of several."""
+    several = np.ndim(K) > 0 or getattr(K, "ninputs", 1) > 1 or getattr(K, "noutputs", 1) > 1
+    return (multivariable if several else state_space)(name, K)
 
 
 def decoded_evidence(content: dict[str, Any]) -> Evidence:
@@ -260,61 +247,7 @@ def decoded_evidence(content: dict[str, Any]) -> Evidence:
     return Evidence(**(parts | {"G": pairs[:, 0] + 1j * pairs[:, 1], "confirmed": float(parts["confirmed"])}))
 
 
-def yes_or_no(name: str, content: Any) -> bool:
-    """A truth value: not whatever else counts as one."""
-    if not isinstance(content, bool):
-        raise ValueError(f"path must hold true or false for {name}, got {shown(content)}")
-    return content
-
-
-def damaged(schema: str, path: PathLike, error: Exception) -> ValueError:
-    """The refusal of a file that says what it is but is not whole."""
-    lacks = f"without {error}" if isinstance(error, KeyError) else "with other things where its numbers and systems are"
-    return ValueError(f"path must hold a whole {schema} file, got {path} {lacks}")
-
-
-def decoded_system(content: dict[str, Any]) -> Any:
-    """The way back; an empty A, B or C takes its shape from the others."""
-    if content["kind"] not in ("ss", "frf"):
-        raise ValueError(f'path must hold systems of the kind "ss" or "frf", got {shown(content["kind"])}')
-    if content["kind"] == "frf":
-        pairs = decoded(content["G"])
-        return control.FrequencyResponseData(pairs[:, 0] + 1j * pairs[:, 1], decoded(content["omega"]), content["dt"])
-    D = np.atleast_2d(decoded(content["D"]))
-    n = len(content["A"])
-    shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n)}
-    A, B, C = (np.reshape(decoded(content[name]), shape) for name, shape in shapes.items())
-    return control.StateSpace(A, B, C, D, content["dt"])
-
-
-def written(content: dict[str, Any], path: PathLike) -> None:
-    """The JSON file, whole or not at all."""
-    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
-
-
-def parsed(path: PathLike) -> Any:
-    """What a JSON file holds, or a refusal."""
-    text = Path(path).read_text(encoding="utf-8", errors="replace")
-    try:
-        return json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"path must be a whole JSON file, got {path}: {error}") from None
-
-
 def holds_model(path: PathLike) -> bool:
     """Whether a JSON file says that it is a model."""
     content = parsed(path)
-    return isinstance(content, dict) and content.get("schema") == MODEL_SCHEMA
-
-
-def read(path: PathLike, schema: str) -> dict[str, Any]:
-    """The content of a JSON file of that schema, or a refusal."""
-    content = parsed(path)
-    if not isinstance(content, dict) or content.get("schema") != schema:
-        found = content.get("schema") if isinstance(content, dict) else type(content).__name__
-        raise ValueError(f"path must hold a {schema} file, got {path} with schema {found!r}")
-    if content.get("version") != VERSION:
-        raise ValueError(
-            f"path must hold version {VERSION} of {schema}, got {path} with version {content.get('version')}"
-        )
-    return content
+    return isinstance(content, dict) and content.get("schema") in (MODEL_SCHEMA, MATRIX_SCHEMA)

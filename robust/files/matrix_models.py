@@ -1,0 +1,58 @@
+"""A `MatrixUncertainty` as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nlfrf.shared.wording import shown
+from robust.files.json_files import VERSION, decoded, decoded_system, encoded, encoded_system, yes_or_no
+from robust.uncertain.matrix_model import MatrixUncertainty
+
+__all__ = ["MATRIX_SCHEMA", "decoded_matrix", "encoded_matrix"]
+
+
+MATRIX_SCHEMA = "robust-matrix-model"
+SIDES, NAMES = ("left", "right"), ("inputs", "outputs")
+TEXTS, NUMBERS = ("form", "perturbation", "extrapolation", "source"), ("confidence", "joint", "joint_bla")
+
+
+def encoded_matrix(model: MatrixUncertainty) -> dict[str, Any]:
+    """A model of several inputs and outputs as JSON holds it."""
+    content: dict[str, Any] = {
+        "schema": MATRIX_SCHEMA,
+        "version": VERSION,
+        "units": {"omega": "rad/s", "dt": "s"},
+        "nominal": encoded_system(model.nominal),
+        "omega": encoded(model.omega),
+        "radius": encoded(model.radius),
+        "simultaneous": model.simultaneous,
+    }
+    content |= {side: [encoded_system(weight) for weight in getattr(model, side)] for side in SIDES}
+    content |= {name: list(getattr(model, name)) for name in NAMES}
+    content |= {name: getattr(model, name) for name in TEXTS}
+    return content | {name: encoded(getattr(model, name)) for name in NUMBERS}
+
+
+def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
+    """The way back."""
+    sides: dict[str, Any] = {side: tuple(decoded_system(one) for one in content[side]) for side in SIDES}
+    names: dict[str, Any] = {name: texts(name, content[name]) for name in NAMES}
+    words: dict[str, Any] = {name: texts(name, [content[name]])[0] for name in TEXTS}
+    numbers: dict[str, Any] = {name: float(decoded(content[name])) for name in NUMBERS}
+    return MatrixUncertainty(
+        nominal=decoded_system(content["nominal"]),
+        omega=decoded(content["omega"]),
+        radius=decoded(content["radius"]),
+        simultaneous=yes_or_no("simultaneous", content["simultaneous"]),
+        **sides,
+        **names,
+        **words,
+        **numbers,
+    )
+
+
+def texts(name: str, content: Any) -> tuple[str, ...]:
+    """Texts, and nothing else."""
+    if not isinstance(content, list) or not all(isinstance(one, str) for one in content):
+        raise ValueError(f"path must hold text for {name}, got {shown(content)}")
+    return tuple(content)
