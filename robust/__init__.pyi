@@ -28,7 +28,6 @@ from .files.models import save_controller as save_controller
 from .files.models import save_model as save_model
 from .files.pid_gains import PidGains as PidGains
 from .files.pid_gains import pid_gains as pid_gains
-from .files.report_page import write_report as write_report
 
 # Fixed structure: controllers straight from the FRF
 from .fixed_structure.design_frf import design_frf as design_frf
@@ -81,8 +80,13 @@ from .mu.upper import mu_upper as mu_upper
 
 # Performance: a loop in the numbers of a commissioning
 from .performance.classical import ClassicalMargins as ClassicalMargins
+from .performance.loop_gains import LoopGains as LoopGains
+from .performance.loop_gains import loop_gains as loop_gains
 from .performance.steps import StepResponse as StepResponse
 from .performance.steps import step_response as step_response
+
+# Reports: a whole run in one file
+from .reports.page import write_report as write_report
 
 # Shaping page: a loop shaped live
 from .shaping_page.page import write_shaping_page as write_shaping_page

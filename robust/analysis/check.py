@@ -126,7 +126,7 @@ def check(
                 f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top"
             )
         found = check_structure(model.loop(K, w_P=w_P), certify=certify)
-        return replace(found, probability=probability_of(model))
+        return replace(found, probability=probability_of(model), band=model.omega[[0, -1]])
     if isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):

@@ -63,6 +63,8 @@ class StructuredReport:
         In words.
     probability : str
         With which probability a `MatrixUncertainty` holds another set of experiments; empty where none is claimed.
+    band : (2,) ndarray or None
+        Lowest and highest measured frequency [rad/s] of a `MatrixUncertainty`.
 
     References
     ----------
@@ -96,6 +98,7 @@ class StructuredReport:
     proved: str
     not_proved: str
     probability: str = ""
+    band: Any = None
 
     def __str__(self) -> str:
         lines = paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else ""))

@@ -2,6 +2,7 @@
 
     models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds
+    matrices pictures of several inputs and outputs: the set, its weights, the loop
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of what friction does to a loop
     band     the measured band in white, what was not measured in grey; how far the axis goes
@@ -12,6 +13,7 @@ The pictures are handed on from here: `from robust.plot import plot_check`.
 
 from robust.plot.friction import plot_quasi_linear
 from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_step
+from robust.plot.matrices import plot_matrix_loop, plot_matrix_set, plot_matrix_weights
 from robust.plot.models import plot_bode, plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
 
 __all__ = [
@@ -22,6 +24,9 @@ __all__ = [
     "plot_family",
     "plot_fit",
     "plot_loop",
+    "plot_matrix_loop",
+    "plot_matrix_set",
+    "plot_matrix_weights",
     "plot_nominal",
     "plot_nyquist",
     "plot_orders",

@@ -8,11 +8,13 @@ import numpy as np
 
 from nlfrf.shared.axes import axes, db, finished
 from nlfrf.shared.wording import in_unit
+from robust.analysis.check_structure import StructuredReport
 from robust.analysis.family import LoopFamily
 from robust.analysis.report import RobustnessReport
 from robust.performance.steps import StepResponse
 from robust.plot.band import mark_band, show_all_of
 from robust.plot.colours import COLOR, hz
+from robust.plot.matrices import draw_mu
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
@@ -55,12 +57,19 @@ def frame(ax: Any, report: Any, *happens: float) -> None:
     mark_band(ax, band, happens=[hz(w) for w in happens], top=top)
 
 
-def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
+def plot_check(report: RobustnessReport | StructuredReport, *, ax: Axes | None = None) -> Axes:
     """Robust stability, nominal and robust performance over frequency, all to stay below one.
 
-    Arguments as in `plot_loop`.
+    Parameters
+    ----------
+    report : RobustnessReport or StructuredReport
+        Of one uncertainty, or of several and of matrices: then bounds of mu.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
     """
     ax = axes(ax)
+    if isinstance(report, StructuredReport):
+        return draw_mu(ax, report)
     f = hz(report.omega)
     curves = (
         (report.rs, "robust stability", COLOR["limit"], "-"),

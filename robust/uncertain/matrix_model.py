@@ -29,7 +29,7 @@ from nlfrf import Frm
 from nlfrf.shared.arguments import one_of, real_array
 from nlfrf.shared.values import value
 from robust.systems.lft import joined, lower
-from robust.systems.lti import timebase
+from robust.systems.lti import along, timebase
 from robust.systems.realisation import multivariable
 from robust.systems.stability import stable
 from robust.uncertain.forms import ADDITIVE, ELEMENTS, INPUT, MATRIX_FORMS, PERTURBATIONS
@@ -176,6 +176,16 @@ class MatrixUncertainty:
             deviation = np.linalg.solve(nominal, deviation)
         scaled = deviation / left.T[:, :, None] / right.T[:, None, :]
         return np.linalg.norm(scaled, ord=2, axis=(-2, -1))
+
+    def reach(self, omega: np.ndarray) -> np.ndarray:
+        """(n_y, n_u, W) how far the set lets each entry of the plant go from that of the nominal, exactly."""
+        right = np.array([np.abs(gain_of(weight, omega)) for weight in self.right])
+        if self.form == ELEMENTS:
+            return np.swapaxes(right.reshape(self.n_inputs, self.n_outputs, -1), 0, 1)
+        left = np.array([np.abs(gain_of(weight, omega)) for weight in self.left])
+        if self.form == INPUT:  # row j of G W_l Delta W_r
+            left = np.sqrt(np.einsum("jkw,kw->jw", np.abs(along(self.nominal, omega)) ** 2, left**2))
+        return left[:, None] * right
 
     def open_loop(self) -> control.StateSpace:
         """From (what Delta drives, u) to (what Delta reads, y)."""

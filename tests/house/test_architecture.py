@@ -44,8 +44,8 @@ ARROWS = {
     "robust.plot": "validation loopshaping friction_motion analysis performance uncertain modelling systems",
     "robust.loopshaping": "uncertain systems",
     "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
-    "robust.files": "plot validation friction_proof friction_verification sliding analysis performance uncertain "
-    "modelling verification systems",
+    "robust.files": "friction_proof friction_verification sliding analysis uncertain verification systems",
+    "robust.reports": "files plot validation friction_proof analysis performance uncertain modelling systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
 FACES = {
@@ -55,14 +55,14 @@ FACES = {
 #: Where a heavy package may be imported at all: rooms, or whole wings.
 HEAVY = {
     "matplotlib": "nlfrf.plot robust.plot nlfrf.shared.axes nlfrf.studies.figures "
-    "robust.files.report_parts nlfrf.cli robust.cli",
+    "robust.reports.parts nlfrf.cli robust.cli",
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
     "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels nlfrf.axes.step_kernels "
     "nlfrf.axes.run_kernels",
     "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
     "robust.friction_proof.bristle_multipliers robust.friction_proof.linear_uncertainty",
-    "jinja2": "robust.files.report_page",
+    "jinja2": "robust.reports.page",
     "flint": "robust.verification robust.friction_verification",
     "anywidget": "robust.shaping_page.widget",
     "traitlets": "robust.shaping_page.widget",

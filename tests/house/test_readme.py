@@ -9,7 +9,7 @@ import pytest
 
 import nlfrf.cli
 import robust.cli
-from robust.files import report_parts
+from robust.reports import parts as report_parts
 
 matplotlib.use("Agg")
 ROOT = Path(__file__).parents[2]

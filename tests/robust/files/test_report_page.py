@@ -26,7 +26,8 @@ from robust import (
     uncertainty,
     write_report,
 )
-from robust.files import report_parts, report_sections
+from robust.reports import parts as report_parts
+from robust.reports import sections as report_sections
 from tests.support.browser import browser
 
 SECTIONS = ["verdict", "record", "bla", "opinion", "nominal", "set", "loop", "check", "worst", "settings"]

@@ -16,7 +16,7 @@ from robust import (
     worst_case,
     write_report,
 )
-from robust.files.report_words import roots_text
+from robust.reports.words import roots_text
 
 PLANT = control.tf([1], [1, 1])
 MODEL = UncertaintyModel(

@@ -27,7 +27,7 @@ from robust import (
     worst_case,
     write_report,
 )
-from robust.files import report_parts
+from robust.reports import parts as report_parts
 from robust.systems.lti import poles, response, timebase, zeros
 from tests.support.bla import make_bla
 

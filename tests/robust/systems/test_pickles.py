@@ -65,6 +65,7 @@ def values_of_robust():
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u + 0.1 * u**3, fs=256, lines=ms.lines))
     yield robust.validate(frm, frm)
+    yield robust.loop_gains(two_by_two, np.eye(2))
     yield from (several, robust.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))
     yield from (BLA, FIT, MODEL, K, block, system, robust.check_structure(system))
     yield from (robust.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))

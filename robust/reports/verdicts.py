@@ -6,8 +6,8 @@ import numpy as np
 
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
-from robust.files.report_parts import Section
 from robust.friction_proof.proof import FrictionProof
+from robust.reports.parts import Section
 
 __all__ = ["both_verdicts", "friction_section", "in_short"]
 

@@ -8,10 +8,10 @@ import nlfrf
 from nlfrf import Bla, Record
 from nlfrf.shared.wording import counted
 from robust.analysis.verdict import probability_of
-from robust.files import report_parts as parts
-from robust.files.report_parts import Section, rows_of
-from robust.files.report_words import roots_text, system_text
 from robust.modelling.nominal import NominalFit
+from robust.reports import parts
+from robust.reports.parts import Section, rows_of
+from robust.reports.words import roots_text, system_text
 from robust.systems.lti import poles, timebase, zeros
 from robust.uncertain.model import UncertaintyModel
 from robust.validation.records import Validation, validate

@@ -22,11 +22,11 @@ from nlfrf.shared.wording import shown
 from robust.analysis.check import check
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
-from robust.files.report_data import bla_section, excitation_section, nominal_section, opinion_section, set_section
-from robust.files.report_sections import check_section, loop_section, settings_section, verdict_section, worst_section
-from robust.files.report_verdicts import friction_section, in_short
 from robust.friction_proof.proof import FrictionProof
 from robust.modelling.nominal import NominalFit
+from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
+from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_section
+from robust.reports.verdicts import friction_section, in_short
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
@@ -150,7 +150,7 @@ def page(**content: Any) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = files("robust.files").joinpath("report_page.html.jinja").read_text(encoding="utf-8")
+    template = files("robust.reports").joinpath("page.html.jinja").read_text(encoding="utf-8")
     written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
     return environment.from_string(template).render(**content, meaning=VERDICTS, written=written)
 

@@ -15,12 +15,12 @@ from robust.analysis.family import sample_loops
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import factor
 from robust.analysis.worst_case import worst_case
-from robust.files import report_parts as parts
 from robust.files.biquads import controller_sections
 from robust.files.pid_gains import told_gains
-from robust.files.report_parts import Section
-from robust.files.report_words import demand_text, roots_text, system_text
 from robust.performance.steps import step_response
+from robust.reports import parts
+from robust.reports.parts import Section
+from robust.reports.words import demand_text, roots_text, system_text
 from robust.systems.lti import poles, timebase, zeros
 from robust.uncertain.model import UncertaintyModel
 

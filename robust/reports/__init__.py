@@ -1,0 +1,9 @@
+"""The whole run in one HTML file to hand over: what was measured, modelled, designed and proved.
+
+page      the file: its sections in order, of one input and output or of several
+sections  sections on the controller: verdict, loop, check, worst case, settings
+data      sections on what was measured and modelled
+verdicts  both verdicts side by side: of a check, of a proof for a class of friction
+parts     what a section is made of: tables, pictures inside the page
+words     a system, its roots, a demand in words
+"""
