@@ -9,6 +9,7 @@ frm              `Frm`: the matrix, its covariances, its bounds
 gains            singular values and relative gains of a measured matrix, with their bounds
 channels         spectra of every channel, and their scatter over periods
 matrix_frf       the matrix, what its estimation makes of a residual, the residuals themselves
+zippered         the same where each line drives one input: columns fitted between their own lines
 matrix_level     the covariance of one experiment's distortion, from detection lines or from roughness
 counts           what two inputs together send to detection and to excited lines, exactly
 local_matrix     the matrix fitted over its neighbouring lines, with one denominator for all entries

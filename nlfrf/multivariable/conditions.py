@@ -15,6 +15,7 @@ __all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zip
 
 LOOSE, LOST = 10.0, 1e6  # condition of the inputs: warned of, refused
 COPIED = 0.9  # |mean over lines of exp(j difference)|: 1 for copies, about F^-1/2 for independent phases
+NOISY = 0.3  # power of the noise on an input over its own: bounds hold up to there, at 1 G is off by a third
 LOUD = 1.3  # covariance of one experiment over the mean of all, above which the law of the matrix is off
 ROUNDING = 1e-12  # of |Y|: scatter below it is none
 APART = 0.03  # amplitude beside that of the owner below which a line counts as zippered
@@ -39,9 +40,9 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
         if record.r is not None:
             raise ValueError("r must be left out for a zippered record, which is for open loop, got references")
         data_warning(
-            "each line drives one input (zippered): every column was interpolated between its own lines, and where a "
-            "resonance is no wider than their distance the bound covers less than it says (86 % instead of 95 % was "
-            "measured there, in noise alone); an orthogonal set has no such gap"
+            "each line drives one input (zippered): every column was fitted between its own lines, with poles that all "
+            "entries share; how their scatter reaches it is in the bound, what a local model of two poles cannot "
+            "follow is not"
         )
         return
     refuse_silent(record, spectra)
@@ -50,6 +51,7 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
             f"record must hold n_inputs = {n_u} experiments a set, or a whole number of sets, got {M}. "
             "A zippered multisine needs one experiment only."
         )
+    warn_of_noisy_inputs(record, spectra)
     if warned_of_condition(spectra):  # inputs that are nearly the same have the same phases, too
         return
     Z = known_inputs(spectra)
@@ -133,6 +135,21 @@ def calibrated(grid: LineGrid, n_detection: int) -> bool:
     near = nearest_places(grid, "odd", n_detection)
     ratio = variance_ratio(np.ones((1, grid.excited.size)), grid.excited, grid.odd, near)
     return bool(np.mean(ratio <= LARGEST) >= 0.95)
+
+
+def warn_of_noisy_inputs(record: MultiRecord, spectra: ChannelSpectra) -> None:
+    """Warn of inputs that are lost in their noise on some lines, where no references over several sets average it."""
+    at = spectra.excited
+    power = np.sum(np.abs(spectra.U[..., at]) ** 2, axis=1)
+    noise = np.sum(np.abs(spectra.dU[..., at]) ** 2, axis=(1, 2)) / np.maximum(power, np.finfo(float).tiny)
+    lost = noise > NOISY
+    if (spectra.R is None or record.n_experiments == record.n_inputs) and lost.any():
+        i, k = np.unravel_index(int(noise.argmax()), noise.shape)
+        data_warning(
+            f"{record.inputs[i]} is lost in its noise on {lost.any(axis=0).sum()} of {at.size} lines, worst at line "
+            f"{spectra.lines[at[k]]}, where it scatters by {100 * np.sqrt(noise[i, k]):.0f} % of its size: G reads too "
+            "low there. Record more periods, or several sets with what was played as references r"
+        )
 
 
 def warn_of_loud(spectra: ChannelSpectra, cov_total: np.ndarray) -> None:

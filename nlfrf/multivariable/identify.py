@@ -19,8 +19,9 @@ from nlfrf.multivariable.conditions import (
 )
 from nlfrf.multivariable.frm import Frm, positive_part
 from nlfrf.multivariable.local_matrix import LEAST, fit_matrix
-from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf, zippered_frf
+from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf
 from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
+from nlfrf.multivariable.zippered import spread_between, zippered_frf
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import data_warning, integer, one_of
@@ -116,9 +117,14 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     spectra, treatment = channel_spectra(record, transient)
     check_experiments(record, spectra)
     zippered = is_zippered(spectra)
-    frf = zippered_frf(spectra) if zippered else matrix_frf(spectra)
+    frf, between = zippered_frf(spectra) if zippered else (matrix_frf(spectra), None)
     R, per_set = len(frf.each), 1 if zippered else record.n_inputs
     source = choose_source(level_from, record, n_detection, R)
+    if zippered and source == "roughness":
+        raise ValueError(
+            "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, "
+            f"got a {grid.kind} grid: between its own lines a column is fitted, and says nothing of its roughness"
+        )
     smooth = frf.G if grid.excited.size < LEAST or R >= ENOUGH else fit_matrix(frf.G, grid).G
     part = linear_part(spectra, smooth)
     independent = independent_experiments(spectra)
@@ -134,6 +140,9 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     warn_of_loud(spectra, total)
     dof = level.dof + per_set * (R - 1)
     pooled = level.cov if R == 1 else (per_set * (R - 1) * total + level.dof * level.cov) / dof
+    gamma = frf.gamma
+    if between is not None:
+        gamma, pooled = spread_between(between, gamma, pooled)
     return Frm(
         f=grid.excited * record.f0,
         G=frf.G,
@@ -149,7 +158,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         n_periods=record.n_periods - (treatment == "discard"),
         transient=treatment,
         level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
-        gamma=frf.gamma,
+        gamma=gamma,
         cov_noise=frf.cov_noise,
         cov_total=total,
         cov_distortion=positive_part(total - np.nan_to_num(frf.cov_noise)),

@@ -15,7 +15,7 @@ from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.multivariable.channels import nearest_lines
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "LocalMatrix", "fit_matrix", "fit_matrix_at", "interpolate_matrix", "leverage"]
+__all__ = ["EARNED", "LEAST", "ORDER", "POOLED", "WIDTH", "LocalMatrix", "fit_matrix", "interpolate_matrix"]
 
 
 ORDER = 2
@@ -57,17 +57,13 @@ class LocalMatrix:
 
 def fit_matrix(G: np.ndarray, grid: LineGrid) -> LocalMatrix:
     """Fit (n_y, n_u, F) on each of the excited lines of a grid over the nine around it."""
-    return fit_matrix_at(G, grid.excited, grid.excited)
-
-
-def fit_matrix_at(G: np.ndarray, lines: np.ndarray, at: np.ndarray) -> LocalMatrix:
-    """Fit (n_y, n_u, .) known on some lines at others, over the nine known lines nearest to each."""
-    n_y, n_u, F = *G.shape[:2], at.size
+    lines = grid.excited
+    n_y, n_u, F = G.shape
     if lines.size < LEAST:
         raise ValueError(f"lines must hold at least {LEAST} excited lines for a local fit, got {lines.size}")
-    window = nearest_lines(at, lines, WIDTH)
+    window = nearest_lines(lines, lines, WIDTH)
     n = window.shape[1]
-    r = (lines[window] - at[:, None]).astype(float)
+    r = (lines[window] - lines[:, None]).astype(float)
     r /= np.abs(r).max(axis=1, keepdims=True)
     Q, T = np.linalg.qr(r[..., None] ** np.arange(ORDER + 1))  # (F, n, 3)
     at_zero = Q @ np.linalg.solve(np.swapaxes(T, 1, 2), np.eye(ORDER + 1)[0][:, None])  # row of the fit at r = 0
@@ -103,27 +99,6 @@ def fit_matrix_at(G: np.ndarray, lines: np.ndarray, at: np.ndarray) -> LocalMatr
     return LocalMatrix(
         G=np.moveaxis(value_at_zero.reshape(F, n_y, n_u), 0, 2), residual=E, window=window, dof=dof, a=kept, r=r
     )
-
-
-def leverage(G: np.ndarray, fit: LocalMatrix) -> np.ndarray:
-    """(F,) variance of the fitted value over that of one line, the largest over the rows of a column G (n_y, 1, .).
-
-    To first order, of B0 in (1 + a1 r + a2 r^2) G = B0 + B1 r + B2 r^2, the errors of G weighted by the denominator.
-    """
-    r, n_y = fit.r, len(G)
-    F, n = r.shape
-    near = np.moveaxis(G[:, 0][:, fit.window], 1, 0)  # (F, n_y, n)
-    size = np.sqrt(np.mean(np.abs(near) ** 2, axis=2, keepdims=True)) + np.finfo(float).tiny
-    powers = r[..., None] ** np.arange(ORDER + 1)
-    A = np.zeros((F, n_y * n, n_y * (ORDER + 1) + 2), dtype=complex)
-    for j in range(n_y):
-        A[:, j * n : (j + 1) * n, j * (ORDER + 1) : (j + 1) * (ORDER + 1)] = powers
-    A[:, :, -2] = (-r[:, None] * near / size).reshape(F, -1)
-    A[:, :, -1] = (-(r[:, None] ** 2) * near / size).reshape(F, -1)
-    A[~fit.a.any(axis=1), :, -2:] = 0.0
-    weight = np.tile(np.abs(1 + r * fit.a[:, :1] + r**2 * fit.a[:, 1:]), (1, n_y))
-    rows = np.linalg.pinv(A, rcond=1e-10)[:, : n_y * (ORDER + 1) : ORDER + 1] * weight[:, None]
-    return np.sum(np.abs(rows) ** 2, axis=2).max(axis=1)
 
 
 def interpolate_matrix(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:

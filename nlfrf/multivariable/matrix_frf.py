@@ -14,10 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.multivariable.channels import ChannelSpectra
-from nlfrf.multivariable.local_matrix import fit_matrix_at, leverage
 from nlfrf.shared.values import value
 
-__all__ = ["MatrixFrf", "hermitian_mean", "matrix_frf", "zippered_frf"]
+__all__ = ["MatrixFrf", "adjoint", "hermitian_mean", "lines_last", "matrix_frf", "noise_covariance"]
 
 
 @value(copy=False)
@@ -77,48 +76,6 @@ def matrix_frf(spectra: ChannelSpectra) -> MatrixFrf:
         gamma_each=lines_last(gamma_each),
         cov_noise=lines_last(noise_covariance(spectra, own)),
         cov_scatter=lines_last(scatter),
-    )
-
-
-def zippered_frf(spectra: ChannelSpectra) -> MatrixFrf:
-    """The matrix from experiments in which each line drives one input, in open loop.
-
-    A column is known on its own lines; on the others it is read off a local rational fit with one denominator for all
-    its entries, and its variance is that of its own lines times the leverage of the fit, at least one. The scatter over
-    experiments is that of the column that a line drives.
-    """
-    at, lines = spectra.excited, spectra.lines[spectra.excited]
-    U, Y = spectra.U[..., at], spectra.Y[..., at]
-    (n_u, M, F), n_y = U.shape, len(Y)
-    size = np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
-    owner = size.argmax(axis=0)
-    each = np.empty((M, n_y, n_u, F), dtype=complex)
-    gamma = np.zeros((n_u, n_u, F), dtype=complex)
-    for i in range(n_u):
-        own = np.flatnonzero(owner == i)
-        other = np.flatnonzero(owner != i)
-        gamma[i, i] = np.interp(lines, lines[own], 1 / size[i, own] ** 2)
-        for m in range(M):
-            column = (Y[:, m, own] / U[i, m, own])[:, None]
-            each[m][:, i, own] = column[:, 0]
-            fit = fit_matrix_at(column, lines[own], lines[other])
-            each[m][:, i, other] = fit.G[:, 0]
-            if m == 0:
-                gamma[i, i, other] *= np.maximum(leverage(column, fit), 1.0)
-    G = each.mean(axis=0)
-    scatter = np.full((n_y, n_y, F), np.nan, dtype=complex)
-    if M > 1:
-        k = np.arange(F)
-        V = (each - G)[:, :, owner, k] * size[owner, k]
-        scatter = np.einsum("mjf,mlf->jlf", V, V.conj()) / (M - 1)
-    own_of = np.broadcast_to(np.moveaxis(G, 2, 0), (M, F, n_y, n_u))
-    return MatrixFrf(
-        G=G,
-        each=each,
-        gamma=gamma / M,
-        gamma_each=np.broadcast_to(gamma, (M, *gamma.shape)),
-        cov_noise=lines_last(noise_covariance(spectra, own_of)),
-        cov_scatter=scatter,
     )
 
 

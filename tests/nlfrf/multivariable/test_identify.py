@@ -289,3 +289,59 @@ def test_a_mixing_from_a_first_matrix_finds_the_weak_direction():
     assert 0.6 < np.sqrt(np.mean(plain**2)) < 1.0
     assert 0.005 < np.sqrt(np.mean(mixed**2)) < 0.01
     assert 70 < np.sqrt(np.mean(plain**2) / np.mean(mixed**2)) < 140
+
+
+def test_a_zippered_matrix_holds_near_a_resonance_no_wider_than_the_distance_of_its_lines():
+    """Noise of 40 and 20 dB on two coupled modes, 28.9 and 49.8 Hz, 1.2 and 1.5 Hz wide; own lines 1.3 Hz apart."""
+    fs, n, mix = 1024.0, 4096, np.array([[1.0, 0.15], [-0.1, 1.0]])
+    modes = np.array([28.9, 49.8])
+    ms = nlfrf.multisine("random-odd", fs=fs, n_samples=n, f_min=2.25, f_max=100, n_inputs=2, design="zippered", rng=1)
+    s, w = 1j * ms.f, modes[:, None]
+    G = np.einsum("ja,ak,ia->jik", mix, 1 / (s**2 + 0.04 * w * s + w**2), np.array([[1.0, 0.3], [-0.2, 1.0]]))
+    spectrum = np.zeros((2, 1, n // 2 + 1), dtype=complex)
+    spectrum[..., ms.lines.excited] = np.einsum("jik,iek->jek", G, ms.spectrum) * n / 2
+    y = np.repeat(np.fft.irfft(spectrum, n)[:, :, None], 2, axis=2)
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    near = np.abs(ms.f[:, None] - modes).min(axis=1) < 3
+    for level in (0.01, 0.1):
+        noise = level * y.std(axis=(1, 2, 3), keepdims=True)
+        entries, matrices = [], []
+        for e in range(30):
+            there = y + noise * np.random.default_rng(e).standard_normal(y.shape)
+            with pytest.warns(nlfrf.DataWarning, match="each line drives one input"):
+                frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=there, fs=fs, lines=ms.lines), transient="none")
+            left, right = (np.moveaxis(side, 2, 0) for side in frm.block())
+            d = frm.G - G
+            Z = np.linalg.solve(left, np.moveaxis(d, 2, 0)) @ np.linalg.inv(right)
+            entries.append((np.abs(d) < frm.bound())[..., near].mean())
+            matrices.append((np.linalg.norm(Z, 2, (1, 2)) < 1)[near].mean())
+        assert 0.92 < np.mean(entries) < 0.995
+        assert 0.92 < np.mean(matrices) <= 1
+
+
+def test_a_zippered_record_without_detection_lines_is_refused():
+    ms = nlfrf.multisine("full", **BAND, n_inputs=2, design="zippered", rng=15)
+    with (
+        pytest.warns(nlfrf.DataWarning),
+        pytest.raises(ValueError, match="lines must hold detection lines that calibrate for a zippered record"),
+    ):
+        nlfrf.identify(linear(ms, noise=0.01))
+
+
+def test_an_input_lost_in_its_noise_asks_for_references():
+    ms = nlfrf.multisine(**BAND, n_inputs=2, n_realizations=6, rng=16)
+    clean = linear(ms, noise=0.001)
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal(clean.u.shape) * np.sqrt((ms.amplitude[0] ** 2).mean() * 256)
+    bias = {}
+    for name, more in (("without", {}), ("with", {"r": clean.u})):
+        record = nlfrf.MultiRecord(u=clean.u + noise, y=clean.y, fs=512, lines=ms.lines, **more)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            bias[name] = np.abs((nlfrf.identify(record, transient="none").G - G0[:, :2, None]).mean(axis=2)).max()
+        assert any("is lost in its noise on" in str(one.message) for one in said) == (name == "without")
+    assert bias["with"] < 0.3 * bias["without"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        quiet = nlfrf.MultiRecord(u=clean.u + 0.3 * noise, y=clean.y, fs=512, lines=ms.lines)
+        nlfrf.identify(quiet, transient="none")
