@@ -75,7 +75,10 @@ def band(level: np.ndarray) -> tuple[int, int]:
 
 def edge(level: np.ndarray) -> int:
     """How many lines belong to the stretch that the first one begins: up to a fall after which the level jumps."""
-    for k in range(1, level.size):
+    highest = np.full(level.size, -np.inf)  # of the lines before each
+    for back in range(1, min(END, level.size - 1) + 1):
+        np.maximum(highest[back:], level[:-back], out=highest[back:])
+    for k in (np.flatnonzero(level[1:] <= highest[1:] - BELOW) + 1).tolist():
         before, after = level[max(0, k - END) : k], level[k : k + END]
         if max(level[k], float(np.median(after))) > np.median(before) - BELOW:
             continue

@@ -32,6 +32,7 @@ from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_set, on_unstable, probability_of
 from robust.certificates.solver import SOLVERS
+from robust.systems.grids import reaching
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.measured import warn_of_unknown_hold
 from robust.uncertain.model import UncertaintyModel
@@ -141,10 +142,11 @@ def check(
     wrong = nominal_instability(loop)
     if wrong:
         return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, wrong), stable=False, **of)
-    peaks = find_peaks(loop, omega, (float(model.omega[0]), float(model.omega[-1])))
+    curves = loop.curves(reaching(omega, loop.top))
+    peaks = find_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
-    omega = np.unique(np.concatenate([omega, places[(places > omega[0]) & (places < omega[-1])]]))
-    curves = loop.curves(omega)
+    curves = curves.joined(loop.curves(places[~np.isnan(places)])).between(omega[0], omega[-1])
+    omega = curves.omega
     proofs = prove_set(loop, omega, peaks.rs[0], claim=claim, certify=certify, solver=solver)
     return fill_report(
         curves,

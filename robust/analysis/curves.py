@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,6 +84,27 @@ class Curves:
     def growth(self) -> np.ndarray:
         """(W,) factor by which the uncertainty may grow until |w_P| max |S_p| = 1."""
         return FORMS[self.form].grown(self.w, factor_allowed(np.abs(self.w_P) * np.abs(self.S), self.a, self.b))
+
+    @property
+    def limit(self) -> np.ndarray:
+        """(W,) one over `growth`."""
+        return 1 / self.growth
+
+    def joined(self, others: Curves) -> Curves:
+        """These and others of the same loop, by frequency."""
+        omega, at = np.unique(np.concatenate([self.omega, others.omega]), return_index=True)
+        return self.each(lambda name: np.concatenate([getattr(self, name), getattr(others, name)])[at], omega)
+
+    def between(self, low: float, high: float) -> Curves:
+        """Those at the frequencies from low to high [rad/s]."""
+        at = (self.omega >= low) & (self.omega <= high)
+        return self.each(lambda name: getattr(self, name)[at], self.omega[at])
+
+    def each(self, part: Callable[[str], np.ndarray], omega: np.ndarray) -> Curves:
+        """Curves at other frequencies, from what `part` gives by the name of each response."""
+        names = ("G", "K", "w", "w_P", "S", "a", "b", "W")
+        of: dict[str, Any] = {name: part(name) for name in names if getattr(self, name) is not None}
+        return replace(self, omega=omega, **of)
 
 
 #: A largest value and its frequency [rad/s].

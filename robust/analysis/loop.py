@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import control
@@ -15,8 +17,8 @@ from robust.certificates.intervals import Magnitude, magnitude
 from robust.certificates.stability import LARGEST_EXACT, beside_boundary
 from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series, inverse
-from robust.systems.grids import highest, loop_grid
-from robust.systems.lti import constant, response, timebase
+from robust.systems.grids import climb, highest, loop_grid
+from robust.systems.lti import constant, responder, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import certain_poles, moved_out
@@ -100,19 +102,36 @@ class Loop:
         """A closed-loop transfer function of the nominal loop."""
         return control.StateSpace(*closed_loop(self.G, self.K, outputs, inputs), self.dt)
 
+    @cached_property
+    def responses(self) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+        """The responses of its parts, each made ready once."""
+        parts = {"G": self.short, "K": self.K, "w": self.weight, "w_P": self.w_P, "W": self.shaping}
+        return {name: responder(part) for name, part in parts.items() if part is not None}
+
+    @cached_property
+    def nominal(self) -> control.StateSpace:
+        """The closed loop from r to e, by whose poles it is judged."""
+        return self.closed(("e",), ("r",))
+
+    @cached_property
+    def poles(self) -> tuple[np.ndarray, np.ndarray]:
+        """The poles of the nominal loop, hidden modes included, and how far rounding may have moved each."""
+        return certain_poles(self.nominal)
+
     def plant(self, omega: np.ndarray) -> np.ndarray:
         """(W,) response of G."""
-        G = response(self.short, omega)
+        G = self.responses["G"](omega)
         with np.errstate(invalid="ignore"):  # infinite at a pole on the axis, whatever the phase
             return np.where(np.isinf(G), np.inf, G * np.exp(-1j * omega * self.shift))
 
     def curves(self, omega: Any) -> Curves:
         """What the loop does at the frequencies omega [rad/s], from the responses of its parts."""
         omega = np.atleast_1d(omega)
-        w_P = None if self.w_P is None else response(self.w_P, omega)
-        G, K, w = self.plant(omega), response(self.K, omega), response(self.weight, omega)
+        of = self.responses
+        w_P = None if self.w_P is None else of["w_P"](omega)
+        G, K, w = self.plant(omega), of["K"](omega), of["w"](omega)
         # the set is one about the plant without its delay, which stands with the controller
-        W = response(self.shaping, omega) * np.exp(1j * omega * self.shift)
+        W = of["W"](omega) * np.exp(1j * omega * self.shift) if FORMS[self.form].scaled else None
         return loop_curves(self.form, omega, G, K, w, w_P, W)
 
     def folded(self, omega: np.ndarray) -> np.ndarray:
@@ -122,14 +141,15 @@ class Loop:
         disc; the sampled plant fills the sum of the discs.
         """
         form = FORMS[self.form]
-        G, T, total = self.unsampled, self.dt, np.zeros(omega.size)
-        if self.weight.D[0, 0] != 0 and (not form.through or G.D[0, 0] != 0):
+        T, total = self.dt, np.zeros(omega.size)
+        if self.weight.D[0, 0] != 0 and (not form.through or self.unsampled.D[0, 0] != 0):
             return np.full(omega.size, np.inf)  # what does not roll off, over all aliases
+        plant, weight = responder(self.unsampled), self.responses["w"]
         for k in range(1, N_ALIASES + 1):
             before = total.copy()
             for alias in (2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega):
                 hold = np.abs(2 * np.sin(omega * T / 2) / (alias * T))
-                size, w = np.abs(response(G, alias)), np.abs(response(self.weight, alias))
+                size, w = np.abs(plant(alias)), np.abs(weight(alias))
                 w = relative(self.form, w, size)
                 if form.inverse:
                     total += np.where(w < 1, size * hold * w / np.maximum(1 - w, 1e-12), np.inf)
@@ -142,9 +162,8 @@ class Loop:
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
-        A = closed_loop(self.G, self.K, ("e",), ("r",))[0]
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
-        return loop_grid(lines, np.linalg.eigvals(A) if A.size else np.zeros(0, complex), parts, self.dt, self.shift)
+        return loop_grid(lines, self.poles[0], parts, self.dt, self.shift)
 
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
         """Largest value of a curve of this loop and where (`systems.grids.highest`)."""
@@ -210,8 +229,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
     K = control.StateSpace(K.A, K.B, K.C, K.D, dt)
     if w_P is not None:
         w_P = stable_weight("w_P", w_P, dt)
-    closed_loop(G, K, ("e",), ("r",))  # refuses a loop without a solution
-    return Loop(
+    loop = Loop(
         G=G,
         K=K,
         dt=dt,
@@ -226,6 +244,8 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         given=model.nominal,
         delay=delay,
     )
+    _ = loop.nominal  # refuses a loop without a solution
+    return loop
 
 
 def nominal_instability(loop: Loop) -> str:
@@ -234,7 +254,7 @@ def nominal_instability(loop: Loop) -> str:
     Floating point decides far from the boundary, exact arithmetic beside it, unless the loop is too large.
     """
     said = apparently(loop)
-    if not beside_boundary(loop.closed(("e",), ("r",))):
+    if not beside_boundary(loop.nominal, loop.poles):
         return said
     if loop.given.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > LARGEST_EXACT:
         return said
@@ -253,7 +273,7 @@ def apparently(loop: Loop) -> str:
     A delay in a continuous loop is taken as it is, not by its approximation.
     """
     waiting = loop.pade_delay > 0
-    poles, moved = certain_poles((loop.with_plant(loop.short) if waiting else loop).closed(("e",), ("r",)))
+    poles, moved = (loop.with_plant(loop.short) if waiting else loop).poles
     excess = np.abs(poles) - 1 if loop.dt else poles.real
     unstable = excess > moved
     if unstable.any() and not waiting:
@@ -278,24 +298,25 @@ def weighted(loop: Loop) -> control.StateSpace:
     return in_series(loop.shaped().closed(out, into), for_all, dt=loop.dt)
 
 
-def find_peaks(loop: Loop, omega: np.ndarray, band: tuple[float, float]) -> Peaks:
-    """The largest values of the curves over all frequencies: from the grid omega, refined."""
-    return Peaks(
-        rs=loop.peak(lambda points: loop.curves(points).rs, omega, band),
-        margin_rp=performance_margin(loop, omega, band),
-        half_disk=loop.peak(lambda points: loop.curves(points).half_disk, omega, band),
-    )
+def find_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> Peaks:
+    """The largest values of the curves over all frequencies: from those on a grid, refined."""
+    names = ["rs", "half_disk", *([] if loop.w_P is None else ["np_"])]
 
+    def stacked(of: Curves, names: list[str]) -> np.ndarray:
+        return np.array([getattr(of, name) for name in names])
 
-def performance_margin(loop: Loop, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
-    """Largest factor on the uncertainty with |w_P| max |S_p| <= 1, and where it is limited."""
-    if loop.w_P is None:
-        return np.nan, np.nan
-    peak, where = loop.peak(lambda points: loop.curves(points).np_, omega, band)
-    if peak >= 1:
-        return 0.0, where
-    largest, where = loop.peak(lambda points: 1 / loop.curves(points).growth, omega, band)
-    return 1 / largest if largest > 0 else np.inf, where
+    def along(names: list[str]) -> list[tuple[float, float]]:
+        return climb(lambda at: stacked(loop.curves(at), names), curves.omega, stacked(curves, names), band)
+
+    rs, half_disk, *performance = along(names)
+    margin_rp = (np.nan, np.nan)
+    if performance:
+        peak, where = performance[0]
+        margin_rp = (0.0, where)
+        if peak < 1:  # the largest factor on the uncertainty with |w_P| max |S_p| <= 1
+            largest, where = along(["limit"])[0]
+            margin_rp = (1 / largest if largest > 0 else np.inf, where)
+    return Peaks(rs=rs, margin_rp=margin_rp, half_disk=half_disk)
 
 
 def in_loop(plant: control.StateSpace, loop: Loop, delay: float) -> control.StateSpace:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from nlfrf.shared.wording import hertz
 from robust.analysis.curves import Curves, Peaks
 from robust.analysis.loop import Loop
 from robust.analysis.proofs import Proofs
-from robust.systems.lti import poles, response
+from robust.systems.lti import poles
 from robust.uncertain.joint import told
 from robust.uncertain.model import UncertaintyModel
 
@@ -38,8 +39,11 @@ CURES = {
 SAID, RULES = 1.26, 2.0  # what the weight has beyond the radius is said from 2 dB on, and rules from 6 dB on
 
 
-def advice(model: Any, omega_rs: float) -> str:
-    """What limits the stability margin and what to measure or change next, by what the weight is made of there."""
+def advice(model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarray]) -> str:
+    """What limits the stability margin and what to measure or change next, by what the weight is made of there.
+
+    `weight` is the response of the weight.
+    """
     if not np.isfinite(omega_rs):
         return ""
     low, high = float(model.omega[0]), float(model.omega[-1])
@@ -48,10 +52,11 @@ def advice(model: Any, omega_rs: float) -> str:
     shares = shares_of_radius(model, k)
     listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
     where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
-    over, rise = excess(model, k), 1.0
+    on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
+    over, rise = on_line / float(model.radius[k]), 1.0
     if outside:
         side, edge = ("below", "first") if omega_rs < low else ("above", "last")
-        rise = excess(model, k, omega_rs) / over
+        rise = there / on_line
         where = (
             f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
             f"go on from the {edge} line, {hertz(model.omega[k])}, "
@@ -78,12 +83,6 @@ def shares_of_radius(model: Any, k: int) -> list[tuple[float, str]]:
     parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
     total = sum(parts.values())
     return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
-
-
-def excess(model: Any, k: int, omega: float | None = None) -> float:
-    """|weight| over the radius at line k; |weight| at another frequency where one is given."""
-    at = model.omega[k] if omega is None else omega
-    return float(np.abs(response(model.weight, np.array([at])))[0] / model.radius[k])
 
 
 def described(model: Any) -> str:
@@ -175,7 +174,7 @@ def on_set(
     return {
         "verdict": verdict,
         "reason": reason,
-        "advice": advice(model, peaks.rs[1]),
+        "advice": advice(model, peaks.rs[1], loop.responses["w"]),
         "proved": proved,
         "not_proved": not_proved,
         "context": context(model, loop),

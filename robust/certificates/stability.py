@@ -17,9 +17,12 @@ BESIDE = 1e6  # times what rounding moves a pole by
 LARGEST_EXACT = 60  # states: seconds beyond
 
 
-def beside_boundary(system: control.StateSpace) -> bool:
-    """Whether a pole lies so near the stability boundary that rounding may matter, by a wide margin."""
-    poles, moved = certain_poles(system)
+def beside_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.ndarray] | None = None) -> bool:
+    """Whether a pole lies so near the stability boundary that rounding may matter, by a wide margin.
+
+    `found` are its `certain_poles`, where they are known.
+    """
+    poles, moved = certain_poles(system) if found is None else found
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     rounding = np.maximum(moved, EPS * np.linalg.norm(system.A))  # putting the system together rounds too
     return bool(np.any(np.abs(excess) <= BESIDE * rounding))

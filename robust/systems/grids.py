@@ -9,7 +9,7 @@ import numpy as np
 
 from robust.systems.lti import in_s, poles, timebase, zeros
 
-__all__ = ["highest", "loop_grid", "plant_lines", "structure_grid"]
+__all__ = ["climb", "highest", "loop_grid", "plant_lines", "reaching", "structure_grid"]
 
 #: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
 FARTHEST_MODE = 1e9
@@ -19,6 +19,8 @@ BESIDE = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
 RIPPLES, POINTS = 150, 8
 #: Maxima that are looked at closer: all within this factor of the largest, and no more than so many.
 NEARLY, MOST_MAXIMA = 0.9, 40
+#: How often the brackets of maxima close in, to a fourth each time or more.
+CLOSER = 5
 
 
 def loop_grid(
@@ -88,26 +90,74 @@ def highest(
 
     Where the curve is flat, the place is the one nearest to the band.
     """
-    points = np.unique(np.concatenate([omega, [omega[0] * 1e-5, min(omega[-1] * 1e5, top * (1 - 1e-12))]]))
-    values = curve(points)
+    points = reaching(omega, top)
+    return climb(lambda at: curve(at)[None], points, curve(points)[None], band)[0]
+
+
+def reaching(omega: np.ndarray, top: float) -> np.ndarray:
+    """A grid with a point far below it and one far above, under `top`."""
+    return np.unique(np.concatenate([omega, [omega[0] * 1e-5, min(omega[-1] * 1e5, top * (1 - 1e-12))]]))
+
+
+def climb(
+    curves: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray, band: tuple[float, float]
+) -> list[tuple[float, float]]:
+    """Largest values of several curves at once and where, from their values (k, W) on points (W,).
+
+    The brackets of all maxima that may be the largest close in together: each time on the best of points that divide
+    them and of the top of a parabola, which is what a smooth maximum looks like from near.
+    """
     values = np.where(np.isnan(values), np.inf, values)
-    best, where = float(values.max()), float(points[values.argmax()])
-    inner = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] >= values[2:])) + 1
-    inner = inner[np.argsort(-values[inner])][:MOST_MAXIMA]
-    inner = np.concatenate([inner[:5], inner[5:][values[inner[5:]] > NEARLY * best]])
-    low, high = np.log(points[inner - 1]), np.log(points[inner + 1])
-    for _ in range(6 if inner.size else 0):  # all maxima at once, ten times closer each time
-        near = low[:, None] + np.linspace(0, 1, 21) * (high - low)[:, None]
-        zoom = curve(np.exp(near.ravel())).reshape(near.shape)
-        zoom = np.where(np.isnan(zoom), np.inf, zoom)
-        peak = zoom.argmax(axis=1)
-        each = np.arange(inner.size)
-        if zoom.max() > best:
-            best, where = float(zoom.max()), float(np.exp(near.flat[zoom.argmax()]))
-        low, high = near[each, np.maximum(peak - 1, 0)], near[each, np.minimum(peak + 1, 20)]
+    best, where = values.max(axis=1), points[values.argmax(axis=1)]
+    owner, inner = maxima(values, best)
+    each = np.arange(inner.size)
+    x = np.log(points[inner + np.array([-1, 0, 1])[:, None]])  # (3, m): a bracket, its best point in the middle
+    y = values[owner, inner + np.array([-1, 0, 1])[:, None]]
+    for _ in range(CLOSER if inner.size else 0):
+        near = divided(x, y)
+        zoom = curves(np.exp(near.ravel())).reshape(len(values), *near.shape)[owner, :, each].T
+        x, y = np.concatenate([x, near]), np.concatenate([y, np.where(np.isnan(zoom), np.inf, zoom)])
+        order = np.argsort(x, axis=0)
+        x, y = (np.take_along_axis(one, order, axis=0) for one in (x, y))
+        bracket = np.clip(y.argmax(axis=0), 1, len(y) - 2) + np.array([-1, 0, 1])[:, None]
+        x, y = x[bracket, each], y[bracket, each]
+    for k in each[np.argsort(y.max(axis=0))]:
+        if y[:, k].max() > best[owner[k]]:
+            best[owner[k]], where[owner[k]] = y[:, k].max(), np.exp(x[y[:, k].argmax(), k])
+    return [nearest_top(best[k], where[k], points, row, band) for k, row in enumerate(values)]
+
+
+def maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(m,) of which curve, and (m,) at which point, the local maxima lie that are looked at closer."""
+    there = (values[:, 1:-1] >= values[:, :-2]) & (values[:, 1:-1] >= values[:, 2:])
+    owner, inner = [], []
+    for k, row in enumerate(values):
+        own = np.flatnonzero(there[k]) + 1
+        own = own[np.argsort(-row[own])][:MOST_MAXIMA]
+        own = np.concatenate([own[:5], own[5:][row[own[5:]] > NEARLY * best[k]]])
+        owner.append(np.full(own.size, k))
+        inner.append(own)
+    return np.concatenate(owner), np.concatenate(inner)
+
+
+def divided(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(7, m) points inside brackets x (3, m): each half in four, and the top of the parabola through their values y."""
+    left, right = x[1] - x[0], x[2] - x[1]
+    with np.errstate(all="ignore"):
+        fall, rise = (y[0] - y[1]) * right, (y[2] - y[1]) * left
+        vertex = x[1] + (fall * right - rise * left) / (2 * (fall + rise))
+    quarters = np.array([0.25, 0.5, 0.75])[:, None]
+    inside = (vertex > x[0]) & (vertex < x[2])
+    return np.concatenate([x[0] + quarters * left, np.where(inside, vertex, x[1])[None], x[1] + quarters * right])
+
+
+def nearest_top(
+    best: float, where: float, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
+) -> tuple[float, float]:
+    """A largest value and where; on a flat top at the point nearest to the band."""
     flat = points[values >= best * (1 - 1e-4)]
     if flat.size:
         away = np.abs(np.log(np.clip(flat, *band) / flat))
         if away.min() < abs(np.log(np.clip(where, *band) / where)):
             where = float(flat[away.argmin()])
-    return best, where
+    return float(best), float(where)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import control
 import numpy as np
 from scipy.linalg import eig, matrix_balance, schur
@@ -19,6 +22,7 @@ __all__ = [
     "on_axis",
     "over_frequency",
     "poles",
+    "responder",
     "response",
     "scaled_states",
     "timebase",
@@ -27,6 +31,7 @@ __all__ = [
 #: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
 AT_A_POLE = 1e140
 MANY_STATES = 40
+AT_ONCE = 8000  # numbers of the matrices that are solved together: they stay in the cache
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 make_picklable()  # here, as every room that makes or takes a system stands on this one
 
@@ -44,6 +49,18 @@ def constant(system: control.StateSpace) -> bool:
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
     return along(system, omega)[0, 0]
+
+
+def responder(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
+    """`response` of one system, made ready for any number of calls."""
+    dt = timebase(system)
+    A = system.A - np.eye(system.nstates) if dt else system.A
+    return partial(single_loop, evaluator(A, system.B, system.C, system.D), dt)
+
+
+def single_loop(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
+    """(W,) `response` of a system that was made ready."""
+    return at(beside_one(omega, dt))[:, 0, 0]
 
 
 def finite(response: np.ndarray) -> np.ndarray:
@@ -74,30 +91,53 @@ def scaled_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarr
 
 def evaluate(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
+    return evaluator(A, B, C, D)(points)
+
+
+def evaluator(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """`evaluate` of one system, made ready for any number of calls."""
+    if A.shape[0]:
+        A, B, C = scaled_states(A, B, C)
+        order = np.argsort(np.abs(np.diag(A)), kind="stable")  # slow states first: elimination keeps their digits
+        A, B, C = A[np.ix_(order, order)], B[order], C[:, order]
+    return partial(at_points, A, B, C, D)
+
+
+def at_points(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """`evaluate` of a system that was made ready."""
+    n = A.shape[0]
     points = np.atleast_1d(np.asarray(points, dtype=complex))
     out = np.empty((points.size, *D.shape), dtype=complex)
     out[:] = D
-    n = A.shape[0]
     if n == 0:
         return out
-    A, B, C = scaled_states(A, B, C)
-    order = np.argsort(np.abs(np.diag(A)), kind="stable")  # slow states first: elimination keeps their digits
-    A, B, C = A[np.ix_(order, order)], B[order], C[:, order]
     finite = np.isfinite(points)
+    known = slice(None) if finite.all() else finite
+    inside = points[known]
     if n > MANY_STATES and points.size > 4:
-        out[finite] += by_schur(A, B, C, points[finite])
+        out[known] += by_schur(A, B, C, inside)
         return out
-    for part in np.array_split(np.flatnonzero(finite), max(1, points.size * n * n // 400_000)):
-        pencil = points[part, None, None] * np.eye(n) - A
-        try:
-            out[part] += C @ np.linalg.solve(pencil, np.broadcast_to(B, (part.size, *B.shape)))
-        except np.linalg.LinAlgError:
-            for i, k in enumerate(part):
-                try:
-                    out[k] += C @ np.linalg.solve(pencil[i], B)
-                except np.linalg.LinAlgError:
-                    out[k] = np.inf
+    found = np.empty((inside.size, *D.shape), dtype=complex)
+    step = max(1, AT_ONCE // (n * n))
+    pencil = np.empty((min(step, inside.size), n, n), dtype=complex)
+    for first in range(0, inside.size, step):
+        part = inside[first : first + step]
+        here = pencil[: part.size]
+        here[:] = -A
+        here.reshape(part.size, n * n)[:, :: n + 1] += part[:, None]
+        found[first : first + step] = solved(here, B, C)
+    out[known] += found
     return out
+
+
+def solved(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """(W, n_out, n_in) C pencil^-1 B for each of (W, n, n); inf where there is none."""
+    try:
+        return np.asarray(C @ np.linalg.solve(pencil, B[None]))
+    except np.linalg.LinAlgError:
+        if len(pencil) == 1:
+            return np.full((1, len(C), B.shape[1]), np.inf, dtype=complex)
+        return np.concatenate([solved(one[None], B, C) for one in pencil])
 
 
 def by_schur(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -155,7 +195,10 @@ def over_frequency(matrices: Matrices, omega: np.ndarray, dt: float) -> np.ndarr
     Of a sampled system from z - 1 and A - I: in a fast clock exp(j omega dt) rounds to one, and its slow poles with it.
     """
     A, B, C, D = matrices
+    return evaluate(A - np.eye(A.shape[0]) if dt else A, B, C, D, beside_one(omega, dt))
+
+
+def beside_one(omega: np.ndarray, dt: float) -> np.ndarray:
+    """(W,) s = j omega, or z - 1 where sampled."""
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
-    if not dt:
-        return evaluate(A, B, C, D, 1j * omega)
-    return evaluate(A - np.eye(A.shape[0]), B, C, D, np.expm1(1j * omega * dt))
+    return np.expm1(1j * omega * dt) if dt else 1j * omega

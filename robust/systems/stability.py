@@ -5,7 +5,6 @@ from __future__ import annotations
 import control
 import numpy as np
 from scipy.linalg import eig
-from scipy.sparse.csgraph import connected_components
 
 from robust.systems.lti import evened, poles, response, timebase
 from robust.systems.norms import EPS, crossings
@@ -61,16 +60,24 @@ def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
 
     States that no path leads back to (a weight outside the loop) are looked at apart: their poles are exact.
     """
-    n_parts, part = connected_components(system.A != 0, connection="strong") if system.nstates else (0, np.zeros(0))
     poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
-    for k in range(n_parts):
-        A = evened(system.A[np.ix_(part == k, part == k)])[0]
+    for part in strong_parts(system.A):
+        A = evened(system.A[np.ix_(part, part)])[0]
         found, left, right = eig(A, left=True, right=True)
         cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
         poles.append(found)
         alone = A.shape[0] == 1
         moved.append(0.0 * cosine if alone else 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS)))
     return np.concatenate(poles), np.concatenate(moved)
+
+
+def strong_parts(A: np.ndarray) -> list[np.ndarray]:
+    """The states of each part of a system all of whose states act on each other, on whatever ways."""
+    reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
+    for _ in range(len(A).bit_length()):  # ways of twice the length each time
+        reach = (reach @ reach > 0).astype(np.float32)
+    first = np.argmax(reach * reach.T, axis=1) if len(A) else np.zeros(0, int)
+    return [np.flatnonzero(first == k) for k in np.unique(first)]
 
 
 def apparent_instability(system: control.StateSpace) -> str:

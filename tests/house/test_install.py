@@ -91,6 +91,7 @@ def test_a_wheel_holds_what_pages_are_made_of(tmp_path):
     with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
         held = set(wheel.namelist())
     static = [path for path in ROOT.glob("robust/**/*") if path.suffix in (".js", ".css", ".jinja", ".json", ".pyi")]
+    static += ROOT.glob("nlfrf/**/*.pyi")
     assert len(static) > 7
     assert {path.relative_to(ROOT).as_posix() for path in static} <= held
     assert "robust/shaping_page/uplot/LICENSE" in held
