@@ -139,4 +139,4 @@ def loops_around(steps: Callable[..., bool], compiled: bool) -> Callable[..., No
     source = run_loops.py_func  # type: ignore[attr-defined]
     around = {**source.__globals__, "advance": steps}
     plain = FunctionType(source.__code__, around, source.__name__, None, source.__closure__)
-    return njit(nogil=True, error_model="numpy")(plain) if compiled else plain  # type: ignore[no-any-return]
+    return njit(nogil=True, error_model="numpy")(plain) if compiled else plain
