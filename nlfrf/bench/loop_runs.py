@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf.bench.rig import Rig
 from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.laws import packed_law
+from nlfrf.friction.own import OwnLaw
 from nlfrf.shared.values import value
 
 __all__ = ["LoopRuns", "Parts", "respond"]
@@ -92,14 +93,8 @@ def respond(runs: LoopRuns) -> dict[str, np.ndarray]:
 
 def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     """One call of the compiled code for all runs."""
-    from nlfrf.friction.loop_kernels import run_loops
-
     n_runs, n = runs.r.shape
     law, grid = packed_law(runs.rig.friction)
-    if law.form == packing.OWN:
-        raise ValueError(
-            "rig must have one of the laws of nlfrf.friction in a loop, got OwnFriction: run and simulate take it"
-        )
     body = packing.Body(False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping))
     memory = packing.at_rest(law.curve, grid)
     states = np.tile(memory.state, (n_runs, 1))
@@ -107,6 +102,9 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     states[:, packing.X], states[:, packing.V] = runs.initial.T
     if law.form == packing.COULOMB:
         states[:, packing.DIRECTION] = np.sign(runs.initial[:, 1])
+    run_loops = kernel_of(law)
+    if isinstance(law, OwnLaw):
+        stacks[:, 0, : law.of.rest.size] = law.of.rest
     rows, lengths = np.zeros((n_runs, n, 5)), np.zeros(n_runs, dtype=np.int64)
     # copies: the code was compiled for arrays that can be written
     controllers = [np.array(part) for part in (runs.A, runs.B, runs.C, runs.D)]
@@ -114,6 +112,26 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
     numbers = float(runs.fs), float(runs.saturation), float(runs.resolution)
     places = np.array(grid), states, stacks
     run_loops(
-        body, law, *places, *controllers, *signals, *numbers, np.array(runs.delays), int(runs.steps), rows, lengths
+        body,
+        packing.Law(*law),
+        *places,
+        *controllers,
+        *signals,
+        *numbers,
+        np.array(runs.delays),
+        int(runs.steps),
+        rows,
+        lengths,
     )
     return {"rows": rows, "lengths": lengths, "lost": states[:, packing.LOST].copy()}
+
+
+def kernel_of(law: packing.Law) -> Callable[..., None]:
+    """The compiled loops around a law."""
+    if isinstance(law, OwnLaw):
+        from nlfrf.friction.own_kernels import own_loops
+
+        return own_loops(law.of.derivative, law.of.force, law.of.rest.size)
+    from nlfrf.friction.loop_kernels import run_loops
+
+    return run_loops

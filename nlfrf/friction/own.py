@@ -21,7 +21,7 @@ class OwnFriction:
 
     Both are compiled where numba can (plain numbers, arrays and loops of Python and NumPy); where it cannot they run as
     they are, some hundred times slower. Steps are those of Runge and Kutta of order four, of fixed length: a law with
-    a jump (sgn v) needs short ones. `run`, `drive` and `simulate` take it; loops (`simulate_loop`) and proofs do not.
+    a jump (sgn v) needs short ones. `run`, `drive`, `simulate` and loops around one axis take it; proofs do not.
 
     Fields
     ------

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from nlfrf.friction.kernel_data import Body
+from nlfrf.friction.kernel_data import Body, Law
+from nlfrf.friction.loop_kernels import loops_around
 
-__all__ = ["stepper"]
+__all__ = ["own_loops", "stepper"]
 
 Array = np.ndarray
 
@@ -29,6 +30,19 @@ def stepper(derivative: Callable[..., Any], force: Callable[..., float], size: i
     except Exception:  # numba refuses in many ways; whatever is wrong with the functions, the plain ones will say
         return plain, False
     return compiled, True
+
+
+@lru_cache(maxsize=64)
+def own_loops(derivative: Callable[..., Any], force: Callable[..., float], size: int) -> Callable[..., None]:
+    """Sampled loops around them: `run_loops`, with their state where others keep their turning points."""
+    kernel, compiled = stepper(derivative, force, size)
+
+    def advance(
+        body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
+    ) -> bool:
+        return kernel(body, state[:2], stack[0, :size], drive, h, n, out)  # X and V come first
+
+    return loops_around(njit(error_model="numpy")(advance) if compiled else advance, compiled)
 
 
 def as_array(derivative: Callable[..., Any]) -> Callable[..., Array]:

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import nlfrf
+from benchmarks.bench_axes import attack
 from nlfrf import Rig, multisine, paper_rig, run, simulate, two_axis_stage
 from nlfrf.friction import Coulomb, Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, OwnFriction, VaryingSliders
 from nlfrf.hysteresis import Exponential, Table, Tanh, fit_maxwell_slip
@@ -126,6 +127,15 @@ def test_dry_friction_holds_one_axis_while_the_other_moves():
         near = run(Rig(mass, rig.stiffness, laws, rig.damping), force, fs=4096.0, oversampling=oversampling)
         off.append(np.abs(near.x - motion.x).max() / np.abs(motion.x).max())
     assert off[1] < 0.5 * off[0] < 0.01
+
+
+def test_random_machines_lose_energy_and_do_not_depend_on_the_step():
+    """One to four axes with any laws, springs and mass matrices; `python -m benchmarks.bench_axes` tries more."""
+    gained, changed, rigs = zip(*(attack(seed) for seed in range(12)), strict=True)
+    assert max(gained) < 1e-9
+    assert np.median(changed) < 1e-4
+    assert max(changed) < 0.05  # sliders that vary take another way after a change that small
+    assert {rig.n_axes for rig in rigs} == {1, 2, 3, 4}
 
 
 def test_friction_sends_nothing_to_even_lines():

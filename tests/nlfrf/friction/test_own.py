@@ -107,19 +107,38 @@ def test_what_is_no_law_is_refused(fields, said):
         OwnFriction(**given)
 
 
-def test_where_it_does_not_go_it_is_refused():
-    rig = Rig(1.0, 80e3, OWN)
-    K = nlfrf_controller()
-    with pytest.raises(ValueError, match=r"in a loop, got OwnFriction"):
-        simulate_loop(rig, K, np.zeros(10), fs=1000)
-    with pytest.raises(ValueError, match="must have a Stribeck curve"):
-        stribeck(OWN, [0.1])
-
-
-def nlfrf_controller():
+def loop(law, **options):
     import control
 
-    return control.ss([], [], [], [[1e3]], 1e-3)
+    K = control.ss([[1.0]], [[1.0]], [[200.0]], [[3e3]], 1 / 2000)
+    r = 2e-4 * np.sin(2 * np.pi * 20 * np.arange(300) / 2000)
+    return simulate_loop(Rig(1.0, 80e3, law), K, r, fs=2000, delay=0.7e-3, initial=(1e-5, 0.02), **options)
+
+
+def test_a_loop_around_it_is_the_loop_around_the_law_that_is_there():
+    mine, theirs = (loop(law, oversampling=32) for law in (OWN, BUILT_IN))
+    assert np.max(np.abs(theirs.friction)) > FC  # it slides
+    for name in ("x", "u", "friction"):
+        own, built_in = getattr(mine, name), getattr(theirs, name)
+        assert np.max(np.abs(own - built_in)) < 2e-3 * np.max(np.abs(built_in)), name
+    again = loop(OWN, oversampling=32)
+    assert np.array_equal(mine.x, again.x)  # it begins at rest each time
+
+
+def test_a_loop_around_what_numba_cannot_compile_runs_as_it_is():
+    table = {"stiffness": 0.7}
+
+    def force(x, v, z):
+        return table["stiffness"] * float(np.tanh(v / 0.01))
+
+    plain = OwnFriction(derivative=viscous_rate, force=force, rest=[], stiffness=0.0, damping=70.0)
+    slow, quick = loop(plain), loop(SLIDING)
+    assert slow.x == pytest.approx(quick.x, rel=1e-9, abs=1e-15)
+
+
+def test_where_it_does_not_go_it_is_refused():
+    with pytest.raises(ValueError, match="must have a Stribeck curve"):
+        stribeck(OWN, [0.1])
 
 
 def test_results_of_own_functions_are_not_resumed(tmp_path):
