@@ -17,6 +17,7 @@ from nlfrf.excitation.lines import local_mean
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_lines
 from nlfrf.multivariable.local_matrix import EARNED, ORDER, POOLED, WIDTH
 from nlfrf.multivariable.matrix_frf import MatrixFrf, adjoint, lines_last, noise_covariance
+from nlfrf.shared.leastsquares import two_unknowns
 from nlfrf.shared.values import value
 
 __all__ = ["Between", "spread_between", "zippered_frf"]
@@ -146,8 +147,9 @@ def denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
         if turn < REWEIGHTED:
             first, second = (left_over(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
             aim, rest = left_over(g / D[:, :, None], basis), np.stack([first, second], axis=-1)
-        rows = (rest / size[..., None]).reshape(len(r), -1, 2)
-        found = (np.linalg.pinv(rows, rcond=1e-10) @ (aim / size).reshape(len(r), -1, 1))[..., 0]
+        found, _ = two_unknowns(
+            np.stack([one / size for one in (aim, *np.moveaxis(rest, -1, 0))], 1).reshape(len(r), 3, -1)
+        )
         trial = found if turn < REWEIGHTED else a + found
         there = 1 + r * trial[:, 0, None, None] + r**2 * trial[:, 1, None, None]
         good = np.abs(there).min(axis=(1, 2)) > SMALLEST
