@@ -153,6 +153,13 @@ class MatrixUncertainty:
         """Inputs n_u."""
         return self.nominal.ninputs
 
+    @property
+    def structure(self) -> list[tuple[int, int]]:
+        """The blocks of Delta, as `mu_upper` takes them."""
+        if self.form == ELEMENTS:
+            return [(1, 1)] * (self.n_outputs * self.n_inputs)
+        return [(len(self.right), len(self.left))]
+
     def __str__(self) -> str:
         """One line."""
         dt = timebase(self.nominal)
