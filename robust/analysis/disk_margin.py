@@ -201,7 +201,7 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     ----------
     G : control.StateSpace, TransferFunction, FrequencyResponseData or MatrixUncertainty
         Plant of one or several inputs and outputs; of a set its nominal. Of an FRF the margins hold on its lines only.
-    K : control.StateSpace, TransferFunction, float or ndarray
+    K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
     skew : float
         Which disk, see `DiskMargin`.

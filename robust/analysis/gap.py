@@ -81,7 +81,7 @@ def ncf_margin(G: Any, K: Any) -> float:
     ----------
     G : control.StateSpace, TransferFunction, UncertaintyModel or MatrixUncertainty
         Plant of one or several inputs and outputs, shaped by its weights where there are any.
-    K : control.StateSpace, TransferFunction, float or ndarray
+    K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
 
     Returns

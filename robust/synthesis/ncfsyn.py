@@ -35,7 +35,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     G : control.StateSpace, TransferFunction, UncertaintyModel or MatrixUncertainty
         Plant of one or several inputs and outputs, continuous or discrete. For a sampled controller give the plant it
         sees (`robust.sampled`).
-    W1, W2 : control.StateSpace, TransferFunction, float or ndarray
+    W1, W2 : control.StateSpace, TransferFunction, float or (n_u, n_u), (n_y, n_y) ndarray
         Shaping functions at the input and output of the plant: matrices (`control.append`), or one for all channels.
     factor : float
         gamma asked for over gamma_min, above 1: at gamma_min itself the loop may be unstable.
