@@ -4,7 +4,9 @@ from .analysis.check import check as check
 from .analysis.check_structure import StructuredReport as StructuredReport
 from .analysis.check_structure import check_structure as check_structure
 from .analysis.disk_margin import DiskMargin as DiskMargin
+from .analysis.disk_margin import LoopMargins as LoopMargins
 from .analysis.disk_margin import disk_margin as disk_margin
+from .analysis.disk_margin import disk_margins as disk_margins
 from .analysis.family import LoopFamily as LoopFamily
 from .analysis.family import sample_loops as sample_loops
 from .analysis.gap import ncf_margin as ncf_margin

@@ -27,6 +27,7 @@ from robust.analysis.check_lines import check_lines
 from robust.analysis.check_structure import StructuredReport, check_structure
 from robust.analysis.claims import claim_of
 from robust.analysis.curves import Peaks
+from robust.analysis.disk_margin import disk_margins
 from robust.analysis.loop import assemble, find_peaks, nominal_instability
 from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
@@ -127,7 +128,8 @@ def check(
                 f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top"
             )
         found = check_structure(model.loop(K, w_P=w_P), certify=certify)
-        return replace(found, probability=probability_of(model), band=model.omega[[0, -1]])
+        margins = disk_margins(model, K)
+        return replace(found, probability=probability_of(model), band=model.omega[[0, -1]], margins=margins)
     if isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):

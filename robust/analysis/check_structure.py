@@ -12,6 +12,7 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph, shown
+from robust.analysis.disk_margin import LoopMargins
 from robust.analysis.verdict import factor, judge_structure, judged, structure_sentences
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
@@ -65,6 +66,8 @@ class StructuredReport:
         With which probability a `MatrixUncertainty` holds another set of experiments; empty where none is claimed.
     band : (2,) ndarray or None
         Lowest and highest measured frequency [rad/s] of a `MatrixUncertainty`.
+    margins : LoopMargins or None
+        Disk margins of its nominal loop, one loop at a time and all at once; None of any other system.
 
     References
     ----------
@@ -99,6 +102,7 @@ class StructuredReport:
     not_proved: str
     probability: str = ""
     band: Any = None
+    margins: LoopMargins | None = None
 
     def __str__(self) -> str:
         lines = paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else ""))
@@ -112,6 +116,8 @@ class StructuredReport:
                 lines += paragraph("worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular")
             if np.isfinite(self.margin_rp):
                 lines += paragraph("performance", f"max mu {1 / self.margin_rp:.3f} at {hertz(self.omega_rp)}")
+        if self.margins is not None and not self.margins.reason:
+            lines += paragraph("margins", self.margins.least())
         lines += paragraph("proved", self.proved) + paragraph("not proved", self.not_proved)
         for certificate in self.certificates:
             how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"

@@ -1,7 +1,17 @@
-"""Disk margins: how much gain and phase, at once and in all channels at once, a loop can bear."""
+"""Disk margins: how much gain and phase, at once and in all channels at once, a loop can bear.
+
+Of a loop of several channels each alone, the others closed as they are, says the least: all at once may bear a
+hundredth of it. Inputs and outputs of the plant are the channels of one loop,
+
+    u = -K y      L = [ 0  K]      (1 + L)^-1 = [ S_I   -K S ]
+    y =  G u          [-G  0]                   [ G S_I   S  ]
+
+whose diagonal blocks belong to the inputs and to the outputs.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import control
@@ -11,12 +21,15 @@ from nlfrf.shared.arguments import integer, real
 from nlfrf.shared.values import value
 from robust.certificates.stability import instability
 from robust.mu.upper import mu_upper, refined
+from robust.systems.closed_loop import refuse_shape
 from robust.systems.grids import structure_grid
-from robust.systems.lft import lower
+from robust.systems.lft import joined, lower
+from robust.systems.lti import along, constant, timebase
 from robust.systems.nyquist import winding
 from robust.systems.realisation import multivariable
+from robust.uncertain.matrix_model import MatrixUncertainty
 
-__all__ = ["DiskMargin", "disk_margin"]
+__all__ = ["DiskMargin", "LoopMargins", "disk_margin", "disk_margins"]
 
 
 @value
@@ -37,6 +50,8 @@ class DiskMargin:
         Every channel may be turned by any phase up to this [rad]; inf where none matters.
     reason : str
         Why there is no margin; empty otherwise.
+    channels : tuple of int
+        The channels that move, from 0, the others as they are; empty: all.
 
     References
     ----------
@@ -54,19 +69,88 @@ class DiskMargin:
     gain_margin: tuple[float, float]
     phase_margin: float
     reason: str
+    channels: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         """One line."""
         if self.reason:
             return f"no disk margin: {self.reason}"
-        low, high = (20 * np.log10(g) if g > 0 else -np.inf for g in self.gain_margin)
+        some = ", ".join(str(k + 1) for k in self.channels)
+        where = f"channel {some} alone" if len(self.channels) == 1 else f"channels {some} at once"
         return (
-            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: gain {low:.2f} to {high:+.2f} dB, "
-            f"phase {np.degrees(self.phase_margin):.1f} deg, in all channels at once"
+            f"disk margin {self.alpha:.4g} at {self.omega / 2 / np.pi:.4g} Hz: {bears(self)}, "
+            f"in {where if some else 'all channels at once'}"
         )
 
 
-def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0) -> DiskMargin:
+@value
+class LoopMargins:
+    """Disk margins of a loop of several channels: one at a time, and all at once.
+
+    Fields
+    ------
+    inputs, outputs : tuple of DiskMargin
+        Of each input and each output of the plant alone, the others closed as they are.
+    all_inputs, all_outputs : DiskMargin
+        Of all inputs at once, of all outputs at once.
+    everywhere : DiskMargin
+        Of all inputs and outputs at once.
+    input_names, output_names : tuple of str
+        What they are called.
+
+    References
+    ----------
+    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine 40(5), 2020.
+
+    Examples
+    --------
+    >>> lags = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    >>> margins = disk_margins(lags, 2 * np.eye(2), skew=-1)                     # 1/max |T| = 3/2, both alike
+    >>> round(margins.inputs[0].alpha, 4), round(margins.all_inputs.alpha, 4)
+    (1.5, 1.5)
+    """
+
+    inputs: tuple[DiskMargin, ...]
+    outputs: tuple[DiskMargin, ...]
+    all_inputs: DiskMargin
+    all_outputs: DiskMargin
+    everywhere: DiskMargin
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+
+    @property
+    def reason(self) -> str:
+        """Why there are no margins; empty otherwise."""
+        return self.everywhere.reason
+
+    def least(self) -> str:
+        """In words: the least of the channels alone, and what all at once bear."""
+        alone = (*self.inputs, *self.outputs)
+        k = int(np.argmin([margin.alpha for margin in alone]))
+        name = (*self.input_names, *self.output_names)[k]
+        return (
+            f"one loop at a time {bears(alone[k])} ({name}); all inputs at once {bears(self.all_inputs)}; all outputs "
+            f"{bears(self.all_outputs)}; all of them {bears(self.everywhere)}"
+        )
+
+    def __str__(self) -> str:
+        """A row for each."""
+        if self.reason:
+            return f"no disk margins: {self.reason}"
+        named = zip((*self.input_names, *self.output_names), (*self.inputs, *self.outputs), strict=True)
+        rows = [(f"{name} alone", margin) for name, margin in named]
+        rows += [("all inputs", self.all_inputs), ("all outputs", self.all_outputs), ("all of them", self.everywhere)]
+        width = max(len(name) for name, _ in rows)
+        return "\n".join(f"{name:{width}}  disk margin {margin.alpha:.4g}: {bears(margin)}" for name, margin in rows)
+
+
+def bears(margin: DiskMargin) -> str:
+    """Gains and phases in words."""
+    low, high = (20 * np.log10(g) if g > 0 else -np.inf for g in margin.gain_margin)
+    return f"gain {low:.2f} to {high:+.2f} dB, phase {np.degrees(margin.phase_margin):.1f} deg"
+
+
+def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0, channels: Sequence[int] | None = None) -> DiskMargin:
     """Disk margin of a loop transfer function, closed by negative feedback of one; of several channels by mu.
 
     Parameters
@@ -78,6 +162,9 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0) -> DiskMargin
         Which disk, see `DiskMargin`.
     n_unstable : int
         Unstable poles of L, for an FRF.
+    channels : sequence of int, optional
+        Only these channels move, counted from 0, the others stay closed as they are: one loop at a time. All when not
+        given.
 
     Returns
     -------
@@ -88,7 +175,7 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0) -> DiskMargin
     Raises
     ------
     ValueError
-        L that is not square, a loop without a solution, an FRF that is not finite.
+        L that is not square, channels it does not have, a loop without a solution, an FRF that is not finite.
 
     References
     ----------
@@ -103,14 +190,107 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0) -> DiskMargin
     disk margin 0.4581 at 0.3112 Hz: gain -4.05 to +4.05 dB, phase 25.8 deg, in all channels at once
     """
     skew, n_unstable = real("skew", skew), integer("n_unstable", n_unstable, least=0)
-    if isinstance(L, control.FrequencyResponseData):
-        omega, alpha, reason = on_lines(L, skew, n_unstable)
-    else:
-        omega, alpha, reason = of_system(L, skew)
+    S, reason = sensitivity(L, n_unstable)
+    return margin_of(S, reason, skew, None if channels is None else some_of(S.ninputs, channels))
+
+
+def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> LoopMargins:
+    """Disk margins of the loop u = K (r - y) at every input and output of its plant, one at a time and all at once.
+
+    Parameters
+    ----------
+    G : control.StateSpace, TransferFunction, FrequencyResponseData or MatrixUncertainty
+        Plant of one or several inputs and outputs; of a set its nominal. Of an FRF the margins hold on its lines only.
+    K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
+        Controller, negative feedback, on the same time base.
+    skew : float
+        Which disk, see `DiskMargin`.
+    n_unstable : int
+        Unstable poles of G and K together, for an FRF.
+
+    Returns
+    -------
+    LoopMargins
+        A loop that is not stable is a result: its `reason` says so.
+
+    Raises
+    ------
+    ValueError
+        A K that does not fit G, sampling times that differ, a loop without a solution, an FRF that is not finite.
+
+    References
+    ----------
+    Seiler, Packard & Gahinet, *An Introduction to Disk Margins*, IEEE Control Systems Magazine 40(5), 2020.
+
+    Examples
+    --------
+    A spinning body: each loop alone bears any gain, both at once a tenth of theirs up or down.
+
+    >>> G = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], np.zeros((2, 2)))
+    >>> margins = disk_margins(G, np.eye(2))
+    >>> round(margins.inputs[0].alpha, 2), round(margins.all_inputs.alpha, 4)    # 1/sqrt(100.5)
+    (2.0, 0.0998)
+    """
+    names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    if isinstance(G, MatrixUncertainty):
+        names, G = (G.inputs, G.outputs), G.nominal
+    K = multivariable("K", K)
+    if not isinstance(G, control.FrequencyResponseData):
+        G = multivariable("G", G)
+    n_y, n_u = G.noutputs, G.ninputs
+    refuse_shape(K, n_y, n_u)
+    S, reason = sensitivity(around(G, K), integer("n_unstable", n_unstable, least=0))
+    skew = real("skew", skew)
+
+    def of(*channels: int) -> DiskMargin:
+        return margin_of(S, reason, skew, channels)
+
+    into, out = range(n_u), range(n_u, n_u + n_y)
+    return LoopMargins(
+        inputs=tuple(of(k) for k in into),
+        outputs=tuple(of(k) for k in out),
+        all_inputs=of(*into),
+        all_outputs=of(*out),
+        everywhere=of(*into, *out),
+        input_names=names[0] or tuple(f"u{k + 1}" for k in range(n_u)),
+        output_names=names[1] or tuple(f"y{k + 1}" for k in range(n_y)),
+    )
+
+
+def around(G: Any, K: control.StateSpace) -> Any:
+    """[0 K; -G 0], the loop broken at all inputs and outputs of the plant."""
+    n_y, n_u = G.noutputs, G.ninputs
+    if isinstance(G, control.FrequencyResponseData):
+        omega = np.asarray(G.omega, dtype=float)
+        dt = timebase(K)
+        L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
+        if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
+            raise ValueError(f"K must have its Nyquist frequency above the lines of G, got a sampling time of {dt:g} s")
+        L[:n_u, n_u:], L[n_u:, :n_u] = along(K, omega), -np.asarray(G.frdata)
+        return control.FrequencyResponseData(L, omega)
+    if not constant(G) and not constant(K) and timebase(G) != timebase(K):
+        raise ValueError(f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s")
+    P = joined([K, G], timebase(K) if constant(G) else timebase(G))  # from (y, u) to (K y, G u)
+    turned, signs = np.r_[n_y : n_y + n_u, :n_y], np.r_[np.ones(n_u), -np.ones(n_y)][:, None]
+    return control.StateSpace(P.A, P.B[:, turned], signs * P.C, signs * P.D[:, turned], P.dt)
+
+
+def some_of(n: int, channels: Sequence[int]) -> tuple[int, ...]:
+    """Channels of n, or a refusal."""
+    some = tuple(integer("channels", k, least=0) for k in channels)
+    if not some or max(some) >= n or len(set(some)) < len(some):
+        raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {list(channels)}")
+    return some
+
+
+def margin_of(S: Any, reason: str, skew: float, channels: Sequence[int] | None) -> DiskMargin:
+    """The margin of some channels of a sensitivity, or that there is none, and why."""
     if reason:
         return DiskMargin(
             alpha=np.nan, omega=np.nan, skew=skew, gain_margin=(np.nan, np.nan), phase_margin=np.nan, reason=reason
         )
+    some = range(S.ninputs) if channels is None else channels
+    omega, alpha = where_limited(S, np.ix_(some, some), skew)
     low, high = (2 - (1 - skew) * alpha) / (2 + (1 + skew) * alpha), 2 - (1 + skew) * alpha
     # the disk meets the unit circle where its rim, which runs through the two gains, does
     up = (2 + (1 - skew) * alpha) / high if high else np.inf
@@ -122,48 +302,49 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0) -> DiskMargin
         gain_margin=(low, up if high > 0 else np.inf),
         phase_margin=float(np.arccos(cosine)) if abs(cosine) <= 1 else np.inf,
         reason="",
+        channels=() if len(some) == S.ninputs else tuple(some),
     )
 
 
-def of_system(L: Any, skew: float) -> tuple[float, float, str]:
-    """Where the margin of a system is limited, the margin, and why there is none."""
-    L = multivariable("L", L)
-    square(L.noutputs, L.ninputs)
-    n = L.ninputs
-    one = np.eye(n)
-    # e = r - L e, closed through one: the sensitivity with all states of L
-    P = control.StateSpace(L.A, np.hstack([0 * L.B, L.B]), np.vstack([-L.C] * 2), np.block([[one, -L.D]] * 2), L.dt)
-    S = lower(P, control.StateSpace([], [], [], one, L.dt))
-    unstable = instability(S)
-    if unstable:
-        return np.nan, np.nan, f"the loop is {unstable}"
-
-    M = control.StateSpace(S.A, S.B, S.C, S.D + (skew - 1) / 2 * one, S.dt)
-    omega, found = refined(M, [(1, 1)] * n, structure_grid(M))
-    return limit(omega, found)
-
-
-def limit(omega: np.ndarray, mu: np.ndarray) -> tuple[float, float, str]:
-    """Where mu is largest, and the margin there."""
+def where_limited(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple[float, float]:
+    """The frequency where a block of the sensitivity limits the margin, and the margin there."""
+    shift = (skew - 1) / 2 * np.eye(block[0].size)
+    blocks = [(1, 1)] * block[0].size
+    if isinstance(S, control.FrequencyResponseData):
+        omega = np.asarray(S.omega)
+        mu = mu_upper(np.asarray(S.frdata)[block] + shift[:, :, None], blocks).value
+    else:
+        some = block[1][0]
+        M = control.StateSpace(S.A, S.B[:, some], S.C[some], S.D[block] + shift, S.dt)
+        omega, mu = refined(M, blocks, structure_grid(M))
     k = int(mu.argmax())
-    return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf, ""
+    return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf
 
 
-def on_lines(L: control.FrequencyResponseData, skew: float, n_unstable: int) -> tuple[float, float, str]:
-    """The same on the lines of an FRF."""
+def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
+    """(1 + L)^-1 with all states of L, or on the lines of an FRF; and why there is no margin."""
+    if not isinstance(L, control.FrequencyResponseData):
+        L = multivariable("L", L)
+        square(L.noutputs, L.ninputs)
+        one = np.eye(L.ninputs)
+        # e = r - L e, closed through one
+        P = control.StateSpace(L.A, np.hstack([0 * L.B, L.B]), np.vstack([-L.C] * 2), np.block([[one, -L.D]] * 2), L.dt)
+        S = lower(P, control.StateSpace([], [], [], one, L.dt))
+        unstable = instability(S)
+        return S, f"the loop is {unstable}" if unstable else ""
     square(L.noutputs, L.ninputs)
-    n, omega, response = L.ninputs, np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
+    omega, response = np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
     if not np.isfinite(response).all():
         raise ValueError("L must have a finite FRF on every line, got nan or infinite numbers")
-    difference = np.eye(n) + response
+    difference = np.eye(L.ninputs) + response
     static = control.StateSpace([], [], [], 1.0, 0)
     turns, clear = winding(omega, np.linalg.det(difference) - 1, static, 0.0)
+    S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
     if not clear:
-        return np.nan, np.nan, "the lines are too far apart, or end too early, to tell whether the loop is stable"
+        return S, "the lines are too far apart, or end too early, to tell whether the loop is stable"
     if turns != n_unstable:
-        return np.nan, np.nan, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
-    M = np.linalg.inv(difference) + (skew - 1) / 2 * np.eye(n)
-    return limit(omega, mu_upper(np.moveaxis(M, 0, 2), [(1, 1)] * n).value)
+        return S, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
+    return S, ""
 
 
 def square(n_out: int, n_in: int) -> None:

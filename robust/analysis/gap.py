@@ -10,8 +10,9 @@ import numpy as np
 from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import Matrices, constant, timebase, zeros
 from robust.systems.norms import hinf_norm
-from robust.systems.realisation import state_space
+from robust.systems.realisation import multivariable
 from robust.uncertain.coprime import coprime_factors
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["ncf_margin", "nu_gap"]
@@ -26,22 +27,23 @@ def nu_gap(G1: Any, G2: Any) -> float:
 
     Parameters
     ----------
-    G1, G2 : control.StateSpace, TransferFunction, float or UncertaintyModel
-        Plants, both continuous or both with the same sampling time.
+    G1, G2 : control.StateSpace, TransferFunction, float, UncertaintyModel or MatrixUncertainty
+        Plants of one or several inputs and outputs, both continuous or both with the same sampling time.
 
     Returns
     -------
     float
-        sup |G1 - G2| / sqrt((1 + |G1|^2)(1 + |G2|^2)) over frequency where the winding condition holds, else 1.
+        sup |G1 - G2| / sqrt((1 + |G1|^2)(1 + |G2|^2)) over frequency where the winding condition holds, else 1. Of
+        several inputs and outputs the largest singular value of (1 + G2 G2~)^-1/2 (G1 - G2) (1 + G1~ G1)^-1/2.
 
     Raises
     ------
     ValueError
-        Sampling times that differ, or a plant with a mode that cannot be stabilised.
+        Sampling times or shapes that differ, or a plant with a mode that cannot be stabilised.
 
     References
     ----------
-    Vinnicombe, *Uncertainty and Feedback* (2001); Zhou & Doyle, *Essentials of Robust Control*, 17.2.
+    Vinnicombe, *Uncertainty and Feedback* (2001), 3; Zhou & Doyle, *Essentials of Robust Control*, 17.2 to 17.4.
 
     Examples
     --------
@@ -51,19 +53,23 @@ def nu_gap(G1: Any, G2: Any) -> float:
     >>> round(nu_gap(stable, unstable), 4), round(nu_gap(stable, control.tf([100], [1, 2, 1])), 4)
     (0.02, 0.8988)
     """
-    (first, _), (second, _) = coprime_factors("G1", nominal(G1)), coprime_factors("G2", nominal(G2))
-    steps = {name: timebase(G) for name, G in (("G1", nominal(G1)), ("G2", nominal(G2))) if not constant(G)}
+    first, second = nominal("G1", G1), nominal("G2", G2)
+    steps = {name: timebase(G) for name, G in (("G1", first), ("G2", second)) if not constant(G)}
     if len(set(steps.values())) > 1:
         raise ValueError(f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s")
-    # [N2, -M2] [M1; N1]: for single-loop plants the left factors are the transposed right ones
-    A2, B2, C2, D2 = second
-    turned = np.diag([1.0, -1.0])[:, ::-1]
-    left = (A2.T, C2.T, B2.T, D2.T)
-    distance, _ = hinf_norm(control.StateSpace(*series(first, turned, left), 0))
+    n_y, n_u = first.noutputs, first.ninputs
+    if (second.noutputs, second.ninputs) != (n_y, n_u):
+        raise ValueError(
+            f"G2 must have {n_y} outputs and {n_u} inputs, as G1, got {second.noutputs} and {second.ninputs}"
+        )
+    (right_1, _), (right_2, _) = coprime_factors("G1", first), coprime_factors("G2", second)
+    # the left factors of G2 on the right ones of G1: M2 N1 - N2 M1
+    turned = np.block([[np.zeros((n_u, n_y)), -np.eye(n_u)], [np.eye(n_y), np.zeros((n_y, n_u))]])
+    distance, _ = hinf_norm(control.StateSpace(*series(right_1, turned, left_factors(second, right_2)), 0))
     # [N2; M2]~ [N1; M1] is to have as many unstable zeros as the first factor has poles, all of them unstable
-    mirrored = (-A2.T, -C2.T, B2.T, D2.T)
-    inside = zeros(control.StateSpace(*series(first, np.eye(2), mirrored), 0))
-    if int(np.sum(inside.real > 0)) != A2.shape[0]:
+    A, B, C, D = transposed(right_2)
+    inside = zeros(control.StateSpace(*series(right_1, np.eye(n_y + n_u), (-A, -B, C, D)), 0))
+    if int(np.sum(inside.real > 0)) != len(A):
         return 1.0
     return float(min(distance, 1.0))
 
@@ -73,9 +79,9 @@ def ncf_margin(G: Any, K: Any) -> float:
 
     Parameters
     ----------
-    G : control.StateSpace, TransferFunction or UncertaintyModel
-        Plant, shaped by its weights where there are any.
-    K : control.StateSpace, TransferFunction or float
+    G : control.StateSpace, TransferFunction, UncertaintyModel or MatrixUncertainty
+        Plant of one or several inputs and outputs, shaped by its weights where there are any.
+    K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
 
     Returns
@@ -86,7 +92,7 @@ def ncf_margin(G: Any, K: Any) -> float:
     Raises
     ------
     ValueError
-        Sampling times that differ, a loop without a solution.
+        Sampling times that differ, a K of another shape, a loop without a solution.
 
     References
     ----------
@@ -99,7 +105,7 @@ def ncf_margin(G: Any, K: Any) -> float:
     >>> round(ncf_margin(1.0, 1.0), 6)
     1.0
     """
-    plant, K = nominal(G), state_space("K", K)
+    plant, K = nominal("G", G), multivariable("K", K)
     if not constant(plant) and not constant(K) and timebase(plant) != timebase(K):
         raise ValueError(f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s")
     dt = timebase(K) if constant(plant) else timebase(plant)
@@ -107,9 +113,22 @@ def ncf_margin(G: Any, K: Any) -> float:
     return 1 / norm
 
 
-def nominal(G: Any) -> control.StateSpace:
+def nominal(name: str, G: Any) -> control.StateSpace:
     """The plant itself, of whatever was given."""
-    return state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+    return multivariable(name, G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
+
+
+def left_factors(G: control.StateSpace, right: Matrices) -> Matrices:
+    """[N M] of G = M^-1 N: the transposed right factors of the transposed plant, with one input and output its own."""
+    if (G.ninputs, G.noutputs) != (1, 1):
+        right, _ = coprime_factors("G2", control.StateSpace(*transposed((G.A, G.B, G.C, G.D)), G.dt))
+    return transposed(right)
+
+
+def transposed(matrices: Matrices) -> Matrices:
+    """Of a transposed transfer matrix."""
+    A, B, C, D = matrices
+    return A.T, C.T, B.T, D.T
 
 
 def series(first: Matrices, between: np.ndarray, last: Matrices) -> Matrices:

@@ -22,10 +22,13 @@ from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
 from robust.synthesis.hinfsyn import hinfsyn
+from robust.synthesis.mixsyn import on_time_base
+from robust.systems.closed_loop import weighted_plant
 from robust.systems.grids import structure_grid
 from robust.systems.lft import joined, lower
 from robust.systems.lti import along, response, timebase
 from robust.systems.realisation import multivariable
+from robust.uncertain.matrix_model import MatrixUncertainty
 
 __all__ = ["DkDesign", "dk_iteration"]
 
@@ -40,7 +43,7 @@ class DkDesign:
     Fields
     ------
     K : control.StateSpace
-        u = K y, positive feedback through P; zero where no controller was found.
+        u = K y, positive feedback through P (of a set u = K (r - y), its usual loop); zero where none was found.
     mu : float
         Peak of the upper bound over omega with this controller; inf without one.
     omega, curve : (W,) ndarray
@@ -78,10 +81,12 @@ class DkDesign:
 
 def dk_iteration(
     P: Any,
-    blocks: Any,
-    n_y: int,
-    n_u: int,
+    blocks: Any = None,
+    n_y: int = 0,
+    n_u: int = 0,
     *,
+    w_P: Any = None,
+    w_u: Any = None,
     order: int = 4,
     n_rounds: int = 6,
     omega: Any = None,
@@ -91,13 +96,16 @@ def dk_iteration(
 
     Parameters
     ----------
-    P : control.StateSpace
-        From (what the perturbations and the performance drive, u) to (what they read, y).
+    P : MatrixUncertainty or control.StateSpace
+        A measured set; or a system from (what the perturbations and the performance drive, u) to (what they read, y).
     blocks : list
-        As for `mu_upper`, the performance being a full block. Repeated and real blocks are designed for as full complex
-        ones, and judged as what they are.
+        Of a system; as for `mu_upper`, the performance being a full block. Repeated and real blocks are designed for as
+        full complex ones, and judged as what they are.
     n_y, n_u : int
-        How many of the last outputs are measured, of the last inputs controlled.
+        Of a system: how many of the last outputs are measured, of the last inputs controlled.
+    w_P, w_u : control system or float, optional
+        Of a set, the performance: mu < 1 keeps the norm of [w_P S; w_u K S] under one for all its plants. One weight
+        for all channels alike, or a matrix that takes them all; w_P has to be given.
     order : int
         Largest order of a scaling; lower ones are taken where they come close.
     n_rounds : int
@@ -114,7 +122,7 @@ def dk_iteration(
     Raises
     ------
     ValueError
-        Blocks that do not add up to P, a plant that no controller can stabilise.
+        Blocks that do not add up to P, a set without w_P, a plant that no controller can stabilise.
 
     References
     ----------
@@ -132,6 +140,10 @@ def dk_iteration(
     Without omega the frequencies are those of the poles of the loop of each round. Of the distillation column of
     SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower) it makes 1.19, 1.05, 1.045, ...
     """
+    if isinstance(P, MatrixUncertainty):
+        P, blocks, n_y, n_u = of_set(P, w_P, w_u, blocks)
+    elif w_P is not None or w_u is not None:
+        raise ValueError("w_P and w_u must be left out but for a MatrixUncertainty: of a system they are part of P")
     P = multivariable("P", P)
     n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
     order, n_rounds = integer("order", order, least=0), integer("n_rounds", n_rounds, least=1)
@@ -156,6 +168,18 @@ def dk_iteration(
         scaling, used = fitted(along(lower(P, K), found.omega), s, found.omega, dt, order)
     certificate = certify_mu(lower(P, best.K), blocks, 1.01 * best.mu) if np.isfinite(best.mu) else None
     return replace(best, history=tuple(history), certificate=certificate, reason=reason)
+
+
+def of_set(model: MatrixUncertainty, w_P: Any, w_u: Any, blocks: Any) -> tuple[control.StateSpace, list[Any], int, int]:
+    """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
+    if w_P is None or blocks is not None:
+        raise ValueError("w_P must be given for a MatrixUncertainty, and no blocks: they are its own")
+    n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
+    weights = [("e", on_time_base("w_P", w_P, dt, n_y))]
+    weights += [] if w_u is None else [("u", on_time_base("w_u", w_u, dt, n_u))]
+    P = weighted_plant(model.open_loop(), n_y, n_u, weights)
+    of_performance = (sum(w.noutputs for _, w in weights), n_y)
+    return P, [*model.structure, of_performance], n_y, n_u
 
 
 def no_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:

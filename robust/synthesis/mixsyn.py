@@ -5,21 +5,23 @@ from __future__ import annotations
 from typing import Any
 
 import control
-import numpy as np
 
 from nlfrf.shared.arguments import nonnegative, positive
 from robust.synthesis.design import Design
 from robust.synthesis.hinfsyn import hinfsyn
+from robust.systems.closed_loop import weighted_plant
 from robust.systems.lti import constant, timebase
-from robust.systems.realisation import stable_weight, state_space
+from robust.systems.realisation import multivariable, stable_weight
 from robust.systems.sampling import delayed, discretize, sampled
 from robust.uncertain.forms import FORMS
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["mixsyn"]
+__all__ = ["mixsyn", "on_time_base"]
 
 
 PADE_ORDER = 4
+PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
 
 
 def mixsyn(
@@ -41,9 +43,10 @@ def mixsyn(
     Parameters
     ----------
     model : UncertaintyModel, control.StateSpace, TransferFunction
-        Plant, continuous or discrete.
+        Plant of one or several inputs and outputs, continuous or discrete.
     w_P : control system or float
-        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator.
+        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator. Of several channels this and
+        the others are one weight for all of them alike, or a matrix that takes them all (`control.append`).
     w_u : control system or float, optional
         Weight on K S (`control_weight`).
     w_T : control system or float, optional
@@ -71,12 +74,13 @@ def mixsyn(
 
     References
     ----------
-    SP 2.8.3 and 9.3.6; Zhou, Doyle & Glover 1996, 17.
+    SP 2.8.3, 3.5.3 and 9.3.6; Zhou, Doyle & Glover 1996, 17.
 
     Examples
     --------
     SP Example 2.17.
 
+    >>> import numpy as np
     >>> from robust import performance_weight
     >>> G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
     >>> design = mixsyn(G, performance_weight(10, M_S=1.5, A=1e-4), w_u=1)
@@ -84,8 +88,8 @@ def mixsyn(
     (1.366, True)
     """
     dt, delay, time_cap = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_cap", time_cap)
-    G = state_space("model", model.nominal if is_model(model) else model)
-    step = timebase(G)
+    G = multivariable("model", model.nominal if is_model(model) else model)
+    n_y, n_u, step = G.noutputs, G.ninputs, timebase(G)
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
     G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=PADE_ORDER)
@@ -97,53 +101,34 @@ def mixsyn(
             possible = ", ".join(name for name, form in FORMS.items() if form.tames)
             raise ValueError(f"model must be of the form {possible}, got {model.form}")
         weights[place].append(model.weight)
-    stacked = [(name, on_time_base(name, w, dt)) for name, many in weights.items() for w in many if w is not None]
-    found = hinfsyn(weighted_plant(G, stacked, dt), 1, 1, factor=factor, time_cap=0.8 * time_cap)
+    stacked = [
+        (PORTS[name], on_time_base(name, w, dt, n_u if name == "w_u" else n_y))
+        for name, many in weights.items()
+        for w in many
+        if w is not None
+    ]
+    G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
+    found = hinfsyn(weighted_plant(G, n_y, n_u, stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     reason = found.reason if found.found else f"not found: {found.reason}"
     return Design(K=K, gamma=found.gamma, gamma_min=found.gamma_low, met=found.found, reason=reason)
 
 
 def is_model(model: Any) -> bool:
-    """Whether it is a model with a parametric nominal; refused where it has none."""
+    """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
+    if isinstance(model, MatrixUncertainty):
+        raise ValueError(
+            "model must be a plant or an UncertaintyModel, got a MatrixUncertainty: dk_iteration designs for its "
+            "perturbation, mixsyn for its nominal alone (model.nominal)"
+        )
     if isinstance(model, UncertaintyModel) and model.measured_only:
         raise ValueError("model must have a parametric nominal to synthesise for, got an FRF: see design_frf")
     return isinstance(model, UncertaintyModel)
 
 
-def on_time_base(name: str, w: Any, dt: float) -> control.StateSpace:
-    """A stable weight on the time base of the loop."""
-    w = stable_weight(name, w, dt)
+def on_time_base(name: str, w: Any, dt: float, n: int) -> control.StateSpace:
+    """A stable weight on n signals, on the time base of the loop."""
+    w = stable_weight(name, w, dt, n)
     if dt and not timebase(w) and not constant(w):
         w = discretize(w, dt)
     return control.StateSpace(w.A, w.B, w.C, w.D, dt)
-
-
-def weighted_plant(
-    G: control.StateSpace, stacked: list[tuple[str, control.StateSpace]], dt: float
-) -> control.StateSpace:
-    """From (r, u) to (weighted e, u and y, one row a weight; e): e = r - G u, as hinfsyn takes it."""
-    n, zero = G.nstates, np.zeros((G.nstates, 1))
-    # what the weights read, from x and (r, u)
-    read = {
-        "w_P": (-G.C, [[1.0, -G.D[0, 0]]]),
-        "w_u": (np.zeros((1, n)), [[0.0, 1.0]]),
-        "w_T": (G.C, [[0.0, G.D[0, 0]]]),
-    }
-    m = n + sum(w.nstates for _, w in stacked)
-    A, B = np.zeros((m, m)), np.zeros((m, 2))
-    A[:n, :n], B[:n] = G.A, np.hstack([zero, G.B])
-    rows, direct = [], []
-    at = n
-    for name, w in stacked:
-        C, D = read[name]
-        own = slice(at, at + w.nstates)
-        A[own, :n], A[own, own], B[own] = w.B @ C, w.A, w.B @ D
-        row = np.zeros((1, m))
-        row[:, :n], row[:, own] = w.D @ C, w.C
-        rows.append(row)
-        direct.append(w.D @ D)
-        at += w.nstates
-    C, D = read["w_P"]
-    rows.append(np.hstack([C, np.zeros((1, m - n))]))
-    return control.StateSpace(A, B, np.vstack(rows), np.vstack([*direct, D]), dt)

@@ -13,9 +13,11 @@ from robust.synthesis.design import Design
 from robust.systems.bilinear import to_continuous, to_discrete
 from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series
+from robust.systems.lft import joined
 from robust.systems.lti import constant, response, timebase
 from robust.systems.norms import hinf_norm
-from robust.systems.realisation import from_roots, state_space
+from robust.systems.realisation import from_roots, multivariable, state_space
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["crossover_weight", "ncfsyn"]
@@ -30,10 +32,11 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
 
     Parameters
     ----------
-    G : control.StateSpace, TransferFunction or UncertaintyModel
-        Plant, continuous or discrete. For a sampled controller give the plant it sees (`robust.sampled`).
-    W1, W2 : control.StateSpace, TransferFunction or float
-        Shaping functions at the input and output of the plant.
+    G : control.StateSpace, TransferFunction, UncertaintyModel or MatrixUncertainty
+        Plant of one or several inputs and outputs, continuous or discrete. For a sampled controller give the plant it
+        sees (`robust.sampled`).
+    W1, W2 : control.StateSpace, TransferFunction, float or (n_u, n_u), (n_y, n_y) ndarray
+        Shaping functions at the input and output of the plant: matrices (`control.append`), or one for all channels.
     factor : float
         gamma asked for over gamma_min, above 1: at gamma_min itself the loop may be unstable.
 
@@ -45,7 +48,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     Raises
     ------
     ValueError
-        Sampling times that differ, or a shaped plant with an unstable mode that cannot be stabilised.
+        Sampling times or shapes that differ, a shaped plant with an unstable mode that cannot be stabilised.
 
     References
     ----------
@@ -63,18 +66,30 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     factor = real("factor", factor)
     if factor <= 1:
         raise ValueError(f"factor must be above 1, got {factor:g}")
-    if isinstance(G, UncertaintyModel):
-        G = G.nominal
-    G, W1, W2 = state_space("G", G), state_space("W1", W1), state_space("W2", W2)
+    G = multivariable("G", G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
     dt = timebase(G)
-    for name, W in (("W1", W1), ("W2", W2)):
-        if not constant(W) and timebase(W) != dt:
-            raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
+    W1, W2 = shaping("W1", W1, G.ninputs, dt), shaping("W2", W2, G.noutputs, dt)
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
     A, B, C, D = to_continuous(*matrices) if dt else matrices
-    n = A.shape[0]
-    S, R = np.eye(1) + D.T @ D, np.eye(1) + D @ D.T
+    X, Z = riccati_solutions(A, B, C, D)
+    gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
+    gamma = factor * gamma_min
+    L = (1 - gamma**2) * np.eye(len(A)) + X @ Z
+    F = -np.linalg.solve(np.eye(D.shape[1]) + D.T @ D, D.T @ C + B.T @ X)
+    Bk = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
+    Ak = A + B @ F + Bk @ (C + D @ F)
+    central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
+    K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
+    achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
+    return Design(K=in_series(W2, K_inf, W1, dt=dt), gamma=achieved, gamma_min=gamma_min)
+
+
+def riccati_solutions(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """X and Z of the shaped plant: those of control and of filtering."""
+    if not A.size:
+        return A, A
+    S, R = np.eye(D.shape[1]) + D.T @ D, np.eye(D.shape[0]) + D @ D.T
     drift = A - B @ np.linalg.solve(S, D.T @ C)
     try:
         X = solve_continuous_are(drift, B, C.T @ np.linalg.solve(R, C), S)
@@ -84,16 +99,20 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
             "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations have no solution "
             f"({error}). Does W1 or W2 cancel an unstable or undamped mode?"
         ) from None
-    gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
-    gamma = factor * gamma_min
-    L = (1 - gamma**2) * np.eye(n) + X @ Z
-    F = -np.linalg.solve(S, D.T @ C + B.T @ X)
-    Bk = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
-    Ak = A + B @ F + Bk @ (C + D @ F)
-    central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
-    K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
-    achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
-    return Design(K=in_series(W2, K_inf, W1, dt=dt), gamma=achieved, gamma_min=gamma_min)
+    return X, Z
+
+
+def shaping(name: str, given: Any, n: int, dt: float) -> control.StateSpace:
+    """A shaping function beside n channels of the plant, at its input W1 or its output W2."""
+    W = multivariable(name, given)
+    if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
+        W = joined([W] * n, W.dt)
+    beside, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
+    if beside != n:
+        raise ValueError(f"{name} must have {n} {side}, one a channel of G, or be one for all of them, got {beside}")
+    if not constant(W) and timebase(W) != dt:
+        raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
+    return W
 
 
 def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:

@@ -6,7 +6,7 @@ r --->(+)-- e -->[ K ]-- u -->(+)-->[ G ]-->(+)---+--> y
       -^                                          |
        +------------------------------------------+
 
-u = K (r - y),  L = G K,  S = 1/(1 + L),  T = 1 - S
+u = K (r - y),  L = G K,  S = (1 + L)^-1,  T = 1 - S
 """
 
 from __future__ import annotations
@@ -16,38 +16,93 @@ import numpy as np
 
 from robust.systems.lti import Matrices
 
-__all__ = ["closed_loop", "factor_allowed", "worst_perturbation", "worst_sensitivity"]
+__all__ = ["closed_loop", "factor_allowed", "refuse_shape", "weighted_plant", "worst_perturbation", "worst_sensitivity"]
 
 
-INPUTS = {"p_in": 0, "p_out": 1, "r": 2}
-OUTPUTS = {"u": 0, "y": 1, "e": 2}
+INPUTS = ("p_in", "p_out", "r")
+OUTPUTS = ("u", "y", "e")
 
 
 def closed_loop(
     G: control.StateSpace, K: control.StateSpace, outputs: tuple[str, ...], inputs: tuple[str, ...]
 ) -> Matrices:
-    """State space from the named inputs to the named outputs of the loop drawn above.
+    """State space from the named inputs to the named outputs of the loop drawn above, every one a vector.
 
     Raises
     ------
     ValueError
-        A loop without a solution: direct terms with 1 + D_G D_K = 0.
+        A controller of another shape; a loop without a solution: direct terms with 1 + D_K D_G singular.
     """
-    D, Dk = G.D[0, 0], K.D[0, 0]
-    if abs(1 + D * Dk) < 1e-12 * max(1.0, abs(D * Dk)):
-        raise ValueError("K must leave the loop well posed, got 1 + K G = 0 at infinite frequency")
-    k = 1 / (1 + D * Dk)
+    n_y, n_u = G.noutputs, G.ninputs
+    refuse_shape(K, n_y, n_u)
+    D, Dk = G.D, K.D
+    around = np.eye(n_u) + Dk @ D
+    if np.linalg.norm(around, -2) < 1e-12 * max(1.0, float(np.linalg.norm(Dk @ D, 2))):
+        raise ValueError("K must leave the loop well posed, got 1 + K G singular at infinite frequency")
+    k = np.linalg.inv(around)
     n, m = G.nstates, K.nstates
+    one, none = np.eye(n_y), np.zeros((n_y, n_y))
     # u = k (Ck xk + Dk (r - C x - D p_in - p_out)), everything else follows from u
-    u_x, u_w = np.hstack([-k * Dk * G.C, k * K.C]), k * Dk * np.array([[-D, -1.0, 1.0]])
-    y_x, y_w = D * u_x + np.hstack([G.C, np.zeros((1, m))]), D * u_w + np.array([[D, 1.0, 0.0]])
-    e_x, e_w = -y_x, np.array([[0.0, 0.0, 1.0]]) - y_w
+    u_x, u_w = np.hstack([-k @ Dk @ G.C, k @ K.C]), k @ Dk @ np.hstack([-D, -one, one])
+    y_x, y_w = D @ u_x + np.hstack([G.C, np.zeros((n_y, m))]), D @ u_w + np.hstack([D, one, none])
+    e_x, e_w = -y_x, np.hstack([np.zeros((n_y, n_u)), none, one]) - y_w
     A = np.block([[G.A, np.zeros((n, m))], [np.zeros((m, n)), K.A]])
     A = A + np.vstack([G.B @ u_x, K.B @ e_x])
-    B = np.vstack([G.B @ (u_w + np.array([[1.0, 0.0, 0.0]])), K.B @ e_w])
+    B = np.vstack([G.B @ (u_w + np.eye(n_u, n_u + 2 * n_y)), K.B @ e_w])
     C, W = np.vstack([u_x, y_x, e_x]), np.vstack([u_w, y_w, e_w])
-    rows, cols = [OUTPUTS[o] for o in outputs], [INPUTS[i] for i in inputs]
+    rows, cols = chosen(OUTPUTS, outputs, (n_u, n_y, n_y)), chosen(INPUTS, inputs, (n_u, n_y, n_y))
     return A, B[:, cols], C[rows], W[np.ix_(rows, cols)]
+
+
+def refuse_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
+    """Refuse a controller that does not fit a plant of n_y outputs and n_u inputs."""
+    if (K.ninputs, K.noutputs) != (n_y, n_u):
+        raise ValueError(
+            f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
+            f"got {K.ninputs} and {K.noutputs}"
+        )
+
+
+def chosen(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]) -> np.ndarray:
+    """Places of the channels of the ports that are wanted, in a vector of them all."""
+    first = np.cumsum([0, *sizes])
+    return np.concatenate([np.arange(first[k], first[k + 1]) for k in map(names.index, wanted)])
+
+
+def weighted_plant(
+    P: control.StateSpace, n_y: int, n_u: int, weights: list[tuple[str, control.StateSpace]], *, reference: bool = True
+) -> control.StateSpace:
+    """From (d, r, u) to (z, what each weight makes of "e", "u" or "y", e), of a plant P from (d, u) to (z, y).
+
+    A plant of its own has no d and no z. e = r - y is what a controller u = K e takes; without reference r is left out.
+    """
+    n_d, n_z = P.ninputs - n_u, P.noutputs - n_y
+    r = np.eye(n_y)[:, : n_y if reference else 0]
+    n_r, n = r.shape[1], P.nstates
+    z = np.hstack([P.D[:n_z, :n_d], np.zeros((n_z, n_r)), P.D[:n_z, n_d:]])
+    y = np.hstack([P.D[n_z:, :n_d], np.zeros((n_y, n_r)), P.D[n_z:, n_d:]])
+    e = np.hstack([-P.D[n_z:, :n_d], r, -P.D[n_z:, n_d:]])
+    # what the weights read, from x and (d, r, u)
+    read = {
+        "e": (-P.C[n_z:], e),
+        "u": (np.zeros((n_u, n)), np.eye(n_u, n_d + n_r + n_u, n_d + n_r)),
+        "y": (P.C[n_z:], y),
+    }
+    m = n + sum(w.nstates for _, w in weights)
+    A, B = np.zeros((m, m)), np.zeros((m, n_d + n_r + n_u))
+    A[:n, :n], B[:n] = P.A, np.hstack([P.B[:, :n_d], np.zeros((n, n_r)), P.B[:, n_d:]])
+    rows, direct, at = [np.hstack([P.C[:n_z], np.zeros((n_z, m - n))])], [z], n
+    for port, w in weights:
+        C, D = read[port]
+        own = slice(at, at + w.nstates)
+        A[own, :n], A[own, own], B[own] = w.B @ C, w.A, w.B @ D
+        row = np.zeros((w.noutputs, m))
+        row[:, :n], row[:, own] = w.D @ C, w.C
+        rows.append(row)
+        direct.append(w.D @ D)
+        at += w.nstates
+    rows.append(np.hstack([-P.C[n_z:], np.zeros((n_y, m - n))]))
+    return control.StateSpace(A, B, np.vstack(rows), np.vstack([*direct, e]), P.dt)
 
 
 def worst_sensitivity(S: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -160,16 +160,16 @@ def poles(system: control.StateSpace) -> np.ndarray:
 
 
 def zeros(system: control.StateSpace) -> np.ndarray:
-    """Finite invariant zeros of a single-loop system."""
-    n = system.nstates
+    """Finite invariant zeros of a system of as many inputs as outputs."""
+    n, m = system.nstates, system.ninputs
     if n == 0:
         return np.zeros(0, complex)
-    d = system.D[0, 0]
+    D = system.D
     A, B, C = scaled_states(system.A, system.B, system.C)
-    if abs(d) * (1 + np.linalg.norm(A)) > 1e-8 * np.linalg.norm(C) * np.linalg.norm(B):
-        return np.linalg.eigvals(A - B @ C / d)
-    top = np.block([[A, B], [C, np.atleast_2d(d)]])
-    bottom = np.zeros((n + 1, n + 1))
+    if np.linalg.norm(D, -2) * (1 + np.linalg.norm(A)) > 1e-8 * np.linalg.norm(C) * np.linalg.norm(B):
+        return np.linalg.eigvals(A - np.linalg.solve(D.T, B.T).T @ C)
+    top = np.block([[A, B], [C, D]])
+    bottom = np.zeros((n + m, n + m))
     bottom[:n, :n] = np.eye(n)
     found = eig(top, bottom, right=False, homogeneous_eigvals=True)
     finite = np.abs(found[1]) > 1e-12 * (np.abs(found[0]) / max(1.0, np.linalg.norm(A)) + np.abs(found[1]))

@@ -11,6 +11,7 @@ from scipy.linalg import matrix_balance
 
 from nlfrf.shared.wording import shown
 from robust.systems.connections import in_series
+from robust.systems.lft import joined
 from robust.systems.lti import constant, poles, response, scaled_states, timebase
 from robust.systems.stability import stable
 
@@ -20,6 +21,7 @@ __all__ = [
     "in_order",
     "least_stable",
     "multivariable",
+    "over_channels",
     "paired",
     "stable_weight",
     "state_space",
@@ -77,6 +79,16 @@ def complete(name: str, system: control.StateSpace) -> control.StateSpace:
         if not np.isfinite(matrix).all():
             raise ValueError(f"{name} must have finite coefficients, got nan or infinite ones")
     return system
+
+
+def over_channels(name: str, weight: Any, n: int) -> control.StateSpace:
+    """A weight that takes n signals: one of a single input and output stands for the same on each of them."""
+    weight = multivariable(name, weight)
+    if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
+        return joined([weight] * n, weight.dt)
+    if weight.ninputs != n:
+        raise ValueError(f"{name} must have 1 input, for all channels alike, or {n}, got {weight.ninputs}")
+    return weight
 
 
 def from_polynomials(name: str, num: np.ndarray, den: np.ndarray, dt: Any) -> control.StateSpace:
@@ -181,9 +193,9 @@ def section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -
     return control.StateSpace(A, [[1.0], [0.0]], [[slope, value / w]], [[direct]], dt)
 
 
-def stable_weight(name: str, system: Any, dt: float) -> control.StateSpace:
-    """A stable weight, continuous or sampled as the loop is, or a refusal."""
-    w = state_space(name, system)
+def stable_weight(name: str, system: Any, dt: float, n: int = 1) -> control.StateSpace:
+    """A stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
+    w = over_channels(name, system, n) if n > 1 else state_space(name, system)
     step = timebase(w)
     if step and not constant(w) and abs(step - dt) > 1e-9 * step:
         loop = f"{dt:g} s" if dt else "which is continuous"

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from nlfrf.shared.arguments import nonnegative, positive
 from robust.systems.bilinear import to_discrete
 from robust.systems.connections import in_series
+from robust.systems.lft import joined
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable, state_space
 
@@ -106,7 +107,7 @@ def delay_samples(name: str, delay: float, dt: float) -> int:
 
 
 def delayed(system: control.StateSpace, delay: float, *, order: int) -> control.StateSpace:
-    """The system behind its delay [s]: z^-d in discrete time, a Padé approximation of that order otherwise."""
+    """The system, all its inputs behind a delay [s]: z^-d in discrete time, Padé of that order otherwise."""
     if delay == 0:
         return system
     dt = timebase(system)
@@ -114,9 +115,10 @@ def delayed(system: control.StateSpace, delay: float, *, order: int) -> control.
         whole = delay_samples("delay", delay, dt)
         if whole == 0:
             return system
-        shift = control.StateSpace(np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt)
-        return in_series(shift, system)
-    return in_series(pade(delay, order), system)
+        one = control.StateSpace(np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt)
+    else:
+        one = pade(delay, order)
+    return in_series(joined([one] * system.ninputs, one.dt), system)
 
 
 def pade(delay: float, order: int) -> control.StateSpace:

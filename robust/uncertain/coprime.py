@@ -1,7 +1,7 @@
 """Normalised coprime factors of a plant, with the plants that other factors make.
 
-G = N/M, both stable, |N|^2 + |M|^2 = 1 on the axis. With the complement [M~; -N~] of [N; M], made stable by an
-all-pass, every plant whose factors differ by no more than eps < 1 at a frequency is there
+G = N M^-1, both stable, N~ N + M~ M = 1 on the axis. With one input and output and the complement [M~; -N~] of [N; M],
+made stable by an all-pass, every plant whose factors differ by no more than eps < 1 at a frequency is there
 
     G_p = (G + t Delta)/(1 - G* t Delta),     t = eps/sqrt(1 - eps^2),  |Delta| <= 1,
 
@@ -77,16 +77,20 @@ def tangent(w: np.ndarray) -> np.ndarray:
 
 
 def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndarray]:
-    """[N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X."""
+    """[N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X.
+
+    Of several inputs and outputs G = N M^-1; the left factors are the transposed ones of the transposed plant.
+    """
     A, B, C, D = well_scaled(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
-    R = np.eye(1) + D.T @ D
+    R = np.eye(G.ninputs) + D.T @ D
     X = stabilising(A, B, C.T @ C, R, C.T @ D)
     if X is None:
         raise ValueError(
             f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
         )
     F = -np.linalg.solve(R, D.T @ C + B.T @ X)
-    root = 1 / np.sqrt(R)
+    values, vectors = np.linalg.eigh(R)
+    root = vectors / np.sqrt(values) @ vectors.T
     return (A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])), X
 
 

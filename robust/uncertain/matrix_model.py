@@ -28,9 +28,10 @@ from scipy.linalg import block_diag
 from nlfrf import Frm
 from nlfrf.shared.arguments import one_of, real_array
 from nlfrf.shared.values import value
+from robust.systems.closed_loop import refuse_shape, weighted_plant
 from robust.systems.lft import joined, lower
 from robust.systems.lti import along, timebase
-from robust.systems.realisation import multivariable
+from robust.systems.realisation import multivariable, over_channels
 from robust.systems.stability import stable
 from robust.uncertain.forms import ADDITIVE, ELEMENTS, INPUT, MATRIX_FORMS, PERTURBATIONS
 from robust.uncertain.interconnection import Block, UncertainSystem
@@ -152,6 +153,13 @@ class MatrixUncertainty:
         """Inputs n_u."""
         return self.nominal.ninputs
 
+    @property
+    def structure(self) -> list[tuple[int, int]]:
+        """The blocks of Delta, as `mu_upper` takes them."""
+        if self.form == ELEMENTS:
+            return [(1, 1)] * (self.n_outputs * self.n_inputs)
+        return [(len(self.right), len(self.left))]
+
     def __str__(self) -> str:
         """One line."""
         dt = timebase(self.nominal)
@@ -239,15 +247,11 @@ class MatrixUncertainty:
         """The loop u = K (r - y) with the perturbations pulled out, for `check_structure`, `mu_upper`, `dk_iteration`.
 
         w_P : control.StateSpace, optional
-            Performance weight on r - y: one for all outputs, or a square one over them.
+            Performance weight on r - y: one for all outputs alike, or a matrix that takes them all.
         """
         K = multivariable("K", K)
         n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
-        if (K.ninputs, K.noutputs) != (n_y, n_u):
-            raise ValueError(
-                f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
-                f"got {K.ninputs} and {K.noutputs}"
-            )
+        refuse_shape(K, n_y, n_u)
         if K.nstates and timebase(K) != dt:
             raise ValueError(
                 f"K must have the sampling time of the model, {dt:g} s, got {timebase(K):g} s. A model for a sampled "
@@ -255,22 +259,14 @@ class MatrixUncertainty:
             )
         P = self.open_loop()
         n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
-        names = tuple(f"r{j + 1}" for j in range(n_y)) if w_P is not None else ()
-        outside = np.eye(n_y) if w_P is not None else np.zeros((n_y, 0))
-        # (d, r, u) -> (z, e) with e = r - y, and e once more where it is weighted
-        copies = [P.C[:n_z], *([-P.C[n_z:]] if names else []), -P.C[n_z:]]
-        B = np.hstack([P.B[:, :n_d], np.zeros((P.nstates, outside.shape[1])), P.B[:, n_d:]])
-        z_row = np.hstack([P.D[:n_z, :n_d], np.zeros((n_z, outside.shape[1])), P.D[:n_z, n_d:]])
-        e_row = np.hstack([-P.D[n_z:, :n_d], outside, -P.D[n_z:, n_d:]])
-        D = np.vstack([z_row, *([e_row] if names else []), e_row])
-        N = lower(control.StateSpace(P.A, B, np.vstack(copies), D, P.dt), K)
-        if names:
-            N = behind_performance(N, n_z, weight_over("w_P", w_P, n_y))
+        weights = [] if w_P is None else [("e", over_channels("w_P", w_P, n_y))]
+        N = lower(weighted_plant(P, n_y, n_u, weights, reference=bool(weights)), K)
+        same = N.noutputs - n_z == n_y
         return UncertainSystem(
             N=N,
             blocks=self.blocks(n_z, n_d),
-            inputs=names,
-            outputs=tuple(f"weighted {name}" for name in self.outputs) if names else (),
+            inputs=tuple(f"r{j + 1}" for j in range(N.ninputs - n_d)),
+            outputs=tuple(f"weighted {self.outputs[j] if same else j + 1}" for j in range(N.noutputs - n_z)),
         )
 
     def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
@@ -286,22 +282,3 @@ def gain_of(weight: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(W,) response of a weight of one input and output."""
     dt = timebase(weight)
     return np.asarray(weight(np.exp(1j * omega * dt) if dt else 1j * omega, squeeze=True)) * np.ones(omega.size)
-
-
-def weight_over(name: str, weight: Any, n: int) -> control.StateSpace:
-    """A weight as a square system over n signals."""
-    weight = multivariable(name, weight)
-    if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
-        return joined([weight] * n, weight.dt)
-    if (weight.ninputs, weight.noutputs) != (n, n):
-        raise ValueError(f"{name} must have 1 or {n} inputs and outputs, got {weight.ninputs} and {weight.noutputs}")
-    return weight
-
-
-def behind_performance(N: control.StateSpace, n_z: int, w: control.StateSpace) -> control.StateSpace:
-    """N with its last outputs behind a weight."""
-    n, m = N.nstates, w.nstates
-    A = np.block([[N.A, np.zeros((n, m))], [w.B @ N.C[n_z:], w.A]])
-    B = np.vstack([N.B, w.B @ N.D[n_z:]])
-    C = np.block([[N.C[:n_z], np.zeros((n_z, m))], [w.D @ N.C[n_z:], w.C]])
-    return control.StateSpace(A, B, C, np.vstack([N.D[:n_z], w.D @ N.D[n_z:]]), N.dt)

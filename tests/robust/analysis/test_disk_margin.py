@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from robust import disk_margin
-from robust.analysis.disk_margin import of_system
+from robust import MatrixUncertainty, check, disk_margin, disk_margins
+from robust.analysis.disk_margin import sensitivity, where_limited
 
 L = control.tf([25], [1, 10, 10, 10])
 #: Two channels of a spinning body under a static controller (the example of python-control's documentation).
@@ -98,4 +98,109 @@ def test_refusals():
 
 
 def test_a_loop_that_bears_anything():
-    assert np.isinf(of_system(control.ss([], [], [], [[1.0]]), 0.0)[1])
+    S, reason = sensitivity(control.ss([], [], [], [[1.0]]), 0)
+    assert not reason
+    assert np.isinf(where_limited(S, np.ix_([0], [0]), 0.0)[1])
+
+
+#: Seiler, Packard & Gahinet's spinning satellite, unit feedback.
+SATELLITE = control.ss([[0, 10], [-10, 0]], np.eye(2), [[1, 10], [-10, 1]], np.zeros((2, 2)))
+
+
+def test_a_satellite_bears_anything_in_one_loop_and_little_in_both():
+    """Alone each loop is 1/s: alpha = 2, all gains, 90 degrees. Both at once 1/sqrt(100.5), a tenth."""
+    margins = disk_margins(SATELLITE, np.eye(2))
+    for alone in (*margins.inputs, *margins.outputs):
+        assert alone.alpha == pytest.approx(2.0, rel=1e-6)
+        assert np.degrees(alone.phase_margin) == pytest.approx(90, abs=0.1)
+    for both in (margins.all_inputs, margins.all_outputs):
+        assert both.alpha == pytest.approx(1 / np.sqrt(100.5), rel=1e-5)
+    assert margins.everywhere.alpha < margins.all_inputs.alpha
+    assert str(margins).splitlines()[4].startswith("all inputs   disk margin 0.09975: gain -0.87 to +0.87 dB")
+
+
+def test_one_loop_at_a_time_by_closing_the_others_by_hand():
+    """The channel's own loop transfer with all others closed, entry by entry, at inputs and at outputs."""
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((4, 4)) - 3 * np.eye(4)
+    G = control.ss(A, rng.standard_normal((4, 2)), rng.standard_normal((3, 4)), np.zeros((3, 2)))
+    K = control.ss(-np.eye(2), rng.standard_normal((2, 3)), 0.5 * rng.standard_normal((2, 2)), np.zeros((2, 3)))
+    margins = disk_margins(G, K)
+    for side, L in ((margins.inputs, K * G), (margins.outputs, G * K)):
+        assert len(side) == L.ninputs
+        for k, alone in enumerate(side):
+            rest = np.diag([0.0 if j == k else 1.0 for j in range(L.ninputs)])
+            others = control.feedback(L, control.ss([], [], [], rest))[k, k]
+            assert alone.alpha == pytest.approx(disk_margin(others).alpha, rel=2e-3)
+            assert alone.channels == (k if side is margins.inputs else 2 + k,)
+    assert margins.all_inputs.alpha == pytest.approx(disk_margin(K * G).alpha, rel=2e-3)
+    assert margins.all_outputs.alpha == pytest.approx(disk_margin(G * K).alpha, rel=2e-3)
+    least = min(m.alpha for m in (*margins.inputs, *margins.outputs))
+    assert margins.everywhere.alpha <= min(margins.all_inputs.alpha, margins.all_outputs.alpha) * (1 + 1e-6)
+    assert max(margins.all_inputs.alpha, margins.all_outputs.alpha) <= max(
+        *(m.alpha for m in (*margins.inputs, *margins.outputs)), least
+    )
+
+
+def test_gains_and_phases_at_inputs_and_outputs_at_once():
+    """No factors inside the disk everywhere destabilise; some a little beyond it do."""
+    G = control.ss(SATELLITE.A - 0.5 * np.eye(2), SATELLITE.B, SATELLITE.C, SATELLITE.D)
+    K = np.array([[1.0, 0.05], [0.0, 0.8]])
+    size = disk_margins(G, K).everywhere.alpha
+    rng = np.random.default_rng(1)
+
+    def growth(size, phases):
+        factor = (1 + size / 2 * np.exp(1j * phases)) / (1 - size / 2 * np.exp(1j * phases))
+        return np.linalg.eigvals(G.A - G.B @ np.diag(factor[:2]) @ K @ np.diag(factor[2:]) @ G.C).real.max()
+
+    phases = rng.uniform(-np.pi, np.pi, (6000, 4))
+    assert max(growth(0.999 * size, p) for p in phases) < 0
+    assert max(growth(1.06 * size, p) for p in phases) > 0
+
+
+def test_of_a_measured_plant_on_its_lines():
+    G = control.ss(SATELLITE.A - 2 * np.eye(2), SATELLITE.B, SATELLITE.C, SATELLITE.D)
+    omega = np.geomspace(0.01, 1e3, 2000)
+    lines, whole = disk_margins(control.frd(G, omega), np.eye(2)), disk_margins(G, np.eye(2))
+    for one, other in (
+        (lines.inputs[1], whole.inputs[1]),
+        (lines.all_outputs, whole.all_outputs),
+        (lines.everywhere, whole.everywhere),
+    ):
+        assert one.alpha == pytest.approx(other.alpha, rel=2e-3)
+
+
+def test_of_a_loop_that_is_not_stable():
+    margins = disk_margins(SATELLITE, -np.eye(2))
+    assert margins.reason.startswith("the loop is unstable")
+    assert str(margins).startswith("no disk margins: the loop is unstable")
+
+
+def test_the_report_of_a_matrix_tells_them():
+    w = control.ss([], [], [], [[0.05]])
+    model = MatrixUncertainty(
+        nominal=SATELLITE, form="additive", left=(w, w), right=(w, w), omega=np.array([1.0]),
+        radius=np.full((4, 1), 0.05), confidence=0.95, inputs=("torque_x", "torque_y"),
+    )  # fmt: skip
+    report = check(model, np.eye(2))
+    assert report.margins.all_inputs.alpha == pytest.approx(1 / np.sqrt(100.5), rel=1e-5)
+    assert report.margins.input_names == ("torque_x", "torque_y")
+    assert "all inputs at once gain -0.87 to +0.87 dB" in " ".join(str(report).split())
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: disk_margin(SATELLITE, channels=[2]), r"channels must be some of 0 to 1, each once, got \[2\]"),
+        (lambda: disk_margin(SATELLITE, channels=[]), "channels must be some of 0 to 1"),
+        (lambda: disk_margins(SATELLITE, np.eye(3)), "K must have 2 inputs and 2 outputs"),
+        (lambda: disk_margins(SATELLITE, control.ss(0.5, 1, 1, 0, 0.1)), "K must have 2 inputs and 2 outputs"),
+        (
+            lambda: disk_margins(SATELLITE, control.append(*[control.ss(0.5, 1, 1, 0, 0.1)] * 2)),
+            "the sampling time of G",
+        ),
+    ],
+)
+def test_refusals_of_channels(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

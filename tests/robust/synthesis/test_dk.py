@@ -5,7 +5,17 @@ import cvxpy
 import numpy as np
 import pytest
 
-from robust import certify_mu, dk_iteration, mu_upper, mu_upper_lmi, worst_gain
+from robust import (
+    MatrixUncertainty,
+    certify_mu,
+    check,
+    dk_iteration,
+    mixsyn,
+    mu_upper,
+    mu_upper_lmi,
+    performance_weight,
+    worst_gain,
+)
 from robust.certificates.stability import instability
 from robust.modelling.weights import minimum_phase
 from robust.systems.bilinear import to_discrete
@@ -27,6 +37,59 @@ def test_the_distillation_column():
     assert mu_upper(along(N, np.geomspace(1e-4, 1e3, 200)), WITH_PERFORMANCE).value.max() <= 1.005 * design.mu
     assert design.certificate.holds
     assert certify_mu(N, WITH_PERFORMANCE, 1.02 * design.mu).holds
+
+
+def column(form):
+    """The distillation column as a set: a full block at its input (SP 8.11.3 has two numbers), or its entries."""
+    G = control.ss(-np.eye(2) / 75, np.eye(2), np.array([[87.8, -86.4], [108.2, -109.6]]) / 75, np.zeros((2, 2)))
+    one = control.ss([], [], [], [[1.0]])
+    w = control.StateSpace([[-2.0]], [[1.0]], [[(0.2 - 2.0) * 2.0]], [[2.0]], 0)  # (s + 0.2)/(0.5 s + 1)
+    small = control.ss([], [], [], [[0.2]])
+    left, right = ((one, one), (w, w)) if form == "input" else ((), (small,) * 4)
+    radius = np.array([[0.999 * abs(weight(1j))] for weight in (*left, *right)])
+    return MatrixUncertainty(
+        nominal=G, form=form, left=left, right=right, omega=np.array([1.0]), radius=radius, confidence=0.95,
+        perturbation="LTI",
+    )  # fmt: skip
+
+
+def test_the_distillation_column_as_a_set():
+    """A full block costs no more than the two numbers of SP 8.12.4 (there from 1.18 to 1.02 and lower)."""
+    model, w_P = column("input"), performance_weight(0.05, M_S=2, A=1e-3)
+    design = dk_iteration(model, w_P=w_P, n_rounds=2)
+    assert [mu for _, mu, _ in design.history] == pytest.approx([1.19, 1.05], abs=0.02)
+    assert design.certificate.holds
+    report = check(model, design.K, w_P=w_P)
+    assert report.verdict == "robust"
+    assert 1 / report.margin_rp == pytest.approx(design.mu, rel=1e-3)
+    nominal = mixsyn(model.nominal, w_P, w_u=0.001, time_cap=20).K  # knows nothing of the set
+    assert check(model, nominal, w_P=w_P, certify=False).margin_rp < 0.9 * report.margin_rp
+
+
+def test_the_entries_of_a_matrix_and_a_weight_on_the_effort():
+    """Four numbers and a performance of errors and efforts: the plant as interconnection of the loop tells it, too."""
+    model, w_P, w_u = column("elements"), performance_weight(0.01, M_S=3, A=1e-2), 0.01
+    design = dk_iteration(model, w_P=w_P, w_u=w_u, n_rounds=2, order=2)
+    assert len(design.history) == 2
+    assert design.mu <= design.history[0][1]
+    report = check(model, design.K, w_P=w_P)
+    assert 1 / report.margin_rp <= design.mu * 1.001  # without the effort it is no larger
+    assert 1 / report.margin_rs <= design.mu * 1.001
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: dk_iteration(column("input")), "w_P must be given for a MatrixUncertainty"),
+        (lambda: dk_iteration(column("input"), [(2, 2)], w_P=1.0), "and no blocks: they are its own"),
+        (lambda: dk_iteration(plant(), WITH_PERFORMANCE, 2, 2, w_P=1.0), "w_P and w_u must be left out but for"),
+        (lambda: dk_iteration(column("input"), w_P=np.eye(3)), "w_P must have 1 input, for all channels alike, or 2"),
+        (lambda: mixsyn(column("input"), 1.0), "got a MatrixUncertainty: dk_iteration designs for its perturbation"),
+    ],
+)
+def test_refusals_of_sets(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
 
 
 def test_a_discrete_plant():

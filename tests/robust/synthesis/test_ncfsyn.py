@@ -3,9 +3,11 @@
 import control
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 
-from robust import crossover_weight, ncfsyn, sampled
-from robust.systems.lti import response
+from robust import crossover_weight, ncf_margin, ncfsyn, sampled
+from robust.systems.lti import evaluate, response
+from robust.uncertain.coprime import coprime_factors
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 
@@ -74,6 +76,62 @@ def test_direct_term():
     assert four_block(G, design.K, omega).max() == pytest.approx(design.gamma, rel=1e-4)
 
 
+def matrix_plant(rng, n, n_y, n_u, dt=0.0):
+    A = rng.standard_normal((n, n)) - 0.5 * np.eye(n)
+    D = 0.3 * rng.standard_normal((n_y, n_u))
+    G = control.StateSpace(A, rng.standard_normal((n, n_u)), rng.standard_normal((n_y, n)), D, 0)
+    return sampled(G, dt) if dt else G
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+@pytest.mark.parametrize("shape", [(2, 2), (3, 2), (1, 3)])
+def test_least_gamma_of_matrices_from_the_hankel_norm_of_their_factors(shape, dt):
+    """gamma_min = (1 - |[N M]|_H^2)^-1/2 (Glover & McFarlane 1989): no Riccati solution of the design in it."""
+    G = matrix_plant(np.random.default_rng(sum(shape)), 4, *shape, dt)
+    (A, B, C, D), _ = coprime_factors("G", G)
+    factors = evaluate(A, B, C, D, 2j)[0]
+    np.testing.assert_allclose(factors.conj().T @ factors, np.eye(shape[1]), atol=1e-9)
+    P, Q = (solve_continuous_lyapunov(F, -X) for F, X in ((A, B @ B.T), (A.T, C.T @ C)))
+    hankel = np.sqrt(np.linalg.eigvals(P @ Q).real.max())
+    design = ncfsyn(G)
+    assert design.gamma_min == pytest.approx(1 / np.sqrt(1 - hankel**2), rel=1e-7)
+    assert design.gamma_min <= design.gamma <= 1.1 * design.gamma_min
+    assert design.gamma == pytest.approx(1 / ncf_margin(G, design.K), rel=1e-6)
+
+
+def test_beside_one_another_the_worst_channel_counts():
+    """Of a diagonal plant gamma_min is the largest of the channels', and shaping functions may come in matrices."""
+    single = [control.ss(control.tf([k], [1, a])) for k, a in ((1, 1), (4, -0.5), (2, 3))]
+    W = [control.tf([1, 2], [1, 0]), control.tf([2], [1]), control.tf([1, 5], [1, 0])]
+    wanted = max(ncfsyn(G, w).gamma_min for G, w in zip(single, W, strict=True))
+    design = ncfsyn(control.append(*single), control.append(*map(control.ss, W)))
+    assert design.gamma_min == pytest.approx(wanted, rel=1e-8)
+    same = ncfsyn(control.append(*single), W[0], 0.5)
+    written = ncfsyn(control.append(*single), control.append(*[control.ss(W[0])] * 3), 0.5 * np.eye(3))
+    assert same.gamma_min == pytest.approx(written.gamma_min, rel=1e-9)
+    assert np.all(control.feedback(control.append(*single) * design.K, np.eye(3)).poles().real < 1e-9)
+
+
+def test_exchanged_and_turned_channels():
+    """gamma_min does not see a permutation or a rotation, and the controller turns along."""
+    rng = np.random.default_rng(9)
+    G = matrix_plant(rng, 4, 3, 2)
+    Q_y, Q_u = np.linalg.qr(rng.standard_normal((3, 3)))[0], np.eye(2)[::-1]
+    turned = control.StateSpace(G.A, G.B @ Q_u, Q_y @ G.C, Q_y @ G.D @ Q_u, 0)
+    one, two = ncfsyn(G), ncfsyn(turned)
+    assert two.gamma_min == pytest.approx(one.gamma_min, rel=1e-9)
+    np.testing.assert_allclose(Q_u @ two.K(1j) @ Q_y, one.K(1j), rtol=1e-6, atol=1e-9)
+
+
+def test_a_gain_matrix():
+    """Without dynamics the best is reached: 1 for any gain, by K = G'."""
+    G = np.array([[2.0, 1.0], [0.0, 3.0]])
+    design = ncfsyn(G)
+    assert design.gamma_min == 1.0
+    assert design.gamma == pytest.approx(1.0)
+    np.testing.assert_allclose(design.K.D, G.T)
+
+
 @pytest.mark.parametrize("omega_c", [0.5, 20.0])
 @pytest.mark.parametrize("T", [0.0, 0.01])
 def test_crossover_weight_puts_the_crossover(omega_c, T):
@@ -90,7 +148,9 @@ def test_crossover_weight_puts_the_crossover(omega_c, T):
         (lambda: ncfsyn(BOOK, factor=1.0), "factor must be above 1"),
         (lambda: ncfsyn(BOOK, control.tf([1], [1, 1], 0.1)), "W1 must have the sampling time of G"),
         (lambda: ncfsyn(control.tf([1, 0, 0], [1, 1])), "G must be proper"),
-        (lambda: ncfsyn(np.eye(2)), "G must have one input and one output"),
+        (lambda: ncfsyn(np.ones((2, 3)), np.eye(2)), "W1 must have 3 outputs, one a channel of G"),
+        (lambda: ncfsyn(np.ones((2, 3)), W2=np.eye(3)), "W2 must have 2 inputs, one a channel of G"),
+        (lambda: ncfsyn(np.eye(2), control.tf([1], [1, 1], 0.1)), "W1 must have the sampling time of G"),
         (lambda: ncfsyn(control.tf([1], [1, 0]), control.tf([1, 0], [1, 1])), "G must be stabilisable"),
         (lambda: crossover_weight(BOOK, -1.0), "omega_c must be positive"),
         (lambda: crossover_weight(sampled(control.ss(BOOK), 0.1), 30.0), "half the Nyquist frequency"),

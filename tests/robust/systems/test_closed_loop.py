@@ -4,8 +4,15 @@ import control
 import numpy as np
 import pytest
 
-from robust.systems.closed_loop import closed_loop, factor_allowed, worst_perturbation, worst_sensitivity
+from robust.systems.closed_loop import (
+    closed_loop,
+    factor_allowed,
+    weighted_plant,
+    worst_perturbation,
+    worst_sensitivity,
+)
 from robust.systems.grids import highest, loop_grid, structure_grid
+from robust.systems.lft import lower
 from robust.systems.lti import evaluate, response
 from robust.systems.nyquist import winding
 from robust.systems.realisation import from_roots, state_space
@@ -34,6 +41,65 @@ def test_ports_of_the_loop():
     }
     for (out, into), curve in wanted.items():
         assert evaluate(*closed_loop(G, K, (out,), (into,)), 1j * OMEGA)[:, 0, 0] == pytest.approx(curve, rel=1e-9)
+
+
+def random_system(rng, n, n_out, n_in):
+    A = rng.standard_normal((n, n)) - 2 * np.eye(n)
+    return control.StateSpace(
+        A, rng.standard_normal((n, n_in)), rng.standard_normal((n_out, n)), rng.standard_normal((n_out, n_in)), 0
+    )
+
+
+def test_ports_of_a_loop_of_three_outputs_and_two_inputs():
+    """Every pair of ports by the matrices of the textbook, K (1 + G K)^-1 and so on."""
+    rng = np.random.default_rng(0)
+    plant, K = random_system(rng, 3, 3, 2), random_system(rng, 2, 2, 3)
+    for s in 1j * OMEGA[::10]:
+        g, k = plant(s), K(s)
+        S = np.linalg.inv(np.eye(3) + g @ k)
+        wanted = np.block([
+            [-k @ S @ g, -k @ S, k @ S],
+            [S @ g, S, g @ k @ S],
+            [-S @ g, -S, S],
+        ])  # fmt: skip
+        found = evaluate(*closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r")), s)[0]
+        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
+        turned = evaluate(*closed_loop(plant, K, ("e", "u"), ("r", "p_in")), s)[0]
+        np.testing.assert_allclose(turned[:3, :3], S, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(turned[3:, 3:], -k @ S @ g, rtol=1e-9, atol=1e-12)
+
+
+def test_a_plant_with_its_weights_is_the_loop_with_them():
+    """Closed by any K it is [w_P S; w_u K S; w_T T], and what d, z of the plant see."""
+    rng = np.random.default_rng(1)
+    P, K = random_system(rng, 3, 4, 3), random_system(rng, 2, 3, 2)  # (d, u) of 1 + 2 to (z, y) of 1 + 3
+    K = control.StateSpace(K.A, K.B[:, [0, 1, 1]], K.C[:2], 0.1 * np.ones((2, 3)), 0)
+    weights = [
+        ("e", random_system(rng, 1, 2, 3)),
+        ("u", random_system(rng, 1, 2, 2)),
+        ("y", random_system(rng, 0, 3, 3)),
+    ]
+    whole = lower(weighted_plant(P, 3, 2, weights), K)
+    bare = lower(weighted_plant(P, 3, 2, [], reference=False), K)
+    for s in (0.3j, 2j):
+        p, k = P(s), K(s)
+        g_zd, g_zu, g_yd, g_yu = p[:1, :1], p[:1, 1:], p[1:, :1], p[1:, 1:]
+        S = np.linalg.inv(np.eye(3) + g_yu @ k)
+        from_d, from_r = (-S @ g_yd, -k @ S @ g_yd), (S, k @ S)
+        columns = []
+        for e, u, direct, output in ((*from_d, g_zd, g_yd), (*from_r, np.zeros((1, 3)), np.zeros((3, 3)))):
+            y = output + g_yu @ u
+            columns.append(
+                np.vstack([direct + g_zu @ u, weights[0][1](s) @ e, weights[1][1](s) @ u, weights[2][1](s) @ y])
+            )
+        np.testing.assert_allclose(whole(s), np.hstack(columns), rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(bare(s, squeeze=False), columns[0][:1], rtol=1e-9, atol=1e-11)
+
+
+def test_a_controller_of_another_shape_is_refused():
+    rng = np.random.default_rng(2)
+    with pytest.raises(ValueError, match="K must have 3 inputs and 2 outputs, one an output and an input of the plant"):
+        closed_loop(random_system(rng, 2, 3, 2), random_system(rng, 1, 3, 2), ("u",), ("r",))
 
 
 def test_a_loop_without_a_solution_is_refused():

@@ -105,3 +105,16 @@ def test_states_of_sizes_beyond_any_integer_are_scaled_in_silence():
     scaled, weights = evened(A)
     np.testing.assert_allclose(scaled * weights[:, None] / weights, A, rtol=1e-12)
     assert np.abs(scaled).max() < 1e3
+
+
+@pytest.mark.parametrize("direct", [True, False])
+def test_zeros_of_several_channels_make_the_matrix_singular(direct):
+    """Where the plant loses rank; as many as its determinant has."""
+    rng = np.random.default_rng(4)
+    A, B, C = rng.standard_normal((4, 4)), rng.standard_normal((4, 2)), rng.standard_normal((2, 4))
+    D = rng.standard_normal((2, 2)) if direct else np.zeros((2, 2))
+    found = zeros(control.StateSpace(A, B, C, D, 0))
+    assert found.size == (4 if direct else 2)
+    for z in found:
+        sizes = np.linalg.svd(C @ np.linalg.solve(z * np.eye(4) - A, B) + D, compute_uv=False)
+        assert sizes[1] < 1e-9 * sizes[0]

@@ -67,6 +67,7 @@ def values_of_robust():
     yield robust.validate(frm, frm)
     yield robust.loop_gains(two_by_two, np.eye(2))
     yield from (several, robust.breaking_perturbation(several, control.ss([], [], [], np.eye(2))))
+    yield robust.disk_margins(several, np.eye(2))
     yield from (BLA, FIT, MODEL, K, block, system, robust.check_structure(system))
     yield from (robust.scan_orders(BLA, n_poles=(1, 2)), robust.validate(MODEL, BLA))
     yield from (robust.fit_weight(MODEL.omega, MODEL.radius, order=2), robust.disk_margin(FIT.G * K))
