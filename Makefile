@@ -62,6 +62,7 @@ bench: $(TESTS)
 	$(BIN)/python -m benchmarks.bench_friction
 	$(BIN)/python -m benchmarks.bench_friction_proof
 	$(BIN)/python -m benchmarks.bench_many_loops
+	$(BIN)/python -m benchmarks.bench_axes
 	$(BIN)/python -m benchmarks.bench_robust
 	$(BIN)/python -m benchmarks.joint --records 12 --fresh 300
 	$(BIN)/python -m benchmarks.validation --records 200
