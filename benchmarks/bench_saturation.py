@@ -1,9 +1,9 @@
 """Whether what `robust.prove_saturated` proves is so, and how far short of the truth it stays.
 
-Of the 460 loops of `bench_friction_proof` those that are proved without a limit: how many from every state with one
-of 20 N and friction of at most 1 N, how many up to a kick, how much harder than the kick up to which the actuator
-never saturates. Each is then played with laws of the class and kicks up to what is proved; from every state:
-with bursts up to a hundred newton. "Still moving" is as there, and must be 0. Last, the least of growing kicks after which the
+Of the 460 loops of `bench_friction_proof` those that are proved without a limit: how many from every state with one of
+20 N and friction of at most 1 N, how many up to a kick, how much harder than the kick up to which the actuator never
+saturates. Each is then played with laws of the class and kicks up to what is proved; from every state: with bursts of
+up to a hundred newton. "Still moving" is as there, and must be 0. Last, the least of growing kicks after which the
 saturated loop no longer came to rest, over the one that is proved: what the proof leaves.
 
 python -m benchmarks.bench_saturation [--bursts 12] [--every 1]
