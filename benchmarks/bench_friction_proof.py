@@ -6,9 +6,11 @@ at random) after bursts and kicks; every loop that only a spring that does not s
 outside the class, to show what is not claimed. Then the same of bristles that creep, with LuGre, Dahl, the friction of
 the paper and random Leuven laws.
 
+With --certificates: what three levels are enough for, every certificate made again over the rationals, and the time.
+
 "Still moving": swing in the last tenth above 1e-3 of the largest after 20 slowest time constants; else it runs on.
 
-python -m benchmarks.bench_friction_proof [--bursts 48] [--loops 460]
+python -m benchmarks.bench_friction_proof [--bursts 24] [--loops 460] [--bristles] [--certificates]
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import numpy as np
 
 import nlfrf
 import robust
-from benchmarks.friction_loops import T, of_example_14, random_loops
+from benchmarks.friction_loops import T, bla_of_level, of_example_14, random_loops
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, Leuven, LuGre, VaryingSliders
 from robust.friction_proof.classes import AnyFriction
@@ -83,12 +85,18 @@ def swings(response: nlfrf.LoopResponse) -> float:
 
 
 def moving(
-    friction: VaryingSliders | LuGre | Leuven | Dahl, K: object, delay: float, force: np.ndarray, begin: np.ndarray
+    friction: VaryingSliders | LuGre | Leuven | Dahl,
+    K: object,
+    delay: float,
+    force: np.ndarray,
+    begin: np.ndarray,
+    saturation: float = np.inf,
 ) -> bool:
     """Whether a loop still moves after all its time; what moves at first runs on, each time twice as long."""
     for _ in range(RETRIES):
         rig = nlfrf.Rig(1.0, 80e3, friction, 0.4 if isinstance(friction, (VaryingSliders, Dahl)) else 0.0)
         options = {"fs": 1 / T, "delay": delay, "disturbance": force, "initial": begin, "oversampling": 8}
+        options["saturation"] = saturation
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", nlfrf.DataWarning)
             left = swings(nlfrf.simulate_loop(rig, K, np.zeros(force.size), **options))
@@ -179,14 +187,48 @@ def attack(proved: list, bursts: int, stiction: float, rng: np.random.Generator,
         print("   ", i, friction)
 
 
+def from_levels(loops: list) -> None:
+    """Of what is proved for the true machine and class, how much is with what three levels tell; and of the rest."""
+    assumed = robust.friction_class([bla_of_level(rms) for rms in (0.1, 0.25, 2.5)])
+    truth, _ = verdicts(loops, robust.any_maxwell_slip(K0, assumed.friction.stiction))
+    told = [robust.prove_friction(assumed.machine, K, assumed.friction, delay=delay) for K, delay in loops]
+    both = Counter((true.verdict, level.verdict) for true, level in zip(truth, told, strict=True))
+    provable = sum(count for (true, _), count in both.items() if true == "proved")
+    unstable = sum(count for (true, _), count in both.items() if true == "refuted")
+    print(f"from levels of 0.1, 0.25, 2.5 N: {both['proved', 'proved']} of {provable} provable ones proved, ", end="")
+    print(f"{both['refuted', 'proved']} of {unstable} that the truth refutes", flush=True)
+
+
+def certificates(loops: list, friction: AnyFriction) -> None:
+    """Every proof made again over the rationals, and the time that limits take."""
+    proved = [(K, d, p) for (K, d), p in zip(loops, verdicts(loops, friction)[0], strict=True) if p.verdict == "proved"]
+    again = sum(proof.certificate.verify().verified for _, _, proof in proved)
+    print(
+        f"{friction.kind}, stiction {friction.stiction:.3g}: {again} of {len(proved)} hold over the rationals; ", end=""
+    )
+    times = []
+    for K, delay, _ in proved[::4]:
+        begin = time.process_time()
+        robust.prove_friction(MACHINE, K, friction, delay=delay, limits=True)
+        times.append(time.process_time() - begin)
+    print(f"CPU with both limits: median {np.median(times):.2g} s, most {max(times):.2g} s", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bursts", type=int, default=24, help="bursts for each proved loop and stiction")
     parser.add_argument("--loops", type=int, default=460, help="loops, at most")
     parser.add_argument("--bristles", action="store_true", help="bristles that creep only")
+    parser.add_argument("--certificates", action="store_true", help="levels and certificates only, no bursts")
     args = parser.parse_args()
     loops = (of_example_14() + random_loops(220, 1))[: args.loops]
     rng = np.random.default_rng(0)
+    if args.certificates:
+        from_levels(loops)
+        for stiction in (1.05, 1 / 0.7):
+            certificates(loops, robust.any_maxwell_slip(K0, stiction))
+        certificates(loops, robust.any_bristle(K0, 1 / 0.7, MICRODAMPING))
+        return
     for stiction in () if args.bristles else (1.05, 1 / 0.7):
         print("Maxwell slip, ", end="")
         proofs, proved = counted(loops, robust.any_maxwell_slip(K0, stiction))

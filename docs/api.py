@@ -28,7 +28,7 @@ WINGS = (
     *("nlfrf.files", "nlfrf.plot", "nlfrf.shared"),
     *("robust.modelling", "robust.uncertain", "robust.validation", "robust.synthesis", "robust.fixed_structure"),
     *("robust.loopshaping", "robust.shaping_page", "robust.analysis", "robust.performance", "robust.mu"),
-    *("robust.sliding", "robust.friction_proof", "robust.friction_motion"),
+    *("robust.sliding", "robust.friction_proof", "robust.saturation", "robust.friction_motion"),
     *("robust.certificates", "robust.systems", "robust.files", "robust.plot", "robust.reports"),
 )
 #: Public modules beside the wings, and the wing whose names they hand on.

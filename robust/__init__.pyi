@@ -90,6 +90,10 @@ from .performance.steps import step_response as step_response
 # Reports: a whole run in one file
 from .reports.page import write_report as write_report
 
+# Saturation: a machine with friction whose actuator saturates
+from .saturation.proof import SaturatedProof as SaturatedProof
+from .saturation.proof import prove_saturated as prove_saturated
+
 # Shaping page: a loop shaped live
 from .shaping_page.page import write_shaping_page as write_shaping_page
 from .shaping_page.widget import shape as shape

@@ -15,6 +15,7 @@ from robust.friction_proof.proof import FrictionProof, matrices_of
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.file import read_friction_claim, write_friction_claim
 from robust.friction_verification.verify import verify_friction
+from robust.saturation.proof import SaturatedProof
 from robust.sliding.machine import SlidingMachine, sliding_machine
 from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
@@ -25,13 +26,13 @@ from robust.verification.loops import Verification, verify_loop
 __all__ = ["save_certificate", "verify_certificate"]
 
 
-def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -> None:
+def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, path: PathLike) -> None:
     """Write what was proved as JSON: plant, controller, delay, weights and claim as given, and a digest of it all.
 
     Parameters
     ----------
-    report : RobustnessReport or FrictionProof
-        Of `check` or `prove_friction`, with a proof in it.
+    report : RobustnessReport, FrictionProof or SaturatedProof
+        Of `check`, `prove_friction` or `prove_saturated`, with a proof in it.
     path : path
         File to write.
 
@@ -55,8 +56,8 @@ def save_certificate(report: RobustnessReport | FrictionProof, path: PathLike) -
     stable weights: proved, rigorous
     robust stability: proved, rigorous
     """
-    if isinstance(report, FrictionProof) and report.certificate is not None and report.certificate.claim is not None:
-        proof = report.certificate
+    proof = report.certificate if isinstance(report, (FrictionProof, SaturatedProof)) else None
+    if proof is not None and proof.claim is not None:
         write_friction_claim(path, proof.claim, [{"subject": proof.subject, "found by": proof.method}])
         return
     found = [c for c in getattr(report, "certificates", ()) if c.holds and isinstance(c.claim, LoopClaim)]

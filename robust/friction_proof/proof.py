@@ -12,7 +12,6 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.friction_proof.certify import certify, proved_limits
 from robust.friction_proof.classes import AnyFriction
-from robust.friction_proof.saturation import kick_within
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.verify import verify_friction
 from robust.sliding.bounded import hunting_bound, sure_kick
@@ -24,7 +23,7 @@ from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
 from robust.verification.claim import Matrices, as_given
 
-__all__ = ["FrictionProof", "matrices_of", "prove_friction"]
+__all__ = ["FrictionProof", "claimed", "matrices_of", "prove_friction", "reference_rate"]
 
 CLASS = ("K0", "stiction", "bristle_time", "microdamping")
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
@@ -63,9 +62,6 @@ class FrictionProof:
     kick_sure : float
         Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
         given or the sliding loop is stable.
-    kick_linear : float
-        Velocity [m/s] of a kick on the relaxed machine up to which the actuator stays below its saturation, so that
-        the proof is one of the saturated loop too; nan where no saturation was given or nothing is proved.
     certificate : Certificate or None
         What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
     multipliers : (2, J) ndarray
@@ -99,7 +95,6 @@ class FrictionProof:
     stiction_max: float
     error_bound: float
     kick_sure: float
-    kick_linear: float
     certificate: Any
     multipliers: np.ndarray
     omega: np.ndarray
@@ -120,11 +115,6 @@ class FrictionProof:
             )
         if np.isfinite(self.kick_sure):
             lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} m/s.")
-        if np.isfinite(self.kick_linear):
-            lines.append(
-                f"With the actuator that saturates proved locally: at rest and relaxed, kicks up to "
-                f"{self.kick_linear:.3g} m/s never make it saturate; beyond that nothing is said."
-            )
         return "\n".join([*lines, self.not_claimed])
 
 
@@ -135,7 +125,6 @@ def prove_friction(
     *,
     delay: float = 0.0,
     Fs: float | None = None,
-    saturation: float | None = None,
     limits: bool = False,
 ) -> FrictionProof:
     """Prove that a loop comes to rest with every friction of a class, through sampler and hold, or refute it.
@@ -152,9 +141,6 @@ def prove_friction(
         From sampling to the force changing [s]; any part of a sample, or several.
     Fs : float, optional
         Largest friction force [N]: also says how far such a friction can hunt, or from which kick the loop runs away.
-    saturation : float, optional
-        Largest force of the actuator [N], more than Fs, which has to be given with it: also says up to which kick the
-        proof holds with it.
     limits : bool
         Whether to look for the largest stiffness and stiction that are still proved.
 
@@ -166,8 +152,7 @@ def prove_friction(
     Raises
     ------
     ValueError
-        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller,
-        a saturation without Fs or below it.
+        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller.
 
     References
     ----------
@@ -187,17 +172,13 @@ def prove_friction(
     K = state_space("K", K)
     loop = sliding_loop(machine, K, delay)
     Fs = friction.Fs if friction.kind == "bounded" else np.nan if Fs is None else positive("Fs", Fs)
-    if saturation is not None and not (np.isfinite(Fs) and positive("saturation", saturation) > Fs):
-        raise ValueError(
-            f"saturation must be above Fs, the largest friction force, got {saturation:g} N and Fs = {Fs:g} N"
-        )
     spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
-    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, "kick_linear": np.nan, **no_certificate()}
+    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
     found |= bounded_words(machine, loop, Fs)
     if spring is not None:
         found |= {"verdict": "refuted", "reason": refutation(spring, loop, friction)}
     elif friction.kind in ("Maxwell slip", "bristle"):
-        found |= certified(machine, K, delay, loop, friction, limits, Fs, saturation)
+        found |= certified(machine, K, delay, loop, friction, limits)
     elif friction.kind == "bounded":
         found |= {"verdict": "proved", "reason": ""}
     else:
@@ -236,8 +217,6 @@ def certified(
     loop: SlidingLoop,
     friction: AnyFriction,
     limits: bool,
-    Fs: float,
-    saturation: float | None,
 ) -> dict[str, Any]:
     """The verdict on a loop that no spring refutes."""
     reference = reference_rate(machine, loop)
@@ -251,8 +230,6 @@ def certified(
     if proof.numbers is not None and proof.energy is not None:
         energy = {name: getattr(proof.energy, name) for name in ("V", "P", "counts")}
         exact = claimed(machine, K, delay, friction, proof.numbers | energy)
-        if saturation is not None:
-            found["kick_linear"] = kick_within(machine, K, loop, proof.energy, Fs, saturation)
         found["certificate"] = replace(proof.certificate, claim=exact, again=verify_friction)
     if holds and limits:
         found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)

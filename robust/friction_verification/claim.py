@@ -10,10 +10,38 @@ import numpy as np
 from nlfrf.shared.values import value
 from robust.verification.claim import Matrices
 
-__all__ = ["FrictionClaim", "content", "from_content"]
+__all__ = ["Actuator", "FrictionClaim", "content", "from_content"]
 
 KINDS = ("Maxwell slip", "bristle")
 SYSTEMS = ("machine", "controller")
+
+
+@value
+class Actuator:
+    """An actuator that gives u = sat(asked), and the numbers why the loop comes to rest with it all the same.
+
+    Fields
+    ------
+    limit, Fs : float
+        Its largest force and that of the friction [N].
+    kick : float
+        Velocity at the friction port [m/s], on the machine at rest and relaxed, up to which the claim holds; of no
+        meaning with a share of one, where it holds from every state.
+    share : float
+        w (share asked'y - w) >= 0 of what is missed, w = asked - u, as long as asked'y is small enough.
+    sector : float
+        Weight of that.
+    forgets, weights : (J,) ndarray
+        Filters of the given force, as a share of each sample or a rate [1/s], and their weights.
+    """
+
+    limit: float
+    Fs: float
+    kick: float
+    share: float
+    sector: float
+    forgets: np.ndarray
+    weights: np.ndarray
 
 
 @value
@@ -47,6 +75,8 @@ class FrictionClaim:
         Bernstein coefficients of the stored energy in these, interval by interval; (1, 1, n, n) where K is continuous.
     counts : (S,) integer ndarray
         Intervals of equal length in each span between changes of the force.
+    actuator : Actuator or None
+        None where it never saturates. Its filters are the last states of the loop, before those of the friction.
     """
 
     machine: Matrices
@@ -65,6 +95,7 @@ class FrictionClaim:
     V: np.ndarray
     P: np.ndarray
     counts: np.ndarray
+    actuator: Actuator | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -79,6 +110,10 @@ class FrictionClaim:
         for name in ("rates", "weights", "free", "block", "bounds", "V", "P", "K0", "stiction", "delay"):
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"{name} must be finite, got something else")
+        if self.actuator is not None:
+            numbers = [np.ravel(getattr(self.actuator, field.name)) for field in fields(Actuator)]
+            if not np.isfinite(np.concatenate(numbers)).all() or len(numbers[-1]) != len(numbers[-2]):
+                raise ValueError("actuator must have finite numbers and a weight for each filter, got something else")
 
 
 def content(claim: FrictionClaim) -> dict[str, Any]:
@@ -86,7 +121,9 @@ def content(claim: FrictionClaim) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for field in fields(claim):
         part = getattr(claim, field.name)
-        if field.name in SYSTEMS:
+        if isinstance(part, Actuator):
+            found[field.name] = {own.name: np.asarray(getattr(part, own.name)).tolist() for own in fields(part)}
+        elif field.name in SYSTEMS:
             found[field.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
         else:
             found[field.name] = part.tolist() if isinstance(part, np.ndarray) else part
@@ -96,7 +133,7 @@ def content(claim: FrictionClaim) -> dict[str, Any]:
 def from_content(given: Any) -> FrictionClaim:
     """The claim back from `content`, or a ValueError that says what is wrong with it."""
     names = {field.name for field in fields(FrictionClaim)}
-    if not isinstance(given, dict) or set(given) != names:
+    if not isinstance(given, dict) or set(given) | {"actuator"} != names:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
     try:
         parts: dict[str, Any] = {}
@@ -107,6 +144,11 @@ def from_content(given: Any) -> FrictionClaim:
                 shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n), "D": D.shape}
                 system = {key: np.array(part[key], dtype=float).reshape(shape) for key, shape in shapes.items()}
                 parts[name] = Matrices(**system, dt=float(part["dt"]))
+            elif name == "actuator":
+                own: Any = {
+                    key: np.array(x, float) if isinstance(x, list) else float(x) for key, x in (part or {}).items()
+                }
+                parts[name] = Actuator(**own) if own else None
             elif name == "kind":
                 parts[name] = str(part)
             elif isinstance(part, list):

@@ -15,7 +15,8 @@ from robust.verification.claim import digest
 __all__ = ["SCHEMA", "read_friction_claim", "write_friction_claim"]
 
 SCHEMA = "robust-friction-certificate"
-VERSION = 1
+VERSION = 2
+READ = (1, 2)  # the first without actuators
 
 
 def write_friction_claim(
@@ -26,7 +27,8 @@ def write_friction_claim(
         "schema": SCHEMA,
         "version": VERSION,
         "units": {"dt": "s", "delay": "s", "K0": "N/m", "microdamping": "Ns/m", "bristle_time": "s", "rates": "rad/s"},
-        "loop": "u = -K y, sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
+        "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
+        + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
         "claim": content(claim),
         "found": list(found),
     }
@@ -42,7 +44,7 @@ def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
         return None
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
         return None
-    if entries.get("version") != VERSION:
+    if entries.get("version") not in READ:
         raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
     said = entries.pop("digest", None)
     if said != digest(entries):

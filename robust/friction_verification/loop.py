@@ -8,7 +8,7 @@ from nlfrf.shared.values import value
 from robust.friction_verification.claim import FrictionClaim
 from robust.verification.exact import rational, rational_matrix
 
-__all__ = ["ExactLoop", "exact_loop", "rest_of"]
+__all__ = ["ExactLoop", "exact_loop", "identity", "rest_of"]
 
 
 @value(copy=False)

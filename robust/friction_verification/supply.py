@@ -5,9 +5,11 @@ Derived on the page on the theory of these proofs (T1, T2, T3); nothing here is 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from nlfrf.shared.values import value
+from robust.friction_verification.actuator import ExactBlock, actuator_fits, exact_block
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.loop import ExactLoop, rest_of
 from robust.verification.exact import rational
@@ -24,6 +26,8 @@ class ExactSupply:
     ------
     A, B, Q, N, R, stored : fmpq_mat
     jumps : list of fmpq_mat
+    block : ExactBlock or None
+        What acts at the first jump.
     """
 
     A: Any
@@ -33,6 +37,7 @@ class ExactSupply:
     R: Any
     stored: Any
     jumps: list[Any]
+    block: ExactBlock | None = None
 
 
 def weights_fit(claim: FrictionClaim) -> str:
@@ -46,7 +51,7 @@ def weights_fit(claim: FrictionClaim) -> str:
     if claim.kind == "Maxwell slip":
         tau = rational(claim.bristle_time)
         late = any(rational(a) * tau >= 1 for a in claim.rates)
-        return "a filter is faster than the bristles" if late or not claim.rates.size else ""
+        return "a filter is faster than the bristles" if late or not claim.rates.size else actuator_fits(claim)
     M, rho = [[rational(x) for x in row] for row in claim.block], rational(claim.stiction)
     if M[2][2] > 0 or min(claim.bounds) < 0:
         return "the block is not concave in the slope, or a bound is negative"
@@ -56,12 +61,30 @@ def weights_fit(claim: FrictionClaim) -> str:
         left = fmpq_mat([[p - m * (rho * rho - 1), cross - m], [cross - m, r + m]])
         if not positive_definite(left):
             return "the block is negative somewhere in the sector"
-    return ""
+    return actuator_fits(claim)
 
 
 def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """The inequality of the class for this loop."""
-    return maxwell_slip(claim, loop) if claim.kind == "Maxwell slip" else bristle(claim, loop)
+    form = maxwell_slip(claim, loop) if claim.kind == "Maxwell slip" else bristle(claim, loop)
+    return form if claim.actuator is None else with_actuator(form, exact_block(claim, loop, form.A.nrows()), loop)
+
+
+def with_actuator(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
+    """A block at the first jump, or of the flow where nothing is sampled: what is missed is one input more."""
+    from flint import fmpq_mat
+
+    if loop.spans:
+        return replace(form, block=block)
+
+    def beside(M: Any, column: list[list[Any]]) -> Any:
+        return fmpq_mat([[*row, *more] for row, more in zip(M.tolist(), column, strict=True)])
+
+    m = form.R.nrows()
+    R = beside(form.R, [[rational(0.0)]] * m).tolist()
+    R.append([*[rational(0.0)] * m, -block.weight])
+    B, N = beside(form.B, (-block.enters).tolist()), beside(form.N, block.seen.tolist())
+    return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
 def zeros(rows: int, columns: int) -> list[list[Any]]:

@@ -7,9 +7,11 @@ combination of its four Bernstein coefficients; coordinates are changed exactly,
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+from robust.friction_verification.actuator import reach_fits, with_filters
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.loop import ExactLoop, exact_loop
 from robust.friction_verification.supply import ExactSupply, exact_supply, weights_fit
@@ -25,6 +27,7 @@ PARTS = (
     "the energy falls at samples",
     "the energy is positive",
 )
+REACH = "the actuator stays within reach"
 BITS = 512
 
 
@@ -38,14 +41,19 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
     failed = {PARTS[0]: wrong} if wrong else {}
     try:
         loop = exact_loop(claim)
+        loop = loop if claim.actuator is None else with_filters(claim, loop)
         form = in_coordinates(exact_supply(claim, loop), claim)
         energy = [[rational_matrix(P) for P in interval] for interval in claim.P]
         failed |= falls(claim, loop, form, energy, deadline)
         if not all(positive_definite(with_energy(form.stored, P)) for P in (energy[0][0], energy[-1][-1])):
             failed[PARTS[3]] = "it is not"
+        elif claim.actuator is not None:
+            beyond = reach_fits(claim, loop, energy, with_energy(form.stored, energy[-1][-1]))
+            failed |= {REACH: beyond} if beyond else {}
     except (ValueError, ZeroDivisionError) as error:
         failed |= {"the claim": str(error)}
-    proved = tuple(part for part in PARTS if part not in failed) if "the claim" not in failed else ()
+    parts = PARTS if claim.actuator is None else (*PARTS, REACH)
+    proved = tuple(part for part in parts if part not in failed) if "the claim" not in failed else ()
     return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
 
 
@@ -61,7 +69,11 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     wide = [[*row, *[0] * (size - n)] for row in V.tolist()]
     wide += [[int(i == j) for j in range(size)] for i in range(n, size)]
     W = fmpq_mat(wide)
+    block = form.block
+    if block is not None:
+        block = replace(block, enters=back * block.enters, seen=turned * block.seen)
     return ExactSupply(
+        block=block,
         A=back * form.A * V,
         B=back * form.B,
         Q=turned * form.Q * V,
@@ -100,9 +112,23 @@ def falls(
                 return {PARTS[1]: "undecided, as time was up"}
     for i, jump in enumerate(form.jumps):
         before, after = energy[starts[i] - 1][3], energy[starts[i]][0]
-        if not positive_definite(before - jump.transpose() * after * jump):
+        if not positive_definite(lost(form, i, before, after, jump)):
             return {PARTS[2]: "it may grow"}
     return {}
+
+
+def lost(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
+    """What of the energy is lost at a jump, with a block at the first one more unknown."""
+    from flint import fmpq_mat
+
+    plain = before - jump.transpose() * after * jump
+    if i or form.block is None:
+        return plain
+    b, c, weight = form.block.enters, form.block.seen, form.block.weight
+    side = (jump.transpose() * after * b - c).tolist()
+    corner = weight - (b.transpose() * after * b).tolist()[0][0]
+    rows = [[*row, *more] for row, more in zip(plain.tolist(), side, strict=True)]
+    return fmpq_mat([*rows, [row[0] for row in side] + [corner]])
 
 
 def inequality(form: ExactSupply, P: Any, slope: Any) -> Any:

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 from robust.sliding.loop import SlidingLoop
 
-__all__ = ["frequencies", "mobility"]
+__all__ = ["driven", "frequencies", "mobility"]
 
 
 def frequencies(loop: SlidingLoop, n: int = 900) -> np.ndarray:
@@ -27,7 +27,14 @@ def frequencies(loop: SlidingLoop, n: int = 900) -> np.ndarray:
 
 
 def mobility(loop: SlidingLoop, omega: np.ndarray) -> np.ndarray:
-    """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out.
+    """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out."""
+    return np.asarray(driven(loop, omega, loop.B, np.zeros(loop.B.size))[0] @ loop.v)
+
+
+def driven(loop: SlidingLoop, omega: np.ndarray, flow: np.ndarray, struck: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W, n) state at the frequency at which it is driven, and (W, n) state just before a sample, over its phase there.
+
+    flow, struck : (n,) how exp(j w t) enters the flow, and how it enters at the first jump of a period (sampled only).
 
     With f = exp(j w t) the state repeats but for its phase. Its part at w follows from the flow by partial
     integration: (j w - F) xi_1 = B + (1/T) sum of the jumps, each with its phase.
@@ -36,22 +43,23 @@ def mobility(loop: SlidingLoop, omega: np.ndarray) -> np.ndarray:
     # an undamped machine has its poles on the axis, where the two sides of that equation vanish together
     s = 1j * omega * (1 + 1e-9)
     pencil = s[:, None, None] * np.eye(n) - loop.F
-    forced = np.linalg.solve(pencil, np.broadcast_to(loop.B.astype(complex)[:, None], (s.size, n, 1)))[..., 0]
+    forced = np.linalg.solve(pencil, np.broadcast_to(flow.astype(complex)[:, None], (s.size, n, 1)))[..., 0]
     if not loop.T:
-        return np.asarray(forced @ loop.v)
+        return forced, forced
     flows = [expm(span * loop.F) for span in loop.spans]
+    strikes = [struck, *[np.zeros(n)] * (len(flows) - 1)]
     # state before each jump as (matrix) start + (forced part)
     total, offset = np.eye(n), np.zeros((s.size, n), complex)
     before = []
     t = 0.0
-    for flow, jump, span in zip(flows, loop.jumps, loop.spans, strict=True):
+    for phi, jump, hit, span in zip(flows, loop.jumps, strikes, loop.spans, strict=True):
         before.append((total, offset, t))
-        total, offset = flow @ jump @ total, offset @ (flow @ jump).T
-        offset = offset + np.exp(s * (t + span))[:, None] * forced - (np.exp(s * t)[:, None] * forced) @ flow.T
+        total, offset = phi @ jump @ total, (offset @ jump.T + hit) @ phi.T
+        offset = offset + np.exp(s * (t + span))[:, None] * forced - (np.exp(s * t)[:, None] * forced) @ phi.T
         t += span
     start = np.linalg.solve(np.exp(s * t)[:, None, None] * np.eye(n) - total, offset[..., None])[..., 0]
     jumped = np.zeros((s.size, n), complex)
-    for (matrix, part, when), jump in zip(before, loop.jumps, strict=True):
-        jumped += np.exp(-s * when)[:, None] * ((start @ matrix.T + part) @ (jump - np.eye(n)).T)
+    for (matrix, part, when), jump, hit in zip(before, loop.jumps, strikes, strict=True):
+        jumped += np.exp(-s * when)[:, None] * ((start @ matrix.T + part) @ (jump - np.eye(n)).T + hit)
     answer = np.linalg.solve(pencil, jumped[..., None] / loop.T)[..., 0]
-    return np.asarray((forced + answer) @ loop.v)
+    return forced + answer, start

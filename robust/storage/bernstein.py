@@ -13,8 +13,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from nlfrf.shared.values import value
-from robust.storage.form import Dissipation
-from robust.storage.riccati import coordinates, supply_with_slack
+from robust.storage.form import Block, Dissipation
+from robust.storage.riccati import back_over, coordinates, jump_stretch, supply_with_slack
 
 __all__ = ["Judged", "Storage", "in_coordinates", "judge", "judge_constant", "storage_function"]
 
@@ -33,6 +33,8 @@ class Judged:
         How far an entry may be off.
     V : (n, n) ndarray
         The coordinates.
+    block : Block or None
+        How far an entry of that of the form may be off.
     """
 
     form: Dissipation
@@ -44,6 +46,7 @@ class Judged:
     jumps: np.ndarray
     stored: np.ndarray
     V: np.ndarray
+    block: Block | None = None
 
 
 @value(copy=False)
@@ -68,7 +71,9 @@ class Storage:
 def in_coordinates(form: Dissipation) -> Judged:
     """The inequality in balanced coordinates."""
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
-    V = coordinates(replace(form, B=form.B * (unit.max() / unit)))
+    top = unit.max()
+    heavy = form.block and replace(form.block, weight=form.block.weight / top**2)
+    V = coordinates(replace(form, B=form.B * (top / unit), block=heavy))
     back = np.linalg.inv(V)
     n = form.B.shape[0]
     more = form.stored.shape[0] - n
@@ -85,6 +90,12 @@ def in_coordinates(form: Dissipation) -> Judged:
     jumps = [similar(jump) for jump in form.jumps]
     B = back @ form.B / unit
     B_off = aback @ (np.abs(V @ B - form.B / unit) + k * (aV @ np.abs(B)) + form.B_error / unit)
+    block, block_off = None, None
+    if form.block is not None:
+        b, c = form.block.enters, form.block.seen
+        block = Block(enters=back @ b, seen=V.T @ c, weight=form.block.weight)
+        left = np.abs(V @ block.enters - b) + k * (aV @ np.abs(block.enters))
+        block_off = Block(enters=aback @ left, seen=k * (aV.T @ np.abs(c)), weight=8 * EPS * form.block.weight)
     wide = np.block([[V, np.zeros((n, more))], [np.zeros((more, n)), np.eye(more)]])
     awide = np.abs(wide)
     new = Dissipation(
@@ -98,6 +109,7 @@ def in_coordinates(form: Dissipation) -> Judged:
         stored=wide.T @ form.stored @ wide,
         B_error=form.B_error,
         stored_error=form.stored_error,
+        block=block,
     )
     return Judged(
         form=new,
@@ -109,6 +121,7 @@ def in_coordinates(form: Dissipation) -> Judged:
         jumps=np.array([off for _, off in jumps]).reshape(-1, n, n),
         stored=k * (awide.T @ np.abs(form.stored) @ awide) + awide.T @ form.stored_error @ awide,
         V=V,
+        block=block_off,
     )
 
 
@@ -121,8 +134,7 @@ def storage_function(form: Dissipation, P: np.ndarray, slack: float, n_intervals
     total = spans.sum()
     later = P  # just after the jump that begins the next span
     for i in reversed(range(spans.size)):
-        after = form.jumps[(i + 1) % spans.size]
-        W = after.T @ later @ after + slack * total * np.eye(n)
+        W = back_over(jump_stretch(form, (i + 1) % spans.size, slack * total), later)
         count = max(1, round(n_intervals * spans[i] / total))
         h = spans[i] / count
         E = expm(-h * hamiltonian)
@@ -191,16 +203,29 @@ def judge(judged: Judged, storage: Storage) -> tuple[str, float]:
         return f"the inequality does not hold between samples: its largest scaled eigenvalue is {worst:.2g}", worst
     begins = b[storage.first, 0]
     ends = b[np.concatenate([storage.first[1:], [b.shape[0]]]) - 1, 3]
-    for i, jump in enumerate(judged.form.jumps):
-        before, after = ends[i - 1], begins[i]
-        n = jump.shape[0]
-        wide = np.abs(jump) + judged.jumps[i]
-        off = (2 * n + 4) * EPS * (wide.T @ np.abs(after) @ wide + np.abs(before))
-        cross = wide.T @ np.abs(after) @ judged.jumps[i]
-        worst = negative(jump.T @ after @ jump - before, off + cross + cross.T)
+    for i in range(len(judged.form.jumps)):
+        worst = negative(*jump_inequality(judged, i, ends[i - 1], begins[i]))
         if not worst < 0:
             return f"the energy may grow at a sample: its largest scaled eigenvalue is {worst:.2g}", np.inf
     return positive_energy(judged, np.array([begins[0], ends[-1]])), np.inf
+
+
+def jump_inequality(judged: Judged, i: int, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix of what the energy gains at a jump, a block there as one more state, and how far it may be off."""
+    jump, unsure, block, n = judged.form.jumps[i], judged.jumps[i], judged.form.block, before.shape[0]
+    lost, loose = before, np.zeros_like(before)
+    if i == 0 and block is not None and judged.block is not None:
+        jump = np.column_stack([jump, -block.enters])
+        unsure = np.column_stack([unsure, judged.block.enters])
+        lost, loose = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+        lost[:n, :n], lost[n, n] = before, block.weight
+        lost[:n, n] = lost[n, :n] = -block.seen
+        loose[n, n] = judged.block.weight
+        loose[:n, n] = loose[n, :n] = judged.block.seen
+    wide = np.abs(jump) + unsure
+    off = (2 * n + 4) * EPS * (wide.T @ np.abs(after) @ wide + np.abs(lost)) + loose
+    cross = wide.T @ np.abs(after) @ unsure
+    return jump.T @ after @ jump - lost, off + cross + cross.T
 
 
 def raised(parabola: np.ndarray) -> np.ndarray:

@@ -6,7 +6,23 @@ import numpy as np
 
 from nlfrf.shared.values import value
 
-__all__ = ["Dissipation"]
+__all__ = ["Block", "Dissipation"]
+
+
+@value
+class Block:
+    """A nonlinearity that acts at the first jump: y+ = J y - enters w, and 2 w seen'y >= weight w^2.
+
+    Fields
+    ------
+    enters, seen : (n,) ndarray
+    weight : float
+        Positive.
+    """
+
+    enters: np.ndarray
+    seen: np.ndarray
+    weight: float
 
 
 @value
@@ -28,6 +44,8 @@ class Dissipation:
     B_error : (n, m) ndarray
     stored_error : (n + E, n + E) ndarray
         How far an entry may be off, because the rest xi_e is known to rounding only.
+    block : Block or None
+        What else acts at the first jump.
     """
 
     A: np.ndarray
@@ -40,3 +58,4 @@ class Dissipation:
     stored: np.ndarray
     B_error: np.ndarray
     stored_error: np.ndarray
+    block: Block | None = None

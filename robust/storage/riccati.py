@@ -11,11 +11,13 @@ symplectic pencil: iterations from zero fail where an integrator is slow.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm, ordqz, schur, solve_continuous_lyapunov
+from scipy.linalg import expm, ordqz, schur, solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from robust.storage.form import Dissipation
 
-__all__ = ["coordinates", "proposed_storage", "supply_with_slack"]
+__all__ = ["back_over", "coordinates", "jump_stretch", "proposed_storage", "supply_with_slack"]
+
+NEWTON_STEPS = 2
 
 Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -36,10 +38,14 @@ def gramian(form: Dissipation) -> np.ndarray:
     n = form.A.shape[0]
     if not form.spans.size:
         return np.asarray(solve_continuous_lyapunov(form.A, -form.B @ form.B.T))
-    parts = []
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
     for span, jump in zip(form.spans, form.jumps, strict=True):
         both = expm(span * np.block([[-form.A, form.B @ form.B.T], [np.zeros((n, n)), form.A.T]]))
-        parts.append((both[n:, n:].T @ jump, both[n:, n:].T @ both[:n, n:]))
+        flow, reached = both[n:, n:].T, both[n:, n:].T @ both[:n, n:]
+        if not parts and form.block is not None:
+            struck = flow @ form.block.enters
+            reached = reached + np.outer(struck, struck) / form.block.weight
+        parts.append((flow @ jump, reached))
     W, Phi = np.zeros((n, n)), np.eye(n)
     for move, driven in parts:
         W, Phi = move @ W @ move.T + driven, move @ Phi
@@ -74,6 +80,22 @@ def joined(first: Stretch, second: Stretch) -> Stretch:
     return A2 @ M @ A1, G2 + A2 @ M @ G1 @ A2.T, H1 + A1.T @ H2 @ M @ A1
 
 
+def jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
+    """The Riccati map back over a jump, with the block that acts there at its worst."""
+    n = form.A.shape[0]
+    jump, left = form.jumps[i], slack * np.eye(n)
+    if i or form.block is None:
+        return jump, np.zeros((n, n)), left
+    b, c, weight = form.block.enters, form.block.seen, form.block.weight
+    return jump - np.outer(b, c) / weight, np.outer(b, b) / weight, left + np.outer(c, c) / weight
+
+
+def back_over(stretch: Stretch, W: np.ndarray) -> np.ndarray:
+    """H + A'W (I - G W)^-1 A."""
+    A, G, H = stretch
+    return np.asarray(H + A.T @ W @ np.linalg.solve(np.eye(A.shape[0]) - G @ W, A))
+
+
 def flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
     """The Riccati map back over a flow."""
     n = hamiltonian.shape[0] // 2
@@ -104,8 +126,7 @@ def stabilising(form: Dissipation, slack: float) -> np.ndarray | None:
         turn = [*range(1, form.spans.size), 0]  # begin after the first jump
         for i, after in enumerate(turn):
             flow = flow_stretch(hamiltonian, form.spans[i])
-            jump = form.jumps[after], np.zeros((n, n)), slack * total * np.eye(n)
-            stretch = joined(flow, jump)
+            stretch = joined(flow, jump_stretch(form, after, slack * total))
             period = stretch if period is None else joined(period, stretch)
         assert period is not None
         Ac, Gc, Hc = period
@@ -114,9 +135,21 @@ def stabilising(form: Dissipation, slack: float) -> np.ndarray | None:
         *_, alpha, beta, _, Z = ordqz(left, right, sort="iuc")
         if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
             return None
-        return solved(Z, n)
+        P = solved(Z, n)
+        return P if form.block is None else corrected(period, P)
     except (np.linalg.LinAlgError, ValueError):
         return None
+
+
+def corrected(period: Stretch, P: np.ndarray | None) -> np.ndarray | None:
+    """The solution after Newton steps: of a loop with a block the subspace alone gives few digits."""
+    if P is None:
+        return None
+    for _ in range(NEWTON_STEPS):
+        left = back_over(period, P) - P
+        closed = np.linalg.solve(np.eye(P.shape[0]) - period[1] @ P, period[0])
+        P = P + solve_discrete_lyapunov(closed.T, (left + left.T) / 2)
+    return (P + P.T) / 2 if np.isfinite(P).all() else None
 
 
 def solved(Z: np.ndarray, n: int) -> np.ndarray | None:

@@ -40,11 +40,12 @@ ARROWS = {
     "robust.sliding": "systems",
     "robust.storage": "",
     "robust.friction_proof": "sliding storage certificates friction_verification verification systems",
+    "robust.saturation": "friction_proof friction_verification sliding storage certificates systems",
     "robust.friction_motion": "friction_proof sliding systems",
     "robust.plot": "validation loopshaping friction_motion analysis performance uncertain modelling systems",
     "robust.loopshaping": "uncertain systems",
     "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
-    "robust.files": "friction_proof friction_verification sliding analysis uncertain verification systems",
+    "robust.files": "saturation friction_proof friction_verification sliding analysis uncertain verification systems",
     "robust.reports": "files plot validation friction_proof analysis performance uncertain modelling systems",
 }
 #: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.

@@ -82,6 +82,7 @@ def values_of_robust():
         robust.prove_friction(machine, PD, slip),
         robust.FrictionClass(machine=machine, friction=slip, **levels, **known),
     )
+    yield robust.prove_saturated(machine, 1e3, slip, Fs=1.0, limit=20.0)
     yield robust.quasi_linear(friction.Coulomb(Fc=1.0), machine, PD)
     yield robust.design_proved(machine, slip, dt=1e-3, structure="PD", n_iterations=0)
     yield robust.friction_frequency_test(machine, PD, slip, mass=0.02, stiffness=800.0)
