@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 import nlfrf
-from benchmarks.plants import FRESH, PLANTS, RMS, STATIC, played, realisations, resonance
+from benchmarks.plants import FRESH, PLANTS, RMS, played, realisations, resonance
 
 TRUE_SIGMA = 1.731  # sqrt(F_p) of a known variance at 95 %
 SNR = (None, 40, 20)
