@@ -164,11 +164,13 @@ def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
     n = fast_length(4 * int(lines[-1]))
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
     spectrum[:, lines] = U * (n / 2)
-    square = np.fft.irfft(spectrum, n) ** 2
-    second, fourth, sixth = (np.mean(power, axis=1) for power in (square, square**2, square**3))
-    found = np.mean(sixth - fourth**2 / second)
-    A2 = np.mean(squared(U), axis=0)
+    square = np.fft.irfft(spectrum, n)
+    square *= square
+    fourth = square * square
+    second = np.add.reduce(square, axis=1) / n
+    found = np.mean(np.vecdot(fourth, square) / n - (np.add.reduce(fourth, axis=1) / n) ** 2 / second)
+    A2 = np.add.reduce(squared(U)) / len(U)
     # cumulants of A cos(phi): A^2 / 2, -3 A^4 / 8, 5 A^6 / 4
-    k2, k4, k6 = A2.sum() / 2, -0.375 * np.sum(A2**2), 1.25 * np.sum(A2**3)
+    k2, k4, k6 = A2.sum() / 2, -0.375 * (A2 @ A2), 1.25 * (A2 * A2 @ A2)
     expected = k6 + 15 * k4 * k2 + 15 * k2**3 - (k4 + 3 * k2**2) ** 2 / k2
     return float(max(expected / max(found, np.finfo(float).tiny), 1.0))
