@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 import nlfrf
-from benchmarks.plants import OTHERS, RMS, STATIC, played, realisations, resonance
+from benchmarks.plants import FRESH, PLANTS, RMS, played, realisations, resonance
 
 TRUE_SIGMA = 1.731  # sqrt(F_p) of a known variance at 95 %
 SNR = (None, 40, 20)
@@ -113,7 +113,7 @@ def hard_cases():
     for plant in ("quintic", "saturation"):
         for kind, f_max in (("odd", 300), ("odd-odd", 400), ("special-odd", 400)):
             yield "orders", plant, kind, 1, 1, None, dict(f_max=f_max), 0
-    for plant in ("cubic", "saturation", "Wiener", "Hammerstein"):
+    for plant in ("cubic", "saturation", "Wiener", "Hammerstein", "quintic"):
         for kind, f_max in (("odd", 18), ("odd", 24), ("odd-odd", 60), ("full", 14), ("special-odd", 64)):
             yield "narrow", plant, kind, 1, 1, None, dict(f_max=f_max), 0
             yield "narrow", plant, kind, 1, 2, 30, dict(f_max=f_max), 0
@@ -123,6 +123,20 @@ def hard_cases():
     for M in (1, 7):
         for plant in ("cubic", "saturation", "Wiener"):
             yield "crest", plant, "special-odd", M, 1, None, {}, 0
+    yield from fresh_cases()
+
+
+def fresh_cases():
+    """Plants that no allowance was chosen on, on other lines, at another seed."""
+    wide, fine = dict(f_min=3, f_max=170), dict(n_samples=2048, f_min=0.5, f_max=90)
+    for plant in FRESH:
+        for kind in ("special-odd", "random-odd", "odd", "full"):
+            yield "fresh", plant, kind, 1, 1, None, wide if kind == "special-odd" else fine, 0
+        yield "fresh", plant, "special-odd", 1, 2, 20, fine, 0
+        yield "fresh", plant, "special-odd", 5, 1, None, wide, 0
+        for kind, f_min, f_max in (("odd", 5, 30), ("full", 20, 32), ("special-odd", 17, 68), ("random-odd", 31, 63)):
+            yield "fresh-few", plant, kind, 1, 1, None, dict(f_min=f_min, f_max=f_max), 0
+        yield "fresh-few", plant, "special-odd", 4, 2, 30, dict(f_min=9, f_max=60), 0
 
 
 def measure_hard(group, plant, kind, M, P, snr, change, n_files, n_records, rng):
@@ -140,7 +154,7 @@ def measure_hard(group, plant, kind, M, P, snr, change, n_files, n_records, rng)
     if group == "crest":
         drawn = [nlfrf.reduce_crest(subset_of(ms, M, rng), oversampling=1, rng=rng).u for _ in range(n_records)]
         u = np.concatenate(drawn)
-        y = (STATIC | OTHERS)[plant](u, ms.fs)
+        y = PLANTS[plant](u, ms.fs)
     sigma = 0.0 if snr is None else np.sqrt(np.mean(y**2)) * 10 ** (-snr / 20)
     found = []
     for i in range(n_records):

@@ -96,6 +96,94 @@ def one_sided(u, fs):
     return spring(u, fs, lambda x: x + np.maximum(x, 0), 0.05, 10.0, 2)
 
 
+# plants that no allowance of the bound was chosen on: laws, dampings and frequencies of their own
+
+
+def fifth_power(u, fs):
+    """A fifth power that makes most of the gain."""
+    return u + 0.3 * u**5
+
+
+def dead_zone(u, fs, half_width=0.5):
+    """Nothing below the half width."""
+    return u - np.clip(u, -half_width, half_width)
+
+
+def jump(u, fs):
+    """Dry friction under a force: a jump at zero."""
+    return u + 0.5 * np.sign(u)
+
+
+def backlash(u, fs, half_width=0.4):
+    """Play, in steady state: what follows turns back only after the whole gap was crossed."""
+    x, y = np.zeros(u.shape[0]), np.empty_like(u)
+    for _ in range(2):
+        for i in range(u.shape[1]):
+            x = np.clip(x, u[:, i] - half_width, u[:, i] + half_width)
+            y[:, i] = x
+    return y
+
+
+def saturated_sensor(u, fs):
+    """tanh behind a lightly damped mode."""
+    return np.tanh(0.4 * mode(u, fs, 0.06, 42.0))
+
+
+def fifth_behind(u, fs):
+    """A fifth power behind a mode."""
+    x = mode(u, fs, 0.15, 25.0)
+    return x + 0.01 * x**5
+
+
+def dead_zone_before(u, fs):
+    """A dead zone before a mode of 3 % damping."""
+    return mode(dead_zone(u, fs, 0.4), fs, 0.03, 55.0)
+
+
+def between(u, fs):
+    """A cubic between two modes."""
+    x = mode(u, fs, 0.2, 15.0)
+    return mode(x + 0.1 * x**3, fs, 0.05, 60.0)
+
+
+def bilinear(u, fs):
+    """The input times the state fed back: even and odd distortion of a low-pass."""
+    x, y = np.zeros(u.shape[0]), np.empty_like(u)
+    for _ in range(2):
+        for i in range(u.shape[1]):
+            x = (0.8 + 0.08 * u[:, i - 1]) * x + 0.2 * u[:, i - 1]
+            y[:, i] = x
+    return y
+
+
+def softening(u, fs):
+    """A mode whose spring gives way."""
+    return spring(u, fs, lambda x: 0.5 * x + 0.5 * np.tanh(x), 0.08, 22.0, 2)
+
+
+def one_way(u, fs):
+    """A mode whose spring is three times as stiff one way."""
+    return spring(u, fs, lambda x: x + 2 * np.maximum(x, 0), 0.03, 37.0, 3)
+
+
+def slipping(u, fs, n_steps=8):
+    """A mode held by six springs that slip (Maxwell), by small symplectic steps on the band-limited input."""
+    n, h = u.shape[1], 1 / (fs * n_steps)
+    fine = np.ascontiguousarray(np.fft.irfft(np.fft.rfft(u, axis=-1), n_steps * n, axis=-1).T) * n_steps
+    stiff, slips = np.full((6, 1), 0.2), 0.05 * 2.0 ** np.arange(6)[:, None]
+    w, zeta = 2 * np.pi * 33.0, 0.02
+    x, v, held = np.zeros(u.shape[0]), np.zeros(u.shape[0]), np.zeros((6, u.shape[0]))
+    y = np.empty((n, u.shape[0]))
+    for period in range(3):
+        for i in range(n_steps * n):
+            if period == 2 and i % n_steps == 0:
+                y[i // n_steps] = x
+            v = v + h * (w**2 * (fine[i] - x - held.sum(axis=0)) - 2 * zeta * w * v)
+            x = x + h * v
+            held = np.clip(held + stiff * (h * v), -slips, slips)
+    return np.ascontiguousarray(y.T)
+
+
 STATIC = {"linear": linear, "cubic": cubic, "Duffing": duffing}
 OTHERS = {
     "even": even,
@@ -106,6 +194,21 @@ OTHERS = {
     "Hammerstein": hammerstein,
     "one-sided": one_sided,
 }
+FRESH = {
+    "fifth": fifth_power,
+    "dead zone": dead_zone,
+    "jump": jump,
+    "backlash": backlash,
+    "sensor": saturated_sensor,
+    "behind": fifth_behind,
+    "before": dead_zone_before,
+    "between": between,
+    "bilinear": bilinear,
+    "softening": softening,
+    "one way": one_way,
+    "slipping": slipping,
+}
+PLANTS = STATIC | OTHERS | FRESH
 RMS = {"linear": 1.0, "cubic": 1.0, "Duffing": 1.0, "friction 1": 0.25, "friction 3": 2.5}
 
 
@@ -126,7 +229,7 @@ def played(ms, plant, n, rng):
     """(u, y): n realisations of a multisine, by phases of their own, and the steady-state output of a plant to them."""
     phase = rng.uniform(0, 2 * np.pi, (n, ms.f.size))
     u = replace(ms, phase=phase).u
-    return u, (STATIC | OTHERS)[plant](u, ms.fs)
+    return u, PLANTS[plant](u, ms.fs)
 
 
 def resonance(plant, bla_lines, G):

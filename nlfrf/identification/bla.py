@@ -19,10 +19,7 @@ __all__ = ["Bla", "DistortionLevels"]
 
 #: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
 #: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
-UNSEEN = {"roughness": 0.5, "detection": 0.2}
-#: Lines: over the number of lines, what the distortion of a new realisation has over that of the one at hand, as few
-#: lines make a level that differs from realisation to realisation.
-FEW = 4.0
+UNSEEN = {"roughness": 0.5, "detection": 0.35}
 AROUND = 9  # lines over which noise and distortion are told apart
 
 
@@ -73,6 +70,9 @@ class Bla:
     var_bound : (F,) ndarray
         The variance of G behind `bound`: the scatter over realisations pooled with the level, each for what it is
         worth; of one realisation the largest that its level can be read as.
+    typical : float
+        How much more a realisation of random phases distorts than those at hand, by the cube of their input; at least
+        1. Low peaks distort less, whether they are chance or were chosen.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.
@@ -115,6 +115,7 @@ class Bla:
     grid_factor: np.ndarray
     levels: DistortionLevels
     var_bound: np.ndarray
+    typical: float = 1.0
     coherence: Any = None
     hold: str = "unknown"
     u_name: str = ""
@@ -170,8 +171,8 @@ class Bla:
         one_of("of", of, ("bla", "realization"))
         variance = self.var_bound
         if of == "realization":
-            missing = UNSEEN.get(self.level_source.split()[-1], 0.0) + FEW / self.f.size
-            scatter = (self.n_realizations + missing) * self.distorted_share()
+            missing = UNSEEN.get(self.level_source.split()[-1], 0.0)
+            scatter = (self.n_realizations + missing) * self.typical * self.distorted_share()
             variance = variance * (1 + scatter)
         return np.sqrt(quantile * variance)
 

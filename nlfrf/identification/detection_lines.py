@@ -63,14 +63,15 @@ def detected_power(
     gain_excited: np.ndarray,
     window: np.ndarray,
     follows: np.ndarray,
+    profile: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Distortion read on a window of detection lines for each excited line.
 
     Distortion that arises before a resonance follows |G|^2 across it, distortion that arises behind it does not, nor
-    does noise: so the expected power on line j of a window is taken as q_j = d |G_j|^2 + n_j or as q_j = d + n_j, with
-    the noise n_j known from the periods and d from maximum likelihood (scoring on exponentially distributed powers).
-    What is measured over what is expected is then averaged over the window, so that lines of very different power weigh
-    the same.
+    does noise: so the expected power on line j of a window is taken as q_j = d c_j |G_j|^2 + n_j or as
+    q_j = d c_j + n_j, with its profile c_j, the noise n_j known from the periods and d from maximum likelihood (scoring
+    on exponentially distributed powers). What is measured over what is expected is then averaged over the window, so
+    that lines of very different power weigh the same.
 
     Parameters
     ----------
@@ -82,6 +83,8 @@ def detected_power(
         Detection lines of each excited line, nearest first, by their place among all lines; -1: none.
     follows : (..., 1) bool ndarray
         Whether the distortion is taken to follow |G|^2.
+    profile : (n, ..., F) ndarray
+        How it is taken to be spread over the lines of a window beside that, of mean one.
 
     Returns
     -------
@@ -97,7 +100,7 @@ def detected_power(
     P, N, A = power.take(window), noise.take(window), gain.take(window)
     A /= gain_excited
     used = (narrowed(A) & (window >= 0)).astype(float)
-    A = np.where(follows, A, 1.0)
+    A = np.where(follows, A, 1.0) * profile
     n_used = np.add.reduce(used)
     excess = (P - N) / A
     floor = np.maximum(N, np.finfo(float).tiny ** 0.25) / A  # its square can still be divided by

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.identification.calibration import LARGEST, grid_factor, variance_ratio
+from nlfrf.identification.calibration import COMMON, LARGEST, read_grid, variance_ratio
 from nlfrf.identification.detection_lines import Answer, detected_power
 from nlfrf.identification.frf import Frf
-from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally, smooth_locally
+from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
+from nlfrf.identification.neighbours import READINGS
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
@@ -18,8 +19,13 @@ __all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "pool_l
 
 
 SIDE = 9  # lines over which a level is held against the scatter
-DECIDED = 3.0  # log-likelihood by which one way of reading the lines beats the other: 20 to 1
-FEW = 2.0  # lines: over the number of lines the variance by which one realisation's distortion is not normal
+#: The readings of odd detection lines: driven by the input (0) or the output (1), and whether they follow |G|. The last
+#: one fades with frequency, and the even lines behind it are read as following.
+DRIVE = np.array([0, 1, 0, 1, 0])
+FOLLOWS = np.array([True, True, False, False, False, True])
+FADING = 1.5  # power of the frequency: a hysteresis has from 1 to 2
+RARE = np.log(4.0)  # for how many of the others it counts where the lines do not decide: a level rarely fades
+BENT = 3.0  # how far a roughness above a reading speaks against it: beyond that it is G that bends
 DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands for: 1.1 dB, as calibrations are good
 MANY = 20  # lines over which roughness shows most of the distortion
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
@@ -51,10 +57,10 @@ class Level:
     even: np.ndarray
 
 
-def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None, grid: LineGrid) -> Level:
+def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None) -> Level:
     """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight."""
     if source == "detection":
-        return level_from_detection(excited, answer, grid)
+        return level_from_detection(excited, answer, fit)
     even = even_variance(excited, answer)
     if fit is None:
         nothing = np.zeros(even.size)
@@ -62,24 +68,48 @@ def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | No
     return level_from_roughness(fit, even)
 
 
-def level_from_detection(excited: Spectra, answer: Answer, grid: LineGrid) -> Level:
-    """From the odd lines that were not excited, scaled by what the grid makes of a cubic."""
+def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None) -> Level:
+    """From the odd lines that were not excited, scaled by what the grid makes of a cubic.
+
+    The input may drive it or the output, and what it makes may follow |G| or not, or fade with frequency as the memory
+    of a hysteresis does. Each of these readings says how the power is spread over the detection lines, and how rough G
+    then is: they weigh as likely as they make the lines around.
+    """
     U, where = excited.amplitude, excited.where
-    factor = grid_factor(U, rms(excited.Y), excited.lines, grid.odd, where.near_odd)
-    factors = np.ones((where.near_detection.shape[1], factor.size))
-    factors[:2] = factor
-    variance, n_used, likelihood = read_detected(U, answer, where.excited, where.near_detection, factors)
-    # of two readings the larger, but where the powers around decide: a line stands in as many windows as these have
-    decided = local_mean(likelihood[0] - likelihood[1], SIDE) * SIDE * excited.U.shape[0] / n_used[0]
-    larger = np.maximum(variance[0], variance[1])
-    even = variance[2] if grid.even.size else np.full(factor.size, np.nan)
+    profile, factor = read_grid(U, rms(excited.Y), excited.lines, where.detection, where.near_odd)
+    windows = where.near_detection
+    profiles, factors = np.ones(windows.shape), np.ones(windows.shape[1:])
+    profiles[:, :READINGS], factors[:READINGS] = profile[:, DRIVE], factor[DRIVE]
+    n = len(where.near_odd.T)
+    profiles[:n, READINGS - 1] *= (excited.lines / where.detection[where.near_odd.T]) ** FADING
+    variance, n_used, likelihood = read_detected(U, answer, where.excited, windows, factors, profiles)
+    even = variance[READINGS] if where.even.size else np.full(U.size, np.nan)
+    variance, n_realizations = variance[:READINGS], excited.U.shape[0]
+    # a line stands in as many windows as these have
+    evidence = likelihood[:READINGS] * (n_realizations / n_used[0])
+    if fit is not None:
+        tiny = np.finfo(float).tiny
+        rough = np.minimum((n_realizations * fit.variance[0] + tiny) / (variance + tiny), BENT)
+        evidence += (np.log(rough) - rough) * (fit.dof[0] / where.near_excited.shape[1])
+    evidence = mean_around(evidence, SIDE) * min(SIDE, U.size)
+    evidence[-1] -= RARE
+    weight = np.exp(evidence - evidence.max(axis=0))
+    weight /= np.add.reduce(weight)
+    # at 95 % the root mean square is what the quantile of such a mixture asks for
     return Level(
-        variance=variance[0],
-        cautious=np.where(decided > DECIDED, variance[0], np.where(decided < -DECIDED, variance[1], larger)),
-        dof=n_used[0] * excited.U.shape[0],
-        grid_factor=factor,
+        variance=np.add.reduce(weight * variance),
+        cautious=np.sqrt(np.add.reduce(weight * variance * variance)),
+        dof=n_used[0] * n_realizations,
+        grid_factor=np.add.reduce(weight * factors[:READINGS]),
         even=even,
     )
+
+
+def mean_around(x: np.ndarray, n: int) -> np.ndarray:
+    """Mean over the n neighbours of each entry along the last axis; at the ends over the first n, or the last."""
+    last = x.shape[-1] - 1
+    half = min(n // 2, last // 2)
+    return local_mean(x, n).take(np.clip(np.arange(last + 1), half, last - half), axis=-1)
 
 
 def pool_levels(frf: Frf, level: Level, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -88,7 +118,7 @@ def pool_levels(frf: Frf, level: Level, n: int) -> tuple[np.ndarray, np.ndarray]
     A level is worth what its calibration is. Where it reads something else than the scatter, over nine lines, or by
     far too little on one, it has no say.
     """
-    few = 1 + FEW / frf.G.size
+    few = 1 + COMMON / frf.G.size
     if n == 1:
         return few * level.cautious, level.dof
     if not level.dof.any():
@@ -109,21 +139,26 @@ def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
     where = excited.where
     if not where.even.size:
         return np.full(excited.lines.size, np.nan)
-    return read_detected(excited.amplitude, answer, where.excited, where.near_even, np.ones((1, 1)))[0][0]
+    return read_detected(excited.amplitude, answer, where.excited, where.near_even)[0][0]
 
 
 def read_detected(
-    U: np.ndarray, answer: Answer, here: np.ndarray, windows: np.ndarray, factors: np.ndarray
+    U: np.ndarray,
+    answer: Answer,
+    here: np.ndarray,
+    windows: np.ndarray,
+    factors: np.ndarray | float = 1.0,
+    profiles: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Variances (k, F) of one realisation's FRF for inputs of amplitude U, by k readings; lines used; likelihoods.
 
-    Windows are (n, k, F).
+    Windows and profiles are (n, k, F): all readings, without the last where there are no even lines, or the last alone.
     """
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
     power, gain = mean_power(answer.Yc), squared(answer.G)
-    follows = np.arange(windows.shape[1])[:, None] != 1
-    distortion, ratio, n_used, likelihood = detected_power(power, noise, gain, gain[here], windows, follows)
+    follows = (FOLLOWS[: windows.shape[1]] if windows.shape[1] > 1 else FOLLOWS[-1:])[:, None]
+    distortion, ratio, n_used, likelihood = detected_power(power, noise, gain, gain[here], windows, follows, profiles)
     return ratio * (factors * distortion + noise[here]) / U**2, n_used, likelihood
 
 
@@ -134,7 +169,8 @@ def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, Loc
         return fit.G.mean(axis=0), fit
     if excited.lines.size < LEAST or excited.U.shape[0] >= ENOUGH:
         return frf.G, None
-    return smooth_locally(frf.G[None], excited.amplitude[None], excited.where)[0], None  # it whitens more evenly
+    fit = fit_locally(frf.G[None], excited.amplitude[None], excited.where)
+    return fit.G[0], fit  # less scatter: it whitens more evenly
 
 
 def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
@@ -175,7 +211,7 @@ def calibrates(excited: Spectra, grid: LineGrid, n_detection: int) -> bool:
         return True
     if np.any(grid.excited % 2 == 0):
         return False
-    ratio = variance_ratio(excited.amplitude, grid.excited, grid.odd, excited.where.near_odd)
+    ratio = variance_ratio(excited.amplitude, grid.excited, excited.where.detection, excited.where.near_odd)
     return bool(np.mean(ratio <= LARGEST) >= 0.95)
 
 

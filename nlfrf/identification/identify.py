@@ -12,6 +12,7 @@ from typing import overload
 import numpy as np
 
 from nlfrf.identification.bla import Bla, DistortionLevels
+from nlfrf.identification.calibration import typical_distortion
 from nlfrf.identification.detection_lines import Answer, nonlinear_answer
 from nlfrf.identification.distortion_level import Level, choose_source, pool_levels, read_level, smooth_frf
 from nlfrf.identification.frf import Frf, average_frf
@@ -117,7 +118,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
     answer = nonlinear_answer(spectra, smooth)
-    level = read_level(source, excited, answer, fit, record.lines)
+    level = read_level(source, excited, answer, fit)
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level)
 
 
@@ -157,6 +158,7 @@ def assemble_bla(
         grid_factor=level.grid_factor if n == 1 else np.ones(grid.excited.size),
         levels=output_levels(record, excited, answer),
         var_bound=var_bound,
+        typical=typical_distortion(excited.U, excited.lines),
         hold=record.hold,
         u_name=record.u_name,
         y_name=record.y_name,

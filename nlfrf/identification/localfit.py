@@ -18,7 +18,7 @@ from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.shared.leastsquares import power, two_unknowns
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally", "smooth_locally"]
+__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
 
 
 ORDER = 2  # of both polynomials, which are written out here
@@ -91,11 +91,6 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
         share = noise_share(variance, denominator, smooth, where.near_excited)
         variance = np.maximum(variance * share, LEAST_NOISE * smooth)
     return LocalFit(G=both.value(), variance=variance / weight**2, dof=dof)
-
-
-def smooth_locally(G: np.ndarray, weight: np.ndarray, where: Places) -> np.ndarray:
-    """(M, F) the fitted value of `fit_locally` alone."""
-    return fit_both_ways(G, weight, where).value()
 
 
 @value(copy=False)

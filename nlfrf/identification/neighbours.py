@@ -9,10 +9,12 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.shared.values import value
 
-__all__ = ["KEPT", "Places", "place_lines"]
+__all__ = ["KEPT", "READINGS", "Places", "place_lines"]
 
 
 KEPT = 16  # grids that are remembered: those of one experiment, and of the next
+READINGS = 5  # ways in which odd detection lines are read
+BELOW = 2  # detection lines below the band
 WIDTH = 9  # excited lines over which an FRF is fitted locally
 
 
@@ -26,12 +28,15 @@ class Places:
         All lines, increasing.
     excited, odd, even : (F,), (O,), (E,) int ndarray
         Where each kind stands among them.
+    detection : (D,) int ndarray
+        The odd detection lines, and those just below the band.
     near_excited, near_odd : (F, n) int ndarray
-        For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds.
+        For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds; `near_odd`
+        into `detection`.
     near_detection : (n, k, F) int ndarray
-        For each excited line the nearest odd lines, the same again, as they are read in two ways, and where there are
-        any the even ones, as places among all lines; -1 where there are fewer. Windows stand along the first axis, so
-        that sums over them run through memory in order.
+        For each excited line the nearest odd lines, as often as they are read in another way, and where there are any
+        the even ones, as places among all lines; -1 where there are fewer. Windows stand along the first axis, so that
+        sums over them run through memory in order.
     near_even : (n, 1, F) int ndarray
         The even ones alone.
     below, share : (K,) int and float ndarray
@@ -43,6 +48,7 @@ class Places:
     excited: np.ndarray
     odd: np.ndarray
     even: np.ndarray
+    detection: np.ndarray
     near_excited: np.ndarray
     near_odd: np.ndarray
     near_detection: np.ndarray
@@ -54,10 +60,11 @@ class Places:
 @lru_cache(maxsize=KEPT)
 def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
     """All lines of a grid in one row, with windows of `n_detection` detection lines."""
-    lines = np.sort(np.concatenate([grid.excited, grid.odd, grid.even]))
+    detection = np.concatenate([odd_below(grid), grid.odd])
+    lines = np.sort(np.concatenate([grid.excited, detection, grid.even]))
     excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
-    near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (grid.odd, grid.even))
-    windows = [odd[near_odd], odd[near_odd], *([even[near_even]] if even.size else [])]
+    near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (detection, grid.even))
+    windows = READINGS * [np.searchsorted(lines, detection)[near_odd]] + bool(even.size) * [even[near_even]]
     near_detection = np.full((len(windows), excited.size, max(one.shape[1] for one in windows)), -1)
     for row, one in zip(near_detection, windows, strict=True):
         row[:, : one.shape[1]] = one
@@ -68,6 +75,7 @@ def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
         excited=excited,
         odd=odd,
         even=even,
+        detection=detection,
         near_excited=nearest_lines(grid.excited, grid.excited, WIDTH),
         near_odd=near_odd,
         near_detection=windows_first(near_detection),
@@ -75,6 +83,20 @@ def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
         below=below,
         share=np.maximum(lines - grid.excited[below], 0) / step,
     )
+
+
+def odd_below(grid: LineGrid) -> np.ndarray:
+    """The odd lines just below the band, within an octave: without them the windows of the first lines are one-sided.
+
+    A level that falls with frequency, as that of a hysteresis does, is read too low in such a window. A grid whose
+    detection lines were chosen, or that has none, keeps its own.
+    """
+    first, last = int(grid.excited[0]), int(grid.excited[-1])
+    n_odd = grid.odd.size + np.count_nonzero(grid.excited % 2)
+    if not grid.odd.size or n_odd < (last + 1) // 2 - first // 2:
+        return np.empty(0, dtype=np.int64)
+    below = np.arange(first - 2 * BELOW, first, 2)
+    return below[(2 * below > first) & (below % 2 == 1)]
 
 
 def windows_first(windows: np.ndarray) -> np.ndarray:

@@ -131,7 +131,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     detected = np.full(rough.size, np.nan)
     if grid.odd.size >= n_detection:
         answer = nonlinear_answer(spectra, fit.G.mean(axis=0))
-        detected = level_from_detection(excited, answer, grid).variance
+        detected = level_from_detection(excited, answer, None).variance
     window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = np.finfo(float).eps ** 2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2

@@ -25,6 +25,8 @@ def complex_normal(rng, shape):
         (("cubic", "odd", 1, 1, None, dict(f_max=24), 0), "a narrow band: 79 % on the first line"),
         (("Wiener", "odd", 1, 1, None, dict(f_max=100), 0), "distortion behind a mode: 45 % on the first line"),
         (("Wiener", "special-odd", 1, 1, None, dict(f_max=40), 0), "60 % on the last line"),
+        (("Wiener", "special-odd", 1, 1, None, dict(f_min=10), 0), "2.2 times as wide as it had to be"),
+        (("sensor", "special-odd", 1, 1, None, dict(f_min=3, f_max=170), 0), "2.3 times as wide"),
     ],
     ids=lambda case: "-".join(map(str, case[:4])) if isinstance(case, tuple) else "",
 )
@@ -36,6 +38,17 @@ def test_the_bound_holds_on_every_line(case, before):
     assert np.all(scores[[1, 2, 5, 6]] > 88), before  # three lines of 60 records: sigma 1.6 %
     assert np.all(scores[[3, 7]] > 78), before
     assert row[16] < 1.6
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+def test_a_realisation_of_low_peaks_does_not_stand_for_others():
+    """The distortion of a fifth power on few lines is a matter of the peaks: 87 % of new realisations were held."""
+    case = ("fifth", "odd", 1, 1, None, dict(f_min=5, f_max=30), 0)
+    scores = np.array(measure_hard("", *case, 240, np.random.default_rng(1))[8:16])
+    # known to be short of 93 by a percent: roughness does not see what is common to all lines, which is most of it here
+    assert scores[0] > 91.5
+    assert scores[4] > 91
+    assert np.all(scores[[1, 2, 5, 6]] > 88)
 
 
 def test_a_denominator_is_not_fitted_to_noise():
