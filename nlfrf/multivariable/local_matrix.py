@@ -13,6 +13,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.multivariable.channels import nearest_lines
+from nlfrf.shared.leastsquares import power, squared, two_unknowns
 from nlfrf.shared.values import value
 
 __all__ = ["EARNED", "LEAST", "ORDER", "POOLED", "WIDTH", "LocalMatrix", "fit_matrix", "interpolate_matrix"]
@@ -69,33 +70,31 @@ def fit_matrix(G: np.ndarray, grid: LineGrid) -> LocalMatrix:
     at_zero = Q @ np.linalg.solve(np.swapaxes(T, 1, 2), np.eye(ORDER + 1)[0][:, None])  # row of the fit at r = 0
     near = np.moveaxis(G[..., window], 2, 0)  # (F, n_y, n_u, n)
 
-    def rest(x: np.ndarray) -> np.ndarray:
-        """What polynomials leave of x (F, n_y, n_u, n)."""
-        flat = x.reshape(F, -1, n)
-        return (flat - (flat @ Q) @ np.swapaxes(Q, 1, 2)).reshape(x.shape)
-
-    E, first, second = rest(near), rest(-r[:, None, None] * near), rest(-(r[:, None, None] ** 2) * near)
+    # E, and what stands with a1 and a2, without what polynomials explain: (F, 3, n_y n_u, n)
+    powers = np.stack([np.ones(r.shape), -r, -r * r], axis=1)[:, :, None]
+    parts = np.empty((F, 2, 3, n_y * n_u, n))  # real and imaginary, so that the products stay real
+    for part, of in ((0, near.real), (1, near.imag)):
+        np.multiply(of.reshape(F, 1, -1, n), powers, out=parts[:, part])
+    flat = parts.reshape(F, -1, n)
+    flat -= (flat @ Q) @ np.ascontiguousarray(np.swapaxes(Q, 1, 2))
+    rows = np.empty((F, 3, n_y * n_u, n), dtype=complex)
+    rows.real, rows.imag = parts[:, 0], parts[:, 1]
+    E = rows[:, 0].reshape(near.shape)
     value_at_zero = (near.reshape(F, -1, n) @ at_zero)[..., 0]
     dof, kept = np.full(F, float(n - ORDER - 1)), np.zeros((F, 2), dtype=complex)
     if n >= 2 * ORDER + 4:
         # rows of one size, so that an output in other units weighs the same
-        size = np.sqrt(np.mean(np.abs(near) ** 2, axis=(2, 3), keepdims=True)) + np.finfo(float).tiny
-        columns = np.stack([first / size, second / size], axis=-1).reshape(F, -1, 2)
-        a = np.linalg.pinv(columns, rcond=1e-10) @ (E / size).reshape(F, -1, 1)
-        E_r = E - a[:, 0, :, None, None] * first - a[:, 1, :, None, None] * second
+        size = np.sqrt(np.mean(squared(near), axis=(2, 3), keepdims=True)) + np.finfo(float).tiny
+        rows = (rows.reshape(F, 3, n_y, n_u, n) / size[:, None]).reshape(F, 3, -1)
+        a, remainder = two_unknowns(rows)
         dof_r = n - ORDER - 1 - 2 / (n_y * n_u)
-
-        def power(x: np.ndarray) -> np.ndarray:
-            """(F,) of the rows of one size."""
-            return np.sum(np.abs(x / size) ** 2, axis=(1, 2, 3))
-
-        better = local_mean(EARNED * power(E) / dof - power(E_r) / dof_r, POOLED) > 0
-        weights = r * a[:, 0] + r**2 * a[:, 1]
+        better = local_mean(EARNED * power(rows[:, 0]) / dof - power(remainder) / dof_r, POOLED) > 0
+        weights = r * a[:, :1] + r**2 * a[:, 1:]
         bent = ((near * (1 + weights[:, None, None])).reshape(F, -1, n) @ at_zero)[..., 0]
         value_at_zero = np.where(better[:, None], bent, value_at_zero)
-        E = np.where(better[:, None, None, None], E_r, E)
+        E = np.where(better[:, None, None, None], remainder.reshape(near.shape) * size, E)
         dof = np.where(better, dof_r, dof)
-        kept = np.where(better[:, None], a[:, :, 0], 0.0)
+        kept = np.where(better[:, None], a, 0.0)
     return LocalMatrix(
         G=np.moveaxis(value_at_zero.reshape(F, n_y, n_u), 0, 2), residual=E, window=window, dof=dof, a=kept, r=r
     )
