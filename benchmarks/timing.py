@@ -18,8 +18,6 @@ def best(function: Callable[[], Any], n: int = 5) -> float:
     return min(times)
 
 
-
-
 def in_turn(functions: dict[str, Callable[[], Any]], n: int = 5) -> dict[str, float]:
     """Median of the processor's time of n runs of each [s], taken in turn: what else runs counts for all of them alike.
 
