@@ -59,6 +59,7 @@ picture: $(READY)
 bench: $(TESTS)
 	$(BIN)/python -m benchmarks.machine
 	$(BIN)/python -m benchmarks.bench_identify
+	$(BIN)/python -m benchmarks.bench_files
 	$(BIN)/python -m benchmarks.bench_friction
 	$(BIN)/python -m benchmarks.bench_friction_proof
 	$(BIN)/python -m benchmarks.bench_many_loops

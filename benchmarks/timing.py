@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from collections.abc import Callable
 from typing import Any
@@ -17,10 +18,17 @@ def best(function: Callable[[], Any], n: int = 5) -> float:
     return min(times)
 
 
-def side_by_side(functions: dict[str, Callable[[], Any]], n: int = 5) -> dict[str, float]:
-    """Shortest of n runs of each [s], taken in turn: a machine that slows down for a while does so for all of them."""
-    times = dict.fromkeys(functions, float("inf"))
+def in_turn(functions: dict[str, Callable[[], Any]], n: int = 5) -> dict[str, float]:
+    """Median of the processor's time of n runs of each [s], taken in turn: what else runs counts for all of them alike.
+
+    Runs in turn find the caches as another one left them, as a user's do.
+    """
+    times: dict[str, list[float]] = {name: [] for name in functions}
+    for function in functions.values():
+        function()
     for _ in range(n):
         for name, function in functions.items():
-            times[name] = min(times[name], best(function, 1))
-    return times
+            begin = time.process_time()
+            function()
+            times[name].append(time.process_time() - begin)
+    return {name: statistics.median(each) for name, each in times.items()}

@@ -143,28 +143,27 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     power = np.sum(np.abs(spectra) ** 2, axis=1)
     first = int(np.argmax(power > 0.9 * np.median(power)))  # of those that are not empty, or half empty
     reference = spectra[first]
-    k = np.arange(reference.size)
     weight = np.abs(reference) ** 2
     weight[weight < 1e-6 * weight.max()] = 0.0
     weight[int(0.45 * n_samples) :] = 0.0
-    cross = spectra * reference.conj()
-    correlation = np.fft.irfft(cross, n_samples, axis=1)
+    correlation = np.fft.irfft(spectra * reference.conj(), n_samples, axis=1)
     reach = max(1, n_samples // 8)
     lags = np.concatenate([np.arange(reach), np.arange(-reach, 0)])
     whole = -lags[np.argmax(correlation[:, lags], axis=1)]
-    slope = 2 * np.pi * k / n_samples
+    used = np.flatnonzero(weight)  # the lines that tell: all that follows is of these
+    spectra, reference, weight = spectra[:, used], reference[used], weight[used]
+    cross, slope = spectra * reference.conj(), 2 * np.pi * used / n_samples
     # x_j(t) = x_0(t + d): phase of the cross spectrum + slope d; Gauss-Newton on the phase, from the whole shift
     delay = whole.astype(float)
     for _ in range(4):
         turned = cross * np.exp(-1j * slope * delay[:, None])
         delay += np.sum(slope * turned.imag, axis=1) / np.sum(slope**2 * weight)
     turned = spectra * np.exp(-1j * slope * delay[:, None])
-    used = weight > 0
-    rest = np.sum(np.abs(turned - reference)[:, used] ** 2, axis=1) / np.sum(weight)
+    rest = np.sum(np.abs(turned - reference) ** 2, axis=1) / np.sum(weight)
     delay = -delay  # a period that stands later has a positive delay
     typical = float(np.median(np.delete(rest, first)))
     sound = rest < max(1e-3, 10 * typical)
-    noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.sum())))
+    noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size)))
     shift = delay[sound] - delay[sound].mean()
     misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
     return Track(

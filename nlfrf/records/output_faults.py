@@ -159,7 +159,7 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
         sound = np.ones(2, dtype=bool)
     sound, jumps = gaps_in(delay, sound, noise, n_samples)
     shift = delay[sound] - delay[sound].mean()
-    Y = np.fft.rfft(y, axis=1)[:, lines][sound] * (2 / n_samples)
+    Y = output.spectra[sound]
     before = float(np.sum(np.abs(Y - Y.mean(axis=0)) ** 2))
     return Lag(
         n_samples=n_samples,
@@ -219,12 +219,16 @@ def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> t
 
 @value(copy=False)
 class Aligned:
-    """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,)."""
+    """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,).
+
+    And the spectra (P, F) as they were.
+    """
 
     delay: np.ndarray
     gain: np.ndarray
     rest: np.ndarray
     mean: np.ndarray
+    spectra: np.ndarray
 
 
 def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
@@ -247,4 +251,4 @@ def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     size = np.sum(np.abs(reference) ** 2)
     gain = np.sum(turned * reference.conj(), axis=1).real / size
     rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
-    return Aligned(delay=delay, gain=gain / gain[-1], rest=rest, mean=reference)
+    return Aligned(delay=delay, gain=gain / gain[-1], rest=rest, mean=reference, spectra=X)
