@@ -160,7 +160,7 @@ def denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
     return D
 
 
-def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets: int) -> tuple[np.ndarray, np.ndarray]:
     """Gamma and covariance that lie over those of every column, own or fitted.
 
     Parameters
@@ -171,6 +171,8 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray) -> tupl
         Diagonal, as if every column had been measured on every line.
     cov : (n_y, n_y, F) complex ndarray
         Covariance of one experiment's residual.
+    n_sets : int
+        Experiments R behind it.
 
     Returns
     -------
@@ -190,7 +192,10 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray) -> tupl
     for i in range(columns.shape[1]):
         fitted = between.owner != i
         ratio = np.einsum("fjj->fj", columns[:, i]).real / np.einsum("fjj->fj", C).real
-        gamma[i, i] = np.where(fitted, ratio.max(axis=1), between.own)
+        own, smooth = gamma[i, i].real, ratio.max(axis=1)
+        # a fit scatters less than a line, but a new set may have measured where this one fitted: its share in
+        # bound(of="realization") is n_sets times one
+        gamma[i, i] = np.where(fitted, np.maximum(smooth, (smooth + n_sets * own) / (1 + n_sets)), between.own)
         T = inverse @ columns[:, i] @ inverse / gamma[i, i].real[:, None, None]
         beyond, along = np.linalg.eigh(T)
         part = (along * np.maximum(beyond - 1, 0.0)[:, None]) @ adjoint(along)
