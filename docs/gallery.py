@@ -44,9 +44,17 @@ HEROES = {
     "13_motor_bench": ("motor", 1),
     "15_several_uncertainties": ("several", 0),
     "16_two_axis_stage": ("stage", 2),
+    "17_measured_mirror": ("verdict", 0),
     "18_proof_with_friction": ("proof", 1),
 }
 STORED = ROOT / "docs" / "_static"  # what examples gave whose data may not be there
+#: Where the records of an example are found that does not come with them.
+WHERE = {
+    "13_motor_bench": "KU Leuven publishes them with the MATLAB toolbox FdiTools, as `MultisineTypeB.mat`; put that into "
+    "a folder `motor_bench`",
+    "17_measured_mirror": "They are in the repository `fsm-benchmark-data` of M. Floren on GitHub; put the four files "
+    "`u_300mV_train.npy`, `y_300mV_train.npy` and the like into a folder `fine_steering_mirror`",
+}
 STANDS_ON = ("numpy", "scipy", "control", "cvxpy", "clarabel", "matplotlib", "numba", "h5py", "jinja2")
 
 
@@ -165,8 +173,7 @@ def shown_folder(name: str) -> tuple[Path, str]:
         return made, ""
     return stored, (
         "The records are not part of this project, and were not there when this page was built: below stands what the "
-        "example drew and printed where they were. KU Leuven publishes them with the MATLAB toolbox FdiTools, as "
-        "`MultisineTypeB.mat`; put that into a folder `motor_bench` and give the folder above it by `--data` or in "
+        f"example drew and printed where they were. {WHERE[name]} and give the folder above it by `--data` or in "
         "`NLFRF_DATA`."
     )
 

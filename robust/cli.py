@@ -16,6 +16,7 @@ from nlfrf.shared.command import Json, Version, end, number, run, speaker, worki
 from nlfrf.shared.whole_files import write_text
 from robust.files.friction_files import class_from_files, linear_part_tested, prove_all, save_proofs
 from robust.files.pid_gains import told_gains
+from robust.reports.command import check_pictures, demanded, hand_over, measured, model_of_one, model_pictures
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
 
@@ -39,7 +40,7 @@ def common(version: Version = False) -> None:
 
 @app.command()
 def model(
-    bla: Annotated[list[Path], typer.Argument(help="BLA written by 'nlfrf identify'; several make a plant family.")],
+    bla: Annotated[list[Path], typer.Argument(help="BLA or matrix of 'nlfrf identify'; several BLAs make a family.")],
     out: Out,
     poles: Annotated[int, typer.Option(help="Poles of the nominal model.")],
     zeros: Annotated[int | None, typer.Option(help="Its zeros; one fewer than poles when not given.")] = None,
@@ -47,7 +48,7 @@ def model(
     sample_time: Annotated[float, typer.Option(help="Sampling time [s] of a discrete model; 0 for continuous.")] = 0.0,
     unstable: Annotated[bool, typer.Option("--unstable", help="Allow unstable poles.")] = False,
     form: Annotated[
-        str, typer.Option(help="multiplicative, additive, inverse-multiplicative, inverse-additive, coprime.")
+        str, typer.Option(help="multiplicative, additive, inverse-..., coprime; of a matrix elements, additive, input.")
     ] = RELATIVE,
     order: Annotated[int, typer.Option(help="Order of the weight.")] = 4,
     confidence: Annotated[
@@ -62,10 +63,10 @@ def model(
     picture: Picture = None,
 ) -> None:
     """Fit a nominal model to a measured BLA and put a weight over what it leaves open."""
-    blas = [nlfrf.load_bla(path) for path in bla]
+    blas = measured(bla)
     with working("fitting the nominal model"):
         nominal = robust.fit_nominal(
-            blas if len(blas) > 1 else blas[0],
+            blas,
             n_poles=poles,
             n_zeros=zeros,
             delay=delay if delay == "estimate" else number("delay", delay),
@@ -91,9 +92,7 @@ def model(
     robust.save_model(result, out)
     print(f"wrote {out}")
     if picture is not None:
-        from robust.plot import plot_bode, plot_weight
-
-        draw(picture, [(plot_weight, result), (lambda model, ax: plot_bode(model, blas, ax=ax), result)])
+        draw(picture, model_pictures(result, blas))
 
 
 @app.command()
@@ -121,7 +120,7 @@ def design(
     """
     one_of("method", method, ("ncfsyn", "mixsyn", "pid"))
     if method == "pid":
-        plant: Any = nlfrf.load_bla(model) if model.suffix == ".npz" else robust.load_model(model)
+        plant: Any = nlfrf.load_bla(model) if model.suffix == ".npz" else model_of_one(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with working("designing"):
             result = robust.design_frf(plant, structure, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay)
@@ -129,7 +128,7 @@ def design(
     else:
         if bandwidth is None:
             raise ValueError(f"bandwidth must be given [Hz] for {method}")
-        plant = robust.load_model(model)
+        plant = model_of_one(model)
         if plant.measured_only:
             raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
         with working("designing"):
@@ -180,37 +179,22 @@ def check(
     Exit code 0 where every loop is proved stable for the whole set, and the demand met where there is one; 1 where not.
     Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
     """
-    plant, w_P, say, reports = robust.load_model(model), None, speaker(json), {}
-    if bandwidth is not None:
-        w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    plant, say, reports = robust.load_model(model), speaker(json), {}
+    w_P = demanded(plant, bandwidth, peak, error)
     for path in controller:
         K = robust.load_controller(path)
         with working("checking"):
             report = robust.check(plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver)
-        several = len(controller) > 1
-        say(f"{path}:\n{report}{told_gains(K, plant.unit)}\n" if several else f"{report}{told_gains(K, plant.unit)}")
+        several, gains = len(controller) > 1, told_gains(K, getattr(plant, "unit", ""))
+        say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         if out is not None:
             hand_over(report, out.with_stem(f"{out.stem}-{path.stem}") if several else out, say)
         if picture is not None:
-            from robust.plot import plot_check, plot_loop
-
             target = picture.with_stem(f"{picture.stem}-{path.stem}") if several else picture
-            draw(target, [(plot_loop, report), (plot_check, report)], say)
+            draw(target, check_pictures(plant, K, report), say)
         reports[str(path)] = report
     good = all(r.robustly_stable and (r.robust_performance or w_P is None) for r in reports.values())
     end(reports, good, json)
-
-
-def hand_over(report: Any, out: Path, say: Any) -> None:
-    """Write a report, and what was proved beside it, verified."""
-    write_text(out, f"{report}\n")
-    say(f"wrote {out}")
-    if any(certificate.holds for certificate in report.certificates):
-        handed = out.with_suffix(".certificate.json")
-        robust.save_certificate(report, handed)
-        say(f"wrote {handed}")
-        with working("verifying"):
-            say(robust.verify_certificate(handed))
 
 
 @app.command()
@@ -275,10 +259,9 @@ def orders(
     picture: Picture = None,
 ) -> None:
     """Fit nominal models of growing order and say which one the data ask for."""
-    blas = [nlfrf.load_bla(path) for path in bla]
     with working("fitting nominal models"):
         scan = robust.scan_orders(
-            blas if len(blas) > 1 else blas[0],
+            measured(bla),
             n_poles=range(max(relative_degree, 1), most + 1),
             relative_degree=relative_degree,
             delay=delay if delay in ("estimate", "auto") else number("delay", delay),
@@ -303,7 +286,7 @@ def export(
     if out.suffix == ".mat":
         robust.export_matlab(content, out)
     elif out.suffix == ".csv":
-        if isinstance(content, robust.UncertaintyModel):
+        if holds_model(file):
             raise ValueError(f"file must be a controller to be written as sections, got the model {file}")
         rows = [",".join(map(repr, row)) for row in robust.controller_sections(content).tolist()]
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
@@ -341,11 +324,9 @@ def report(
     notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
-    plant, K = robust.load_model(model), robust.load_controller(controller)
+    plant, K = model_of_one(model), robust.load_controller(controller)
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
-    w_P = None
-    if bandwidth is not None:
-        w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    w_P = demanded(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
         machines, friction, _ = class_from_files([model], None, stiffness, stiction)
@@ -380,7 +361,7 @@ def shape(
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
 ) -> None:
     """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
-    parts = [robust.load_model(path) for path in model], controller and robust.load_controller(controller)
+    parts = [model_of_one(path) for path in model], controller and robust.load_controller(controller)
     write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
     print(f"wrote {out}")
 

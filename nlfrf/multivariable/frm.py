@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
@@ -258,6 +260,17 @@ class Frm:
             levels=self.levels[j],
             var_bound=bound,
         )
+
+    def every(self, step: int) -> Frm:
+        """The same on every so many-th of its excited lines: for a fit that does not need them all."""
+        some = slice(None, None, integer("step", step, least=1))
+        per_line = ("f", "G", "gamma", *COVARIANCES, "dof", "grid_factor")
+        levels = tuple(
+            replace(one, **{name: getattr(one, name)[..., some] for name in ("f_excited", "excited", "noise_excited")})
+            for one in self.levels
+        )
+        lines = replace(self.lines, excited=self.lines.excited[some])
+        return replace(self, lines=lines, levels=levels, **{name: getattr(self, name)[..., some] for name in per_line})
 
     def _sketch_(self) -> Sketch:
         """The singular values, for a notebook."""

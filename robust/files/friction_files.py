@@ -38,8 +38,8 @@ def class_from_files(
 def nominal_of(path: Path) -> Any:
     """The nominal of a model in a file."""
     model = load_model(path)
-    if model.measured_only:
-        raise ValueError(f"machine must have a parametric nominal, got {path} with an FRF")
+    if getattr(model, "measured_only", True):
+        raise ValueError(f"machine must have a parametric nominal of one input and output, got {path} without")
     return model.nominal
 
 

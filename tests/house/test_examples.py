@@ -116,6 +116,15 @@ PRINTED = {
         r"careful, 0\.5 ms late: off by 0\.\d+ um after 1\.1 s, swings by 0\.\d+ um",
         r"greedy, 0\.5 ms late: off by \d\d\d\d?\.\d+ um after 1\.1 s, swings by \d\d\d\d\.\d+ um",
     ],
+    "17_measured_mirror": [
+        r"skipped: there is no|the same phases \(psi\)",
+        r"skipped|bound of the first set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
+        r"skipped|bound of the second set.*\n +9[3-7]\.\d % of the entries and 9[2-8]\.\d % of the matrices",
+        r"skipped|--- 70 Hz ---\nverdict: +STATISTICALLY ROBUST",
+        r"skipped|robust stability at all frequencies: yes",
+        r"skipped|--- 140 Hz ---\nverdict: +NOT ROBUST",
+        r"skipped|breaking perturbation: 0\.99\d+ and 1\.00\d+",
+    ],
     "13_motor_bench": [r"skipped: there is no|(?s:60 lines.*warned: .*odd-odd.*STATISTICALLY ROBUST)"],
 }
 
@@ -160,8 +169,9 @@ def test_the_first_example_takes_a_file(tmp_path, monkeypatch):
     assert (tmp_path / "report.html").is_file()
 
 
-def test_the_motor_bench_says_where_it_looked(tmp_path):
-    said = run("13_motor_bench", "--data", str(tmp_path), "--out", str(tmp_path / "out"))
+@pytest.mark.parametrize("name", ["13_motor_bench", "17_measured_mirror"])
+def test_what_needs_records_says_where_it_looked(name, tmp_path):
+    said = run(name, "--data", str(tmp_path), "--out", str(tmp_path / "out"))
     assert said.startswith(f"skipped: there is no {tmp_path}")
     assert not (tmp_path / "out").exists()
 

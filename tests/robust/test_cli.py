@@ -3,11 +3,13 @@
 import json
 import sys
 
+import control
 import numpy as np
 import pytest
 
+import nlfrf
 from nlfrf import save_bla
-from robust import cli, load_controller, load_model
+from robust import cli, load_controller, load_model, save_controller
 from tests.support.bla import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(30) + 1, 8 * np.arange(30) + 3])) * 0.5
@@ -189,3 +191,43 @@ def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
     code, _, wrong = robust_command("verify changed.json")
     assert code == 2
     assert "whose digest does not fit" in wrong
+
+
+def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
+    ms = nlfrf.multisine("random-odd", fs=256, n_samples=512, f_min=1, f_max=60, n_inputs=2, rng=1)
+    line, u = np.fft.rfftfreq(512, 1 / 256), np.repeat(ms.u[:, :, None], 2, axis=2)
+    G = np.array([[1.0, 0.2], [-0.1, 0.5]])[:, :, None] * plant(2j * np.pi * line)
+    y = np.fft.irfft(np.einsum("jik,impk->jmpk", G, np.fft.rfft(u)), 512)
+    y += 2e-3 * y.std() * np.random.default_rng(0).standard_normal(y.shape)
+    frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines), transient="none")
+    nlfrf.save_frm(frm, "G.npz")
+    command = "model G.npz --poles 4 --sample-time 0.00390625 --form additive --order 2 -o m.json --picture m.png"
+    code, out, err = robust_command(command)
+    assert not code, err
+    assert "additive uncertainty of 2 outputs by 2 inputs" in out
+    T = 1 / 256
+    small = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
+    save_controller(small, "small.json")
+    save_controller(control.ss([], [], [], 500 * np.eye(2), T), "large.json")
+    code, out, err = robust_command("check m.json small.json large.json -o r.txt --picture c.png")
+    assert code == 1, err
+    assert "small.json:\nverdict:     STATISTICALLY ROBUST" in out
+    assert "large.json:\nverdict:     NOT ROBUST" in out
+    assert "STATISTICALLY ROBUST" in (tmp_path / "r-small.txt").read_text()
+    for picture in ("m.png", "c-small.png", "c-large.png"):
+        assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+    code, out, err = robust_command("check m.json small.json --bandwidth 0.01 --peak 4 --no-certify")
+    assert "performance: max mu" in out
+    code, out, err = robust_command("export m.json -o m.mat")
+    assert not code, err
+    for asked in (
+        "design m.json --bandwidth 3 -o K.json",
+        "report m.json small.json -o r.html",
+        "shape m.json -o s.html",
+    ):
+        code, _, err = robust_command(asked)
+        assert code == 2
+        assert "model must be of one input and output for this command, got m.json with 2 outputs by 2 inputs" in err
+    code, _, err = robust_command("model G.npz G.npz --poles 2 -o n.json")
+    assert code == 2
+    assert "bla must be one matrix, or one BLA or several, got G.npz with Frm" in err

@@ -209,6 +209,17 @@ def test_the_bounds_of_a_matrix_and_its_entries():
         frm.entry(2, 0)
 
 
+def test_every_so_many_th_line_is_as_it_was():
+    frm = nlfrf.identify(linear(nlfrf.multisine("random-odd", **BAND, n_inputs=2, rng=10), noise=0.05))
+    some = frm.every(3)
+    np.testing.assert_array_equal(some.f, frm.f[::3])
+    np.testing.assert_array_equal(some.bound(of="realization"), frm.bound(of="realization")[:, :, ::3])
+    np.testing.assert_array_equal(some.entry(1, 0).levels.excited, frm.levels[1].excited[:, ::3])
+    np.testing.assert_array_equal(some.lines.excited * frm.fs / frm.n_samples, some.f)
+    with pytest.raises(ValueError, match="step must be"):
+        frm.every(0)
+
+
 def test_a_zippered_record_gives_the_matrix_from_one_experiment():
     """Noise alone on a smooth plant: entries and matrices hold; what is interpolated is said."""
     ms = nlfrf.multisine("random-odd", **BAND, n_inputs=2, design="zippered", rng=11)

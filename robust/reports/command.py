@@ -1,0 +1,83 @@
+"""What the command does with one kind of result or another: what it reads, draws and leaves beside a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import nlfrf
+from nlfrf.shared.command import working
+from nlfrf.shared.whole_files import write_text
+from robust.files.certificates import save_certificate, verify_certificate
+from robust.files.models import load_model
+from robust.modelling.weight_formulas import performance_weight
+from robust.performance.loop_gains import loop_gains
+from robust.systems.sampling import discretize
+from robust.uncertain.matrix_model import MatrixUncertainty
+
+__all__ = ["check_pictures", "demanded", "hand_over", "measured", "model_of_one", "model_pictures"]
+
+
+Pictures = list[tuple[Callable[..., Any], Any]]
+
+
+def measured(paths: Sequence[Path]) -> Any:
+    """What was identified: a BLA, a list of them, or one matrix."""
+    found = [nlfrf.load(path) for path in paths]
+    for path, one in zip(paths, found, strict=True):
+        if not isinstance(one, (nlfrf.Bla, nlfrf.Frm)) or (isinstance(one, nlfrf.Frm) and len(found) > 1):
+            raise ValueError(f"bla must be one matrix, or one BLA or several, got {path} with {type(one).__name__}")
+    return found[0] if len(found) == 1 else found
+
+
+def model_of_one(path: Path) -> Any:
+    """The model of one input and output in a file, for a command that takes no other."""
+    model = load_model(path)
+    if isinstance(model, MatrixUncertainty):
+        raise ValueError(
+            f"model must be of one input and output for this command, got {path} with {model.n_outputs} outputs by "
+            f"{model.n_inputs} inputs; robust check and robust export take it"
+        )
+    return model
+
+
+def demanded(model: Any, bandwidth: float | None, peak: float, error: float) -> Any:
+    """The performance weight for a bandwidth [Hz], on the time base that a matrix asks for; None where none is."""
+    if bandwidth is None:
+        return None
+    w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    return discretize(w_P, model.nominal.dt) if isinstance(model, MatrixUncertainty) and model.nominal.dt else w_P
+
+
+def model_pictures(model: Any, blas: Any) -> Pictures:
+    """A model as `robust model` draws it."""
+    from robust import plot
+
+    if isinstance(model, MatrixUncertainty):
+        return [(lambda one, ax: plot.plot_matrix_set(one, blas, ax=ax), model), (plot.plot_matrix_weights, model)]
+    return [(plot.plot_weight, model), (lambda one, ax: plot.plot_bode(one, blas, ax=ax), model)]
+
+
+def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
+    """A check as `robust check` draws it."""
+    from robust import plot
+
+    if isinstance(model, MatrixUncertainty):
+        gains = loop_gains(model.nominal, K, omega=model.omega)
+        return [(plot.plot_matrix_loop, gains), (plot.plot_check, report)]
+    return [(plot.plot_loop, report), (plot.plot_check, report)]
+
+
+def hand_over(report: Any, out: Path, say: Any) -> None:
+    """Write a report, and what was proved beside it, verified."""
+    write_text(out, f"{report}\n")
+    say(f"wrote {out}")
+    if any(certificate.holds and certificate.claim is not None for certificate in report.certificates):
+        handed = out.with_suffix(".certificate.json")
+        save_certificate(report, handed)
+        say(f"wrote {handed}")
+        with working("verifying"):
+            say(verify_certificate(handed))
