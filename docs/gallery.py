@@ -50,8 +50,8 @@ HEROES = {
 STORED = ROOT / "docs" / "_static"  # what examples gave whose data may not be there
 #: Where the records of an example are found that does not come with them.
 WHERE = {
-    "13_motor_bench": "KU Leuven publishes them with the MATLAB toolbox FdiTools, as `MultisineTypeB.mat`; put that into "
-    "a folder `motor_bench`",
+    "13_motor_bench": "KU Leuven publishes them with the MATLAB toolbox FdiTools, as `MultisineTypeB.mat`; put that "
+    "into a folder `motor_bench`",
     "17_measured_mirror": "They are in the repository `fsm-benchmark-data` of M. Floren on GitHub; put the four files "
     "`u_300mV_train.npy`, `y_300mV_train.npy` and the like into a folder `fine_steering_mirror`",
 }
