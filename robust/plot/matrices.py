@@ -22,6 +22,7 @@ __all__ = ["draw_mu", "plot_matrix_loop", "plot_matrix_set", "plot_matrix_weight
 
 
 ROOM = 15.0  # dB under the least gain of the nominal in a row
+FLAT = 5.0  # dB above and below a weight that is a number
 FEW = 300  # measured lines that are drawn with their bounds
 
 
@@ -86,7 +87,11 @@ def plot_matrix_weights(model: MatrixUncertainty, *, ax: Axes | None = None) -> 
         one.plot(hz(model.omega), db(model.radius[k]), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
         one.plot(hz(omega), db(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
         one.set_xscale("log")
+        one.ticklabel_format(axis="y", useOffset=False)
         mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
+    for row in made:  # what is flat is drawn flat
+        low, high = row[0].get_ylim()
+        row[0].set_ylim(min(low, (low + high) / 2 - FLAT), max(high, (low + high) / 2 + FLAT))
     return finished_matrix(made, foot, "frequency [Hz]")
 
 
@@ -145,6 +150,7 @@ def draw_mu(ax: Any, report: StructuredReport) -> Any:
         ylim=(max(1e-3, 0.8 * min(drawn)), float(np.clip(1.5 * max(drawn), 2.0, 1e2))),
     )
     if not report.nominally_stable:
+        ax.set_ylim(0.1, 10)
         ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
     return finished(ax)
 

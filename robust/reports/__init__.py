@@ -3,6 +3,7 @@
 page      the file: its sections in order, of one input and output or of several
 sections  sections on the controller: verdict, loop, check, worst case, settings
 data      sections on what was measured and modelled
+matrix    the sections of several inputs and outputs
 verdicts  both verdicts side by side: of a check, of a proof for a class of friction
 command   what the command reads, draws and leaves beside a report, of one kind of result or another
 parts     what a section is made of: tables, pictures inside the page

@@ -16,19 +16,22 @@ from typing import Any
 import numpy as np
 
 import nlfrf
-from nlfrf import Bla, Record
+from nlfrf import Bla, Frm, MultiRecord, Record
 from nlfrf.shared.whole_files import write_text
 from nlfrf.shared.wording import shown
 from robust.analysis.check import check
+from robust.analysis.check_structure import StructuredReport
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
 from robust.friction_proof.proof import FrictionProof
 from robust.modelling.nominal import NominalFit
 from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
+from robust.reports.matrix import matrix_sections
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_section
 from robust.reports.verdicts import friction_section, in_short
 from robust.systems.lti import response
-from robust.systems.realisation import state_space
+from robust.systems.realisation import multivariable, state_space
+from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["write_report"]
@@ -36,32 +39,32 @@ __all__ = ["write_report"]
 
 def write_report(
     path: str | os.PathLike[str],
-    model: UncertaintyModel,
+    model: UncertaintyModel | MatrixUncertainty,
     K: Any,
     *,
-    bla: Bla | Sequence[Bla] | None = None,
-    record: Record | Sequence[Record] | None = None,
+    bla: Bla | Frm | Sequence[Bla] | None = None,
+    record: Record | MultiRecord | Sequence[Record] | None = None,
     nominal: NominalFit | None = None,
     w_P: Any = None,
     delay: float = 0.0,
-    report: RobustnessReport | None = None,
+    report: Any = None,
     friction: FrictionProof | None = None,
     title: str = "Controller report",
     notes: str = "",
-) -> RobustnessReport:
+) -> Any:
     """Write a whole run as one HTML file to hand to a colleague: what was measured, designed, and proved.
 
     Parameters
     ----------
     path : path
         The ``.html`` file; written whole or not at all.
-    model : UncertaintyModel
+    model : UncertaintyModel or MatrixUncertainty
         The plant and the set around it.
     K : control.StateSpace, TransferFunction or float
         The controller, negative feedback u = K (r - y).
-    bla : nlfrf.Bla or list of them, optional
+    bla : nlfrf.Bla or list of them, or nlfrf.Frm, optional
         What the model was made from; identified from the record when not given.
-    record : nlfrf.Record or list of them, optional
+    record : nlfrf.Record or list of them, or nlfrf.MultiRecord, optional
         What was measured.
     nominal : NominalFit, optional
         The fit behind the nominal plant, for its cost.
@@ -69,7 +72,7 @@ def write_report(
         Performance weight asked of the loop.
     delay : float
         Computation delay [s], as in `check`.
-    report : RobustnessReport, optional
+    report : RobustnessReport or StructuredReport, optional
         The check, where it was done already, with the demand and the delay that it was done with; it is done here when
         not given.
     friction : FrictionProof, optional
@@ -79,7 +82,7 @@ def write_report(
 
     Returns
     -------
-    RobustnessReport
+    RobustnessReport, or StructuredReport of a MatrixUncertainty
         The check that the file tells about.
 
     Raises
@@ -106,8 +109,12 @@ def write_report(
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
+    if isinstance(model, MatrixUncertainty):
+        if delay or friction is not None:
+            raise ValueError("delay and friction must be left out for a MatrixUncertainty: a delay is in its nominal")
+        return matrix_report(path, model, K, several(bla), several(record), nominal, w_P, report, title, notes)
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel, got {shown(model)}")
+        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {shown(model)}")
     K, records = state_space("K", K), several(record)
     blas = several(bla) or [nlfrf.identify(one) for one in records]
     if report is None:
@@ -136,6 +143,28 @@ def write_report(
     text = page(title=title, notes=notes, report=report, beside=beside, sections=sections)
     write_text(path, text)
     return report
+
+
+def matrix_report(
+    path: Path,
+    model: MatrixUncertainty,
+    K: Any,
+    frms: list[Any],
+    records: list[Any],
+    nominal: Any,
+    w_P: Any,
+    report: Any,
+    title: str,
+    notes: str,
+) -> StructuredReport:
+    """The report of several inputs and outputs."""
+    if report is not None and w_P is not None:
+        raise ValueError("w_P must be left out where report is given: it was checked with its own")
+    K = multivariable("K", K)
+    found: StructuredReport = check(model, K, w_P=w_P) if report is None else report
+    sections = matrix_sections(found, model, K, frms or [nlfrf.identify(one) for one in records], nominal)
+    write_text(path, page(title=title, notes=notes, report=found, beside="", sections=sections))
+    return found
 
 
 def is_demand(report: RobustnessReport, w_P: Any) -> bool:
