@@ -52,10 +52,13 @@ def gramian(form: Dissipation) -> np.ndarray:
     unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
     unit[unit < 1e-12 * unit.max()] = 1.0
     W, Phi = W / np.outer(unit, unit), Phi * unit / unit[:, None]
-    for _ in range(60):  # doubling: W = sum Phi^k W Phi^k'
-        W, Phi = W + Phi @ W @ Phi.T, Phi @ Phi
-        if np.linalg.norm(Phi) < 1e-12:
-            break
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(60):  # doubling: W = sum Phi^k W Phi^k'
+            W, Phi = W + Phi @ W @ Phi.T, Phi @ Phi
+            if np.linalg.norm(Phi) < 1e-12:
+                break
+        else:
+            raise np.linalg.LinAlgError("a state of the loop does not come to rest by itself")
     W = W * np.outer(unit, unit)
     total = np.zeros((n, n))
     for move, driven in parts:

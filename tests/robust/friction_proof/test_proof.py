@@ -177,6 +177,26 @@ def test_a_hidden_integrator_is_not_cancelled():
     assert prove_friction(RIG, hidden, SLIP).verdict == "refuted"
 
 
+def test_an_integrator_that_nothing_shows_is_kept():
+    """A minimal realisation would drop it, and the loop would be proved."""
+    K = pid(20e3, 3e5, 60)
+    A = np.block([[K.A, np.zeros((2, 1))], [np.zeros((1, 2)), np.ones((1, 1))]])
+    unseen = control.StateSpace(A, np.vstack([K.B, [[1.0]]]), np.hstack([K.C, [[0.0]]]), K.D, T)
+    undriven = control.StateSpace(A, np.vstack([K.B, [[0.0]]]), np.hstack([K.C, [[1.0]]]), K.D, T)
+    for hidden in (unseen, undriven):
+        assert prove_friction(RIG, hidden, SLIP).verdict != "proved"
+
+
+def test_a_numerical_failure_is_told(monkeypatch):
+    def fails(*_args, **_options):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("robust.friction_proof.proof.certify", fails)
+    proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP)
+    assert (proof.verdict, proof.reason) == ("not decided", "numerical failure: Singular matrix")
+    assert proof.certificate is None
+
+
 def test_what_is_said():
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP, Fs=1.0)
     text = str(proof)
@@ -222,7 +242,11 @@ def test_a_model_of_the_rig_is_the_rig():
         (lambda: sliding_machine(control.ss(control.tf([1, 0, 0], [1, 1, 1]))), "mass must be a strictly proper model"),
         (lambda: sliding_machine(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
         (lambda: any_maxwell_slip(0.0), "K0 must be positive, got 0"),
+        (lambda: any_maxwell_slip(np.inf), "K0 must be"),
+        (lambda: any_maxwell_slip(np.nan), "K0 must be"),
         (lambda: any_maxwell_slip(1.0, 0.9), "stiction must be at least 1"),
+        (lambda: any_maxwell_slip(1.0, np.inf), "stiction must be"),
+        (lambda: prove_friction(RIG, control.tf([1.0, 0.0], [1.0]), SLIP), "K must be"),
         (lambda: any_bounded(-1.0), "Fs must be positive, got -1"),
         (lambda: prove_friction(RIG, 1.0, 3.0), "friction must be a class such as"),
         (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be a sliding_machine, got 3.0"),
