@@ -1,6 +1,7 @@
 """Pictures. They compute nothing beyond units; the curves come from the values.
 
     models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
+    roots    poles and zeros of a fit in their confidence ellipses
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds
     matrices pictures of several inputs and outputs: the set, its weights, the loop
     shaping  |L| between its bounds, redrawn as the controller changes
@@ -15,6 +16,7 @@ from robust.plot.friction import plot_quasi_linear
 from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_step
 from robust.plot.matrices import plot_matrix_loop, plot_matrix_set, plot_matrix_weights
 from robust.plot.models import plot_bode, plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
+from robust.plot.roots import plot_roots
 
 __all__ = [
     "plot_bode",
@@ -31,6 +33,7 @@ __all__ = [
     "plot_nyquist",
     "plot_orders",
     "plot_quasi_linear",
+    "plot_roots",
     "plot_step",
     "plot_validation",
     "plot_weight",

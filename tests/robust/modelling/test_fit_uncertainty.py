@@ -3,9 +3,11 @@
 import control
 import numpy as np
 import pytest
+from matplotlib.path import Path
 
 import robust
 from robust.modelling.orders import doubtful_poles
+from robust.plot.roots import ellipse
 
 OMEGA = np.linspace(5, 120, 80)
 S = 1j * OMEGA
@@ -25,6 +27,18 @@ def fitted(G, **more):
     return robust.fit_nominal(frd, n_poles=3, n_zeros=1, std=np.full(OMEGA.size, STD), **more)
 
 
+def inside(fit, name, truth):
+    """Which true roots lie within the ellipses that are drawn; the intervals of real ones."""
+    known, true_roots = fit.uncertainty, getattr(truth.uncertainty, name)
+    curves = [ellipse(r, c, 0.95) for r, c in zip(getattr(known, name), getattr(known, f"cov_{name}"), strict=True)]
+    return [
+        Path(np.column_stack([curve.real, curve.imag])).contains_point((root.real, root.imag))
+        if root.imag
+        else curve.real.min() < root.real < curve.real.max()
+        for curve, root in zip(curves, true_roots, strict=True)
+    ]
+
+
 @pytest.mark.parametrize("dt", [0, 0.005])
 def test_standard_deviations_are_those_of_many_fits(dt):
     rng = np.random.default_rng(0)
@@ -34,6 +48,10 @@ def test_standard_deviations_are_those_of_many_fits(dt):
         roots = np.array([getattr(fit.uncertainty, name) for fit in fits])
         told = np.sqrt(np.mean([getattr(fit.uncertainty, f"std_{name}") ** 2 for fit in fits], axis=0))
         np.testing.assert_allclose(np.std(roots, axis=0), told, rtol=0.3)  # 120 draws: 4 sigmas are 26 %
+        real = getattr(fits[0].uncertainty, name).imag == 0
+        held = np.array([inside(fit, name, fitted(exact, dt=dt)) for fit in fits])
+        for these in (real, ~real):  # pairs are one draw: 4 sigmas of 120
+            assert not these.any() or abs(held[:, these].mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 120)
     p = np.array([fit.p_value for fit in fits])
     assert abs(p.mean() - 0.5) < 4 / np.sqrt(12 * len(p))
     assert np.mean(p < 0.05) < 0.14

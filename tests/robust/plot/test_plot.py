@@ -8,7 +8,18 @@ import pytest
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
-from robust import check, frd, loop_bounds, ncfsyn, performance_weight, sample_loops, scan_orders, uncertainty, validate
+from robust import (
+    check,
+    fit_nominal,
+    frd,
+    loop_bounds,
+    ncfsyn,
+    performance_weight,
+    sample_loops,
+    scan_orders,
+    uncertainty,
+    validate,
+)
 from robust import plot as pictures
 from robust.systems.lti import response
 from tests.support.bla import make_bla
@@ -154,3 +165,19 @@ def test_friction_crosses_the_boundary_where_the_motion_begins_to_grow(ax):
     assert np.count_nonzero(np.isfinite(falls[1])) == np.sum(q.amplitudes < q.amplitude)
     assert f"a kick of {q.kick:.3g} m/s" in ax.get_title()
     assert "0.288 m/s" in ax.get_title()
+
+
+@pytest.mark.parametrize("dt", [0, 1e-3])
+def test_poles_and_zeros_stand_in_their_ellipses(dt):
+    bla = make_bla(plant, F, f0=0.25, sigma_distortion=0.05 * np.abs(plant(2j * np.pi * F)), rng=0)
+    fit = fit_nominal(bla, n_poles=2, n_zeros=1, dt=dt)
+    ax = pictures.plot_roots(fit)
+    crosses = next(line for line in ax.lines if line.get_label() == "poles")
+    poles = fit.uncertainty.poles if dt else fit.uncertainty.poles / (2 * np.pi)
+    assert np.allclose(np.sort_complex(crosses.get_xdata() + 1j * crosses.get_ydata()), np.sort_complex(poles))
+    assert "95 % of each of the poles" in labels(ax)
+    assert ("unit circle" if dt else "limit of stability") in labels(ax)
+    assert "Hz" in ax.get_xlabel() or dt
+    plt.close(ax.figure)
+    with pytest.raises(ValueError, match="confidence must lie"):
+        pictures.plot_roots(fit, confidence=95)
