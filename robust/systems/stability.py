@@ -9,7 +9,7 @@ from scipy.linalg import eig
 from robust.systems.lti import evened, poles, response, timebase
 from robust.systems.norms import EPS, crossings
 
-__all__ = ["apparent_instability", "certain_poles", "moved_out", "stable"]
+__all__ = ["apparent_instability", "certain_poles", "moved_out", "stable", "strong_parts"]
 
 
 def moved_out(L: control.StateSpace, delay: float) -> float:

@@ -11,13 +11,13 @@ from robust.systems.closed_loop import (
     worst_perturbation,
     worst_sensitivity,
 )
-from robust.systems.grids import highest, loop_grid, structure_grid
+from robust.systems.grids import climb, highest, loop_grid, structure_grid
 from robust.systems.lft import lower
 from robust.systems.lti import evaluate, response
 from robust.systems.nyquist import winding
 from robust.systems.realisation import from_roots, state_space
 from robust.systems.stability import apparent_instability as instability
-from robust.systems.stability import certain_poles, moved_out
+from robust.systems.stability import certain_poles, moved_out, strong_parts
 
 OMEGA = np.geomspace(1e-2, 1e2, 50)
 G = state_space("G", control.tf([3, 1], [1, 0.4, 2]))
@@ -172,3 +172,29 @@ def test_the_highest_of_a_curve_is_found_between_the_points():
     peak, where = highest(lambda w: 1 / np.hypot(1 - w**2, 0.1 * w), np.geomspace(0.01, 100, 60), (0.01, 100), np.inf)
     assert peak == pytest.approx(1 / (0.1 * np.sqrt(1 - 0.05**2)), rel=1e-6)
     assert where == pytest.approx(np.sqrt(1 - 0.1**2 / 2), rel=1e-3)
+
+
+def test_several_curves_are_climbed_together_as_each_alone():
+    """Sharp and flat, high and low, a corner: no maximum is lost among those of another curve."""
+
+    def curves(w):
+        corner = np.where(w < 5, w / 5, 5 / w)
+        return np.array([1 / np.hypot(1 - w**2, 1e-4 * w), 1e-3 / np.hypot(1 - (w / 30) ** 2, 0.02 * w), corner])
+
+    points = np.geomspace(0.01, 100, 700)
+    points = np.unique(np.concatenate([points, 1 + 1e-4 * np.linspace(-2, 2, 21)]))
+    found = climb(curves, points, curves(points), (0.01, 100.0))
+    sharp, flat, corner = found
+    assert sharp == pytest.approx((1e4, 1.0), rel=1e-7)
+    scan = np.linspace(1, 40, 1_000_001)
+    assert flat == pytest.approx((curves(scan)[1].max(), scan[curves(scan)[1].argmax()]), rel=1e-4)
+    assert corner == pytest.approx((1.0, 5.0), rel=1e-4)
+
+
+def test_states_that_act_on_each_other_are_one_part():
+    """A ring of three, a pair behind it, and one alone, against the definition by powers of the graph."""
+    A = np.zeros((6, 6))
+    A[[1, 2, 0], [0, 1, 2]] = 1.0  # a ring
+    A[3, 2] = A[3, 4] = A[4, 3] = 1.0  # a pair that the ring drives
+    assert [part.tolist() for part in strong_parts(A)] == [[0, 1, 2], [3, 4], [5]]
+    assert strong_parts(np.zeros((0, 0))) == []
