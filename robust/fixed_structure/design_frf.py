@@ -121,6 +121,8 @@ def design_frf(
     --------
     SP Example 2.17: order 4 reaches gamma 1.366 at best, order 2 nearly so.
 
+    >>> import control
+    >>> import numpy as np
     >>> import robust
     >>> G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
     >>> design = design_frf(G, 2, w_P=robust.performance_weight(10, M_S=1.5, A=1e-4), w_u=1.0)
