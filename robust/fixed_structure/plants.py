@@ -17,15 +17,34 @@ from robust.systems.grids import plant_lines
 from robust.systems.lti import response, timebase
 from robust.systems.nyquist import continued, integrators, slope_at_start
 from robust.systems.realisation import state_space
-from robust.uncertain.forms import FORMS, RELATIVE, relative
+from robust.uncertain.forms import ADDITIVE, FORMS, RELATIVE, relative
 from robust.uncertain.measured import as_seen, on_lines, warn_of_unknown_hold
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["SeenPlant", "see", "stacked_plants"]
+__all__ = ["DiscsOnLines", "SeenPlant", "see", "stacked_plants"]
 
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
 LARGEST_DISC = 0.98
+
+
+@value
+class DiscsOnLines:
+    """A plant and the discs around it on lines, as the controller sees them: one loop of several, the others closed.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    G : (W,) complex ndarray
+        Response, hold and delay inside.
+    radius : (W,) ndarray
+        Of the discs.
+    """
+
+    omega: np.ndarray
+    G: np.ndarray
+    radius: np.ndarray
 
 
 @value
@@ -68,12 +87,13 @@ class SeenPlant:
 
 def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...]) -> SeenPlant:
     """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere."""
-    if isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
-        omega, G, form, w, *_ = on_lines(plant)
+    given = isinstance(plant, DiscsOnLines)
+    if given or isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
+        omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else on_lines(plant)
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:
             raise ValueError(f"dt must put Nyquist above the lines, up to {hertz(omega[-1])}, got {dt:g} s")
-        G = as_seen(plant, omega, G, dt, delay)
+        G = G if given else as_seen(plant, omega, G, dt, delay)
         loop, n_integrators, lowest = None, slope_at_start(omega, G), float(omega[0])
         n = omega.size
         omega, G = continued(omega, G, n_integrators, decades=3.0, points=60)

@@ -7,7 +7,7 @@ import numpy as np
 
 from robust.systems.lti import in_s, poles, response
 
-__all__ = ["continued", "half_turns", "integrators", "slope_at_start", "unstable_poles", "winding"]
+__all__ = ["continued", "half_turns", "integrators", "outside", "slope_at_start", "unstable_poles", "winding"]
 
 
 #: Phase that a plant may turn from line to line where |L| is above the second number.

@@ -22,7 +22,7 @@ from robust.uncertain.joint import matrix_chance
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.radius import extrapolated, record_disc, slope, total_of, worded
 
-__all__ = ["matrix_uncertainty", "smoothed"]
+__all__ = ["full_block", "matrix_uncertainty", "smoothed"]
 
 
 PADE_ORDER = 2
