@@ -126,10 +126,11 @@ def run(name: str, *arguments: str) -> str:
     from matplotlib import pyplot as plt
 
     folder, argv, printed = Path.cwd(), sys.argv, io.StringIO()
+    card = contextlib.nullcontext() if arguments else hero_kept(name)  # a run of its own kind leaves the card as it is
     os.chdir(BUILD)
     sys.argv = [f"{name}.py", *(arguments or ("--out", name))]
     try:
-        with contextlib.redirect_stdout(printed), warnings.catch_warnings(), hero_kept(name):
+        with contextlib.redirect_stdout(printed), warnings.catch_warnings(), card:
             warnings.simplefilter("error")
             try:
                 runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")

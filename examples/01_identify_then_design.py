@@ -36,7 +36,7 @@ if args.file:
         args.file, u=args.input, y=args.output, fs=args.fs, n_samples=args.period, n_discard=args.discard
     )
 else:
-    ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=0.25, rng=1)
+    ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=0.25, rng=2)
     print("simulating the rig: a mass on a spring with friction (the first run compiles the integrator) ...")
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2)
     noise = 1e-8 * np.random.default_rng(2).standard_normal(record.y.shape)

@@ -19,7 +19,7 @@ parser.add_argument("--out", type=Path, default=Path("demo/08"), help="folder fo
 (out := parser.parse_args().out).mkdir(parents=True, exist_ok=True)
 
 # 1. The plant a controller at 1 kHz with half a millisecond of computation sees, and the set around it.
-ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
+ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 dt, delay = 1e-3, 5e-4

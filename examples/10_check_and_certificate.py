@@ -23,7 +23,7 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 # 1. The machine: the friction rig, one record, a set of plants around a model of three poles.
-ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
+ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3), order=4)
 

@@ -78,6 +78,7 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     --------
     A force below the static friction moves the mass by a few micrometres and does not set it free.
 
+    >>> from nlfrf import paper_rig
     >>> motion = run(paper_rig(), np.full(4000, 0.5), fs=4000.0)
     >>> bool(2e-6 < motion.x[-1] < 8e-6)
     True
@@ -128,6 +129,7 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
     --------
     At constant velocity the friction settles on the Stribeck curve, with the viscous part on top.
 
+    >>> from nlfrf.friction import Leuven
     >>> motion = drive(Leuven(), np.full(2000, 0.01), fs=10e3)
     >>> round(float(motion.friction[-1]), 4)
     0.8144

@@ -19,7 +19,7 @@ __all__ = ["Bla", "DistortionLevels"]
 
 #: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
 #: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
-UNSEEN = {"roughness": 0.5, "detection": 0.35}
+UNSEEN = {"roughness": 0.5, "detection": 0.25}
 AROUND = 9  # lines over which noise and distortion are told apart
 
 
@@ -72,7 +72,7 @@ class Bla:
         worth; of one realisation the largest that its level can be read as.
     typical : float
         How much more a realisation of random phases distorts than those at hand, by the cube of their input; at least
-        1. Low peaks distort less, whether they are chance or were chosen.
+        1 and at most 3. Low peaks distort less, whether they are chance or were chosen.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.

@@ -56,7 +56,7 @@ def cut_open(machine: SlidingMachine, K: Any, delay: float, forgets: np.ndarray 
 
     >>> from robust.sliding.machine import sliding_machine
     >>> cut = cut_open(sliding_machine(1.0, 80e3, 0.4), 2e3, 0.0)
-    >>> cut.asked.tolist(), cut.enters.tolist()                    # displacement, velocity
+    >>> (0 + cut.asked).tolist(), cut.enters.tolist()  # of displacement and velocity
     ([-2000.0, 0.0], [0.0, 1.0])
     """
     K = state_space("K", K)

@@ -59,7 +59,7 @@ PI, SLOW = pid(0.2, 3.0, dt=T), pid(0.3, 4.0)
 
 def recorded():
     """A record with names and units, behind a cube."""
-    ms = multisine(fs=64, n_samples=1024, f_min=0.5, f_max=12, rng=3)
+    ms = multisine(fs=64, n_samples=1024, f_min=0.5, f_max=12, rng=5)
     line = np.fft.rfftfreq(1024, 1 / 64)
     y = np.fft.irfft(np.fft.rfft(ms.u[0] + 0.02 * ms.u[0] ** 3) * plant(2j * np.pi * line), 1024)
     y = np.stack([y, y]) + 1e-3 * np.random.default_rng(4).standard_normal((2, 1024))
