@@ -99,6 +99,8 @@ def probability_of(model: Any) -> str:
     confidence, joint = getattr(model, "confidence", np.nan), getattr(model, "joint", np.nan)
     if np.isnan(confidence):
         return ""
+    if getattr(model, "other", None) is not None:  # both sets hold the truth: what may go wrong adds up
+        confidence, joint = 2 * confidence - 1, max(joint + model.other.joint - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
     estimated = "" if np.isnan(joint) else told(joint)
     if model.simultaneous:

@@ -30,7 +30,8 @@ def encoded_matrix(model: MatrixUncertainty) -> dict[str, Any]:
     content |= {side: [encoded_system(weight) for weight in getattr(model, side)] for side in SIDES}
     content |= {name: list(getattr(model, name)) for name in NAMES}
     content |= {name: getattr(model, name) for name in TEXTS}
-    return content | {name: encoded(getattr(model, name)) for name in NUMBERS}
+    content |= {name: encoded(getattr(model, name)) for name in NUMBERS}
+    return content if model.other is None else content | {"other": encoded_matrix(model.other)}
 
 
 def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
@@ -39,7 +40,9 @@ def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
     names: dict[str, Any] = {name: texts(name, content[name]) for name in NAMES}
     words: dict[str, Any] = {name: texts(name, [content[name]])[0] for name in TEXTS}
     numbers: dict[str, Any] = {name: float(decoded(content[name])) for name in NUMBERS}
+    other = content.get("other")
     return MatrixUncertainty(
+        other=None if other is None else decoded_matrix(other),
         nominal=decoded_system(content["nominal"]),
         omega=decoded(content["omega"]),
         radius=decoded(content["radius"]),

@@ -26,6 +26,7 @@ from robust.uncertain.coprime import chord, other_plant, tangent, tangent_system
 
 __all__ = [
     "ADDITIVE",
+    "AUTO",
     "ELEMENTS",
     "FORMS",
     "INPUT",
@@ -257,6 +258,7 @@ FORMS = {
     )
 }
 #: Forms of a plant with several inputs and outputs; `matrix_model` says what they are.
+AUTO = "auto"  # two forms at a time, of which a check may take the better
 MATRIX_FORMS = ELEMENTS, ADDITIVE, INPUT = ("elements", "additive", "input")
 #: The form that is meant where none is named.
 RELATIVE = "multiplicative"

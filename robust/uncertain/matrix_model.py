@@ -72,6 +72,9 @@ class MatrixUncertainty:
         experiments, and the BLA; nan where the set was not made of a record.
     measured : nlfrf.Frm, optional
         The record that it was made of, for `validate`.
+    other : MatrixUncertainty, optional
+        The same plant in another form, at the same confidence c. Both hold it with a probability of at least
+        2 c - 1, so that `check` may take the better of two verdicts. This set alone is what anything else works on.
 
     Raises
     ------
@@ -111,6 +114,7 @@ class MatrixUncertainty:
     joint: float = float("nan")
     joint_bla: float = float("nan")
     measured: Frm | None = None
+    other: MatrixUncertainty | None = None
 
     def __post_init__(self) -> None:
         one_of("form", self.form, MATRIX_FORMS)
@@ -142,6 +146,10 @@ class MatrixUncertainty:
         for name, letter, n in (("inputs", "u", n_u), ("outputs", "y", n_y)):
             names = tuple(getattr(self, name)) or tuple(f"{letter}{i + 1}" for i in range(n))
             object.__setattr__(self, name, names)
+        if self.other is not None and self.other.confidence != self.confidence:
+            raise ValueError(
+                f"other must have confidence {self.confidence:g} as this set, got {self.other.confidence:g}"
+            )
 
     @property
     def n_outputs(self) -> int:
@@ -166,11 +174,12 @@ class MatrixUncertainty:
         orders = [weight.nstates for weight in (*self.left, *self.right)]
         lines = "for all lines together" if self.simultaneous else "per line"
         lines += "" if np.isnan(self.joint) else f" (a whole matrix {told(self.joint)})"
+        beside = "" if self.other is None else f", beside it a set of the form {self.other.form}"
         return (
             f"{self.form} uncertainty of {self.n_outputs} outputs by {self.n_inputs} inputs, {self.perturbation}, "
             f"{100 * self.confidence:g} % {lines}: nominal "
             f"{self.nominal.nstates} states{f' at {1 / dt:g} Hz' if dt else ''}, weights of orders "
-            f"{min(orders)} to {max(orders)}; {self.extrapolation}"
+            f"{min(orders)} to {max(orders)}; {self.extrapolation}{beside}"
         )
 
     def distances(self, omega: np.ndarray, deviation: np.ndarray, nominal: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from robust.systems.lft import joined
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable
 from robust.systems.sampling import delayed
-from robust.uncertain.forms import ELEMENTS, INPUT, MATRIX_FORMS
+from robust.uncertain.forms import ADDITIVE, AUTO, ELEMENTS, INPUT, MATRIX_FORMS
 from robust.uncertain.joint import matrix_chance
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.radius import extrapolated, record_disc, slope, total_of, worded
@@ -44,7 +44,15 @@ def matrix_uncertainty(
     perturbation: str,
 ) -> MatrixUncertainty:
     """`uncertainty` of a measured matrix."""
-    one_of("form", form, MATRIX_FORMS)
+    one_of("form", form, (*MATRIX_FORMS, AUTO))
+    if form == AUTO:  # the price of looking at both: what may go wrong is shared between them
+        each: dict[str, Any] = {"order": order, "confidence": (1 + probability("confidence", confidence)) / 2}
+        each |= {"simultaneous": simultaneous, "even": even, "below": below, "above": above}
+        both = [
+            matrix_uncertainty(frm, nominal, form=one, perturbation=perturbation, **each)
+            for one in (ELEMENTS, ADDITIVE)
+        ]
+        return replace(both[0], other=both[1])
     below, above = slope("below", below), slope("above", above)
     p, order = probability("confidence", confidence), integer("order", order, least=0)
     if isinstance(nominal, NominalFit):

@@ -317,7 +317,7 @@ def uncertainty(
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
         "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of an Frm "elements"
-        (when not given), "additive" or "input": to be chosen before looking.
+        (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at a price of 10 %.
     order : int
         Order of the weight, or of each of them.
     confidence : float

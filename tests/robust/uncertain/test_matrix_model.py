@@ -1,5 +1,7 @@
 """Sets of plants of several inputs and outputs: what they hold, what breaks them, verdicts against brute force."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -141,6 +143,34 @@ def test_from_a_measured_matrix_to_a_verdict(form):
     assert hard.verdict in ("not robust", "not certified")
 
 
+def test_two_forms_may_be_tried_for_their_price(tmp_path):
+    """Both sets at (1 + p)/2, wider by the quantiles; the report is that of the better, at p, after a file as well."""
+    frm, _ = stage_frm()
+    fit = robust.fit_nominal(frm, n_poles=4, dt=0.01)
+    options = {"order": 2, "above": "flat"}
+    model = robust.uncertainty(frm, fit, form="auto", **options)
+    assert (model.form, model.other.form) == ("elements", "additive")
+    assert (model.confidence, model.other.confidence) == (0.975, 0.975)
+    robust.save_model(model, tmp_path / "m.json")
+    again = robust.load_model(tmp_path / "m.json")
+    np.testing.assert_array_equal(again.other.radius, model.other.radius)
+    assert str(again) == str(model)
+    alone = {form: robust.uncertainty(frm, fit, form=form, **options) for form in ("elements", "additive")}
+    wider = [one.radius[:2].mean() / alone[one.form].radius[:2].mean() for one in (model, model.other)]
+    assert all(1.02 < ratio < 1.2 for ratio in wider), wider
+    # one channel of the controller alone: entries; all channels alike: the better of both, whichever
+    for gains in (np.diag([0.3, 0.0]), 0.3 * np.eye(2)):
+        K = control.StateSpace([], [], [], gains, 0.01)
+        report = robust.check(again, K)
+        each = {one.form: robust.check(replace(one, other=None), K) for one in (model, model.other)}
+        best = max(each, key=lambda form: each[form].margin_rs)
+        assert report.margin_rs == pytest.approx(each[best].margin_rs, rel=1e-6)
+        assert f"the {best} one says most" in report.reason
+        assert "with 95 % probability" in report.probability
+    with pytest.raises(ValueError, match=r"other must have confidence 0\.975 as this set, got 0\.95"):
+        replace(model, other=alone["additive"])
+
+
 def test_refusals():
     G, w = plant(), (number(0.1),) * 2
     with pytest.raises(ValueError, match="left and right must hold 0 and 4 weights for the elements form, got 2 and 2"):
@@ -163,7 +193,9 @@ def test_refusals():
     with pytest.raises(ValueError, match="K must leave the nominal loop stable"):
         robust.breaking_perturbation(model, control.ss([], [], [], -100 * np.eye(2)))
     frm, _ = stage_frm()
-    with pytest.raises(ValueError, match="form must be one of 'elements', 'additive', 'input', got 'inverse-additive'"):
+    with pytest.raises(
+        ValueError, match="form must be one of 'elements', 'additive', 'input', 'auto', got 'inverse-additive'"
+    ):
         robust.uncertainty(frm, G, form="inverse-additive")
     with pytest.raises(ValueError, match="nominal must have 2 outputs and 2 inputs, as the record"):
         robust.uncertainty(frm, plant(3))
