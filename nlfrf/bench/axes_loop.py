@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.axes import machine as axes
 from nlfrf.bench.controllers import matrices
 from nlfrf.bench.loop_response import LoopResponse
 from nlfrf.bench.motion import some_samples
 from nlfrf.bench.rig import Rig, at_rest
+from nlfrf.coupled import machine as axes
 from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.hysteresis import warn_lost
 from nlfrf.shared.arguments import nonnegative, positive, real_array
@@ -58,7 +58,7 @@ def attempt(
     rig: Rig, controller: list[np.ndarray], r: np.ndarray, signals: list[np.ndarray], begin: np.ndarray, numbers: Any
 ) -> tuple[int, list[np.ndarray], float]:
     """One call of the compiled code: samples reached, channels (.., n) of x, v, friction, y and u, loops lost."""
-    from nlfrf.axes.run_kernels import run_axes_loop
+    from nlfrf.coupled.run_kernels import run_axes_loop
 
     memory = at_rest(rig)
     laws, grids = axes.packed_laws(rig.friction)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.axes import machine as axes
 from nlfrf.bench.steps import REAL_LIMIT, longest_step
+from nlfrf.coupled import machine as axes
 from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.integration import integrate
 from nlfrf.friction.laws import Leuven, LuGre, packed_law

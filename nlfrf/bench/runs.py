@@ -153,7 +153,7 @@ def integrator() -> bytes:
 
     digest = sha256()
     package = Path(__file__).parents[1]
-    for path in sorted(path for wing in ("bench", "friction", "axes") for path in (package / wing).glob("*.py")):
+    for path in sorted(path for wing in ("bench", "coupled", "friction") for path in (package / wing).glob("*.py")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.digest()
 

@@ -18,8 +18,8 @@ ARROWS = {
     "nlfrf.records": "excitation",
     "nlfrf.identification": "records excitation",
     "nlfrf.multivariable": "identification records excitation",
-    "nlfrf.axes": "friction",
-    "nlfrf.bench": "axes friction records excitation",
+    "nlfrf.coupled": "friction",
+    "nlfrf.bench": "coupled friction records excitation",
     "nlfrf.readers": "",
     "nlfrf.files": "readers multivariable identification records excitation",
     "nlfrf.studies": "bench identification records excitation",
@@ -58,8 +58,8 @@ HEAVY = {
     "matplotlib": "nlfrf.plot robust.plot nlfrf.shared.axes nlfrf.studies.figures "
     "robust.reports.parts nlfrf.cli robust.cli",
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
-    "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels nlfrf.axes.step_kernels "
-    "nlfrf.axes.run_kernels",
+    "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels nlfrf.coupled.step_kernels "
+    "nlfrf.coupled.run_kernels",
     "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
     "robust.friction_proof.bristle_multipliers robust.friction_proof.linear_uncertainty",

@@ -90,12 +90,12 @@ def test_results_of_another_integrator_are_not_taken(tmp_path, monkeypatch, here
 
 def test_the_integrator_is_every_file_that_integrates(tmp_path, monkeypatch):
     first = runs.integrator()
-    for wing in ("axes", "bench", "friction"):
+    for wing in ("bench", "coupled", "friction"):
         folder = tmp_path / wing
         folder.mkdir()
         for path in (runs.Path(runs.__file__).parents[1] / wing).glob("*.py"):
             (folder / path.name).write_bytes(path.read_bytes())
     monkeypatch.setattr(runs, "__file__", str(tmp_path / "bench" / "runs.py"))
     assert runs.integrator.__wrapped__() == first
-    (tmp_path / "axes" / "step_kernels.py").write_text("# changed\n")
+    (tmp_path / "coupled" / "step_kernels.py").write_text("# changed\n")
     assert runs.integrator.__wrapped__() != first

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from nlfrf.axes.step_kernels import N_ROWS, advance_axes, let_free
+from nlfrf.coupled.step_kernels import N_ROWS, advance_axes, let_free
 from nlfrf.friction.kernel_data import X
 from nlfrf.friction.loop_kernels import CALLED, digest
 

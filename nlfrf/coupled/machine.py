@@ -167,7 +167,7 @@ def advance(
 
     The four are position, velocity, z and friction force.
     """
-    from nlfrf.axes.run_kernels import run_axes
+    from nlfrf.coupled.run_kernels import run_axes
 
     laws, grids = packed_laws(friction)
     out = np.empty((len(drive) // substeps, 4, len(friction)))
