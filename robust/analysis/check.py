@@ -123,16 +123,7 @@ def check(
     """
     one_of("solver", solver, SOLVERS)
     if isinstance(model, MatrixUncertainty):
-        if delay:
-            raise ValueError(
-                f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top"
-            )
-        if model.other is None:
-            found = check_structure(model.loop(K, w_P=w_P), certify=certify)
-        else:
-            found = better(model, model.other, K, w_P, certify)
-        margins = disk_margins(model, K)
-        return replace(found, probability=probability_of(model), band=model.omega[[0, -1]], margins=margins)
+        return check_matrix(model, K, w_P, delay, certify)
     if isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
@@ -163,6 +154,18 @@ def check(
         certificates=proofs.certificates,
         **of,
     )
+
+
+def check_matrix(model: MatrixUncertainty, K: Any, w_P: Any, delay: float, certify: bool) -> StructuredReport:
+    """`check` of several inputs and outputs: that of its blocks, with the margins of every loop."""
+    if delay:
+        raise ValueError(f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top")
+    if model.other is None:
+        found = check_structure(model.loop(K, w_P=w_P), certify=certify)
+    else:
+        found = better(model, model.other, K, w_P, certify)
+    margins = disk_margins(model, K)
+    return replace(found, probability=probability_of(model), band=model.omega[[0, -1]], margins=margins)
 
 
 def better(one: MatrixUncertainty, other: MatrixUncertainty, K: Any, w_P: Any, certify: bool) -> StructuredReport:
