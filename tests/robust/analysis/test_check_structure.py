@@ -230,7 +230,7 @@ def test_the_time_cap_is_kept_where_scalings_are_many():
     report = check_structure(interconnection([plant], blocks), time_cap=2.0)
     assert time.monotonic() - begin < 60
     assert report.verdict == "not certified"
-    assert "by the time cap" in report.reason
+    assert "the time cap" in report.reason  # of the scalings, or of the box that was cut after them
     assert np.isfinite(report.mu).all()
     assert report.margin_rs <= report.margin_broken
     with pytest.raises(ValueError, match="time_cap must be positive"):
