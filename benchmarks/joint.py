@@ -61,7 +61,7 @@ def steady(plant, n, rng):
     if plant == "rig":
         return ms, nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=1).y[:, 0]
     if plant == "Duffing":
-        return ms, spring(ms.u, ms.fs, lambda x: x + 0.001 * x**3, 0.02, 30.0, 3)
+        return ms, spring(ms.u, ms.fs, (1.0, 0.001, 0.0, 0.0), 0.02, 30.0, 3)
     return ms, (STATIC | OTHERS)[plant](ms.u, ms.fs)
 
 
