@@ -129,13 +129,20 @@ def read_grid(
     amplitude = np.array([amplitude_u, amplitude_y])
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
     at_excited, at_detection = counts[:, : excited.size], counts[:, excited.size :]
-    near = np.moveaxis(at_detection.take(window.T, axis=1), 0, 1)
+    near = np.stack([power.take(window.T) for power in at_detection], axis=1)
     mean = np.add.reduce(near) / len(near)
     # the convolutions are exact to rounding of the largest count; below that a count is noise
     trusted = mean > 1e-9 * counts.max(axis=-1, keepdims=True)
-    mean = np.where(trusted, mean, 1.0)
-    factor = np.minimum(np.maximum(at_excited / mean, 1 / LARGEST), LARGEST)
-    return np.where(trusted, np.maximum(near / mean, FILLED), 1.0), np.where(trusted, factor, LARGEST)
+    untold = None if trusted.all() else ~trusted
+    if untold is not None:
+        mean[untold] = 1.0
+    profile, factor = near, at_excited / mean
+    profile /= mean
+    np.maximum(profile, FILLED, out=profile)
+    np.minimum(np.maximum(factor, 1 / LARGEST), LARGEST, out=factor)
+    if untold is not None:
+        profile[:, untold], factor[untold] = 1.0, LARGEST
+    return profile, factor
 
 
 def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
@@ -165,14 +172,14 @@ def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
         return 1.0
     n = fast_length(4 * int(lines[-1]))
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
-    spectrum[:, lines] = U * (n / 2)
-    square = np.fft.irfft(spectrum, n)
-    square *= square
-    fourth = square * square
-    second = np.add.reduce(square, axis=1) / n
-    found = np.mean(np.vecdot(fourth, square) / n - (np.add.reduce(fourth, axis=1) / n) ** 2 / second)
+    spectrum[:, lines] = U / 2
+    u = np.fft.irfft(spectrum, n, norm="forward")
+    square = u * u
+    cube = square * u
+    second, fourth, sixth = (np.vecdot(x, x) / n for x in (u, square, cube))
+    found = float(np.add.reduce(sixth - fourth * fourth / second)) / len(U)
     A2 = np.add.reduce(squared(U)) / len(U)
     # cumulants of A cos(phi): A^2 / 2, -3 A^4 / 8, 5 A^6 / 4
     k2, k4, k6 = A2.sum() / 2, -0.375 * (A2 @ A2), 1.25 * (A2 * A2 @ A2)
     expected = k6 + 15 * k4 * k2 + 15 * k2**3 - (k4 + 3 * k2**2) ** 2 / k2
-    return float(np.clip(expected / max(found, np.finfo(float).tiny), 1.0, MOST))
+    return min(max(float(expected) / max(found, np.finfo(float).tiny), 1.0), MOST)

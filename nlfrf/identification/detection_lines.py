@@ -61,7 +61,8 @@ def detected_power(
     noise: np.ndarray,
     gain: np.ndarray,
     gain_excited: np.ndarray,
-    window: np.ndarray,
+    windows: np.ndarray,
+    read: np.ndarray,
     follows: np.ndarray,
     profile: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -79,32 +80,41 @@ def detected_power(
         Measured power, variance by noise and |G|^2 on all lines.
     gain_excited : (F,) ndarray
         |G|^2 on the excited lines.
-    window : (n, ..., F) int ndarray
+    windows : (n, w, F) int ndarray
         Detection lines of each excited line, nearest first, by their place among all lines; -1: none.
-    follows : (..., 1) bool ndarray
+    read : (k,) int ndarray
+        Which of the w windows each of k readings is of.
+    follows : (k,) bool ndarray
         Whether the distortion is taken to follow |G|^2.
-    profile : (n, ..., F) ndarray
+    profile : (n, k, F) ndarray
         How it is taken to be spread over the lines of a window beside that, of mean one.
 
     Returns
     -------
-    distortion : (..., F) ndarray
+    distortion : (k, F) ndarray
         Power of the distortion on the scale of the excited line.
-    ratio : (..., F) ndarray
+    ratio : (k, F) ndarray
         Mean of the measured over the expected power: near one.
-    n_used : (..., F) ndarray
+    n_used : (k, F) ndarray
         Lines used: fewer than n where |G| changes much within the window.
-    likelihood : (..., F) ndarray
+    likelihood : (k, F) ndarray
         Log-likelihood of the powers on a window under what is expected, but for a constant.
     """
-    P, N, A = power.take(window), noise.take(window), gain.take(window)
+    gathered = np.empty((5, *windows.shape))
+    P, N, A, excess, used = gathered
+    for x, out in ((power, P), (noise, N), (gain, A)):
+        x.take(windows, out=out, mode="wrap")  # -1 is told from the others by `used`
     A /= gain_excited
-    used = (narrowed(A) & (window >= 0)).astype(float)
-    A = np.where(follows, A, 1.0) * profile
+    np.subtract(P, N, out=excess)
+    np.maximum(N, np.finfo(float).tiny ** 0.25, out=N)  # its square can still be divided by
+    used[...] = narrowed(A) & (windows >= 0)
+    P, floor, A, excess, used = gathered.take(read, axis=2)
+    A[:, ~follows] = 1.0
+    A *= profile
+    excess /= A
+    floor /= A
     n_used = np.add.reduce(used)
-    excess = (P - N) / A
-    floor = np.maximum(N, np.finfo(float).tiny ** 0.25) / A  # its square can still be divided by
-    weighted, weight = sums = np.empty((2, *window.shape))  # (2, n, ..., F)
+    weighted, weight = sums = np.empty((2, *used.shape))  # (2, n, k, F)
     weight[...] = used  # as without noise
     for _ in range(5):  # q_j / |G_j|^2 = d + floor_j: the weights are those of (P_j - N_j) / |G_j|^2
         np.multiply(weight, excess, out=weighted)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
@@ -9,7 +11,7 @@ from nlfrf.identification.calibration import COMMON, LARGEST, read_grid, varianc
 from nlfrf.identification.detection_lines import Answer, detected_power
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
-from nlfrf.identification.neighbours import READINGS
+from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
@@ -22,6 +24,8 @@ SIDE = 9  # lines over which a level is held against the scatter
 #: The readings of odd detection lines: driven by the input (0) or the output (1), and whether they follow |G|. The last
 #: one fades with frequency, and the even lines behind it are read as following.
 DRIVE = np.array([0, 1, 0, 1, 0])
+READINGS = DRIVE.size
+WINDOW = np.append(np.zeros(READINGS, dtype=int), 1)  # of odd lines; of even ones
 FOLLOWS = np.array([True, True, False, False, False, True])
 FADING = 1.5  # power of the frequency: a hysteresis has from 1 to 2
 RARE = np.log(4.0)  # for how many of the others it counts where the lines do not decide: a level rarely fades
@@ -77,12 +81,13 @@ def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None)
     """
     U, where = excited.amplitude, excited.where
     profile, factor = read_grid(U, rms(excited.Y), excited.lines, where.detection, where.near_odd)
-    windows = where.near_detection
-    profiles, factors = np.ones(windows.shape), np.ones(windows.shape[1:])
-    profiles[:, :READINGS], factors[:READINGS] = profile[:, DRIVE], factor[DRIVE]
-    n = len(where.near_odd.T)
-    profiles[:n, READINGS - 1] *= (excited.lines / where.detection[where.near_odd.T]) ** FADING
-    variance, n_used, likelihood = read_detected(U, answer, where.excited, windows, factors, profiles)
+    n_read = READINGS + (where.even.size > 0)
+    profiles, factors = np.ones((len(where.near_detection), n_read, U.size)), np.ones((n_read, U.size))
+    profiles[:, :READINGS], factors[:READINGS] = profile.take(DRIVE, axis=1), factor.take(DRIVE, axis=0)
+    profiles[: len(profile), READINGS - 1] *= fading(where)
+    variance, n_used, likelihood = read_detected(
+        excited, answer, where.near_detection, slice(0, n_read), factors, profiles
+    )
     even = variance[READINGS] if where.even.size else np.full(U.size, np.nan)
     variance, n_realizations = variance[:READINGS], excited.U.shape[0]
     # a line stands in as many windows as these have
@@ -105,11 +110,21 @@ def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None)
     )
 
 
+@lru_cache(maxsize=KEPT)
+def fading(where: Places) -> np.ndarray:
+    """(n, F) how much stronger than at the excited line a level that fades is on the lines of its window."""
+    lines = where.lines[where.excited]
+    return np.asarray((lines / where.detection[where.near_odd.T]) ** FADING)
+
+
 def mean_around(x: np.ndarray, n: int) -> np.ndarray:
     """Mean over the n neighbours of each entry along the last axis; at the ends over the first n, or the last."""
-    last = x.shape[-1] - 1
-    half = min(n // 2, last // 2)
-    return local_mean(x, n).take(np.clip(np.arange(last + 1), half, last - half), axis=-1)
+    size = x.shape[-1]
+    n = min(n, size)
+    sums = np.zeros((*x.shape[:-1], size + 1))
+    np.add.accumulate(x, axis=-1, out=sums[..., 1:])
+    means = (sums[..., n:] - sums[..., :-n]) / n
+    return means.take(np.arange(-(n // 2), size - n // 2), axis=-1, mode="clip")
 
 
 def pool_levels(frf: Frf, level: Level, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -139,27 +154,26 @@ def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
     where = excited.where
     if not where.even.size:
         return np.full(excited.lines.size, np.nan)
-    return read_detected(excited.amplitude, answer, where.excited, where.near_even)[0][0]
+    return read_detected(excited, answer, where.near_even, slice(READINGS, None))[0][0]
 
 
 def read_detected(
-    U: np.ndarray,
+    excited: Spectra,
     answer: Answer,
-    here: np.ndarray,
     windows: np.ndarray,
+    readings: slice,
     factors: np.ndarray | float = 1.0,
     profiles: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Variances (k, F) of one realisation's FRF for inputs of amplitude U, by k readings; lines used; likelihoods.
-
-    Windows and profiles are (n, k, F): all readings, without the last where there are no even lines, or the last alone.
-    """
+    """Variances (k, F) of one realisation's FRF by k readings of the windows (n, w, F); lines used; likelihoods."""
+    here, follows, window = excited.where.excited, FOLLOWS[readings], WINDOW[readings]
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
     power, gain = mean_power(answer.Yc), squared(answer.G)
-    follows = (FOLLOWS[: windows.shape[1]] if windows.shape[1] > 1 else FOLLOWS[-1:])[:, None]
-    distortion, ratio, n_used, likelihood = detected_power(power, noise, gain, gain[here], windows, follows, profiles)
-    return ratio * (factors * distortion + noise[here]) / U**2, n_used, likelihood
+    distortion, ratio, n_used, likelihood = detected_power(
+        power, noise, gain, gain[here], windows, window - window[0], follows, profiles
+    )
+    return ratio * (factors * distortion + noise[here]) / excited.amplitude**2, n_used, likelihood
 
 
 def smooth_frf(frf: Frf, excited: Spectra, rough: bool) -> tuple[np.ndarray, LocalFit | None]:

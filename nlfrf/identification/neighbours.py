@@ -9,11 +9,10 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.shared.values import value
 
-__all__ = ["KEPT", "READINGS", "Places", "place_lines"]
+__all__ = ["KEPT", "Places", "place_lines"]
 
 
 KEPT = 16  # grids that are remembered: those of one experiment, and of the next
-READINGS = 5  # ways in which odd detection lines are read
 BELOW = 2  # detection lines below the band
 WIDTH = 9  # excited lines over which an FRF is fitted locally
 
@@ -34,9 +33,9 @@ class Places:
         For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds; `near_odd`
         into `detection`.
     near_detection : (n, k, F) int ndarray
-        For each excited line the nearest odd lines, as often as they are read in another way, and where there are any
-        the even ones, as places among all lines; -1 where there are fewer. Windows stand along the first axis, so that
-        sums over them run through memory in order.
+        For each excited line the nearest odd lines, and where there are any the even ones, as places among all lines;
+        -1 where there are fewer. Windows stand along the first axis, so that sums over them run through memory in
+        order.
     near_even : (n, 1, F) int ndarray
         The even ones alone.
     below, share : (K,) int and float ndarray
@@ -64,7 +63,7 @@ def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
     lines = np.sort(np.concatenate([grid.excited, detection, grid.even]))
     excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
     near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (detection, grid.even))
-    windows = READINGS * [np.searchsorted(lines, detection)[near_odd]] + bool(even.size) * [even[near_even]]
+    windows = [np.searchsorted(lines, detection)[near_odd]] + bool(even.size) * [even[near_even]]
     near_detection = np.full((len(windows), excited.size, max(one.shape[1] for one in windows)), -1)
     for row, one in zip(near_detection, windows, strict=True):
         row[:, : one.shape[1]] = one

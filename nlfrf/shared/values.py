@@ -82,7 +82,7 @@ def frozen(array: np.ndarray, copy: bool) -> np.ndarray:
     """A read-only copy; the array itself where nobody else can write it, or where a copy is not asked for."""
     if copy and (array.flags.writeable or array.base is not None):
         array = array.copy()
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 
