@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import io
 import os
 import pickle
 import tempfile
@@ -19,7 +20,7 @@ from pathlib import Path
 
 from nlfrf.files import channels
 from nlfrf.readers import matlab
-from nlfrf.shared.own_process import FACTOR, MEMORY
+from nlfrf.shared.own_process import FACTOR, MEMORY, most, receive, send
 from tests.support.measurement_files import WRITERS, fuzz
 
 SECONDS = 20.0
@@ -45,7 +46,8 @@ def forked(room, path):
             limit = 4 * MEMORY + FACTOR * path.stat().st_size  # a fork begins with all that its parent holds
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
             try:
-                answer = ("found", ROOMS[room].contents(path))
+                answer = ("found", io.BytesIO())
+                send(ROOMS[room].contents(path), answer[1])
             except BaseException as error:
                 answer = ("error", f"{type(error).__name__}: {error}")
             with os.fdopen(into, "wb") as stream:
@@ -72,7 +74,8 @@ def forked(room, path):
     kind, told = pickle.loads(content)
     if kind == "error":
         raise ValueError(told)
-    return told
+    told.seek(0)
+    return receive(told, most(path))
 
 
 def main():

@@ -80,7 +80,7 @@ class Channels:
                 + (f"; {OTHERWISE}" if not self.signals else "")
             )
         if array.ndim > 1 and self.text("schema"):
-            return np.asarray(array, dtype=float)  # this package's own file: whoever asks knows the axes
+            return stream_of(array)  # this package's own file: whoever asks knows the axes
         array = np.squeeze(array)
         if array.ndim != 1:
             inside = [known for known in self.signals if known.startswith(f"{full}.")]
@@ -90,7 +90,7 @@ class Channels:
             )
         if full in self.notes:
             raise ValueError(f"{parameter} must hold numbers, but {name!r} of {file!r} {self.notes[full]}")
-        return np.asarray(array, dtype=float)
+        return stream_of(array)
 
     def labels(self, u: str, y: str) -> dict[str, str]:
         """Names of input and output without their units, and the units that the file has in brackets or beside them."""
@@ -176,7 +176,8 @@ class Channels:
         second = seconds_of(unit or "")
         if second is None and not known:
             raise ValueError(f"fs must be given: the unit of the time channel {time!r} is not known")
-        fs = frequency_of((second or 0.0) * np.ravel(self.arrays[time]).astype(float))
+        t = np.ravel(self.arrays[time])
+        fs = frequency_of(t if second == 1.0 else (second or 0.0) * t)
         if unit is not None or not 0 < fs <= SLOW:
             return fs
         if known:  # without a unit, a slow clock in seconds may be a fast one in milliseconds
@@ -187,6 +188,13 @@ class Channels:
             raise ValueError(f"fs must be given: {said}")
         data_warning(f"{said}; seconds are taken, give fs if they are not")
         return fs
+
+
+def stream_of(array: np.ndarray) -> np.ndarray:
+    """The same as float64, sample by sample in memory, which nobody writes."""
+    stream = np.ascontiguousarray(array, dtype=float)
+    stream.flags.writeable = False
+    return stream
 
 
 def read_npz(path: Path) -> Found:
@@ -269,6 +277,10 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         )
     if "schema" not in numeric:
         numeric, clocks = with_columns(numeric, clocks)
+    for array in numeric.values():  # nobody else holds them, so they go into a record as they are
+        for one in (array.base, array):
+            if isinstance(one, np.ndarray):
+                one.flags.writeable = False
     times = [name for name in numeric if is_time(name) and numeric[name].size > 1 and numeric[name].dtype.kind in "fiu"]
     return Channels(
         path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes

@@ -13,7 +13,8 @@ import numpy as np
 
 from nlfrf.files.channels import Channels, read_channels
 from nlfrf.readers.clock import UNIT, is_time
-from nlfrf.records.detection import detect_lines, detect_period
+from nlfrf.records.detection import detect_lines
+from nlfrf.records.period import detect_period
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import counted
 

@@ -19,6 +19,7 @@ from nlfrf.records.record import SAME_CLOCK, Record, join_records
 from nlfrf.records.reference import played_reference
 from nlfrf.records.samples import records_from_streams
 from nlfrf.shared.arguments import data_warning, integer
+from nlfrf.shared.transforms import all_finite
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, save_mat, write_arrays, write_whole
 from nlfrf.shared.wording import shown
@@ -180,14 +181,25 @@ def measured_records(
     clocks = [file.sampling_frequency(fs, asked_for) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    streams = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
-    ys = {name: [file.signal("y", name) for file in files] for name in outputs}
-    whole(streams, ys)
+    streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
+    streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
+    whole({signal: streams[signal] for signal in names}, streams["y"])
     found = {name: [names["u"], name] for name in outputs}
     labels: dict[str, Any] = {name: files[0].labels(*pair) for name, pair in found.items()}
-    del files
-    records = records_from_streams(streams["u"], ys, r=streams.get("r"), fs=clocks[0], **asked._asdict())
-    return [replace(record, **labels[name]) for record, name in zip(records, outputs, strict=True)]
+    files.clear()  # what else they hold is not needed any more
+    return records_from_streams(  # which alone holds the streams then, so that it can let go of them
+        streams.pop("u"),
+        streams.pop("y"),
+        r=streams.pop("r", None),
+        fs=clocks[0],
+        n_samples=asked.n_samples,
+        lines=asked.lines,
+        n_discard=asked.n_discard,
+        resample=asked.resample,
+        design=asked.design,
+        hold=asked.hold,
+        labels=labels,
+    )
 
 
 def whole(*groups: dict[str, list[np.ndarray]]) -> None:
@@ -195,8 +207,10 @@ def whole(*groups: dict[str, list[np.ndarray]]) -> None:
     for m in range(len(next(iter(groups[0].values())))):
         streams = {(i, name): group[name][m] for i, group in enumerate(groups) for name in group}
         sizes = {stream.size for stream in streams.values()}
-        held = np.logical_and.reduce([np.isfinite(s) for s in streams.values()]) if len(sizes) == 1 else np.ones(0)
-        if held.all() or not held.any():
+        if len(sizes) > 1 or all(map(all_finite, streams.values())):
+            continue
+        held = np.logical_and.reduce([np.isfinite(s) for s in streams.values()])
+        if not held.any():
             continue
         first, last = np.flatnonzero(held)[[0, -1]]
         inside = held[first : last + 1]

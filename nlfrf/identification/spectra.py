@@ -11,13 +11,10 @@ from nlfrf.identification.neighbours import Places
 from nlfrf.identification.transient import find_treatment, local_fit
 from nlfrf.records.record import Record
 from nlfrf.shared.leastsquares import power, squared
-from nlfrf.shared.transforms import rfft
+from nlfrf.shared.transforms import BLOCK, blocks, equal, rfft, rfft_at
 from nlfrf.shared.values import value
 
 __all__ = ["Spectra", "dft", "period_spectra"]
-
-
-CACHED = 1 << 17  # numbers that are worked on together
 
 
 @value(copy=False)
@@ -123,9 +120,13 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """
     n_realizations, n_periods, n_samples = x.shape
     some = blocks(n_realizations, n_periods * n_samples)
-    if (x[:, 0, 0] == x[:, -1, 0]).all() and all((x[m, 1:] == x[m, :1]).all() for m in some):
+    if (x[:, 0, 0] == x[:, -1, 0]).all() and all(repeats(x[m]) for m in some):
         x = x[:, :1]
     spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
+    if n_samples > BLOCK:  # then what is worked on at a time is a period, or less
+        for m, p in np.ndindex(x.shape[:2]):
+            np.multiply(rfft_at(x[m, p], lines), 2 / n_samples, out=spectra[m, p])
+        return spectra
     in_a_row = lines[-1] - lines[0] == lines.size - 1
     for m in some:
         transformed = rfft(x[m])
@@ -136,10 +137,11 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     return spectra
 
 
-def blocks(n: int, size: int) -> list[slice]:
-    """Realisations of `size` numbers each, as many at a time as stay in the cache, so that long records take little."""
-    step = max(1, CACHED // size)
-    return [slice(first, first + step) for first in range(0, n, step)]
+def repeats(x: np.ndarray) -> bool:
+    """Whether the periods of x (m, P, N) are the same, number by number."""
+    if x[:, 0].size <= BLOCK:
+        return bool((x[:, 1:] == x[:, :1]).all())
+    return all(equal(one[0], period) for one in x for period in one[1:])
 
 
 def average_periods(where: Places, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None, n_periods: int) -> Spectra:

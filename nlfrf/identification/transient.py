@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 
 from nlfrf.shared.leastsquares import least_squares, power
+from nlfrf.shared.transforms import rfft_at
 
 __all__ = ["find_treatment", "local_fit"]
 
@@ -117,8 +118,7 @@ def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     index = np.where(mirrored, n_total - where, where)
     X = np.empty((n_realizations, lines.size, r.size), dtype=complex)
     for m in range(n_realizations):
-        spectrum = np.fft.rfft(x[m].reshape(-1))
-        X[m] = spectrum[index] * (2 / n_total)
+        X[m] = rfft_at(x[m].reshape(-1), index.ravel()).reshape(index.shape) * (2 / n_total)
     X = np.where(mirrored, X.conj(), X)
     s = r / np.abs(r).max()
     powers = (s[:, None] ** np.arange(N_POLYNOMIAL - 1, -1, -1)).astype(complex)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 import numpy as np
+
+from nlfrf.shared.transforms import BLOCK, all_finite, blocks
 
 __all__ = ["RATES", "STEPS", "UNIT", "frequency_of", "is_time", "seconds_of", "unit_of"]
 
@@ -61,21 +64,35 @@ def frequency_of(t: np.ndarray) -> float:
     >>> frequency_of(np.round(np.arange(20_000) / 16384, 6))
     16384.0
     """
-    t = t[np.isfinite(t)]
+    t = t.astype(float, copy=False)
+    t = t if all_finite(t) else t[np.isfinite(t)]
     if t.size < 2:
         return 0.0
-    steps = np.diff(t)
-    usual = np.median(steps)
-    gaps = steps > 1.5 * usual
-    if steps.min() > 0.5 * usual and gaps.mean() < 0.1:  # else it is only printed coarsely
-        steps = steps[~gaps]
-    span = float(steps.sum())
+    sample = np.arange(0, t.size - 1, max(1, t.size // BLOCK))
+    usual = float(np.median(t[sample + 1] - t[sample]))
+    least, n_gaps = np.inf, 0
+    for steps in steps_of(t):
+        least, n_gaps = min(least, float(steps.min())), n_gaps + int(np.count_nonzero(steps > 1.5 * usual))
+    # else it is only printed coarsely
+    most = 1.5 * usual if least > 0.5 * usual and n_gaps < 0.1 * (t.size - 1) else np.inf
+    n, span, highest, squares = 0, 0.0, -np.inf, 0.0
+    for steps in steps_of(t):
+        steps = steps if most == np.inf else steps[steps <= most]
+        n, span, squares = n + steps.size, span + float(steps.sum()), squares + float(np.sum((steps - usual) ** 2))
+        highest = max(highest, float(steps.max(initial=-np.inf)))
     if not 0 < span < np.inf:
         return 0.0
-    fs, tolerance = steps.size / span, max(float(np.ptp(steps)) / span, 1e-12)
-    rough = ROUGH if np.std(steps) > 1e-6 / fs else 0.0
+    fs, tolerance = n / span, max((highest - least) / span, 1e-12)
+    spread = np.sqrt(max(squares / n - (span / n - usual) ** 2, 0.0))
+    rough = ROUGH if spread > 1e-6 / fs else 0.0
     for n in range(1, 18):
         rounded = float(f"{fs:.{n}g}")
         if abs(rounded / fs - 1) <= max(tolerance, rough if n <= 3 else 0.0):
             break
     return rounded
+
+
+def steps_of(t: np.ndarray) -> Iterator[np.ndarray]:
+    """The steps of a time axis, a block at a time."""
+    for some in blocks(t.size - 1):
+        yield np.diff(t[some.start : some.stop + 1])

@@ -18,7 +18,8 @@ NAMES = ("columns", "channels", "channel_names", "names", "labels")
 def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
     """Numeric datasets, groups joined by dots; fields of tables, columns that attributes name; texts of attributes.
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    Long datasets are handed over unread, to be read a block at a time; so the file stays open as long as they do. This
+    room is loaded by its path in a process of its own, so it imports nothing of this package.
     """
     import h5py
 
@@ -49,27 +50,44 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
             if fs > 0 or dt > 0:
                 clocks[name] = fs if fs > 0 else 1 / dt
 
-    with h5py.File(path, "r") as file:
-        add("", file)
-        file.visititems(add)
+    file = h5py.File(path, "r")
+    add("", file)
+    file.visititems(add)
     return arrays, units, clocks, notes
 
 
-def columns(name: str, node: Any, said: dict[str, Any]) -> dict[str, np.ndarray]:
+class Unread:
+    """A stream in a dataset: all of it, a field of a table, or a column; read where it is cut."""
+
+    def __init__(self, node: Any, *, field: str | None = None, column: int | None = None, axis: int = 1) -> None:
+        self.source, self.column, self.axis = node if field is None else node.fields(field), column, axis
+        kind = node.dtype if field is None else node.dtype[field]  # which may be of several numbers
+        self.dtype = kind.base
+        self.shape = node.shape + kind.shape if column is None else (node.shape[1 - axis],)
+        self.rows = 1 if node.chunks is None else node.chunks[0 if column is None else 1 - axis]
+
+    def __getitem__(self, where: Any) -> np.ndarray:
+        if self.column is not None:
+            where = (where, self.column) if self.axis else (self.column, where)
+        return np.asarray(self.source[where])
+
+
+def columns(name: str, node: Any, said: dict[str, Any]) -> dict[str, Any]:
     """A dataset as streams: fields of a table, columns by the names that an attribute gives, or the array as it is."""
+    if node.shape is None:  # of HDF5's null space
+        return {}
     if node.dtype.names:
-        table = np.asarray(node[()])
-        return {f"{name}.{key}": table[key] for key in node.dtype.names if table[key].dtype.kind in "fiub"}
+        kinds = {key: node.dtype[key] for key in node.dtype.names}
+        return {f"{name}.{key}": Unread(node, field=key) for key, kind in kinds.items() if kind.base.kind in "fiub"}
     if node.dtype.kind not in "fiubc":
         return {}
-    array = np.asarray(node[()])
     if said.get("matlab_class") == "char":
-        return {name: np.array("".join(map(chr, array.ravel().tolist())))}
+        return {name: np.array("".join(map(chr, np.ravel(node[()]).tolist())))}
     names: list[str] = next((said[key] for key in NAMES if isinstance(said.get(key), list)), [])
-    if array.ndim == 2 and names and len(names) in array.shape:
-        rows = array.T if array.shape[1] == len(names) else array
-        return {f"{name}.{key}": np.ascontiguousarray(row) for key, row in zip(names, rows, strict=True)}
-    return {name: array}
+    if node.ndim == 2 and names and len(names) in node.shape:
+        axis = 1 if node.shape[1] == len(names) else 0
+        return {f"{name}.{key}": Unread(node, column=i, axis=axis) for i, key in enumerate(names)}
+    return {name: Unread(node)}
 
 
 def plain(node: Any) -> dict[str, Any]:

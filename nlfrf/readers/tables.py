@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ __all__ = ["contents", "table"]
 
 
 START = 1 << 17  # bytes in which the layout is looked for
+ROWS = 1 << 18  # rows of a long table that are read together
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 #: What a line above the table says of the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
 CLOCK = re.compile(
@@ -43,7 +44,7 @@ def table(start: bytes, path: Path | None = None) -> Found:
     head = start[:START]
     text = decoded(head[: head.rfind(b"\n") + 1] or head if len(head) == START else head)
     layout = layout_of(text)
-    frame, notes = parsed((lambda: io.BytesIO(start)) if path is None else lambda: path, layout)
+    frame, notes = parsed((lambda: io.BytesIO(start)) if path is None else lambda: path, layout, rows_in(start, path))
     notes |= {
         name: "holds texts"
         for name, numeric, moment in zip(layout.names, layout.numeric, layout.moments, strict=True)
@@ -63,7 +64,14 @@ def table(start: bytes, path: Path | None = None) -> Found:
     return arrays, units, {"": clock} if clock and not any(map(is_time, arrays)) else {}, notes
 
 
-def parsed(source: Callable[[], Any], layout: Layout) -> tuple[Any, dict[str, str]]:
+def rows_in(start: bytes, path: Path | None) -> int:
+    """About how many rows a long table has, by the first of them; 0 where it is short."""
+    if path is None or len(start) < START:
+        return 0
+    return int(1.05 * start.count(b"\n") * path.stat().st_size / len(start)) + ROWS
+
+
+def parsed(source: Callable[[], Any], layout: Layout, n_rows: int) -> tuple[Any, dict[str, str]]:
     """The columns of numbers, and those of dates and times as texts, by pandas; and what is no number in them."""
     import pandas as pd
 
@@ -88,8 +96,11 @@ def parsed(source: Callable[[], Any], layout: Layout) -> tuple[Any, dict[str, st
     # pandas knows the usual words for an empty cell itself, and is a quarter slower where it is told more of them
     for told_empty in ({}, empty) if layout.decimal != layout.delimiter else ():
         try:
-            frame = pd.read_csv(source(), dtype=kinds, decimal=layout.decimal, **exact, **options, **told_empty)
-            return frame.replace([np.inf, -np.inf], np.nan) if infinite(frame, layout) else frame, {}
+            told = exact | options | told_empty
+            if not n_rows:
+                return finite(pd.read_csv(source(), dtype=kinds, decimal=layout.decimal, **told), layout), {}
+            with pd.read_csv(source(), dtype=kinds, decimal=layout.decimal, chunksize=ROWS, **told) as frames:
+                return joined((finite(frame, layout) for frame in frames), n_rows), {}
         except ValueError as error:
             if isinstance(error, pd.errors.ParserError):
                 raise
@@ -114,9 +125,28 @@ def parsed(source: Callable[[], Any], layout: Layout) -> tuple[Any, dict[str, st
     return frame, notes
 
 
-def infinite(frame: Any, layout: Layout) -> bool:
-    """Whether a column of numbers holds one that is written as infinite: it stands for none, as empty cells do."""
-    return any(np.isinf(column.to_numpy()).any() for i, column in frame.items() if layout.numeric[i])
+def finite(frame: Any, layout: Layout) -> Any:
+    """The same without the numbers that are written as infinite: they stand for none, as empty cells do."""
+    numbers = (column.to_numpy() for i, column in frame.items() if layout.numeric[i])
+    return frame.replace([np.inf, -np.inf], np.nan) if any(np.isinf(one).any() for one in numbers) else frame
+
+
+def joined(frames: Iterable[Any], n_rows: int) -> Any:
+    """One table of the rows of several, put where they belong as they come; `n_rows` is about how many they are."""
+    import pandas as pd
+
+    columns: dict[int, np.ndarray] = {}
+    filled = 0
+    for frame in frames:
+        for i, column in frame.items():
+            part = column.to_numpy()
+            if i not in columns:
+                columns[i] = np.empty(max(n_rows, part.size), dtype=part.dtype)
+            if filled + part.size > columns[i].size:
+                columns[i] = np.resize(columns[i], 2 * columns[i].size)
+            columns[i][filled : filled + part.size] = part
+        filled += len(frame)
+    return pd.DataFrame({i: column[:filled] for i, column in columns.items()}, copy=False)
 
 
 def moments(frame: Any, layout: Layout) -> dict[str, np.ndarray]:

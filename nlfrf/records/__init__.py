@@ -3,7 +3,9 @@
 record         `Record`, checked when made: realisations, periods, channels
 several        `MultiRecord`: the same with a channel axis in front
 samples        a record cut out of streams of samples
-detection      the period of a signal and its excited lines, found in what was measured
+detection      the excited lines of a signal, found in what was measured
+period         its period
+coarse         long signals looked at coarsely, where they are smooth
 regular_grids  the grid that was played, where the actuator distorts
 reference      the design that was played, laid under what was measured
 faults         faults of one signal: drifting clocks, lost samples, standstills, clipping, dead channels

@@ -1,4 +1,4 @@
-"""Finding, in a measured input, the period and the lines that were excited.
+"""Finding, in a measured input, the lines that were excited.
 
 Real inputs are coloured, noisy, and carry energy on lines that were not meant to be excited (an amplifier or a
 current loop distorts). So a line is never compared with the largest of all lines, only with its own noise and
@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.records.regular_grids import played_lines
-from nlfrf.shared.leastsquares import mean_power
-from nlfrf.shared.transforms import fast_length, rfft
+from nlfrf.records.regular_grids import BEYOND, played_lines
+from nlfrf.shared.leastsquares import mean_power, squared
+from nlfrf.shared.transforms import BLOCK, blocks, equal, rfft
 
-__all__ = ["detect_lines", "detect_period", "refuse_wrong_lines"]
+__all__ = ["detect_lines", "line_powers", "lines_in", "refuse_wrong_lines"]
 
 
 DROP = 15.0  # an excited line stands at most this far [dB] under its excited neighbours
@@ -37,23 +37,52 @@ def detect_lines(u: np.ndarray) -> LineGrid:
     ValueError
         No line stands out of the noise.
     """
-    spectrum = rfft(u)[..., 1 : (u.shape[2] + 1) // 2]  # neither mean nor Nyquist
-    mean = spectrum.mean(axis=1)
-    power = np.mean(np.abs(mean) ** 2, axis=0)
-    if u.shape[1] > 1:
-        noise = np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / u.shape[1]
-        noise = local_mean(noise, 21)
+    return lines_in(*line_powers(u))
+
+
+def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(K,) power of the mean over periods, of all lines but mean and Nyquist, and its variance by noise."""
+    n_periods = u.shape[1]
+    inside = slice(1, (u.shape[2] + 1) // 2)
+    if u.shape[2] > BLOCK and n_periods > 1:
+        pairs = [powers_of_halves(one) for one in u]
+        power, noise = (np.add.reduce(some)[inside] / len(pairs) for some in zip(*pairs, strict=True))
     else:
-        noise = np.full(power.size, noise_floor(power))
+        spectrum = rfft(u)[..., inside]
+        power = mean_power(spectrum.mean(axis=1))
+        noise = np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / n_periods if n_periods > 1 else power
+    return power, local_mean(noise, 21) if n_periods > 1 else np.full(power.size, noise_floor(power))
+
+
+def powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of long periods u (P, N), by the means of every other one: two transforms, however many they are."""
+    n = len(u)
+    if all(equal(u[0], one) for one in u[1:]):
+        power = squared(rfft(u[0]))
+        return power, np.zeros(power.size)
+    one, other = (rfft(np.add.reduce(some) / len(some) if len(some) > 1 else some[0]) for some in (u[::2], u[1::2]))
+    share = len(u[::2]) / n
+    power, noise = np.empty(one.size), np.empty(one.size)
+    for some in blocks(one.size):
+        power[some] = squared(share * one[some] + (1 - share) * other[some])
+        noise[some] = squared(one[some] - other[some]) * (share * (1 - share))
+    return power, noise
+
+
+def lines_in(power: np.ndarray, noise: np.ndarray) -> LineGrid:
+    """`detect_lines` by the powers (K,) of the lines 1 to K, and their noise."""
     noise = np.maximum(noise, 1e-20 * power.max() / SIGNIFICANT)
     candidate = power > SIGNIFICANT * noise
     if not candidate.any():
         raise ValueError("u must hold lines that stand out of its noise, got none; is n_samples its period?")
-    level = 10 * np.log10(np.maximum(power, 1e-300))
+    total, last = power.sum(), int(np.flatnonzero(candidate)[-1]) + 1
+    candidate = candidate[:last]  # beyond, there is nothing to be looked at but as much as tells where the band ends
+    power, noise = power[: last + BEYOND], noise[:last]
+    level = 10 * np.log10(np.maximum(power[:last], 1e-300))
     candidate &= level > neighbourhood(np.where(candidate, level, -np.inf)) - DROP
     excited = connected(candidate, level) + 1
     excited = completed(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
-    return LineGrid(excited=played_lines(power, excited))
+    return LineGrid(excited=played_lines(power, excited, float(total)))
 
 
 def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
@@ -146,57 +175,3 @@ def connected(candidate: np.ndarray, level: np.ndarray) -> np.ndarray:
                 kept.append(k)
                 previous, last = last, here
     return np.sort(np.array(kept))
-
-
-def detect_period(u: np.ndarray) -> float:
-    """The period of a signal in samples, not rounded, from its autocorrelation.
-
-    Parameters
-    ----------
-    u : (n,) ndarray
-        At least two periods.
-
-    Raises
-    ------
-    ValueError
-        The signal does not repeat within its length.
-    """
-    u = u - u.mean()
-    n = u.size
-    n_padded = fast_length(2 * n)
-    correlation = np.fft.irfft(np.abs(np.fft.rfft(u, n_padded)) ** 2, n_padded)[: n // 2 + 1]
-    # normalised by the energy of the two overlapping pieces, so that a repetition gives 1 at any lag
-    energy = np.concatenate(([0.0], np.cumsum(u**2)))
-    lag = np.arange(correlation.size)
-    overlap = np.sqrt(energy[n - lag] * (energy[-1] - energy[lag]))
-    rho = correlation / np.maximum(overlap, np.finfo(float).tiny)
-    negative = np.flatnonzero(rho < 0)  # past the main lobe around lag 0
-    if negative.size:
-        rho[: negative[0]] = 0.0
-        if rho.max() > 0.5:
-            top = tops(rho)
-            best = top.max()
-            peak = int(np.argmax(top > best - 0.1 * (1 - best) - 0.02))
-            reach = slice(peak, min(peak + max(3, peak // 100), rho.size))
-            peak += int(np.argmax(top[reach]))
-            return peak + vertex(rho, peak)
-    raise ValueError(f"u must repeat at least once within its {n} samples for its period to be found; give n_samples")
-
-
-def tops(rho: np.ndarray) -> np.ndarray:
-    """The same, with each peak as high as the parabola through it: one between two samples is no lower than others."""
-    left, middle, right = rho[:-2], rho[1:-1], rho[2:]
-    peak = (middle > 0) & (middle >= left) & (middle > right)
-    raised = rho.copy()
-    left, middle, right = left[peak], middle[peak], right[peak]
-    raised[1:-1][peak] += (left - right) ** 2 / (8 * (2 * middle - left - right))
-    return raised
-
-
-def vertex(rho: np.ndarray, peak: int) -> float:
-    """Offset of the top of the parabola through a peak and its neighbours."""
-    if not 0 < peak < rho.size - 1:
-        return 0.0
-    left, top, right = rho[peak - 1 : peak + 2]
-    curvature = left - 2 * top + right
-    return float(0.5 * (left - right) / curvature) if curvature < 0 else 0.0

@@ -8,16 +8,33 @@ is a gap. Cutting the record along that track, between the samples where need be
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from nlfrf.records.coarse import coarse, common_step
+from nlfrf.shared.leastsquares import squared
+from nlfrf.shared.transforms import BLOCK, blocks, equal, rfft, rfft_at
 from nlfrf.shared.values import value
 
-__all__ = ["SEVERE", "Track", "between", "clipped", "longest_standstill", "nonzero", "recut", "track"]
+__all__ = [
+    "MOST",
+    "SEVERE",
+    "Track",
+    "between",
+    "clipped",
+    "likeliest_lag",
+    "longest_standstill",
+    "nonzero",
+    "recut",
+    "track",
+]
 
 
 SEVERE = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
 VISIBLE = 1e-7
 HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
+MOST = 1 << 14  # lines that tell delays well enough
 DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
 BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
 
@@ -138,20 +155,30 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     """
     n_periods = u.size // n_samples
     periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
-    spectra = np.fft.rfft(periods, axis=1)
-    spectra[:, 0] = 0.0
-    power = np.sum(np.abs(spectra) ** 2, axis=1)
+    if all(equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
+        nothing = np.zeros(n_periods)
+        return Track(n_samples=n_samples, delay=nothing, sound=nothing == 0, noise=0.0, misplaced=0.0, unexplained=0.0)
+    step = common_step([u], n_samples) if n_samples > BLOCK else 1
+    found = track_periods(coarse(periods, step))
+    return replace(found, n_samples=n_samples, delay=step * found.delay, noise=step * found.noise)
+
+
+def track_periods(periods: np.ndarray) -> Track:
+    """`track` of periods (P, N) that are cut evenly; one is transformed at a time."""
+    n_samples = periods.shape[1]
+    power = np.array([np.vdot(one, one) - np.add.reduce(one) ** 2 / n_samples for one in periods])
     first = int(np.argmax(power > 0.9 * np.median(power)))  # of those that are not empty, or half empty
-    reference = spectra[first]
-    weight = np.abs(reference) ** 2
+    weight = squared(rfft(periods[first]))
+    weight[0] = 0.0
     weight[weight < 1e-6 * weight.max()] = 0.0
     weight[int(0.45 * n_samples) :] = 0.0
-    correlation = np.fft.irfft(spectra * reference.conj(), n_samples, axis=1)
-    reach = max(1, n_samples // 8)
-    lags = np.concatenate([np.arange(reach), np.arange(-reach, 0)])
-    whole = -lags[np.argmax(correlation[:, lags], axis=1)]
     used = np.flatnonzero(weight)  # the lines that tell: all that follows is of these
-    spectra, reference, weight = spectra[:, used], reference[used], weight[used]
+    if used.size > MOST:
+        used = np.sort(np.argpartition(weight, -MOST)[-MOST:])
+    weight = weight[used]
+    spectra = np.array([rfft_at(one, used) for one in periods])
+    reference = spectra[first]
+    whole = -np.array([likeliest_lag(one * reference.conj(), used, n_samples) for one in spectra])
     cross, slope = spectra * reference.conj(), 2 * np.pi * used / n_samples
     # x_j(t) = x_0(t + d): phase of the cross spectrum + slope d; Gauss-Newton on the phase, from the whole shift
     delay = whole.astype(float)
@@ -174,6 +201,16 @@ def track(u: np.ndarray, n_samples: int) -> Track:
         misplaced=misplaced,
         unexplained=typical,
     )
+
+
+def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
+    """The shift of one period (in samples, an eighth of it at most) against another, by their cross spectrum (F,)."""
+    spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
+    spectrum[lines] = cross
+    correlation = np.fft.irfft(spectrum, n_samples)
+    reach = max(2, n_samples // 8)
+    late, early = int(np.argmax(correlation[:reach])), int(np.argmax(correlation[-reach:]))
+    return late if correlation[late] >= correlation[early - reach] else early - reach
 
 
 def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
@@ -221,29 +258,44 @@ def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     >>> bool(abs(between(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
     True
     """
-    first = np.floor(at).astype(int)
     offset = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)
-    index = np.clip(first[:, None] + offset, 0, x.size - 1)
-    distance = (at - first)[:, None] - offset
-    window = np.i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
-    kernel = np.sinc(distance) * window
-    return np.asarray(np.sum(x[index] * kernel, axis=1) / np.sum(kernel, axis=1))
+    values = np.empty(at.size)
+    for some in blocks(at.size, offset.size):
+        first = np.floor(at[some]).astype(int)
+        index = np.clip(first[:, None] + offset, 0, x.size - 1)
+        distance = (at[some] - first)[:, None] - offset
+        window = np.i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
+        kernel = np.sinc(distance) * window
+        values[some] = np.sum(x[index] * kernel, axis=1) / np.sum(kernel, axis=1)
+    return values
 
 
 def clipped(x: np.ndarray) -> float:
     """Share of the samples at the largest or smallest value, where they stand there three or more in a row."""
-    share = 0.0
+    n = 0
     for extreme in (x.max(), x.min()):
-        flat = x == extreme
-        if np.any(flat[2:] & flat[1:-1] & flat[:-2]):
-            share += float(flat.mean())
-    return share
+        some_in_a_row, flat_ones = False, 0
+        for some in blocks(x.size):
+            flat = x[max(0, some.start - 2) : some.stop] == extreme  # a row may begin in the block before
+            some_in_a_row |= bool(np.any(flat[2:] & flat[1:-1] & flat[:-2]))
+            flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
+        n += flat_ones if some_in_a_row else 0
+    return n / x.size
 
 
 def longest_standstill(x: np.ndarray) -> tuple[int, int]:
     """Where the longest run of equal samples begins, and how long it is."""
-    changes = np.flatnonzero(np.diff(x)) + 1
-    edges = np.concatenate([[0], changes, [x.size]])
-    lengths = np.diff(edges)
-    longest = int(np.argmax(lengths))
-    return int(edges[longest]), int(lengths[longest])
+    begin, length, edge = 0, 0, 0  # of the longest run so far, and where the one at hand began
+    for some in blocks(x.size):
+        follows = x[some.start + 1 : some.stop + 1]
+        changed = follows != x[some][: follows.size]
+        ends = [x.size] if some.stop == x.size else []
+        if length > 0 and edge == some.start and changed.all():  # nothing stands still
+            edge = some.start + changed.size
+            continue
+        edges = np.concatenate([[edge], np.flatnonzero(changed) + some.start + 1, ends]).astype(int)
+        edge = int(edges[-1])
+        lengths = np.diff(edges)
+        if lengths.size and lengths.max() > length:
+            begin, length = int(edges[np.argmax(lengths)]), int(lengths.max())
+    return begin, length

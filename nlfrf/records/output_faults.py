@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.records.faults import SEVERE, between, nonzero
+from nlfrf.records.coarse import coarse, common_step
+from nlfrf.records.faults import MOST, SEVERE, between, likeliest_lag, nonzero
+from nlfrf.shared.transforms import BLOCK, equal, rfft_at
 from nlfrf.shared.values import value
 
 __all__ = ["Lag", "follow", "on_the_clock_of_the_input"]
@@ -145,8 +147,13 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
         Excited lines.
     """
     n_periods, n_samples = y.shape
+    step = common_step([u[0], y[0]], n_samples) if n_samples > BLOCK else 1
+    u, y = coarse(u, step), coarse(y, step)
+    lines = lines[2 * lines < y.shape[1]]
+    if lines.size > MOST:
+        lines = np.sort(np.random.default_rng(0).choice(lines, MOST, replace=False))
     input_side, output = aligned(u, lines), aligned(y, lines)
-    delay = output.delay - input_side.delay
+    delay = step * (output.delay - input_side.delay)
     slope = 2 * np.pi * lines / n_samples
     weight = np.abs(output.mean) ** 2
     total = float(weight.sum())
@@ -234,14 +241,14 @@ class Aligned:
 def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     """The periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
     n_samples = x.shape[1]
-    X = np.fft.rfft(x, axis=1)[:, lines] * (2 / n_samples)
+    repeats = all(equal(x[-1], one) for one in x[:-1])
+    X = np.array([rfft_at(one, lines) * (2 / n_samples) for one in (x[-1:] if repeats else x)])
+    X = np.repeat(X, len(x), axis=0) if repeats else X
     slope = 2 * np.pi * lines / n_samples
     reference = X[-1]
-    cross = np.zeros((len(X), n_samples // 2 + 1), dtype=complex)
-    cross[:, lines] = X * reference.conj()
-    reach = max(2, n_samples // 8)
-    lags = np.concatenate([np.arange(reach), np.arange(-reach, 0)])
-    delay = lags[np.argmax(np.fft.irfft(cross, n_samples, axis=1)[:, lags], axis=1)].astype(float)
+    delay = np.zeros(len(x))
+    if not repeats:
+        delay += [likeliest_lag(one * reference.conj(), lines, n_samples) for one in X]
     for step in range(6):
         if step == 3:  # the mean has less noise in it
             reference = np.mean(X * np.exp(1j * slope * delay[:, None]), axis=0)

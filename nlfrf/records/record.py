@@ -12,6 +12,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import HOLDS
 from nlfrf.shared.arguments import one_of, positive, real_array
 from nlfrf.shared.cards import Sketch
+from nlfrf.shared.transforms import is_constant
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 
@@ -71,14 +72,15 @@ class Record:
     def __post_init__(self) -> None:
         object.__setattr__(self, "fs", positive("fs", self.fs))
         one_of("hold", self.hold, HOLDS)
-        u = real_array("u", self.u, ndim=3)
+        shape: tuple[int, ...] = ()
         for name in ("u", "y", "r"):
             signal = getattr(self, name)
             if signal is None and name == "r":
                 continue
             signal = real_array(name, signal, ndim=3)
-            if signal.shape != u.shape:
-                raise ValueError(f"{name} must have the shape of u, {u.shape}, got {signal.shape}")
+            shape = shape or signal.shape
+            if signal.shape != shape:
+                raise ValueError(f"{name} must have the shape of u, {shape}, got {signal.shape}")
             if signal.shape[0] < 1 or signal.shape[1] < 1 or signal.shape[2] < 4:
                 raise ValueError(
                     f"{name} must hold at least 1 realisation, 1 period and 4 samples, got shape {signal.shape}"
@@ -90,8 +92,8 @@ class Record:
                 object.__setattr__(self, name, signal)
         grid = self.lines
         highest = max(int(kind[-1]) for kind in (grid.excited, grid.odd, grid.even) if kind.size)
-        if 2 * highest >= u.shape[2]:
-            raise ValueError(f"lines must lie below the Nyquist line {u.shape[2] / 2:g}, got line {highest}")
+        if 2 * highest >= shape[2]:
+            raise ValueError(f"lines must lie below the Nyquist line {shape[2] / 2:g}, got line {highest}")
 
     @property
     def n_realizations(self) -> int:
@@ -124,12 +126,11 @@ class Record:
 
 def refuse_constant(name: str, signal: np.ndarray) -> None:
     """Refuse a realisation that never moves: there is nothing to identify from it."""
-    spread = np.ptp(signal.reshape(signal.shape[0], -1), axis=1)
-    if np.any(spread == 0):
-        m = int(np.argmin(spread))
-        raise ValueError(
-            f"{name} must vary, got the constant {signal[m].flat[0]:g} in realisation {m}. Is it the right channel?"
-        )
+    for m, one in enumerate(signal):
+        if is_constant(one):
+            raise ValueError(
+                f"{name} must vary, got the constant {one.flat[0]:g} in realisation {m}. Is it the right channel?"
+            )
 
 
 def join_records(records: Sequence[Record]) -> Record:

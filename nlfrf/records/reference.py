@@ -6,6 +6,7 @@ import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.shared.arguments import positive
+from nlfrf.shared.transforms import rfft_at
 from nlfrf.shared.wording import shown
 
 __all__ = ["played_period", "played_reference"]
@@ -55,7 +56,7 @@ def played_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
     k = design.lines.excited
     if 2 * k[-1] >= n_samples:
         raise ValueError(f"design must have lines below the Nyquist line {n_samples / 2:g}, got line {k[-1]}")
-    U = np.fft.rfft(u.mean(axis=1), axis=1)[:, k]
+    U = rfft_at(u.mean(axis=1), k)
     D = design.amplitude * np.exp(1j * design.phase)
     rows = []
     for m, one in enumerate(U):
@@ -69,7 +70,9 @@ def played_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
         spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
         spectrum[k] = D[best] * np.exp(-2j * np.pi * k * delay[best] / n_samples) * (n_samples / 2)
         rows.append(np.fft.irfft(spectrum, n_samples))
-    return np.repeat(np.array(rows)[:, None, :], u.shape[1], axis=1)
+    played = np.array(rows)
+    played.flags.writeable = False
+    return np.broadcast_to(played[:, None, :], u.shape)  # one period that stands for all of them
 
 
 def alignment(U: np.ndarray, D: np.ndarray, k: np.ndarray, n_samples: int) -> tuple[float, float]:

@@ -12,29 +12,31 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from nlfrf.excitation.lines import LineGrid, recognise
 
-__all__ = ["jumpy_grid", "played_lines"]
+__all__ = ["BEYOND", "jumpy_grid", "played_lines"]
 
 
 JUMPY = 2.5  # [dB] from one line to the next, in the median: noise has 4.8, a spectrum distorted by 20 % has 1.6
 BELOW = 6.0  # how far distortion stands under the lines beside it at least [dB]
 SHARE = 0.75  # of the power that the lines played must hold
 END = 8  # lines in step that are looked at on either side of the end of the band
+BEYOND = 4 * END  # lines beyond it
 MOST = 0.95  # of the lines in step that must stand out of the noise
 FEWEST = 12  # lines from which smooth is told from jumpy
 
 
-def played_lines(power: np.ndarray, found: np.ndarray) -> np.ndarray:
+def played_lines(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarray:
     """The lines found, or those of them that were played where the others are the actuator's distortion.
 
     Parameters
     ----------
     power : (K,) ndarray
-        Power of the lines 1 to K.
+        Power of the lines 1 to K, as many beyond those found as tell where the band ends, or all.
     found : (F,) int ndarray
         Lines that stand out of the noise.
+    total : float
+        Power of all lines.
     """
     level = 10 * np.log10(np.maximum(power, 1e-300))
-    total = power.sum()
     for pattern in patterns(level, found):
         if pattern.size < FEWEST:
             continue
@@ -90,7 +92,7 @@ def edge(level: np.ndarray) -> int:
 def beyond(played: np.ndarray, n_lines: int) -> np.ndarray:
     """As many lines beyond the band as lie in step inside it."""
     last = int(played[-1])
-    return np.arange(last + 1, min(n_lines, last + 4 * END) + 1)
+    return np.arange(last + 1, min(n_lines, last + BEYOND) + 1)
 
 
 def stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bool:
@@ -102,10 +104,9 @@ def stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> boo
     return bool(np.median(under) > 2 * BELOW or (np.median(under) > BELOW and jumps(level[others - 1]) > JUMPY))
 
 
-def jumpy_grid(u: np.ndarray, grid: LineGrid) -> float:
-    """How far the level of a grid found in u (M, P, N) jumps from line to line [dB]; 0 where it is smooth."""
+def jumpy_grid(power: np.ndarray, grid: LineGrid) -> float:
+    """How far the level of a grid found in the powers (K,) of the lines 1 to K jumps [dB]; 0 where it is smooth."""
     if grid.excited.size < FEWEST:
         return 0.0
-    power = np.mean(np.abs(np.fft.rfft(u.mean(axis=1), axis=1)[:, grid.excited]) ** 2, axis=0)
-    jump = jumps(10 * np.log10(np.maximum(power, 1e-300)))
+    jump = jumps(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
     return jump if jump > JUMPY else 0.0

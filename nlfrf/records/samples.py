@@ -10,13 +10,15 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
-from nlfrf.records.detection import detect_lines, detect_period
+from nlfrf.records.detection import line_powers, lines_in
 from nlfrf.records.faults import SEVERE, Track, clipped, longest_standstill, recut, track
 from nlfrf.records.output_faults import follow, on_the_clock_of_the_input
+from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, refuse_constant
 from nlfrf.records.reference import played_period, played_reference
 from nlfrf.records.regular_grids import jumpy_grid
 from nlfrf.shared.arguments import data_warning, integer, positive, real_array
+from nlfrf.shared.transforms import blocks, equal
 
 __all__ = ["record_from_samples", "records_from_streams"]
 
@@ -116,10 +118,16 @@ def records_from_streams(
     resample: bool,
     design: Multisine | None,
     hold: str | None,
+    labels: Mapping[str, Any] | None = None,
 ) -> list[Record]:
-    """`record_from_samples` for several outputs by name: a record each, all with the very same input."""
+    """`record_from_samples` for several outputs by name: a record each, all with the very same input, and its labels.
+
+    Streams that nobody can write go into the record as they are, where there is one realisation.
+    """
     fs, n_discard = positive("fs", fs), integer("n_discard", n_discard, least=0)
     streams = checked_streams(u, outputs, r)
+    labels = {name: (labels or {}).get(name, {}) for name in outputs}
+    del u, outputs, r  # long streams are held once
     excitation = streams.get("r", streams["u"])
     if n_samples is None:
         n_samples = whole_period(excitation[0], resample) if design is None else played_period(design, fs)
@@ -128,13 +136,20 @@ def records_from_streams(
         for one in signal:
             warn_about_channel(name, one, n_samples)
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
+    stream = excitation[0]
+    del streams, excitation
     tracks = follow_input(kept.get("r", kept["u"]), n_samples, n_discard, resample)
-    cut = cut_streams(kept, tracks, n_samples)
-    refuse_wrong_period(cut.get("r", cut["u"]), excitation[0])
+    n_periods = min(one.size for one in kept["u"]) // n_samples
+    # what may be cut once more is kept
+    cut = {
+        name: cut_stream(kept[name] if resample else kept.pop(name), tracks, n_periods, n_samples)
+        for name in list(kept)
+    }
+    refuse_wrong_period(cut.get("r", cut["u"]), stream)
     if lines is None:
         lines = grid_of(cut.get("r", cut["u"])) if design is None else design.lines
     if examine_outputs(kept, cut, tracks, lines, resample):
-        cut = cut_streams(kept, tracks, n_samples)
+        cut = {name: cut_stream(signal, tracks, n_periods, n_samples) for name, signal in kept.items()}
     if resample and all(tracks):  # so that f0 is what the input repeats at
         fs /= float(np.mean([where.spacing for where in tracks if where]))
     if design is not None:
@@ -142,9 +157,9 @@ def records_from_streams(
     if hold is None:
         hold = "unknown" if design is None else design.hold
     u, r = cut.pop("u"), cut.pop("r", None)
-    ys = list(cut.values())
-    first = Record(u=u, y=ys[0], r=r, fs=fs, lines=lines, hold=hold)
-    return [first, *(replace(first, y=y) for y in ys[1:])]
+    (y, label), *others = zip(cut.values(), labels.values(), strict=True)
+    first = Record(u=u, y=y, r=r, fs=fs, lines=lines, hold=hold, **label)
+    return [first, *(replace(first, y=y, **label) for y, label in others)]
 
 
 def follow_input(excitation: list[np.ndarray], n_samples: int, n_discard: int, resample: bool) -> list[Track | None]:
@@ -165,17 +180,17 @@ def follow_input(excitation: list[np.ndarray], n_samples: int, n_discard: int, r
     return [None] * len(excitation)
 
 
-def cut_streams(streams: Streams, tracks: list[Track | None], n_samples: int) -> dict[str, np.ndarray]:
-    """(M, P, N) of each signal: each period where it stands, or one after the other; as many as all have."""
-    n_periods = min(one.size for one in streams["u"]) // n_samples
-    cut = {}
-    for name, signal in streams.items():
-        rows = [
-            one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else recut(one, where)[0]
-            for one, where in zip(signal, tracks, strict=True)
-        ]
-        least = min(len(periods) for periods in rows)
-        cut[name] = np.stack([periods[:least] for periods in rows])
+def cut_stream(streams: list[np.ndarray], tracks: list[Track | None], n_periods: int, n_samples: int) -> np.ndarray:
+    """(M, P, N) of a signal: each period where it stands, or one after the other; as many as all have."""
+    rows = [
+        one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else recut(one, where)[0]
+        for one, where in zip(streams, tracks, strict=True)
+    ]
+    least = min(len(periods) for periods in rows)
+    if len(rows) == 1:
+        return rows[0][np.newaxis, :least]
+    cut = np.stack([periods[:least] for periods in rows])
+    cut.flags.writeable = False
     return cut
 
 
@@ -186,7 +201,7 @@ def examine_outputs(
     if cut["u"].shape[1] < 2:
         return False
     cured = False
-    for name in streams:
+    for name in cut:
         if name in ("u", "r"):
             continue
         for m, where in enumerate(tracks):
@@ -232,8 +247,9 @@ def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any) -> Streams:
 
 def grid_of(periodic: np.ndarray) -> LineGrid:
     """The lines found in an input or reference, with a warning where they look like the actuator's distortion."""
-    grid = detect_lines(periodic)
-    jump = jumpy_grid(periodic, grid)
+    power, noise = line_powers(periodic)
+    grid = lines_in(power, noise)
+    jump = jumpy_grid(power, grid)
     if jump:
         data_warning(
             f"the level of the {grid.excited.size} lines that were found in the input jumps by {jump:.1f} dB from line "
@@ -253,13 +269,13 @@ def refuse_fault(where: Track) -> None:
 
 def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     """Warn of a signal that is clipped or that stands still: both would read as distortion."""
-    share = clipped(signal)
+    begin, length = longest_standstill(signal)
+    share = clipped(signal) if length > 2 else 0.0
     if share > CLIPPED:
         data_warning(
             f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
             "lower the level or widen the range"
         )
-    begin, length = longest_standstill(signal)
     if length > n_samples // 4:
         data_warning(
             f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
@@ -292,11 +308,20 @@ def whole_period(u: np.ndarray, resample: bool) -> int:
 
 def refuse_wrong_period(u: np.ndarray, stream: np.ndarray) -> None:
     """Refuse periods that do not repeat each other: the period, or the signal, is not what was said."""
-    if u.shape[1] < 2:
+    _, n_periods, n_samples = u.shape
+    if n_periods < 2:
         return
-    centred = u - u.mean(axis=(1, 2), keepdims=True)
-    unexplained = np.sum((centred - centred.mean(axis=1, keepdims=True)) ** 2) / np.sum(centred**2)
-    if unexplained > REPEATS:
+    lost, whole = 0.0, 0.0
+    for one in u:
+        if all(equal(one[0], period) for period in one[1:]):
+            continue
+        middle = one.mean()
+        for some in blocks(n_samples, n_periods):
+            mean = np.add.reduce(one[:, some]) / n_periods
+            lost += sum(float(np.sum((period - mean) ** 2)) for period in one[:, some])
+            whole += n_periods * float(np.sum((mean - middle) ** 2))
+    if lost > REPEATS * (whole + lost):
+        unexplained = lost / (whole + lost)
         try:
             found = f"its autocorrelation points to {detect_period(stream):.1f}"
         except ValueError:

@@ -10,7 +10,7 @@ whole_files   files that are written whole or not at all
 own_process   files read by a library that may crash, in a process of its own
 command       what the two commands share: versions, warnings and refusals in one line
 axes          axes, grids and decibels of every picture
-transforms    Fourier transforms that NumPy does not name
+transforms    long signals: a block at a time, Fourier transforms that NumPy does not name
 leastsquares  small least-squares problems in many windows of lines at once
 roy           the law of the largest singular value of a matrix of estimates
 """

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from nlfrf.shared.transforms import all_finite
 from nlfrf.shared.wording import shown
 
 __all__ = [
@@ -104,7 +105,7 @@ def real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
     if array.ndim != ndim:
         raise ValueError(f"{name} must have {ndim} axes, got shape {array.shape}")
     array = np.asarray(array, dtype=float)
-    if not np.isfinite(array).all():
+    if not all_finite(array):
         bad = int(np.count_nonzero(~np.isfinite(array)))
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         where = first[0] if ndim == 1 else first

@@ -1,27 +1,32 @@
 """A file read in a process of its own, with a time and a memory limit.
 
 Libraries in C can hang, run out of memory or crash on a damaged file, and nothing in Python can stop them. So such a
-file is read by a child, which hands the arrays over as NPZ; whatever happens to it there ends as one clear error here.
+file is read by a child, which hands the arrays over through a pipe, a block at a time: neither of the two ever holds
+an array twice. Whatever happens to the child ends as one clear error here.
+
+    {"arrays": [[name, type, shape], ...], "units": ..., "clocks": ..., "notes": ...}  newline  the arrays, in C order
 """
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import subprocess
 import sys
+import tempfile
+import threading
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
-__all__ = ["Found", "read_apart"]
+__all__ = ["FACTOR", "MEMORY", "Found", "most", "read_apart", "receive", "send"]
 
 
 SECONDS, PER_BYTE = 20.0, 1e-7  # time allowed: a start, and a slow disk
 MEMORY, FACTOR = 4 << 30, 20  # bytes allowed: a base, and so many times the size of the file
+BLOCK = 1 << 20  # bytes handed over at a time
 #: What a file holds, by name: arrays, units, clocks (a frequency [Hz] or the name of a time channel; "" is for all
 #: channels), and why something in it is no signal.
 Found = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
@@ -39,19 +44,83 @@ def read_apart(room: str, path: Path) -> Found:
     """
     limit = SECONDS + PER_BYTE * path.stat().st_size
     command = [sys.executable, "-I", __file__, room, str(path)]
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=limit, check=False)
-    except subprocess.TimeoutExpired:
-        raise ValueError(f"its library did not come to an end within {limit:g} s") from None
-    if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
+    late = threading.Event()
+    with tempfile.TemporaryFile() as errors, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as reader:
+
+        def stop() -> None:
+            late.set()
+            reader.kill()
+
+        clock = threading.Timer(limit, stop)
+        clock.start()
+        try:
+            assert reader.stdout is not None
+            found = receive(reader.stdout, most(path))
+        except BaseException:
+            reader.kill()  # so that nobody waits for a child that waits for a reader
+            raise
+        finally:
+            code = reader.wait()
+            clock.cancel()
+        errors.seek(0)
+        said = errors.read().decode(errors="replace").strip().splitlines()
+    if late.is_set():
+        raise ValueError(f"its library did not come to an end within {limit:g} s")
+    if code != 0 or found is None:
         if said and said[-1].startswith("ModuleNotFoundError"):
             raise ModuleNotFoundError(said[-1], name=said[-1].split("'")[1])
-        raise ValueError(said[-1] if said else f"its library crashed, exit code {done.returncode}")
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as archive:
-        names, *rest = json.loads(str(archive["about"]))
-        units, clocks, notes = rest
-        return {name: archive[f"a{i}"] for i, name in enumerate(names)}, units, clocks, notes
+        raise ValueError(said[-1] if said else f"its library crashed, exit code {code}")
+    return found
+
+
+def most(path: Path) -> int:
+    """Bytes that what is read from a file may take."""
+    return MEMORY + FACTOR * path.stat().st_size
+
+
+def receive(stream: IO[bytes], limit: int) -> Found | None:
+    """What `send` wrote; None where it ends before it is whole."""
+    head = stream.readline()
+    if not head.endswith(b"\n"):
+        return None
+    about = json.loads(head)
+    kinds = [(name, np.dtype(kind), tuple(shape)) for name, kind, shape in about["arrays"]]
+    if sum(kind.itemsize * int(np.prod(shape, dtype=object)) for _, kind, shape in kinds) > limit:
+        raise MemoryError
+    arrays = {}
+    for name, kind, shape in kinds:
+        arrays[name] = np.empty(shape, kind)
+        left: Any = arrays[name].reshape(-1).view(np.uint8).data if arrays[name].nbytes else b""
+        while left:
+            n = stream.readinto(left)  # type: ignore[attr-defined]
+            if not n:
+                return None
+            left = left[n:]
+    return arrays, about["units"], about["clocks"], about["notes"]
+
+
+def send(found: Any, stream: IO[bytes]) -> None:
+    """Hand over what a room found, a block at a time.
+
+    An array may be anything with a shape and a type that gives arrays when it is cut along its first axis, so that a
+    room need not read it whole; its ``rows``, where it has any, are how many are best read together.
+    """
+    arrays, *rest = found
+    kinds = [[name, np.dtype(array.dtype).str, list(array.shape)] for name, array in arrays.items()]
+    about = {"arrays": kinds} | dict(zip(("units", "clocks", "notes"), rest, strict=True))
+    stream.write(json.dumps(about).encode() + b"\n")
+    for name in list(arrays):
+        array = arrays.pop(name)  # what is handed over need not be kept
+        if array.dtype.hasobject:
+            raise ValueError(f"{name!r} holds objects")
+        if not array.shape:
+            stream.write(np.asarray(array[()]).tobytes())
+            continue
+        together = getattr(array, "rows", 1)
+        row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
+        step = together * max(1, BLOCK // (row * together))
+        for first in range(0, array.shape[0], step):
+            stream.write(np.ascontiguousarray(array[first : first + step]).view(np.uint8).data)
 
 
 def child(room: str, path: Path) -> None:
@@ -59,27 +128,17 @@ def child(room: str, path: Path) -> None:
     try:
         import resource
 
-        limit = MEMORY + FACTOR * path.stat().st_size
-        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+        resource.setrlimit(resource.RLIMIT_AS, (most(path), most(path)))
     except (ImportError, ValueError, OSError):
         pass  # no such limit on this system
     with os.fdopen(os.dup(1), "wb") as answer:
         os.dup2(2, 1)  # what a library prints is no part of the answer
-        answer.write(packed(room, path))
-
-
-def packed(room: str, path: Path) -> memoryview:
-    """What a room finds in a file, as the bytes of an NPZ file."""
-    spec = spec_from_file_location("room", room)
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    arrays, units, clocks, notes = module.contents(path)
-    stream = io.BytesIO()
-    about: Any = json.dumps([list(arrays), units, clocks, notes])
-    np.savez(stream, about=about, **{f"a{i}": array for i, array in enumerate(arrays.values())})
-    return stream.getbuffer()
+        spec = spec_from_file_location("room", room)
+        assert spec is not None
+        assert spec.loader is not None
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        send(module.contents(path), answer)
 
 
 if __name__ == "__main__":

@@ -79,8 +79,12 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
 
 
 def frozen(array: np.ndarray, copy: bool) -> np.ndarray:
-    """A read-only copy; the array itself where nobody else can write it, or where a copy is not asked for."""
-    if copy and (array.flags.writeable or array.base is not None):
+    """A read-only copy; the array itself where nobody else can write it, or where a copy is not asked for.
+
+    A view is its own where the array that it looks into is read-only too.
+    """
+    owner = array if array.base is None else array.base
+    if copy and (array.flags.writeable or not isinstance(owner, np.ndarray) or owner.flags.writeable):
         array = array.copy()
     array.setflags(write=False)
     return array

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from nlfrf import DataWarning, LineGrid, Record, multisine, record_from_samples
-from nlfrf.records.detection import detect_lines, detect_period
+from nlfrf.records.detection import detect_lines
+from nlfrf.records.period import detect_period
 
 
 def stream(kind="special-odd", *, n_periods=3, snr=None, amplitude=None, fs=1024, n_samples=1024, f_max=300, rng=0):

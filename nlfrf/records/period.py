@@ -1,0 +1,179 @@
+"""The period of a signal, found in what was measured: where the signal is like itself.
+
+The autocorrelation of a whole record takes several times its memory. So a long one is first looked at for exact
+repeats, as a generator makes them, and then through a keyhole: coarsely where it is smooth, or by looking for the
+samples at one end of it everywhere else. What is found so is held against the whole record, at a few lags.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf.records.coarse import coarse, smooth_over
+from nlfrf.shared.transforms import blocks, equal, fast_length
+
+__all__ = ["detect_period"]
+
+
+LONG = 1 << 17  # samples that a whole autocorrelation may take
+HEAD = 256  # samples that are looked for to the last bit
+TRIES = 1000  # places that begin like the head, before an exact repeat is given up
+TEMPLATE = 1 << 14  # samples at one end of a record that are looked for elsewhere
+LESS = 0.05  # how much less like itself a signal may be there than over all of it
+CANDIDATES = 64  # lags that are held against all of it
+PART = 1 << 21  # samples by which that is done
+MOVES = 8  # that a lag may take until it is known to less than a sample
+LIKE = 0.5  # correlation at the period, at least
+
+
+def detect_period(u: np.ndarray) -> float:
+    """The period of a signal in samples, not rounded, from its autocorrelation.
+
+    Parameters
+    ----------
+    u : (n,) ndarray
+        At least two periods.
+
+    Raises
+    ------
+    ValueError
+        The signal does not repeat within its length.
+    """
+    if u.size > LONG:
+        period = exact_period(u) or long_period(u)
+        if period:
+            return period
+    return by_autocorrelation(u)
+
+
+def by_autocorrelation(u: np.ndarray) -> float:
+    """`detect_period` by the autocorrelation of all of it."""
+    u = u - u.mean()
+    n = u.size
+    n_padded = fast_length(2 * n)
+    correlation = np.fft.irfft(np.abs(np.fft.rfft(u, n_padded)) ** 2, n_padded)[: n // 2 + 1]
+    # normalised by the energy of the two overlapping pieces, so that a repetition gives 1 at any lag
+    energy = np.concatenate(([0.0], np.cumsum(u**2)))
+    lag = np.arange(correlation.size)
+    overlap = np.sqrt(energy[n - lag] * (energy[-1] - energy[lag]))
+    rho = correlation / np.maximum(overlap, np.finfo(float).tiny)
+    negative = np.flatnonzero(rho < 0)  # past the main lobe around lag 0
+    if negative.size:
+        rho[: negative[0]] = 0.0
+        if rho.max() > 0.5:
+            top = tops(rho)
+            best = top.max()
+            peak = int(np.argmax(top > best - 0.1 * (1 - best) - 0.02))
+            reach = slice(peak, min(peak + max(3, peak // 100), rho.size))
+            peak += int(np.argmax(top[reach]))
+            return peak + vertex(rho, peak)
+    raise ValueError(f"u must repeat at least once within its {n} samples for its period to be found; give n_samples")
+
+
+def tops(rho: np.ndarray) -> np.ndarray:
+    """The same, with each peak as high as the parabola through it: one between two samples is no lower than others."""
+    left, middle, right = rho[:-2], rho[1:-1], rho[2:]
+    peak = (middle > 0) & (middle >= left) & (middle > right)
+    raised = rho.copy()
+    left, middle, right = left[peak], middle[peak], right[peak]
+    raised[1:-1][peak] += (left - right) ** 2 / (8 * (2 * middle - left - right))
+    return raised
+
+
+def vertex(rho: np.ndarray, peak: int) -> float:
+    """Offset of the top of the parabola through a peak and its neighbours."""
+    if not 0 < peak < rho.size - 1:
+        return 0.0
+    left, top, right = rho[peak - 1 : peak + 2]
+    curvature = left - 2 * top + right
+    return float(0.5 * (left - right) / curvature) if curvature < 0 else 0.0
+
+
+def exact_period(u: np.ndarray) -> float:
+    """The least lag at which a signal repeats to the last bit, 0 where it does not."""
+    head = u[:HEAD]
+    anchor = int(np.argmax(np.abs(head - head.mean())))  # a value that is not met everywhere
+    tries = 0
+    if np.ptp(head) == 0:
+        return 0.0
+    for some in blocks(u.size // 2 - 1):
+        first = some.start + 1
+        for at in np.flatnonzero(u[first + anchor : some.stop + 1 + anchor] == head[anchor]).tolist():
+            lag = first + at
+            tries += 1
+            if np.array_equal(u[lag : lag + HEAD], head) and equal(u[lag:], u[:-lag]):
+                return float(lag)
+            if tries == TRIES:
+                return 0.0
+    return 0.0
+
+
+def long_period(u: np.ndarray) -> float:
+    """The period of a long signal, 0 where it is not found by less than its whole autocorrelation."""
+    step = smooth_over(u)
+    rough = coarse(u[np.newaxis, : u.size // step * step], step)[0]
+    rough = rough - rough.mean()
+    found = template_lags(rough)
+    if not found:
+        return 0.0
+    best = likeness(u, round(step * max(found, key=lambda lag: found[lag])))
+    for lag in found:
+        like = likeness(u, step * lag)
+        if like > LIKE and is_as_good(like, best):
+            return refined(u, step * lag, step)
+    return 0.0
+
+
+def is_as_good(like: float, best: float) -> bool:
+    """Whether a correlation is as good as the best one: the first lag that is, is the period."""
+    return like > best - 0.1 * (1 - best) - 0.02
+
+
+def template_lags(u: np.ndarray) -> dict[int, float]:
+    """Lags, increasing, at which the samples at the stronger end of a signal (n,) are found again, and how well."""
+    n, length = u.size, min(TEMPLATE, u.size // 8)
+    ends = float(np.vdot(u[:length], u[:length])), float(np.vdot(u[-length:], u[-length:]))
+    u = u if ends[0] >= ends[1] else u[::-1]
+    size = fast_length(8 * length)
+    template, energy = np.fft.rfft(u[:length], size).conj(), max(ends)
+    found: dict[int, float] = {}
+    negative = False  # past the main lobe around lag 0
+    for first in range(0, n // 2, size - length - 1):  # the lags of two neighbours overlap, so that each has its own
+        part = u[first : first + size]
+        rho = np.fft.irfft(np.fft.rfft(part, size) * template, size)[: min(part.size - length, n // 2 + 1 - first) + 1]
+        sums = np.concatenate(([0.0], np.cumsum(part**2)))
+        sums = (sums[length:] - sums[:-length])[: rho.size]
+        rho /= np.sqrt(np.maximum(energy * sums, np.finfo(float).tiny))
+        if not negative:
+            below = np.flatnonzero(rho < 0)
+            negative = below.size > 0
+            rho[: below[0] if negative else rho.size] = 0.0
+        peaks = np.flatnonzero((rho[1:-1] > LIKE) & (rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
+        found |= dict(zip((first + peaks).tolist(), tops(rho)[peaks].tolist(), strict=True))
+        best = max(found.values(), default=0.0)
+        kept = [lag for lag, like in found.items() if is_as_good(like, best - LESS)]
+        found = {lag: found[lag] for lag in kept[:CANDIDATES]}
+    return found
+
+
+def likeness(u: np.ndarray, lag: int) -> float:
+    """The correlation of a signal with itself `lag` samples later, over as many as tell, in the middle of it."""
+    first = max(0, (u.size - lag - PART) // 2)
+    early, late = u[first : u.size - lag][:PART], u[first + lag :][:PART]
+    mean = np.add.reduce(early) / early.size, np.add.reduce(late) / late.size
+    power = np.vdot(early, early) / early.size - mean[0] ** 2, np.vdot(late, late) / late.size - mean[1] ** 2
+    common = np.vdot(early, late) / early.size - mean[0] * mean[1]
+    return float(common / np.sqrt(max(power[0] * power[1], np.finfo(float).tiny)))
+
+
+def refined(u: np.ndarray, lag: int, step: int) -> float:
+    """The lag near one, to less than a sample, at which a signal that is smooth over `step` is most like itself."""
+    middle = lag
+    for _ in range(MOVES):
+        like = np.array([likeness(u, middle + shift) for shift in (-step, 0, step)])
+        offset = step * vertex(like, 1)
+        if like[1] == like.max() and abs(offset) <= 0.5 * max(1, step // 4):
+            return middle + offset
+        # from the slope of a parabola where it has a top
+        middle += round(offset) if like[1] == like.max() else step if like[2] > like[0] else -step
+    return float(lag)
