@@ -6,7 +6,6 @@ import resource
 import subprocess
 import sys
 import tempfile
-import time
 import warnings
 from pathlib import Path
 
@@ -17,21 +16,41 @@ from benchmarks.timing import in_turn
 from nlfrf.readers import tables
 
 SIZES = {"4 thousand rows": (2048, 2), "a million rows": (250_000, 4)}
-LONG = (1 << 20, 4)  # samples of a period, periods
-#: Of Linux: the peak of this program alone, where getrusage has that of the one which started it.
-PEAK = "print(next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')))"
+SHORTER, LONG = (1 << 20, 4), (1 << 22, 4)  # samples of a period, periods
+#: Memory before, its peaks after loading and after identify [kB], and the processor's time of both [s].
+MEASURED = """
+import resource, sys, time, nlfrf, pandas, scipy.fft
+def peak(): return next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM'))
+def spent():
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in used)
+nlfrf.load_record, nlfrf.identify
+import nlfrf.files.records, nlfrf.identification.identify
+before, begin = peak(), spent()
+record = nlfrf.load_record(sys.argv[1])
+loaded, middle = peak(), spent()
+nlfrf.identify(record)
+print(before, loaded, peak(), middle - begin, spent() - middle)
+"""
 
 
-def written(path: Path, n_samples: int, n_periods: int) -> nlfrf.Record:
-    """A record on disk, as its suffix says."""
+def written(path: Path, n_samples: int, n_periods: int, kept: bool = True) -> nlfrf.Record:
+    """A record on disk, as its suffix says: kept by this package, or streams alone as an instrument writes them."""
     rng = np.random.default_rng(0)
     ms = nlfrf.multisine(fs=1000, n_samples=n_samples, f_min=1000 / n_samples, f_max=2e6 / n_samples / 8, rng=rng)
     u = np.tile(ms.u[:, None], (1, n_periods, 1))
-    record = nlfrf.Record(u=u, y=u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape), fs=1000, lines=ms.lines)
-    if path.suffix == ".csv":
+    y = u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape)
+    u += 0.003 * rng.standard_normal(u.shape)  # measured as y is
+    record = nlfrf.Record(u=u, y=y, fs=1000, lines=ms.lines)
+    if kept:
         nlfrf.save_record(record, path)
-    else:  # as an instrument writes it: no periods, no lines
-        np.savez(path, u=record.u.ravel(), y=record.y.ravel(), fs=1000.0)
+    elif path.suffix == ".npz":
+        np.savez(path, u=u.ravel(), y=y.ravel(), fs=1000.0)
+    else:
+        import h5py
+
+        with h5py.File(path, "w") as file:
+            file["u"], file["y"], file.attrs["fs"] = u.ravel(), y.ravel(), 1000.0
     return record
 
 
@@ -58,22 +77,29 @@ def against_pandas(folder: Path) -> None:
 
 
 def long_records(folder: Path) -> None:
-    """Peak memory of a process that loads, over the size of the samples; its time over that of identify."""
-    for suffix in (".npz", ".csv"):
+    """What a process that loads and identifies takes of memory over the file, and of time one over the other."""
+    cases = [(SHORTER, ".npz", True), (SHORTER, ".h5", False), (SHORTER, ".h5", True), (SHORTER, ".csv", True)]
+    for size, suffix, kept in [(SHORTER, ".npz", False), *cases, (LONG, ".npz", False), (LONG, ".npz", True)]:
         path = folder / f"long{suffix}"
-        record = written(path, *LONG)
-        size = record.u.nbytes + record.y.nbytes
-        begin = time.process_time()
-        nlfrf.identify(record)
-        identified = time.process_time() - begin
-        code = f"import nlfrf, time\nnlfrf.load_record\na=time.process_time()\n{PEAK}\n"
-        code += f"nlfrf.load_record({str(path)!r}, n_samples={LONG[0]})\nprint(time.process_time() - a)\n{PEAK}"
-        said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
-        peak = 1024 * (int(said[2]) - int(said[0])) / max(size, path.stat().st_size)
+        record = written(path, *size, kept=kept)
+        held = record.u.nbytes + record.y.nbytes
+        del record
+        said = [
+            subprocess.run(
+                [sys.executable, "-c", MEASURED, path], check=True, capture_output=True, text=True
+            ).stdout.split()
+            for _ in range(3)
+        ]
+        before, loaded, identified = (1024 * min(int(one[i]) for one in said) for i in range(3))
+        load, identify = (min(float(one[i]) for one in said) for i in (3, 4))
+        file = max(held, path.stat().st_size)
         print(
-            f"{suffix}, {record.u.size / 1e6:.0f} M samples, {path.stat().st_size / 1e6:.0f} MB: loaded in "
-            f"{float(said[1]):.2f} s (identify {identified:.2f} s), peak memory {peak:.1f} times the file"
+            f"{suffix}{' of save_record' if kept else ', streams alone'}, {size[0] * size[1] / 1e6:.0f} M samples, "
+            f"{path.stat().st_size / 1e6:.0f} MB: peak memory {(loaded - before) / file:.2f} times the file to load, "
+            f"{(identified - before) / file:.2f} with identify; loaded in {load:.2f} s, {load / identify:.1f} times "
+            f"identify ({identify:.2f} s)"
         )
+        path.unlink()
 
 
 def imports() -> None:
