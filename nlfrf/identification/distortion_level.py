@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,7 +18,17 @@ from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import mean_power, rms, squared
 from nlfrf.shared.values import value
 
-__all__ = ["Level", "choose_source", "fit_each", "level_from_detection", "pool_levels", "read_level", "smooth_frf"]
+__all__ = [
+    "Level",
+    "choose_source",
+    "doubt_at_ends",
+    "fit_each",
+    "level_from_detection",
+    "pool_levels",
+    "read_level",
+    "smooth_frf",
+    "widened",
+]
 
 
 SIDE = 9  # lines over which a level is held against the scatter
@@ -32,6 +43,8 @@ RARE = np.log(4.0)  # for how many of the others it counts where the lines do no
 BENT = 3.0  # how far a roughness above a reading speaks against it: beyond that it is G that bends
 DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands for: 1.1 dB, as calibrations are good
 MANY = 20  # lines over which roughness shows most of the distortion
+SHOWN = 3  # windows over which a band shows how its level varies
+TAIL = 0.05  # of a bound at 95 %
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
 
 
@@ -52,6 +65,8 @@ class Level:
     even : (F,) ndarray
         The variance that the even lines tell, with its noise left in: an upper limit where there is nothing but noise.
         nan without them.
+    doubt : (F,) ndarray
+        Variance of the logarithm of the level beyond that of its degrees of freedom, at the ends of the band.
     """
 
     variance: np.ndarray
@@ -59,17 +74,74 @@ class Level:
     dof: np.ndarray
     grid_factor: np.ndarray
     even: np.ndarray
+    doubt: np.ndarray | float = 0.0
 
 
 def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None) -> Level:
     """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight."""
     if source == "detection":
-        return level_from_detection(excited, answer, fit)
-    even = even_variance(excited, answer)
-    if fit is None:
+        level = level_from_detection(excited, answer, fit)
+    elif fit is None:
+        even = even_variance(excited, answer)
         nothing = np.zeros(even.size)
         return Level(variance=nothing, cautious=nothing, dof=nothing, grid_factor=np.ones(even.size), even=even)
-    return level_from_roughness(fit, even)
+    else:
+        level = level_from_roughness(fit, even_variance(excited, answer))
+    if excited.lines.size < SHOWN * SIDE:
+        return level
+    gain = squared(answer.G.take(excited.where.excited))
+    return replace(level, doubt=doubt_at_ends(level, gain, excited.where, source == "detection"))
+
+
+def doubt_at_ends(level: Level, gain: np.ndarray, where: Places, detection: bool) -> np.ndarray:
+    """(F,) variance of the logarithm of a level on the lines of which its windows do not tell.
+
+    Those at the ends of the band lie to one side of their lines, by up to half their width. How far a level changes
+    over that is taken from how it changes over the band: evenly over its lines, or over the logarithm of frequency,
+    whichever is more, each by the mean square between windows that share no line, less what chance makes of it. |G|^2
+    is taken off where that leaves less.
+    """
+    aside, weight, of_chance = one_sided(where, detection)
+    both = np.empty((2, gain.size))
+    both[0] = level.cautious
+    np.divide(level.cautious, gain, out=both[1])
+    np.log(np.maximum(both, np.finfo(float).tiny), out=both)
+    change = both[:, SIDE:] - both[:, :-SIDE]
+    change *= change
+    told = np.minimum.reduce(change @ weight) - 2 * gain.size / np.add.reduce(level.dof) * of_chance  # (2,)
+    if told[0] <= 0 and told[1] <= 0:
+        return np.zeros(gain.size)
+    aside = aside * told[:, None]
+    return np.maximum(np.maximum(aside[0], aside[1]), 0.0)
+
+
+@lru_cache(maxsize=KEPT)
+def one_sided(where: Places, detection: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How far the windows at the ends stand aside of their lines (2, F): in windows, and in logarithm of frequency.
+
+    The weights (F - 9, 2) with which squared changes over nine lines tell the change by either; and their sums (2,).
+    """
+    lines = where.lines[where.excited].astype(float)
+    seen = where.detection[where.near_odd] if detection else lines[where.near_excited]
+    window = SIDE * (lines[-1] - lines[0]) / (lines.size - 1)
+    aside = np.abs([(seen.mean(axis=1) - lines) / window, np.log(seen).mean(axis=1) - np.log(lines)])
+    aside[:, SIDE // 2 : -(SIDE // 2)] = 0.0
+    apart = np.log(lines[SIDE:] / lines[:-SIDE])
+    weight = np.stack([np.full(apart.size, 1 / apart.size), apart / (apart @ apart)], axis=1)
+    of_chance = weight.sum(axis=0)
+    for array in (aside, weight, of_chance):
+        array.flags.writeable = False
+    return aside, weight, of_chance
+
+
+def widened(dof: np.ndarray, doubt: np.ndarray | float) -> np.ndarray:
+    """(F,) what a variance is multiplied by so that it holds at 95 % where its logarithm is in doubt.
+
+    It counts as one of fewer degrees of freedom, at least one. The degrees of freedom stay as they are: their tails,
+    which all lines together ask for, are far beyond those of such a doubt.
+    """
+    fewer = np.maximum(dof / (1 + dof * doubt), np.minimum(dof, 1.0))
+    return np.asarray(fewer * (TAIL ** (-1 / fewer) - 1) / (dof * (TAIL ** (-1 / dof) - 1)))
 
 
 def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None) -> Level:
@@ -135,7 +207,10 @@ def pool_levels(frf: Frf, level: Level, n: int) -> tuple[np.ndarray, np.ndarray]
     """
     few = 1 + COMMON / frf.G.size
     if n == 1:
-        return few * level.cautious, level.dof
+        variance = few * level.cautious
+        if np.any(level.doubt):
+            variance = variance * widened(level.dof, level.doubt)
+        return variance, level.dof
     if not level.dof.any():
         return frf.var_total, np.full(frf.G.size, n - 1.0)
     scatter = n * frf.var_total
@@ -143,7 +218,9 @@ def pool_levels(frf: Frf, level: Level, n: int) -> tuple[np.ndarray, np.ndarray]
     ratio = (scatter + tiny) / (few * level.cautious + tiny)
     alone, around = np.maximum(np.log(ratio), 0.0), np.log(local_mean(ratio, SIDE))
     chance = 1 / (n - 1) + 1 / level.dof
-    doubt = DOUBT + np.maximum(alone**2 - 4 * chance, 0.0) + np.maximum(around**2 - 4 * chance / SIDE, 0.0)
+    doubt = (
+        DOUBT + level.doubt + np.maximum(alone**2 - 4 * chance, 0.0) + np.maximum(around**2 - 4 * chance / SIDE, 0.0)
+    )
     dof_level = 1 / (1 / level.dof + doubt)
     dof = n - 1 + dof_level
     return ((n - 1) * frf.var_total + dof_level * few * level.cautious / n) / dof, dof

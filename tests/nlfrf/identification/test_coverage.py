@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from benchmarks.coverage import measure_hard
-from nlfrf import LineGrid
-from nlfrf.identification.distortion_level import Level, pool_levels
+from nlfrf import LineGrid, multisine
+from nlfrf.identification.distortion_level import Level, doubt_at_ends, pool_levels, widened
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import fit_locally
 from nlfrf.identification.neighbours import place_lines
+
+FINE = dict(n_samples=2048, f_min=0.5, f_max=90)
 
 
 def complex_normal(rng, shape):
@@ -27,6 +29,10 @@ def complex_normal(rng, shape):
         (("Wiener", "special-odd", 1, 1, None, dict(f_max=40), 0), "60 % on the last line"),
         (("Wiener", "special-odd", 1, 1, None, dict(f_min=10), 0), "2.2 times as wide as it had to be"),
         (("sensor", "special-odd", 1, 1, None, dict(f_min=3, f_max=170), 0), "2.3 times as wide"),
+        (("one way", "random-odd", 1, 1, None, FINE, 0), "a level that rises towards the last line: 66 % there"),
+        (("one way", "odd", 1, 1, None, FINE, 0), "74 % on the first line"),
+        (("slipping", "full", 1, 1, None, FINE, 0), "a level that falls with frequency: 63 % on the first line"),
+        (("slipping", "special-odd", 1, 2, 20, FINE, 0), "87 % on the first three lines"),
     ],
     ids=lambda case: "-".join(map(str, case[:4])) if isinstance(case, tuple) else "",
 )
@@ -49,6 +55,38 @@ def test_a_realisation_of_low_peaks_does_not_stand_for_others():
     assert scores[0] > 91.5
     assert scores[4] > 91
     assert np.all(scores[[1, 2, 5, 6]] > 88)
+
+
+@pytest.mark.parametrize("detection", [True, False], ids=["detection", "roughness"])
+def test_a_level_that_varies_is_in_doubt_at_the_ends_alone(detection):
+    """A random walk in the logarithm of the level: the doubt is its variance from the window to the line."""
+    grid = multisine(
+        "random-odd" if detection else "full", fs=16384, n_samples=16384, f_min=6000, f_max=6800, rng=0
+    ).lines
+    where, rng = place_lines(grid), np.random.default_rng(1)
+    ones, step, told, flat = np.ones(grid.excited.size), 0.2, [], []
+    for _ in range(200):
+        walk = np.cumsum(step * rng.standard_normal(ones.size))
+        chance = rng.standard_normal(ones.size) * 0.01
+        for logarithm, into in ((walk, told), (0.0, flat)):
+            variance = np.exp(logarithm + chance)
+            level = Level(variance=variance, cautious=variance, dof=1e4 * ones, grid_factor=ones, even=ones)
+            into.append(doubt_at_ends(level, ones, where, detection))
+    told, flat = np.mean(told, axis=0), np.mean(flat, axis=0)
+    assert not told[4:-4].any()
+    assert flat.max() < 1e-3
+    seen = where.detection[where.near_odd] if detection else where.lines[where.excited][where.near_excited]
+    apart = np.abs(seen.mean(axis=1) - grid.excited) / np.mean(np.diff(grid.excited))
+    np.testing.assert_allclose(told[[0, 1, -2, -1]], step**2 * apart[[0, 1, -2, -1]], rtol=0.25)
+
+
+def test_a_level_in_doubt_is_widened_as_far_as_two_realisations_and_no_farther():
+    six = np.full(4, 6.0)
+    wider = widened(six, np.array([0.0, 0.1, 1 / 3, 1e6]))
+    assert wider[0] == 1
+    assert np.all(np.diff(wider) > 0)
+    quantile = (0.05 ** (-1 / 2) - 1) * 2, 1 / 0.05 - 1  # of F(2, 4) and F(2, 2) at 95 %
+    np.testing.assert_allclose(wider[2:], np.array(quantile) / (6 * (0.05 ** (-1 / 6) - 1)))
 
 
 def test_a_denominator_is_not_fitted_to_noise():
