@@ -8,6 +8,7 @@ controllers    what is put around a rig, checked
 closed_loop    a sampled controller around the rig, or a stack of them
 axes_loop      a controller matrix around several axes
 loop_runs      the same stack of loops as the compiled code takes it
+loop_results   what is wanted of each of them, found where they are computed
 loop_response  what a loop did, and what became of it
 runs           many runs in parallel, resumed after a break
 """

@@ -18,6 +18,7 @@ import numpy as np
 from nlfrf.bench.axes_loop import loop_of_axes
 from nlfrf.bench.controllers import matrices
 from nlfrf.bench.loop_response import LoopResponse
+from nlfrf.bench.loop_results import Wanted, results, told, travels
 from nlfrf.bench.loop_runs import LoopRuns, Parts, respond
 from nlfrf.bench.motion import some_samples
 from nlfrf.bench.rig import Rig, one_axis
@@ -119,7 +120,9 @@ def simulate_loop(
         disturbance=fitted("disturbance", disturbance, r.size)[None],
         noise=fitted("noise", noise, r.size)[None],
     )
-    return told(runs, respond(runs))[0]
+    out = respond(runs)
+    warn_lost(float(out["lost"].max()))
+    return told(runs, out)[0]
 
 
 def simulate_loops(
@@ -164,8 +167,10 @@ def simulate_loops(
         Folder that keeps every finished part, 40 bytes a sample. Run again after an interruption, with the same
         arguments, only the others are computed.
     of : callable, optional
-        What is wanted of each response, ``lambda response: response.outcome`` say. The responses themselves are let go,
-        so that thousands of runs take no memory.
+        What is wanted of each response, ``lambda response: response.outcome(0.2)`` say. The responses themselves are
+        let go, so that thousands of runs take no memory. With an executor, a function that pickles (of a module, or a
+        `functools.partial` of one) is called where the run is computed, and only what it gives comes back; a lambda
+        is called here, and so is any function with `resume`, whose folder keeps the runs themselves.
 
     Returns
     -------
@@ -214,10 +219,13 @@ def simulate_loops(
         rig, controllers, r, fs, saturation, resolution, delay, np.atleast_2d(initial), oversampling, **parts, n=n_runs
     )
     parts_of_runs = Parts(runs, max(1, CHUNK // r.shape[1]))
+    # what a folder keeps are the runs themselves, whatever is wanted of them
+    there = of is not None and executor is not None and resume is None and travels(of)
+    task = Wanted(of) if of is not None and there else respond
     found: dict[int, list[Any]] = {}
-    for i, out in run_each(respond, parts_of_runs, executor=executor, progress=progress, resume=resume):
-        responses = told(parts_of_runs[i], out)
-        found[i] = responses if of is None else [of(response) for response in responses]
+    for i, out in run_each(task, parts_of_runs, executor=executor, progress=progress, resume=resume):
+        warn_lost(float(out["lost"].max()))
+        found[i] = results(parts_of_runs[i], out, of)
     return [one for i in range(len(parts_of_runs)) for one in found[i]]
 
 
@@ -259,9 +267,9 @@ def stack(
         saturation=float(saturation),
         resolution=resolution,
         steps=steps,
-        A=each([np.pad(A, (0, size - A.shape[0])) for A, _, _, _ in given]),
-        B=each([np.pad(B[:, 0], (0, size - B.size)) for _, B, _, _ in given]),
-        C=each([np.pad(C[0], (0, size - C.size)) for _, _, C, _ in given]),
+        A=each(padded([A for A, _, _, _ in given], (size, size))),
+        B=each(padded([B[:, 0] for _, B, _, _ in given], (size,))),
+        C=each(padded([C[0] for _, _, C, _ in given], (size,))),
         D=each([D[0, 0] for _, _, _, D in given]),
         r=each(r),
         disturbance=each(disturbance),
@@ -269,6 +277,14 @@ def stack(
         delays=np.minimum(each(delays) * fs, r.shape[1]),  # all later is after the end
         initial=each(initial),
     )
+
+
+def padded(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    """(n, *shape) arrays in a stack, zeros behind the smaller ones."""
+    rows = np.zeros((len(parts), *shape))
+    for row, part in zip(rows, parts, strict=True):
+        row[tuple(slice(n) for n in part.shape)] = part
+    return rows
 
 
 def steps_of(rig: Rig, fs: float, oversampling: int) -> int:
@@ -280,18 +296,6 @@ def steps_of(rig: Rig, fs: float, oversampling: int) -> int:
             f"its stable step is {rig.stable_step:.2g} s"
         )
     return max(integer("oversampling", oversampling, least=1), needed)
-
-
-def told(runs: LoopRuns, out: dict[str, np.ndarray]) -> list[LoopResponse]:
-    """What the compiled code gave, as values; arrays end where a loop ran away."""
-    warn_lost(float(out["lost"].max()))
-    found = []
-    for r, rows, n in zip(runs.r, out["rows"], out["lengths"], strict=True):
-        x, v, y, u, friction = rows[:n].T
-        ran_away = bool(n < r.size)
-        t = np.arange(n) / runs.fs
-        found.append(LoopResponse(t=t, r=r[:n], u=u, x=x, v=v, y=y, friction=friction, diverged=ran_away))
-    return found
 
 
 def many(name: str, signal: Any, n: int) -> np.ndarray:

@@ -58,7 +58,24 @@ class LoopRuns:
     def chosen(self, rows: np.ndarray, steps: int) -> LoopRuns:
         """Some of the runs, with other steps."""
         arrays = [field.name for field in fields(self) if field.name not in SHARED]
-        return replace(self, steps=steps, **{name: getattr(self, name)[rows] for name in arrays})
+        return replace(self, steps=steps, **{name: some(getattr(self, name), rows) for name in arrays})
+
+    def __reduce__(self) -> Any:
+        """To another process, what all runs share travels once."""
+        held = {field.name: getattr(self, field.name) for field in fields(self)}
+        once = [name for name, part in held.items() if isinstance(part, np.ndarray) and part.strides[0] == 0]
+        return arrived, (held | {name: held[name][:1] for name in once}, once, self.delays.size)
+
+
+def some(rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Some rows; of one row shown many times, the same fewer times."""
+    return np.broadcast_to(rows[:1], (chosen.size, *rows.shape[1:])) if rows.strides[0] == 0 else rows[chosen]
+
+
+def arrived(held: dict[str, Any], once: list[str], n: int) -> LoopRuns:
+    """The runs as they were sent."""
+    every = {name: np.broadcast_to(held[name], (n, *held[name].shape[1:])) for name in once}
+    return LoopRuns(**(held | every))
 
 
 class Parts(Sequence[LoopRuns]):
@@ -107,8 +124,8 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
         stacks[:, 0, : law.of.rest.size] = law.of.rest
     rows, lengths = np.zeros((n_runs, n, 5)), np.zeros(n_runs, dtype=np.int64)
     # copies: the code was compiled for arrays that can be written
-    controllers = [np.array(part) for part in (runs.A, runs.B, runs.C, runs.D)]
-    signals = [np.array(part) for part in (runs.r, runs.disturbance, runs.noise)]
+    controllers = [np.array(part, order="C") for part in (runs.A, runs.B, runs.C, runs.D)]
+    signals = [np.array(part, order="C") for part in (runs.r, runs.disturbance, runs.noise)]
     numbers = float(runs.fs), float(runs.saturation), float(runs.resolution)
     places = np.array(grid), states, stacks
     run_loops(
@@ -118,7 +135,7 @@ def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
         *controllers,
         *signals,
         *numbers,
-        np.array(runs.delays),
+        np.array(runs.delays, order="C"),
         int(runs.steps),
         rows,
         lengths,

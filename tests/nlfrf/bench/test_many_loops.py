@@ -1,15 +1,19 @@
 """Many loops: the same whoever computes them, kept as they are done, resumed after a kill, and not for other code."""
 
+import pickle
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from nlfrf import paper_rig, simulate_loops
-from nlfrf.bench import runs
+from nlfrf.bench import loop_results, runs
+from nlfrf.bench.closed_loop import stack
+from nlfrf.bench.loop_runs import respond
 from robust import pid
 
 FS, N = 1000, 300
@@ -56,6 +60,71 @@ def test_a_cluster_of_dask_gives_the_same(here):
 def test_what_is_wanted_of_a_run_is_all_that_is_kept(here):
     last = simulate_loops(**arguments(), of=lambda response: float(response.x[-1]))
     assert last == [response.x[-1] for response in here]
+
+
+def last(response):
+    """Where the position ends [m]."""
+    return float(response.x[-1])
+
+
+class Small(Exception):
+    """Of the user's own."""
+
+
+def refusing(response):
+    if response.x[-1] > 0:
+        raise Small("nothing")
+    return 0.0
+
+
+def test_what_is_wanted_is_found_in_the_worker_and_no_response_comes_back(here, monkeypatch):
+    monkeypatch.setattr(loop_results, "told", None)  # here, not there
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+        assert simulate_loops(**arguments(), executor=executor, of=last) == [last(response) for response in here]
+        with pytest.raises(Small, match="nothing"):
+            simulate_loops(**arguments(5), executor=executor, of=refusing)
+
+
+def test_a_lambda_and_what_a_folder_keeps_are_looked_at_here(here, tmp_path):
+    wanted = [last(response) for response in here]
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
+        assert simulate_loops(**arguments(), executor=executor, of=lambda response: float(response.x[-1])) == wanted
+        assert simulate_loops(**arguments(), executor=executor, of=last, resume=tmp_path) == wanted
+    assert not loop_results.travels(lambda response: response.x)
+    assert loop_results.travels(last)
+    kept = []  # whatever is wanted of them, the runs are there
+    assert same(simulate_loops(**arguments(), resume=tmp_path, progress=lambda *done: kept.append(done)), here)
+    assert kept == [(2, 2)]
+
+
+def test_what_a_notebook_defines_is_looked_at_here(monkeypatch):
+    def swing(response):
+        return response.x
+
+    monkeypatch.setattr(swing, "__module__", "__main__", raising=False)
+    monkeypatch.setattr(swing, "__qualname__", "swing")
+    notebook = SimpleNamespace(swing=swing)
+    monkeypatch.setitem(sys.modules, "__main__", notebook)
+    assert not loop_results.travels(swing)
+    notebook.__file__ = "study.py"
+    assert loop_results.travels(swing)
+
+
+def test_what_all_runs_share_travels_once():
+    shared = stack(**stacked(r=np.ones((1, 1000))))
+    each = stack(**stacked(r=np.ones((50, 1000))))
+    sent, more = pickle.dumps(shared), pickle.dumps(each)
+    assert len(sent) < len(more) - 49 * 8000
+    back = respond(pickle.loads(sent))
+    assert all(np.array_equal(back[name], part) for name, part in respond(each).items())
+
+
+def stacked(r):
+    """Fifty runs as `simulate_loops` stacks them."""
+    zero, controllers = np.zeros((1, r.shape[1])), arguments(50)["controllers"]
+    limits = {"fs": FS, "saturation": np.inf, "resolution": 0.0, "delay": 0.0, "oversampling": 4}
+    signals = {"r": r, "disturbance": zero, "noise": zero, "initial": np.zeros((1, 2))}
+    return {"rig": paper_rig(), "controllers": controllers, **limits, **signals, "n": 50}
 
 
 KILLED = """
