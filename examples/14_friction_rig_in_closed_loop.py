@@ -4,17 +4,20 @@ A mass on a spring with friction is identified at one level of force and at thre
 too bold get two verdicts: a check against the set of the levels, and a proof for a class of friction. Every one is then
 put around the nonlinear machine: a burst of random force, gentle to very hard, and silence.
 
-A dozen controllers take some seconds; the 240 that show the pattern (--crossovers 10 --gains 12) some minutes. From one
-level the check promises 79: 30 cycle after 2 N, 64 after 20 N. All of these are among 65 that are refuted: unstable as
-they slide, they surely run away from 0.014 to 0.92 m/s, with any friction of at most 1 N. The other 14 are proved, and
-rest after every burst. Its 20 from three levels rest after 2 N; all are refuted, 19 cycle after 20 N. The check answers
-for levels like those measured. Of 141 "not robust" 19 are proved, and rest after every burst.
+A dozen controllers take some seconds; the 240 that show the pattern (--crossovers 10 --gains 12 --processes 4) minutes.
+From one level the check promises 79: 30 cycle after 2 N, 64 after 20 N. All of these are among 65 that are refuted:
+unstable as they slide, they surely run away from 0.014 to 0.92 m/s, with any friction of at most 1 N. The other 14 are
+proved, and rest after every burst. Its 20 from three levels rest after 2 N; all are refuted, 19 cycle after 20 N. The
+check answers for levels like those measured. Of 141 "not robust" 19 are proved, and rest after every burst.
 The friction of this rig creeps, and damped bristles push harder than 1 N: it lies in no class that is proved here.
 """
 
 import argparse
 import warnings
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import control
@@ -24,77 +27,72 @@ import numpy as np
 import nlfrf
 import robust
 
-parser = argparse.ArgumentParser(description=__doc__)
-parser.add_argument("--crossovers", type=int, default=2, help="loop-shaping designs for each model")
-parser.add_argument("--gains", type=int, default=3, help="gains tried around each design")
-parser.add_argument("--out", type=Path, default=Path("demo/14"), help="folder for table and picture")
-args = parser.parse_args()
-args.out.mkdir(parents=True, exist_ok=True)
-# a motion that dies out leaves ever smaller hysteresis loops inside one another; the innermost may go
-warnings.filterwarnings("ignore", message="the hysteresis memory", category=nlfrf.DataWarning)
-
 LEVELS = {"one level": (0.5,), "three levels": (0.25, 0.5, 2.0)}  # rms of the force [N]
+BAND = {"fs": 4096, "n_samples": 16384, "f_min": 1.25, "f_max": 250}
 KICKS = {"gentle": 0.5, "hard": 2.0, "very hard": 20.0}  # rms of the burst [N]
 MACHINE, CLASS = robust.sliding_machine(1.0, 80e3, 0.4), robust.any_maxwell_slip(64e3)  # while it slides; its friction
 T, BURST, QUIET = 1e-3, 0.3, 1.2  # sample time of the controller, how long the burst and the silence last [s]
 OUTCOMES = {"settled": "#009E73", "stable": "#0072B2", "limit cycle": "#D55E00", "ran away": "#000000"}
 
 
-def identified(rms):
-    """The BLA of the rig at one level, from one special-odd record."""
-    ms = nlfrf.multisine("special-odd", fs=4096, n_samples=16384, f_min=1.25, f_max=250, rms=rms, rng=1)
-    return nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2))
+def verdicts(model, K):
+    """What check and proof say of a controller: in words, max rs, and the kick of a sure run-away [m/s]."""
+    report, proof = robust.check(model, K), robust.prove_friction(MACHINE, K, CLASS, Fs=1.0)
+    rs = np.nan_to_num(1 / report.margin_rs, nan=150).clip(0.3, 150)
+    return f"{report.verdict:22}{proof.verdict:13}", rs, proof.kick_sure
 
 
-def candidates(model):
-    """Loop-shaping controllers over a range of crossovers, each with less and more gain than it was designed with."""
-    plant = robust.sampled(model.nominal, T)
-    for crossover in np.geomspace(5, 120, args.crossovers):
-        K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover)).K
-        for gain in np.geomspace(0.25, 8, args.gains):
-            yield control.StateSpace(K.A, K.B, gain * K.C, gain * K.D, T)
-
-
-blas = {rms: identified(rms) for rms in sorted({rms for levels in LEVELS.values() for rms in levels})}
-burst = np.random.default_rng(0).standard_normal(round((BURST + QUIET) / T))
-burst[round(BURST / T) :] = 0
-results = []  # (model, both verdicts, burst, outcome, max rs, residual, kick of a sure run-away [m/s])
-for name, levels in LEVELS.items():
-    family = [blas[rms] for rms in levels]
+def played(name, crossovers, gains, pool):
+    """Rows of one model: its name, verdicts, burst, outcome, max rs, motion left over motion, kick of a run-away."""
+    designs = [nlfrf.multisine("special-odd", **BAND, rms=rms, rng=1) for rms in LEVELS[name]]
+    family = [nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2, n_discard=2)) for ms in designs]
     model = robust.uncertainty(family, robust.fit_nominal(family, n_poles=3), order=6)
-    tried = list(candidates(model))
-    both = [(robust.check(model, K), robust.prove_friction(MACHINE, K, CLASS, Fs=1.0)) for K in tried]
+    plant, tried = robust.sampled(model.nominal, T), []
+    for crossover in np.geomspace(5, 120, crossovers):
+        K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * crossover)).K
+        tried += [control.StateSpace(K.A, K.B, g * K.C, g * K.D, T) for g in np.geomspace(0.25, 8, gains)]
+    said = list((pool.map if pool else map)(partial(verdicts, model), tried))
+    force = np.pad(np.random.default_rng(0).standard_normal(round(BURST / T)), (0, round(QUIET / T)))
+    run = partial(nlfrf.simulate_loops, nlfrf.paper_rig(), tried, 0 * force, fs=1 / T, saturation=5.0, executor=pool)
     for kick, rms in KICKS.items():
-        options = {"fs": 1 / T, "disturbance": rms * burst, "saturation": 5.0}
-        seen = nlfrf.simulate_loops(nlfrf.paper_rig(), tried, 0 * burst, **options)
-        for (report, proof), r in zip(both, seen, strict=True):
-            place = np.nan_to_num(1 / report.margin_rs, nan=150).clip(0.3, 150), np.clip(r.residual(BURST), 1e-8, 1e3)
-            verdicts = f"{report.verdict:22}{proof.verdict:13}"
-            results.append((name, verdicts, kick, r.outcome(BURST), *place, proof.kick_sure))
+        for (words, rs, sure), r in zip(said, run(disturbance=rms * force), strict=True):
+            yield name, words, kick, r.outcome(BURST), rs, np.clip(r.residual(BURST), 1e-8, 1e3), sure
 
-table = [f"{'identified at':14}{'check':22}{'proof':13}{'burst':10}" + "".join(f"{o:>13}" for o in OUTCOMES)]
-for name in LEVELS:
-    for verdicts in sorted({r[1] for r in results}, reverse=True):
+
+if __name__ == "__main__":  # other processes read this file as well, up to here
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--crossovers", type=int, default=2, help="loop-shaping designs for each model")
+    parser.add_argument("--gains", type=int, default=3, help="gains tried around each design")
+    parser.add_argument("--processes", type=int, default=1, help="processes that share the work")
+    parser.add_argument("--out", type=Path, default=Path("demo/14"), help="folder for table and picture")
+    args = parser.parse_args()
+    # a motion that dies out leaves ever smaller hysteresis loops inside one another; the innermost may go
+    warnings.filterwarnings("ignore", message="the hysteresis memory", category=nlfrf.DataWarning)
+    with ProcessPoolExecutor(args.processes) if args.processes > 1 else nullcontext() as pool:
+        results = [row for name in LEVELS for row in played(name, args.crossovers, args.gains, pool)]
+
+    rows = [f"{'identified at':14}{'check':22}{'proof':13}{'burst':10}" + "".join(f"{o:>13}" for o in OUTCOMES)]
+    for name, words in sorted(sorted({r[:2] for r in results}, reverse=True), key=lambda r: r[0]):
         for kick in KICKS:
-            count = Counter(r[3] for r in results if r[:3] == (name, verdicts, kick))
-            if count:
-                table.append(f"{name:14}{verdicts}{kick:10}" + "".join(f"{count[o]:13d}" for o in OUTCOMES))
-away = [r[6] for r in results if r[1].startswith("stat") and np.isfinite(r[6])] or [np.nan]
-table.append(f"promised by the check, and surely running away: from kicks of {min(away):.2g} to {max(away):.2g} m/s")
-(args.out / "promises.txt").write_text("\n".join(table) + "\n")
-print("\n".join(table))
+            count = Counter(r[3] for r in results if r[:3] == (name, words, kick))
+            rows.append(f"{name:14}{words}{kick:10}" + "".join(f"{count[o]:13d}" for o in OUTCOMES))
+    away = [r[6] for r in results if r[1].startswith("stat") and np.isfinite(r[6])] or [np.nan]
+    rows.append(f"promised by the check, and surely running away: from kicks of {min(away):.2g} to {max(away):.2g} m/s")
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "promises.txt").write_text("\n".join(rows) + "\n")
+    print("\n".join(rows))
 
-figure, axes = plt.subplots(len(LEVELS), 1, figsize=(9, 9), sharex=True, sharey=True, layout="constrained")
-for ax, name in zip(axes, LEVELS, strict=True):
-    ax.axvspan(0.3, 1, color="0.92", lw=0, label="stability promised for the set")
-    for kick, marker in zip(KICKS, ("o", "^", "s"), strict=True):
-        for (outcome, color), fill in zip(OUTCOMES.items(), ("none", "left", "full", "full"), strict=True):
-            chosen = [r[4:6] for r in results if (r[0], r[2], r[3]) == (name, kick, outcome)]
-            ax.plot(*np.reshape(chosen, (-1, 2)).T, marker, c=color, fillstyle=fill, label=f"{outcome}, {kick} burst")
-    proved = [r[4:6] for r in results if r[0] == name and " proved" in r[1]]
-    ax.plot(*np.reshape(proved, (-1, 2)).T, "ko", mfc="none", ms=11, label="proved for a class of friction")
-    ax.set(xscale="log", yscale="log", xlim=(0.3, 200), ylabel="motion left, over motion in the burst (1e-8: or less)")
-    ax.set_title(f"Identified at {name}, {' and '.join(map(str, LEVELS[name]))} N rms")
-axes[-1].set_xlabel("max rs of the check (at 150: the nominal loop is unstable)")
-figure.legend(*axes[-1].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize="small")
-figure.savefig(args.out / "promises.png", dpi=110)
+    figure, axes = plt.subplots(len(LEVELS), 1, figsize=(9, 9), sharex=True, sharey=True, layout="constrained")
+    for ax, name in zip(axes, LEVELS, strict=True):
+        ax.axvspan(0.3, 1, color="0.92", lw=0, label="stability promised for the set")
+        for kick, marker in zip(KICKS, ("o", "^", "s"), strict=True):
+            for (o, color), fill in zip(OUTCOMES.items(), ("none", "left", "full", "full"), strict=True):
+                chosen = np.reshape([r[4:6] for r in results if (r[0], r[2], r[3]) == (name, kick, o)], (-1, 2))
+                ax.plot(*chosen.T, marker, c=color, fillstyle=fill, label=f"{o}, {kick} burst")
+        proved = np.reshape([r[4:6] for r in results if r[0] == name and " proved" in r[1]], (-1, 2))
+        ax.plot(*proved.T, "ko", mfc="none", ms=11, label="proved for a class of friction")
+        ax.set(xscale="log", yscale="log", xlim=(0.3, 200), ylabel="motion left, over motion in the burst (1e-8: less)")
+        ax.set_title(f"Identified at {name}, {' and '.join(map(str, LEVELS[name]))} N rms")
+    axes[-1].set_xlabel("max rs of the check (at 150: the nominal loop is unstable)")
+    figure.legend(*axes[-1].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize="small")
+    figure.savefig(args.out / "promises.png", dpi=110)

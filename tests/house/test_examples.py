@@ -1,6 +1,8 @@
 """Every example runs, says what it should, and leaves its pictures; each is run once, for the gallery too."""
 
 import re
+import subprocess
+import sys
 
 import matplotlib.figure
 import pytest
@@ -167,6 +169,17 @@ def test_the_first_example_takes_a_file(tmp_path, monkeypatch):
     printed = run("01_identify_then_design", str(record), "--discard", "0", "--poles", "2", "--out", str(tmp_path))
     assert "nominal model: 2 poles" in printed
     assert (tmp_path / "report.html").is_file()
+
+
+def test_processes_that_share_the_controllers_change_nothing(tmp_path):
+    example = str(EXAMPLES / "14_friction_rig_in_closed_loop.py")
+    said = []
+    for n in "12":
+        few = ["--crossovers", "1", "--gains", "2", "--processes", n, "--out", str(tmp_path / n)]
+        done = subprocess.run([sys.executable, example, *few], capture_output=True, text=True, check=True, timeout=600)
+        said.append(done.stdout)
+    assert said[0] == said[1]
+    assert said[0].count("statistically robust") >= 3  # a burst a row
 
 
 @pytest.mark.parametrize("name", ["13_motor_bench", "17_measured_mirror"])
