@@ -14,7 +14,7 @@ help:
 	@echo "make test           format, lint, types and every test"
 	@echo "make docs           examples, guide and reference as pages in build/docs/index.html"
 	@echo "make picture        the picture of the README, from the first example"
-	@echo "make bench          speeds and measured coverage, against peers where they install"
+	@echo "make bench          every measured figure again, beside the peers that install: about an hour and a half"
 	@echo "make release-check  build wheel and source distribution, look into them, try them in clean environments"
 	@echo "make clean          remove what these made"
 
@@ -56,25 +56,48 @@ docs: $(DOCS)
 picture: $(READY)
 	$(BIN)/python -m docs.picture
 
-bench: $(TESTS)
-	$(BIN)/python -m benchmarks.machine
-	$(BIN)/python -m benchmarks.bench_identify
-	$(BIN)/python -m benchmarks.bench_files
-	$(BIN)/python -m benchmarks.bench_friction
-	$(BIN)/python -m benchmarks.bench_friction_proof
-	$(BIN)/python -m benchmarks.bench_many_loops
-	$(BIN)/python -m benchmarks.bench_axes
-	$(BIN)/python -m benchmarks.bench_robust
-	$(BIN)/python -m benchmarks.joint --records 12 --fresh 300
-	$(BIN)/python -m benchmarks.validation --records 200
-	$(BIN)/python -m benchmarks.soundness
-	$(BIN)/python -m benchmarks.bench_verification
-	$(BIN)/python -m benchmarks.bench_synthesis
-	$(BIN)/python -m benchmarks.bench_quasi_linear
-	$(BIN)/python -m benchmarks.bench_design
-	$(BIN)/python -m benchmarks.bench_mu
-	$(BIN)/python -m benchmarks.fuzz_loaders
-	$(BIN)/python -m benchmarks.coverage
+# The benchmarks have an environment of their own, beside the peers that install there (benchmarks/peers.txt); one of them
+# needs Python 3.12, so of the interpreters found the first that has it: make bench PYTHON=python3.13 names another.
+BENCH := .venv-bench
+PEERS := $(BENCH)/.ready
+HAS_PEERS = $(firstword $(shell for p in $(PYTHON) python3.12 python3.13 python3.14; do \
+  $$p -c 'import sys; sys.exit(sys.version_info < (3, 12))' 2>/dev/null && echo $$p; done; true) $(PYTHON))
+
+$(PEERS): pyproject.toml constraints.txt benchmarks/peers.txt
+	$(HAS_PEERS) -m venv $(BENCH)
+	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]" -r benchmarks/peers.txt
+	@touch $@
+
+# Each command by itself takes other numbers of records, loops and files than the few of here; what it prints says how many.
+# One thread of linear algebra: more of them wait for one another by spinning, which the processor's clock counts as work.
+bench: export OPENBLAS_NUM_THREADS = 1
+bench: export OMP_NUM_THREADS = 1
+bench: $(PEERS)
+	$(BENCH)/bin/python -m benchmarks.machine
+	$(BENCH)/bin/python -m benchmarks.bench_identify
+	$(BENCH)/bin/python -m benchmarks.peers_matrix
+	$(BENCH)/bin/python -m benchmarks.bench_files
+	$(BENCH)/bin/python -m benchmarks.bench_friction
+	$(BENCH)/bin/python -m benchmarks.bench_many_loops 2000
+	$(BENCH)/bin/python -m benchmarks.bench_axes
+	$(BENCH)/bin/python -m benchmarks.bench_robust
+	$(BENCH)/bin/python -m benchmarks.bench_design
+	$(BENCH)/bin/python -m benchmarks.bench_synthesis
+	$(BENCH)/bin/python -m benchmarks.bench_mu
+	$(BENCH)/bin/python -m benchmarks.bench_friction_proof --bursts 2
+	$(BENCH)/bin/python -m benchmarks.bench_saturation --every 24
+	$(BENCH)/bin/python -m benchmarks.bench_quasi_linear
+	$(BENCH)/bin/python -m benchmarks.bench_verification 200
+	$(BENCH)/bin/python -m benchmarks.soundness 100
+	$(BENCH)/bin/python -m benchmarks.soundness_matrix
+	$(BENCH)/bin/python -m benchmarks.faults
+	$(BENCH)/bin/python -m benchmarks.fuzz_loaders --files 500
+	$(BENCH)/bin/python -m benchmarks.fuzz_readers --files 200
+	$(BENCH)/bin/python -m benchmarks.validation --records 100
+	$(BENCH)/bin/python -m benchmarks.joint --records 4
+	$(BENCH)/bin/python -m benchmarks.coverage_matrix 8
+	$(BENCH)/bin/python -m benchmarks.coverage --records 50 --processes 2
+	$(BENCH)/bin/python -m benchmarks.coverage --hard --records 20 --processes 2
 
 $(RELEASE): $(READY)
 	$(INSTALL) -e ".[release]"
@@ -84,4 +107,4 @@ release-check: $(RELEASE)
 	$(BIN)/nox
 
 clean:
-	rm -rf .nox $(VENV) demo build docs/generated dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .nox $(VENV) $(BENCH) demo build docs/generated dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -20,12 +20,12 @@ W_P = performance_weight(10, M_S=1.5, A=1e-4)
 
 
 def best(task, repeats=5):
-    """(result, seconds) of the fastest of a few runs."""
+    """(result, seconds of the processor) of the fastest of a few runs."""
     seconds, result = [], None
     for _ in range(repeats):
-        begin = time.perf_counter()
+        begin = time.process_time()
         result = task()
-        seconds.append(time.perf_counter() - begin)
+        seconds.append(time.process_time() - begin)
     return result, min(seconds)
 
 

@@ -4,7 +4,6 @@ python -m benchmarks.bench_many_loops [number of controllers]
 """
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -15,6 +14,7 @@ from multiprocessing import get_context
 import numpy as np
 
 from benchmarks.machine import main as machine
+from benchmarks.timing import of_children
 from nlfrf import paper_rig, simulate_loops
 from robust import pid
 
@@ -51,12 +51,6 @@ def killed(n, folder):
     return subprocess.run([sys.executable, "-c", code], check=False).returncode
 
 
-def of_children():
-    """CPU seconds of all processes that have ended: what is shared out, whoever else is on the machine."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
-
-
 def main():
     """Everything."""
     machine()
@@ -72,14 +66,15 @@ def main():
         before = of_children()
         with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as executor:
             simulate_loops(**arguments(2 * 125 * workers), executor=executor)  # processes up, code loaded
-            begin = time.perf_counter()
+            begin, asking = time.perf_counter(), time.process_time()
             there = simulate_loops(**given, executor=executor)
-            seconds = time.perf_counter() - begin
+            seconds, asking = time.perf_counter() - begin, time.process_time() - asking
         one = one or seconds
         same = "identical" if there == here else "DIFFERENT"
         print(
             f"  {workers} processes: {seconds:6.1f} s, {one / seconds:.2f} times one ({os.cpu_count()} cores); "
-            f"{of_children() - before:.1f} s of CPU, their start included; {same}"
+            f"{of_children() - before:.1f} s of CPU, their start included, and {1e3 * asking / n:.3f} ms a run of the "
+            f"process that asks; {same}"
         )
     with tempfile.TemporaryDirectory() as folder:
         code = killed(n, folder)

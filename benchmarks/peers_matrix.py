@@ -1,68 +1,61 @@
-"""The matrix of `identify` against best-linear-approximation (Python 3.12), by two interpreters through one file.
+"""The matrix of `identify` against best-linear-approximation (Python 3.12 or later), where it is installed.
 
-    python -m benchmarks.peers_matrix write peers.npz          # here
-    python3.12 benchmarks/peers_matrix.py peer peers.npz       # with best-linear-approximation 0.1.1
-    python -m benchmarks.peers_matrix compare peers.npz        # here again
+    python -m benchmarks.peers_matrix
 
-Their layout is (N, n_u, n_u, R, P), their covariances (F, n_y n_u, n_y n_u) are sample covariances of vec(G), with
+Largest relative differences of G with a known input, a noisy one and in a loop, and of the covariances of vec(G) where
+they give one. Their layout is (N, n_u, n_u, R, P), their covariances (F, n_y n_u, n_y n_u) are sample covariances with
 P - 1 and R - 1 degrees of freedom; ours pool the experiments of a set, n_u times as many. Here both are put together by
 their definition, from our spectra.
 """
 
 from __future__ import annotations
 
-import sys
 import warnings
 
 import numpy as np
 
-if sys.argv[1:2] != ["peer"]:
-    from nlfrf.multivariable.channels import channel_spectra
-    from nlfrf.multivariable.matrix_frf import matrix_frf
+import nlfrf
+from nlfrf.multivariable.channels import channel_spectra
+from nlfrf.multivariable.matrix_frf import matrix_frf
+
+SETS = 4
 
 
-def write(path):
-    """A record of three inputs, two outputs, four sets, three periods; a noisy input; a loop."""
-    import nlfrf
-
+def records():
+    """Three inputs, two outputs, four sets, three periods: the input known, noisy, and in a loop."""
     rng = np.random.default_rng(0)
-    ms = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=3, n_realizations=4, rng=1)
+    ms = nlfrf.multisine(
+        "random-odd", fs=512, n_samples=512, f_min=1, f_max=200, n_inputs=3, n_realizations=SETS, rng=1
+    )
     r = np.repeat(ms.u[:, :, None], 3, axis=2)
     G, K = rng.normal(size=(2, 3)), 0.1 * rng.normal(size=(3, 2))
     noise = 0.1 * rng.standard_normal((2, *r.shape[1:]))
     y = np.einsum("ji,imps->jmps", G, r) + 0.1 * np.stack([r[0] ** 3, r[1] * r[2] ** 2]) + noise
-    u_noisy = r + 0.05 * rng.standard_normal(r.shape)
+    noisy = r + 0.05 * rng.standard_normal(r.shape)
     u_loop = np.einsum("ij,jmps->imps", np.linalg.inv(np.eye(3) + K @ G), r - np.einsum("ij,jmps->imps", K, noise))
     y_loop = np.einsum("ji,imps->jmps", G, u_loop) + noise
-    np.savez(path, lines=ms.lines.excited, r=r, u=r, y=y, u_noisy=u_noisy, u_loop=u_loop, y_loop=y_loop)
+    grid = nlfrf.LineGrid(excited=ms.lines.excited)
+    signals = {"known": (r, y, None), "noisy": (noisy, y, None), "loop": (u_loop, y_loop, r)}
+    return {name: nlfrf.MultiRecord(u=u, y=y, r=r, fs=512, lines=grid) for name, (u, y, r) in signals.items()}
 
 
-def theirs(x, n_u, R):
+def theirs(x):
     """(N, n, n_u, R, P) from (n, R n_u, P, N)."""
-    n, _, P, N = x.shape
-    return x.reshape(n, R, n_u, P, N).transpose(4, 0, 2, 1, 3)
+    n, m, P, N = x.shape
+    return x.reshape(n, SETS, m // SETS, P, N).transpose(4, 0, 2, 1, 3)
 
 
-def peer(path):
-    """Their answers, beside the record."""
+def peer(name, record):
+    """Their answer."""
     from best_linear_approximation import robust
 
-    data = dict(np.load(path))
-    n_u, R, lines = 3, 4, data["lines"]
-    x = {name: theirs(data[name], n_u, R) for name in data if name != "lines"}
-    known = {"excited_bins": lines, "show_warnings": False}
-    runs = {
-        "known": robust.known_input(x["u"][..., 0], x["y"], 512.0, **known),
-        "noisy": robust.noisy_input(x["u_noisy"], x["y"], 512.0, **known),
-        "loop": robust.closed_loop(x["r"][..., 0], x["u_loop"], x["y_loop"], 512.0, **known),
-    }
-    for name, bla in runs.items():
-        data[f"{name}_G"] = bla.G.value
-        for kind in ("noise", "total"):
-            cov = getattr(bla.G, kind).cov
-            if cov is not None:
-                data[f"{name}_{kind}"] = cov
-    np.savez(path, **data)
+    u, y = theirs(record.u), theirs(record.y)
+    known = {"excited_bins": record.lines.excited, "show_warnings": False}
+    if name == "loop":
+        return robust.closed_loop(theirs(record.r)[..., 0], u, y, 512.0, **known).G
+    if name == "noisy":
+        return robust.noisy_input(u, y, 512.0, **known).G
+    return robust.known_input(u[..., 0], y, 512.0, **known).G
 
 
 def by_their_definition(record):
@@ -82,23 +75,23 @@ def by_their_definition(record):
     return {"noise": noise, "total": np.einsum("fra,frb->fab", apart, apart.conj()) / (R * (R - 1))}
 
 
-def compare(path):
-    """Largest relative differences: G of all three, covariances without a reference."""
-    import nlfrf
-
+def main():
+    """Print the differences."""
     warnings.simplefilter("ignore", nlfrf.DataWarning)
-    data = dict(np.load(path))
-    grid = nlfrf.LineGrid(excited=data["lines"])
-    signals = {"known": ("u", "y", None), "noisy": ("u_noisy", "y", None), "loop": ("u_loop", "y_loop", "r")}
-    for name, (u, y, r) in signals.items():
-        record = nlfrf.MultiRecord(u=data[u], y=data[y], r=None if r is None else data[r], fs=512, lines=grid)
-        frm = nlfrf.identify(record, transient="none")
-        found = {"G": np.abs(np.moveaxis(frm.G, 2, 0) - data[f"{name}_G"]).max() / np.abs(frm.G).max()}
-        if r is None:
+    print("the matrix of three inputs and two outputs against best-linear-approximation")
+    try:
+        import best_linear_approximation  # noqa: F401
+    except ImportError:
+        print("  it is not installed here (it needs Python 3.12)")
+        return
+    for name, record in records().items():
+        frm, other = nlfrf.identify(record, transient="none"), peer(name, record)
+        found = {"G": np.abs(np.moveaxis(frm.G, 2, 0) - other.value).max() / np.abs(frm.G).max()}
+        if record.r is None:
             for kind, own in by_their_definition(record).items():
-                found[kind] = np.abs(own - data[f"{name}_{kind}"]).max() / np.abs(own).max()
-        print(name, {kind: f"{error:.1e}" for kind, error in found.items()})
+                found[kind] = np.abs(own - getattr(other, kind).cov).max() / np.abs(own).max()
+        print(f"  {name}:", ", ".join(f"{kind} {error:.1e}" for kind, error in found.items()))
 
 
 if __name__ == "__main__":
-    {"write": write, "peer": peer, "compare": compare}[sys.argv[1]](sys.argv[2])
+    main()
