@@ -57,8 +57,9 @@ class LoopRuns:
 
     def chosen(self, rows: np.ndarray, steps: int) -> LoopRuns:
         """Some of the runs, with other steps."""
-        arrays = [field.name for field in fields(self) if field.name not in SHARED]
-        return replace(self, steps=steps, **{name: some(getattr(self, name), rows) for name in arrays})
+        names = [field.name for field in fields(self) if field.name not in SHARED]
+        arrays: dict[str, Any] = {name: some(getattr(self, name), rows) for name in names}
+        return replace(self, steps=steps, **arrays)
 
     def __reduce__(self) -> Any:
         """To another process, what all runs share travels once."""
