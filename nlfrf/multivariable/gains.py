@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class SingularValues:
     def __str__(self) -> str:
         """What was found, in a few lines."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            condition = np.nan_to_num(self.sigma[0] / self.sigma[-1], nan=np.inf)
+            condition = np.nan_to_num(self.sigma[0] / self.sigma[-1], nan=np.inf, posinf=np.inf)
         k = int(condition.argmax())
         lost = int(np.count_nonzero(self.low[-1] == 0))
         said = (
@@ -82,7 +83,8 @@ class RelativeGains:
     gains : (n_y, n_u, F) complex ndarray
         Rows and columns add up to one where the matrix is square.
     radius : (n_y, n_u, F) ndarray
-        Of the disc about each that holds it with `confidence`, to first order in the covariance of G.
+        Of the disc about each that holds it with `confidence`, or more where the matrix is not square; to first order
+        in the covariance of G.
     confidence : float
         Probability, an element and a line at a time.
 
@@ -223,28 +225,43 @@ def rga(G: Any, confidence: float = 0.95) -> Any:
             confidence=float(confidence),
         )
     G = np.asarray(G)
-    if G.ndim not in (2, 3) or not np.isfinite(G).all():
-        raise ValueError(f"G must be finite, of axes (n_y, n_u) or (n_y, n_u, F), got shape {G.shape}")
+    if G.dtype.kind not in "fciu" or G.ndim not in (2, 3) or not np.isfinite(G).all():
+        raise ValueError(f"G must be finite, of axes (n_y, n_u) or (n_y, n_u, F), got shape {G.shape} of {G.dtype}")
     stacked = np.moveaxis(G.reshape(*G.shape[:2], -1), 2, 0)
     gains = stacked * np.swapaxes(np.linalg.pinv(stacked), 1, 2)
     return np.moveaxis(gains, 0, 2).reshape(G.shape)
 
 
 def rga_radius(frm: Frm, confidence: float) -> np.ndarray:
-    """(n_y, n_u, F) radii of the elements: d(G_ji H_ij) = dG_ji H_ij - G_ji (H dG H)_ij, H the inverse of G."""
+    """(n_y, n_u, F) radii of the elements, from d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H the (pseudo-)inverse of G.
+
+    dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. What comes with dG^H is zero of a square matrix; of any
+    other it lets an error lie along a line, and the quantile is that of a real number, the larger one.
+    """
     G = np.moveaxis(frm.G, 2, 0)
     H = np.linalg.pinv(G)
     C, gamma = np.moveaxis(frm.cov_bound, 2, 0), np.moveaxis(frm.gamma, 2, 0)
     n_y, n_u = G.shape[1:]
+    adjoint = np.swapaxes(H, 1, 2).conj()
+    beyond, beside = np.eye(n_y) - G @ H, np.eye(n_u) - H @ G
+
+    def power(by: np.ndarray) -> np.ndarray:
+        """(F,) variance of the sum of by (F, n_y, n_u) times dG: E dG_kl dG*_mn = C_km gamma*_ln."""
+        return np.asarray(np.einsum("fkl,fkm,fln,fmn->f", by, C, gamma.conj(), by.conj(), optimize=True).real)
+
     variance = np.empty(G.shape)
-    for j in range(n_y):
-        for i in range(n_u):
-            # what dG[k, l] does to the element: (F, n_y, n_u)
-            by = -G[:, j, i, None, None] * np.einsum("fk,fl->fkl", H[:, i], H[:, :, j])
-            by[:, j, i] += H[:, i, j]
-            # E dG_kl dG*_mn = C_km gamma*_ln
-            variance[:, j, i] = np.einsum("fkl,fkm,fln,fmn->f", by, C, gamma.conj(), by.conj(), optimize=True).real
+    for j, i in np.ndindex(n_y, n_u):
+        # what dG[k, l] does to the element, and what its conjugate does: (F, n_y, n_u)
+        by = -np.einsum("fk,fl->fkl", H[:, i], H[:, :, j])
+        turned = np.einsum("fk,fl->fkl", beyond[:, :, j], (H @ adjoint)[:, i])
+        turned += np.einsum("fk,fl->fkl", (adjoint @ H)[:, :, j], beside[:, i])
+        by, turned = (G[:, j, i, None, None] * part for part in (by, turned))
+        by[:, j, i] += H[:, i, j]
+        variance[:, j, i] = power(by) + (power(turned.conj()) if n_y != n_u else 0.0)
     scale = frm.bound(confidence) ** 2 / frm.entries(frm.cov_bound)  # the quantile, the same for every entry
+    if n_y != n_u:
+        real = NormalDist().inv_cdf((1 + confidence) / 2) ** 2
+        scale = scale * max(1.0, real / -float(np.log1p(-confidence)))
     return np.sqrt(scale * np.moveaxis(variance, 0, 2))
 
 

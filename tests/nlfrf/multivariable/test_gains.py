@@ -13,7 +13,7 @@ BAND = {"fs": 256, "n_samples": 512, "f_min": 1, "f_max": 100}
 def measured(gains, *, noise, rng):
     n_y, n_u = gains.shape
     ms = nlfrf.multisine("random-odd", **BAND, n_inputs=n_u, rng=1)
-    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    u = np.repeat(ms.u.reshape(n_u, -1, 1, ms.u.shape[-1]), 2, axis=2)
     scatter = noise * np.random.default_rng(rng).standard_normal((n_y, *u.shape[1:]))
     y = np.einsum("ji,imps->jmps", gains, u) + scatter
     return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines), transient="none")
@@ -45,6 +45,8 @@ def test_the_laws_of_relative_gains():
         ValueError, match=r"G must be finite, of axes \(n_y, n_u\) or \(n_y, n_u, F\), got shape \(3,\)"
     ):
         nlfrf.rga(np.ones(3))
+    with pytest.raises(ValueError, match=r"got shape \(1, 1\) of <U1"):
+        nlfrf.rga([["a"]])
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 2), (2, 3), (3, 3)])
@@ -82,6 +84,24 @@ def test_bounds_hold_the_truth_as_often_as_they_say():
     assert np.mean(of_sigma) > 0.93  # a set that holds the matrix holds them
     assert np.all(np.abs(np.mean(of_gains, axis=0) - 0.95) < 0.025)
     assert f"{relative.inputs[0]}" in str(relative)
+
+
+@pytest.mark.parametrize("gains", [[[3, 1], [1, -1], [1, 0.5]], [[3, 1, 0.4], [1, -1, 2]], [[1], [0.3]]])
+def test_bounds_hold_relative_gains_of_matrices_that_are_not_square(gains):
+    """The inverse then moves with the conjugate of the error too, and of one input the element is a real number."""
+    gains, held = np.array(gains, float), []
+    for e in range(25):
+        relative = nlfrf.rga(measured(gains, noise=0.03, rng=e))
+        held.append(np.mean(np.abs(relative.gains - nlfrf.rga(gains)[:, :, None]) < relative.radius, axis=2))
+    held = np.mean(held, axis=0)
+    assert held.min() > 0.92
+    assert held.mean() < 0.995
+
+
+def test_the_condition_of_a_singular_matrix_is_infinite():
+    some = np.ones((2, 1))
+    found = nlfrf.SingularValues(f=np.ones(1), sigma=np.array([[1.0], [0.0]]), low=0 * some, high=some, confidence=0.95)
+    assert "condition at most inf at 1 Hz" in str(found)
 
 
 def test_a_weak_direction_that_was_not_measured_is_said():
