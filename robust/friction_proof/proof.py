@@ -23,7 +23,7 @@ from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
 from robust.verification.claim import Matrices, as_given
 
-__all__ = ["FrictionProof", "claimed", "matrices_of", "prove_friction", "reference_rate"]
+__all__ = ["OTHER", "FrictionProof", "claimed", "matrices_of", "prove_friction", "reference_rate"]
 
 CLASS = ("K0", "stiction", "bristle_time", "microdamping")
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."

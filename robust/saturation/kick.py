@@ -16,7 +16,12 @@ INWARD = 0.99  # far more than the rounding in E^-1
 
 
 def kick_within(energy: Energy, asked: np.ndarray, hit: np.ndarray, reach: float) -> float:
-    """[m/s] up to which a kick leaves |asked'y| below a reach [N]; hit : (n,) what 1 m/s is of the states."""
+    """[m/s] up to which a kick leaves |asked'y| below a reach [N]; hit : (n,) what 1 m/s is of the states.
+
+    Infinite where nothing is asked for, whatever the state.
+    """
+    if not asked.any():
+        return np.inf
     size = energy.V.shape[0]
     read = np.zeros(energy.stored.shape[0])
     read[:size] = energy.V.T @ asked

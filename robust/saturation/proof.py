@@ -12,7 +12,7 @@ from nlfrf.shared.values import value
 from robust.certificates.certificate import Certificate
 from robust.friction_proof.certify import certify
 from robust.friction_proof.classes import AnyFriction
-from robust.friction_proof.proof import claimed, prove_friction, reference_rate
+from robust.friction_proof.proof import OTHER, claimed, prove_friction, reference_rate
 from robust.friction_verification.claim import Actuator, FrictionClaim
 from robust.friction_verification.verify import verify_friction
 from robust.saturation.loop import CutLoop, cut_open
@@ -25,7 +25,8 @@ __all__ = ["SaturatedProof", "prove_saturated"]
 
 SUBJECT = "the stored energy falls, the actuator saturated or not"
 NOT_CLAIMED = (
-    "Not claimed: friction above {Fs:g} N, an actuator of less than {limit:g} N, quantisation, another linear part."
+    "Not claimed: {other}friction above {Fs:g} N, an actuator of less than {limit:g} N, quantisation, another linear "
+    "part."
 )
 NOTHING = "Not claimed: anything with an actuator that saturates."
 
@@ -155,7 +156,7 @@ def prove_saturated(
         reach = reaches(machine, K, friction, delay, left) if friction.kind == "Maxwell slip" else None
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return nothing("not decided", f"numerical failure: {error}", known)
-    everywhere = reach is not None and reach.share == 1
+    everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
     certificate, kick, share = plain.certificate, kick_linear, 0.0
     if reach is not None and reach.kick > kick_linear:
         exact = claimed(machine, K, delay, friction, reach.numbers)
@@ -163,8 +164,8 @@ def prove_saturated(
     return SaturatedProof(
         verdict="proved" if everywhere else "proved up to a kick",
         claim=told(plain.claim, np.inf if everywhere else kick, Fs, limit),
-        reason="" if everywhere else why_local(cut),
-        not_claimed=NOT_CLAIMED.format(Fs=Fs, limit=limit),
+        reason="" if everywhere else why_local(cut, friction),
+        not_claimed=NOT_CLAIMED.format(other=OTHER[friction.kind], Fs=Fs, limit=limit),
         kick=kick,
         kick_linear=kick_linear,
         share=share,
@@ -207,8 +208,10 @@ def told(claim: str, kick: float, Fs: float, limit: float) -> str:
     return f"{claim[:-1]}, with an actuator of {limit:g} N and friction of at most {Fs:g} N."
 
 
-def why_local(cut: CutLoop) -> str:
+def why_local(cut: CutLoop, friction: AnyFriction) -> str:
     """Why it is not proved from every state."""
+    if friction.kind != "Maxwell slip":
+        return f"From every state: not tried for a {friction.kind}; the kick is one that never saturates the actuator."
     if cut.open_growth() < 0:
         return "From every state: no weights were found for all that an actuator may miss."
     return (

@@ -120,9 +120,20 @@ def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
     proof = prove_saturated(RIG, pd(20e3, 60.0), any_bristle(64e3, 1 / 0.7, 13.0), Fs=FS, limit=LIMIT)
     assert proof.kick == proof.kick_linear > 0
     assert proof.share == 0
+    assert "not tried for a bristle" in proof.reason
+    assert "rigid stiction" in proof.not_claimed
     force, swing = played(Leuven(), pd(20e3, 60.0), 0.0, proof.kick, c=0.0)
     assert force < LIMIT
     assert swing < 0.05
+
+
+@pytest.mark.parametrize("friction", [SLIP, any_bristle(64e3, 1.2)])
+def test_an_actuator_that_is_asked_for_nothing_never_saturates(friction):
+    proof = prove_saturated(sliding_machine(1.0, 80e3, 40.0), 0.0, friction, Fs=FS, limit=LIMIT)
+    assert (proof.verdict, proof.kick, proof.reason) == ("proved", np.inf, "")
+    assert "from every state" in proof.claim
+    excluded = "LuGre" if friction is SLIP else "rigid stiction"
+    assert excluded in proof.not_claimed
 
 
 def test_the_kick_grows_with_what_the_limit_leaves_over_friction():
