@@ -64,27 +64,28 @@ class LoopResponse:
         """Swing in the last quarter of the time after `calm` [s], over the swing before; inf where it ran away.
 
         For a loop that was disturbed until then and left alone afterwards. The swing is between the largest and the
-        smallest error: a loop at rest has none, wherever it rests. Of several channels it is the largest swing.
+        smallest error: a loop at rest has none, wherever it rests. Of several channels the one that is left with most
+        of its own counts, be it small beside that of another.
         """
         before, after = self.disturbed_and_left_alone(calm)
         if self.diverged:
             return np.inf
-        return swing(after[..., -(after.shape[-1] // 4) :]) / max(swing(before), np.finfo(float).tiny)
+        return float(np.max(swing(after[..., -(after.shape[-1] // 4) :]) / usual_swing(before)))
 
     def outcome(self, calm: float) -> str:
         """What became of a loop that was disturbed until `calm` [s] and left alone afterwards, judged by its swing.
 
-        "limit cycle": the swing in the last quarter of what follows is within 5 % of, or larger than, that of the
-        quarter before, however small, down to a millionth of the swing before. "settled": less than a hundredth of it,
-        and the friction no longer drifts: what sticks while an integrator winds up is not at rest. "stable": on its way
-        there, creeping, or about to slip. "ran away": the simulation had to stop.
+        "limit cycle": the swing of some channel in the last quarter of what follows is within 5 % of, or larger than,
+        that of the quarter before, however small, down to a millionth of the swing before. "settled": less than a
+        hundredth of it in every channel, and the friction no longer drifts: what sticks while an integrator winds up is
+        not at rest. "stable": on its way there, creeping, or about to slip. "ran away": the simulation had to stop.
         """
         if self.diverged:
             return "ran away"
         before, after = self.disturbed_and_left_alone(calm)
         n = after.shape[-1] // 4
         last, earlier = swing(after[..., -n:]), swing(after[..., -2 * n : -n])
-        if last > max(0.95 * earlier, SMALLEST_SWING * swing(before)):
+        if np.any(last > np.maximum(0.95 * earlier, SMALLEST_SWING * usual_swing(before))):
             return "limit cycle"
         held = self.friction[..., -2 * n :]
         usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
@@ -100,6 +101,12 @@ class LoopResponse:
         return before, after
 
 
-def swing(x: np.ndarray) -> float:
-    """Largest less smallest, of the channel where it is most."""
-    return float(np.ptp(x, axis=-1).max()) if x.size else 0.0
+def swing(x: np.ndarray) -> np.ndarray:
+    """() or (channels,) largest less smallest."""
+    return np.ptp(x, axis=-1) if x.size else np.zeros(x.shape[:-1])
+
+
+def usual_swing(before: np.ndarray) -> np.ndarray:
+    """The swing of each channel while disturbed; of one that hardly moved what is rest beside the others."""
+    found = swing(before)
+    return np.maximum(found, max(SMALLEST_SWING * found.max(), np.finfo(float).tiny))

@@ -223,7 +223,9 @@ OWN = OwnFriction(derivative=lambda x, v, z: v - z, force=lambda x, v, z: z[0], 
         ({"actuators": np.ones((3, 1))}, r"actuators must have 2 rows, one an axis, got shape \(3, 1\)"),
         ({"actuators": [[1.0, 0.0], [1.0, 0.0]]}, "actuators must reach some axis with every channel"),
         ({"inputs": ("Fx",)}, r"inputs must be 2 different names, got \('Fx',\)"),
+        ({"inputs": "xy"}, "inputs must be 2 different names, got 'xy'"),  # one text is one name, not two letters
         ({"outputs": ("x", "x")}, "outputs must be 2 different names"),
+        ({"outputs": (1, 2)}, r"outputs must be 2 different names, got \(1, 2\)"),
     ],
 )
 def test_matrices_that_make_no_machine_are_refused(change, message):
@@ -235,6 +237,12 @@ def test_matrices_that_make_no_machine_are_refused(change, message):
 def test_what_only_several_axes_have_is_refused_of_one(name):
     with pytest.raises(ValueError, match=f"{name} must be left out for one axis"):
         Rig(1.0, 80e3, LUGRE, **{name: [[1.0]]})
+
+
+def test_the_one_channel_of_an_axis_has_one_name():
+    assert Rig(1.0, 80e3, LUGRE, inputs="force").inputs == ("force",)
+    with pytest.raises(ValueError, match=r"outputs must be one name, got \('x', 'y'\)"):
+        Rig(1.0, 80e3, LUGRE, outputs=("x", "y"))
 
 
 def test_multisines_that_do_not_fit_the_rig_are_refused():

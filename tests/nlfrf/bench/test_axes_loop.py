@@ -92,6 +92,15 @@ def test_a_stage_that_runs_away_is_a_result():
     assert response.outcome(0.1) == "ran away"
 
 
+def test_a_small_axis_that_goes_on_is_seen_beside_a_large_one_that_settles():
+    t = np.arange(4000) / 1000
+    large = 1e-3 * np.where(t < 1, np.sin(9 * t), np.exp(-2.2 * (t - 1)) * np.sin(50 * t))
+    channels, rows = np.stack([large, 1e-6 * np.sin(60 * t)]), np.zeros((2, 4000))
+    told = LoopResponse(t=t, r=channels, u=rows, x=rows, v=rows, y=rows, friction=rows, diverged=False)
+    assert told.outcome(1.0) == "limit cycle"
+    assert told.residual(1.0) == pytest.approx(1.0, rel=1e-3)
+
+
 def test_outcome_is_that_of_the_channel_that_swings_most():
     t = np.arange(4000) / 2000
     channels = np.where(t < 0.5, np.sin(300 * t), np.stack([0.1 * np.sin(300 * t), np.zeros(t.size)]))
