@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from nlfrf.shared.wording import shown
 from robust.files.json_files import VERSION, decoded, decoded_system, encoded, encoded_system, yes_or_no
+from robust.uncertain.evidence import MatrixEvidence
 from robust.uncertain.matrix_model import MatrixUncertainty
 
 __all__ = ["MATRIX_SCHEMA", "decoded_matrix", "encoded_matrix"]
 
 
 MATRIX_SCHEMA = "robust-matrix-model"
+REAL, COMPLEX = ("omega", "dof"), ("G", "C", "gamma")  # of the record
 SIDES, NAMES = ("left", "right"), ("inputs", "outputs")
 TEXTS, NUMBERS = ("form", "perturbation", "extrapolation", "source"), ("confidence", "joint", "joint_bla")
 
@@ -31,7 +34,10 @@ def encoded_matrix(model: MatrixUncertainty) -> dict[str, Any]:
     content |= {name: list(getattr(model, name)) for name in NAMES}
     content |= {name: getattr(model, name) for name in TEXTS}
     content |= {name: encoded(getattr(model, name)) for name in NUMBERS}
-    return content if model.other is None else content | {"other": encoded_matrix(model.other)}
+    if model.measured is not None:
+        content["measured"] = {part: encoded(getattr(model.measured, part)) for part in (*REAL, *COMPLEX)}
+    # of two forms of a set the record is the same
+    return content if model.other is None else content | {"other": encoded_matrix(replace(model.other, measured=None))}
 
 
 def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
@@ -40,9 +46,10 @@ def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
     names: dict[str, Any] = {name: texts(name, content[name]) for name in NAMES}
     words: dict[str, Any] = {name: texts(name, [content[name]])[0] for name in TEXTS}
     numbers: dict[str, Any] = {name: float(decoded(content[name])) for name in NUMBERS}
-    other = content.get("other")
+    other, measured = content.get("other"), decoded_record(content.get("measured"))
     return MatrixUncertainty(
-        other=None if other is None else decoded_matrix(other),
+        other=None if other is None else replace(decoded_matrix(other), measured=measured),
+        measured=measured,
         nominal=decoded_system(content["nominal"]),
         omega=decoded(content["omega"]),
         radius=decoded(content["radius"]),
@@ -52,6 +59,17 @@ def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
         **words,
         **numbers,
     )
+
+
+def decoded_record(content: Any) -> MatrixEvidence | None:
+    """What a model remembers of its record; files of before do not say."""
+    if content is None:
+        return None
+    parts = {part: decoded(content[part]) for part in REAL}
+    for part in COMPLEX:
+        pairs = decoded(content[part])
+        parts[part] = pairs[..., 0] + 1j * pairs[..., 1]
+    return MatrixEvidence(**parts)
 
 
 def texts(name: str, content: Any) -> tuple[str, ...]:

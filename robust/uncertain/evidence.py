@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf import Bla
+from nlfrf import Bla, Frm
 from nlfrf.shared.values import value
 
-__all__ = ["FEW_LINES", "LEVEL_DOF", "WINDOW", "Evidence", "averaged", "evidence_of"]
+__all__ = [
+    "FEW_LINES",
+    "LEVEL_DOF",
+    "WINDOW",
+    "Evidence",
+    "MatrixEvidence",
+    "averaged",
+    "evidence_of",
+    "matrix_evidence_of",
+]
 
 
 WINDOW = 13  # lines over which a level is averaged, relative to |G|
@@ -55,6 +64,44 @@ class Evidence:
     variance: np.ndarray
     scatter: np.ndarray
     confirmed: float
+
+
+@value
+class MatrixEvidence:
+    """The same of a record of several inputs and outputs, lines in front: an error of G is C^1/2 Z gamma^1/2, Z white.
+
+    Fields
+    ------
+    omega : (F,) ndarray
+        Lines [rad/s].
+    G : (F, n_y, n_u) complex ndarray
+        The matrix.
+    C, gamma : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
+        Its covariance over outputs, and over inputs.
+    dof : (F,) ndarray
+        Complex degrees of freedom behind C.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, n_realizations=2, rng=1)
+    >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    >>> frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u + 0.1 * u**3, fs=128, lines=ms.lines))
+    >>> matrix_evidence_of(frm).G.shape == (frm.f.size, 2, 2)
+    True
+    """
+
+    omega: np.ndarray
+    G: np.ndarray
+    C: np.ndarray
+    gamma: np.ndarray
+    dof: np.ndarray
+
+
+def matrix_evidence_of(frm: Frm) -> MatrixEvidence:
+    """What a record of several inputs and outputs says of its lines."""
+    G, C, gamma = (np.moveaxis(x, 2, 0) for x in (frm.G, frm.cov_bound, frm.gamma))
+    return MatrixEvidence(omega=frm.omega, G=G, C=C, gamma=gamma, dof=np.minimum(frm.dof, 1e6))
 
 
 def evidence_of(bla: Bla) -> Evidence:

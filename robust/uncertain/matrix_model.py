@@ -25,7 +25,6 @@ import control
 import numpy as np
 from scipy.linalg import block_diag
 
-from nlfrf import Frm
 from nlfrf.shared.arguments import one_of, real_array
 from nlfrf.shared.values import value
 from robust.systems.closed_loop import refuse_shape, weighted_plant
@@ -33,6 +32,7 @@ from robust.systems.lft import joined, lower
 from robust.systems.lti import along, timebase
 from robust.systems.realisation import multivariable, over_channels
 from robust.systems.stability import stable
+from robust.uncertain.evidence import MatrixEvidence
 from robust.uncertain.forms import ADDITIVE, ELEMENTS, INPUT, MATRIX_FORMS, PERTURBATIONS
 from robust.uncertain.interconnection import Block, UncertainSystem
 from robust.uncertain.joint import told
@@ -70,8 +70,8 @@ class MatrixUncertainty:
     joint, joint_bla : float
         Estimated probability that a whole matrix lies in the set, all its lines together: that of another set of
         experiments, and the BLA; nan where the set was not made of a record.
-    measured : nlfrf.Frm, optional
-        The record that it was made of, for `validate`.
+    measured : MatrixEvidence, optional
+        What it remembers of the record that it was made of, for `validate`.
     other : MatrixUncertainty, optional
         The same plant in another form, at the same confidence c. Both hold it with a probability of at least
         2 c - 1, so that `check` may take the better of two verdicts. This set alone is what anything else works on.
@@ -113,7 +113,7 @@ class MatrixUncertainty:
     source: str = "not stated"
     joint: float = float("nan")
     joint_bla: float = float("nan")
-    measured: Frm | None = None
+    measured: MatrixEvidence | None = None
     other: MatrixUncertainty | None = None
 
     def __post_init__(self) -> None:

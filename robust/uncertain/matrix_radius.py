@@ -17,6 +17,7 @@ from robust.systems.lft import joined
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable
 from robust.systems.sampling import delayed
+from robust.uncertain.evidence import matrix_evidence_of
 from robust.uncertain.forms import ADDITIVE, AUTO, ELEMENTS, INPUT, MATRIX_FORMS
 from robust.uncertain.joint import matrix_chance
 from robust.uncertain.matrix_model import MatrixUncertainty
@@ -92,7 +93,7 @@ def matrix_uncertainty(
             f"{frm.n_realizations} sets of {frm.n_inputs} experiments x {frm.n_periods} periods, level from "
             f"{frm.level_source}"
         ),
-        measured=frm,
+        measured=matrix_evidence_of(frm),
     )
     joint, joint_bla = matrix_chance(made, frm, model, misfits(frm, model))
     return replace(made, joint=joint, joint_bla=joint_bla)

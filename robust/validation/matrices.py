@@ -16,6 +16,7 @@ from nlfrf.shared.roy import roy_quantile
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
 from robust.systems.lti import timebase
+from robust.uncertain.evidence import MatrixEvidence, matrix_evidence_of
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.matrix_radius import smoothed
 from robust.validation.difference import local_slope, shape_and_level
@@ -117,17 +118,6 @@ class MatrixValidation:
         return "\n".join(rows)
 
 
-@value(copy=False)
-class Lines:
-    """A measured matrix with the lines in front: omega (F,), G, C, gamma (F, ., .), dof (F,)."""
-
-    omega: np.ndarray
-    G: np.ndarray
-    C: np.ndarray
-    gamma: np.ndarray
-    dof: np.ndarray
-
-
 def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidation:
     """`validate` of several inputs and outputs."""
     shape = (model.n_outputs, model.n_inputs)
@@ -139,11 +129,11 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
     inside = (frm.omega >= model.omega[0] * (1 - 1e-9)) & (frm.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
-    second = on_lines(lines_of(frm), frm.omega[inside])
+    second = on_lines(matrix_evidence_of(frm), frm.omega[inside])
     distance = np.full(second.omega.size, np.nan)
     confidence, simultaneous, nominal = CONFIDENCE, False, None
     if isinstance(model, Frm):
-        first = on_lines(lines_of(model), second.omega)
+        first = on_lines(matrix_evidence_of(model), second.omega)
     else:
         confidence, simultaneous, nominal = model.confidence, model.simultaneous, model.nominal
         if np.isnan(confidence):
@@ -152,19 +142,13 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
         at = np.exp(1j * second.omega * dt) if dt else 1j * second.omega
         G = np.moveaxis(np.asarray(nominal(at, squeeze=False)), 2, 0)
         distance = model.distances(second.omega, second.G - G, G)
-        exact = Lines(omega=second.omega, G=G, C=0 * second.C, gamma=second.gamma, dof=second.dof)
-        first = exact if model.measured is None else on_lines(lines_of(model.measured), second.omega)
+        exact = MatrixEvidence(omega=second.omega, G=G, C=0 * second.C, gamma=second.gamma, dof=second.dof)
+        first = exact if model.measured is None else on_lines(model.measured, second.omega)
     p = confidence ** (1 / second.omega.size) if simultaneous else confidence
     return replace(compared(first, second, p), distance=distance, inputs=frm.inputs, outputs=frm.outputs)
 
 
-def lines_of(frm: Frm) -> Lines:
-    """The lines of a record and how its BLA scatters."""
-    G, C, gamma = (np.moveaxis(x, 2, 0) for x in (frm.G, frm.cov_bound, frm.gamma))
-    return Lines(omega=frm.omega, G=G, C=C, gamma=gamma, dof=np.minimum(frm.dof, 1e6))
-
-
-def on_lines(one: Lines, omega: np.ndarray) -> Lines:
+def on_lines(one: MatrixEvidence, omega: np.ndarray) -> MatrixEvidence:
     """On other lines, interpolated in log magnitude and phase; exact where the lines are its own."""
     if omega.size == one.omega.size and np.allclose(omega, one.omega, rtol=1e-9, atol=0):
         return one
@@ -175,10 +159,10 @@ def on_lines(one: Lines, omega: np.ndarray) -> Lines:
         return np.array([np.interp(omega, one.omega, part) for part in flat.T]).T.reshape(-1, *x.shape[1:])
 
     log = between(np.log(np.maximum(np.abs(one.G), 1e-300)) + 1j * np.unwrap(np.angle(one.G), axis=0))
-    return Lines(omega=omega, G=np.exp(log), C=between(one.C), gamma=between(one.gamma), dof=between(one.dof))
+    return MatrixEvidence(omega=omega, G=np.exp(log), C=between(one.C), gamma=between(one.gamma), dof=between(one.dof))
 
 
-def compared(first: Lines, second: Lines, p: float) -> MatrixValidation:
+def compared(first: MatrixEvidence, second: MatrixEvidence, p: float) -> MatrixValidation:
     """Two records on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     F, n_y, n_u = d.shape
@@ -222,7 +206,7 @@ def inverse_root(X: np.ndarray) -> np.ndarray:
     return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
-def changes(first: Lines, second: Lines, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
+def changes(first: MatrixEvidence, second: MatrixEvidence, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
     """The change that all entries share, and how likely each entry changed by itself."""
     omega, (F, n_y, n_u) = second.omega, d.shape
     G = (first.G + second.G) / 2
