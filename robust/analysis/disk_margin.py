@@ -291,9 +291,13 @@ def margin_of(S: Any, reason: str, skew: float, channels: Sequence[int] | None) 
         )
     some = range(S.ninputs) if channels is None else channels
     omega, alpha = where_limited(S, np.ix_(some, some), skew)
-    low, high = (2 - (1 - skew) * alpha) / (2 + (1 + skew) * alpha), 2 - (1 + skew) * alpha
+    if np.isinf(alpha):  # a loop that is a number bears every gain but one, none at all every gain
+        edge = (skew - 1) / (skew + 1) if skew != -1 else -np.inf
+        low, up, high = (edge, edge, -np.inf) if np.isfinite(edge) else (edge, np.inf, np.inf)
+    else:
+        low, high = (2 - (1 - skew) * alpha) / (2 + (1 + skew) * alpha), 2 - (1 + skew) * alpha
+        up = (2 + (1 - skew) * alpha) / high if high else np.inf
     # the disk meets the unit circle where its rim, which runs through the two gains, does
-    up = (2 + (1 - skew) * alpha) / high if high else np.inf
     cosine = (1 + low * up) / (low + up) if np.isfinite(up) else low
     return DiskMargin(
         alpha=alpha,

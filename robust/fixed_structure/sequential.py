@@ -121,7 +121,8 @@ def close_in_turn(plant: Frm | MatrixUncertainty, structure: Any, asked: dict[st
     bad = [f"{named(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
     bad += [f"not found: {whole}"] if whole else []
     said = (
-        f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each designed again with all others closed"
+        f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
+        "designed again where it fell short"
     )
     return Design(
         K=joined(K, dt),
@@ -143,9 +144,11 @@ def refuse_plant(plant: Frm | MatrixUncertainty, asked: dict[str, Any]) -> float
         raise ValueError("prove must be left out of a design for a matrix: friction is proved of a single loop")
     dt = nonnegative("dt", asked["dt"])
     nonnegative("delay", asked["delay"])
+    if n_unstable := integer("n_unstable", asked["n_unstable"], least=0):
+        raise ValueError(
+            f"n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got {n_unstable}"
+        )
     if isinstance(plant, Frm):
-        if integer("n_unstable", asked["n_unstable"], least=0):
-            raise ValueError("n_unstable must be 0 for loops closed in turn: each of them starts from a stable matrix")
         return dt
     step = timebase(plant.nominal)
     if asked["delay"] or (dt and dt != step):

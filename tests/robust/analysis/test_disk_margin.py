@@ -101,6 +101,10 @@ def test_a_loop_that_bears_anything():
     S, reason = sensitivity(control.ss([], [], [], [[1.0]]), 0)
     assert not reason
     assert np.isinf(where_limited(S, np.ix_([0], [0]), 0.0)[1])
+    one = disk_margin(control.ss([], [], [], [[1.0]]))  # 1 + f = 0 at f = -1 alone
+    assert (one.gain_margin, one.phase_margin) == ((-1.0, np.inf), pytest.approx(np.pi))
+    nothing = disk_margin(control.ss([], [], [], [[0.0]]), skew=-1)
+    assert (nothing.gain_margin, nothing.phase_margin) == ((-np.inf, np.inf), np.inf)
 
 
 #: Seiler, Packard & Gahinet's spinning satellite, unit feedback.

@@ -6,6 +6,8 @@ import pytest
 
 import nlfrf
 from robust import MatrixUncertainty, check, design_frf, sampled
+from robust.fixed_structure import sequential
+from robust.fixed_structure.one_loop import design_loop
 from robust.fixed_structure.sequential import MatrixOnLines
 from robust.systems.lti import over_frequency
 
@@ -82,6 +84,22 @@ def test_two_axes_meet_their_demands_with_both_closed(form):
     assert np.abs(S[:, 1, 1]).max() <= 2.0 * 1.005
 
 
+def test_what_is_said_of_the_loops_is_what_was_done(monkeypatch):
+    """Loops that meet their demands with all others closed are not designed again, and not said to be."""
+    made = []
+
+    def counted(discs, structure, **asked):
+        made.append(asked["n_iterations"])
+        return design_loop(discs, structure, **asked)
+
+    monkeypatch.setattr(sequential, "design_loop", counted)
+    apart = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), np.eye(2), np.zeros((2, 2)))
+    design = design_frf(set_of(apart, "elements", (), (0.02,) * 4), "PI", M_S=2.0, time_cap=60, n_iterations=2)
+    assert design.met, design.reason
+    assert np.count_nonzero(made) == 2
+    assert "designed again where it fell short" in design.reason
+
+
 def test_what_cannot_be_is_said():
     """A set that no loop bears is not met, and why is said; the column of SP under 5 % in each entry by itself."""
     G = control.ss(-np.eye(2) / 75, np.eye(2), np.array([[87.8, -86.4], [108.2, -109.6]]) / 75, np.zeros((2, 2)))
@@ -116,6 +134,7 @@ def test_from_measured_lines_alone():
         (STAGE, {"M_S": [2.0]}, "M_S must have one of 2 loops each where it is a list, got 1"),
         (STAGE, {"M_S": 2.0, "dt": 0.01}, "dt and delay must be in the nominal of a MatrixUncertainty"),
         (STAGE, {"M_S": 2.0, "delay": 0.01}, "dt and delay must be in the nominal"),
+        (STAGE, {"M_S": 2.0, "n_unstable": 1}, "n_unstable must be 0 for loops closed in turn, .*, got 1"),
         (STAGE, {"M_S": 2.0, "prove": 1}, "prove must be left out of a design for a matrix"),
         (control.ss(np.diag([1.0, -1]), np.eye(2), np.eye(2), np.zeros((2, 2))), {"M_S": 2.0}, "got a pole at 1"),
     ],
