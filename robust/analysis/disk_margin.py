@@ -16,6 +16,7 @@ from typing import Any
 
 import control
 import numpy as np
+from scipy.linalg import matrix_balance
 
 from nlfrf.shared.arguments import integer, real
 from nlfrf.shared.values import value
@@ -326,13 +327,14 @@ def where_limited(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple[f
 
 
 def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
-    """(1 + L)^-1 with all states of L, or on the lines of an FRF; and why there is no margin."""
+    """(1 + L)^-1 with all states of L, or on the lines of an FRF, in `units`; and why there is no margin."""
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)
         square(L.noutputs, L.ninputs)
-        one = np.eye(L.ninputs)
+        one, unit = np.eye(L.ninputs), units(along(L, structure_grid(L)[1:]))
+        B, C, D = L.B * unit, L.C / unit[:, None], L.D * unit / unit[:, None]
         # e = r - L e, closed through one
-        P = control.StateSpace(L.A, np.hstack([0 * L.B, L.B]), np.vstack([-L.C] * 2), np.block([[one, -L.D]] * 2), L.dt)
+        P = control.StateSpace(L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt)
         S = lower(P, control.StateSpace([], [], [], one, L.dt))
         unstable = instability(S)
         return S, f"the loop is {unstable}" if unstable else ""
@@ -340,7 +342,8 @@ def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
     omega, response = np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
     if not np.isfinite(response).all():
         raise ValueError("L must have a finite FRF on every line, got nan or infinite numbers")
-    difference = np.eye(L.ninputs) + response
+    unit = units(np.asarray(L.frdata))
+    difference = np.eye(L.ninputs) + response * unit / unit[:, None]
     static = control.StateSpace([], [], [], 1.0, 0)
     turns, clear = winding(omega, np.linalg.det(difference) - 1, static, 0.0)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
@@ -349,6 +352,21 @@ def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
     if turns != n_unstable:
         return S, f"unstable: det(I + L) winds {turns} times about zero, stability needs {n_unstable}"
     return S, ""
+
+
+def units(L: np.ndarray) -> np.ndarray:
+    """(n,) powers of two by which the channels of a loop (n, n, W) are counted, so that none is far above another.
+
+    Margins know no units; a matrix of 1e6 N/m beside 1e-6 m/N would look singular. Where a channel is not reached at
+    all, the smallest gain there is stands for it.
+    """
+    with np.errstate(invalid="ignore"):
+        size = np.abs(np.where(np.isfinite(L), L, np.nan))
+        size = np.nan_to_num(np.exp(np.nanmean(np.log(np.maximum(size, np.finfo(float).tiny)), axis=2)))
+    some = size[size > 1e-200]
+    if not some.size:
+        return np.ones(len(size))
+    return np.asarray(matrix_balance(np.maximum(size, some.min()), permute=False, separate=True)[1][0])
 
 
 def square(n_out: int, n_in: int) -> None:

@@ -162,6 +162,25 @@ def test_gains_and_phases_at_inputs_and_outputs_at_once():
     assert max(growth(1.06 * size, p) for p in phases) > 0
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e-6, 1e6])
+def test_margins_know_no_units(unit):
+    """Positions in metres and forces in newtons: gains of 1e9 N/m beside 1e-9 m/N are no loop without a solution."""
+    G = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), [[1.0, 0.2], [-0.1, 1.0]], np.zeros((2, 2)))
+    K = control.ss(-np.eye(2), np.eye(2), np.diag([30.0, 40.0]), np.diag([1.0, 1.5]))
+    G_m, K_m = control.ss(G.A, G.B, unit * G.C, G.D), control.ss(K.A, K.B, K.C / unit, K.D / unit)
+    wanted, found = disk_margins(G, K), disk_margins(G_m, K_m)
+    for name in ("all_inputs", "all_outputs", "everywhere"):
+        assert getattr(found, name).alpha == pytest.approx(getattr(wanted, name).alpha, rel=1e-9)
+    for one, other in zip((*found.inputs, *found.outputs), (*wanted.inputs, *wanted.outputs), strict=True):
+        assert one.alpha == pytest.approx(other.alpha, rel=1e-9)
+    omega = np.geomspace(0.1, 1e5, 400)
+    lines = [control.FrequencyResponseData(plant(1j * omega), omega) for plant in (G, G_m)]
+    of_lines = [disk_margins(one, k).everywhere.alpha for one, k in zip(lines, (K, K_m), strict=True)]
+    assert of_lines[1] == pytest.approx(of_lines[0], rel=1e-9)
+    one_way = control.ss([], [], [], [[1.0, 1.0 / unit], [0.0, 1.0]])  # triangular: what couples counts for nothing
+    assert disk_margin(one_way, skew=-1).alpha == pytest.approx(2.0, rel=1e-3)
+
+
 def test_of_a_measured_plant_on_its_lines():
     G = control.ss(SATELLITE.A - 2 * np.eye(2), SATELLITE.B, SATELLITE.C, SATELLITE.D)
     omega = np.geomspace(0.01, 1e3, 2000)
