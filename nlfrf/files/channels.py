@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
+from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, npz, tables, tdms, uff, wav
 from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, is_time, seconds_of, unit_of
 from nlfrf.shared.arguments import data_warning, positive
-from nlfrf.shared.own_process import Found, read_apart
+from nlfrf.shared.own_process import read_apart
 from nlfrf.shared.values import value
 
 __all__ = ["OTHERWISE", "SUFFIXES", "Channels", "read_channels"]
@@ -197,12 +197,6 @@ def stream_of(array: np.ndarray) -> np.ndarray:
     return stream
 
 
-def read_npz(path: Path) -> Found:
-    """Every array of an NPZ file."""
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}, {}, {}, {}
-
-
 class Reader(NamedTuple):
     """Who reads a kind of file, whether apart in a process of its own, and with which extra of this package."""
 
@@ -216,7 +210,7 @@ HDF5 = Reader(hdf5, apart=True)
 MDF = Reader(mdf, apart=True, extra="mdf")
 READERS = {
     ".mat": Reader(matlab.contents),
-    ".npz": Reader(read_npz),
+    ".npz": Reader(npz.contents),
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc"), TEXT),
     ".lvm": Reader(lvm.contents),
     ".h5": HDF5,

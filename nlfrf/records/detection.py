@@ -72,17 +72,14 @@ def powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def lines_in(power: np.ndarray, noise: np.ndarray) -> LineGrid:
     """`detect_lines` by the powers (K,) of the lines 1 to K, and their noise."""
     noise = np.maximum(noise, 1e-20 * power.max() / SIGNIFICANT)
-    candidate = power > SIGNIFICANT * noise
-    if not candidate.any():
+    lines = np.flatnonzero(power > SIGNIFICANT * noise) + 1
+    if not lines.size:
         raise ValueError("u must hold lines that stand out of its noise, got none; is n_samples its period?")
-    total, last = power.sum(), int(np.flatnonzero(candidate)[-1]) + 1
-    candidate = candidate[:last]  # beyond, there is nothing to be looked at but as much as tells where the band ends
-    power, noise = power[: last + BEYOND], noise[:last]
-    level = 10 * np.log10(np.maximum(power[:last], 1e-300))
-    candidate &= level > neighbourhood(np.where(candidate, level, -np.inf)) - DROP
-    excited = connected(candidate, level) + 1
+    level = 10 * np.log10(np.maximum(power[lines - 1], 1e-300))
+    near = level > neighbourhood(level, lines) - DROP
+    excited = connected(level[near], lines[near])
     excited = completed(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
-    return LineGrid(excited=played_lines(power, excited, float(total)))
+    return LineGrid(excited=played_lines(power[: excited[-1] + BEYOND], excited, float(power.sum())))
 
 
 def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
@@ -152,25 +149,25 @@ def noise_floor(power: np.ndarray) -> float:
     return min(floors, default=0.0)
 
 
-def neighbourhood(level: np.ndarray) -> np.ndarray:
-    """Upper envelope of the levels that falls by at most DECAY a line on either side of a peak."""
-    ramp = DECAY * np.arange(level.size)
+def neighbourhood(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Upper envelope of the levels of some lines that falls by at most DECAY a line on either side of a peak."""
+    ramp = DECAY * lines
     forward = np.maximum.accumulate(level + ramp) - ramp
     backward = np.maximum.accumulate((level - ramp)[::-1])[::-1] + ramp
     return np.maximum(forward, backward)
 
 
-def connected(candidate: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Candidates that can be reached from the strongest line without falling by more than DROP at a step.
+def connected(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Those of some lines that can be reached from the strongest one without falling by more than DROP at a step.
 
     This ends the band where only harmonics and distortion of the input follow, at whatever level.
     """
-    index = np.flatnonzero(candidate)
-    strongest = int(np.argmax(level[index]))
-    kept = [int(index[strongest])]
-    for side in (index[strongest + 1 :], index[:strongest][::-1]):
-        previous = last = level[index[strongest]]
-        for k, here in zip(side.tolist(), level[side].tolist(), strict=True):
+    strongest = int(np.argmax(level))
+    kept = [int(lines[strongest])]
+    for side in (slice(strongest + 1, None), slice(strongest)):
+        step = -1 if side.start is None else 1
+        previous = last = level[strongest]
+        for k, here in zip(lines[side][::step].tolist(), level[side][::step].tolist(), strict=True):
             if here > max(previous, last) - DROP:
                 kept.append(k)
                 previous, last = last, here

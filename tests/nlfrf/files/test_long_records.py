@@ -40,7 +40,7 @@ def written(path, n_samples, n_periods, noise=0.003, kept=False):
         nlfrf.save_record(record, path)
     elif path.suffix == ".csv":  # with no more digits than a converter has
         table = np.column_stack([np.arange(u.size) / 1000, u.ravel(), y.ravel()])
-        np.savetxt(path, table, delimiter=",", header="t [s],u,y", comments="", fmt="%.6g")
+        np.savetxt(path, table, delimiter=",", header="t [s],u,y", comments="", fmt="%.7g")
     elif path.suffix == ".npz":
         np.savez(path, u=u.ravel(), y=y.ravel(), fs=1000.0)
     else:
