@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.readers import clock, tables
+from nlfrf.readers import clock, npz, tables
 from nlfrf.records import detection, faults, period
 from nlfrf.records.coarse import coarse, smooth_over
 from nlfrf.shared import own_process, transforms
@@ -253,3 +253,21 @@ def test_the_frequency_of_a_time_axis_by_blocks(n, monkeypatch):
     assert clock.frequency_of(t) == pytest.approx(16384, rel=2e-2 if n < 4 else 1e-3)
     if n > 3:
         assert clock.frequency_of(np.where(np.arange(n) == n // 2, np.nan, t) + 1e6) == clock.frequency_of(t)
+
+
+@pytest.mark.parametrize("kind", ["<f8", ">f8", "<f4", "<i4", "?"])
+def test_members_of_an_npz_file_are_what_numpy_reads(kind, tmp_path):
+    x = (100 * np.random.default_rng(0).standard_normal((1100, 1003))).astype(kind)
+    held = {"rows": x, "columns": np.asfortranarray(x), "small": x[:2, :3], "text": np.array("u")}
+    np.savez(tmp_path / "x.npz", **held)
+    np.savez_compressed(tmp_path / "z.npz", **held)
+    for name in "xz":
+        found = npz.contents(tmp_path / f"{name}.npz")[0]
+        for key, array in held.items():
+            np.testing.assert_array_equal(found[key], array)
+            assert found[key].dtype == array.dtype
+    content = bytearray((tmp_path / "x.npz").read_bytes())
+    content[len(content) // 3] ^= 1  # one bit of a sample
+    (tmp_path / "x.npz").write_bytes(content)
+    with pytest.raises(ValueError, match=r"must be a readable .npz file, got 'x.npz': Bad CRC-32"):
+        nlfrf.load_record(tmp_path / "x.npz")
