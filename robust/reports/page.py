@@ -116,6 +116,9 @@ def write_report(
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {shown(model)}")
     K, records = state_space("K", K), several(record)
+    refuse_others("bla", several(bla), Bla)
+    refuse_others("report", several(report), RobustnessReport)
+    refuse_others("nominal", several(nominal), NominalFit)
     blas = several(bla) or [nlfrf.identify(one) for one in records]
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay)
@@ -158,6 +161,9 @@ def matrix_report(
     notes: str,
 ) -> StructuredReport:
     """The report of several inputs and outputs."""
+    refuse_others("bla", frms, Frm)
+    refuse_others("report", several(report), StructuredReport)
+    refuse_others("nominal", several(nominal), NominalFit)
     if report is not None and w_P is not None:
         raise ValueError("w_P must be left out where report is given: it was checked with its own")
     K = multivariable("K", K)
@@ -165,6 +171,13 @@ def matrix_report(
     sections = matrix_sections(found, model, K, frms or [nlfrf.identify(one) for one in records], nominal)
     write_text(path, page(title=title, notes=notes, report=found, beside="", sections=sections))
     return found
+
+
+def refuse_others(name: str, given: list[Any], wanted: type) -> None:
+    """Refuse what is told of a model of another number of inputs and outputs, or of nothing at all."""
+    for one in given:
+        if not isinstance(one, wanted):
+            raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {shown(one)}")
 
 
 def is_demand(report: RobustnessReport, w_P: Any) -> bool:

@@ -81,4 +81,17 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
         robust.write_report(tmp_path / "n.html", MODEL, SMALL, report=report, w_P=W_P)
     with pytest.raises(ValueError, match="delay and friction must be left out for a MatrixUncertainty"):
         robust.write_report(tmp_path / "n.html", MODEL, SMALL, delay=0.1)
+    single = robust.UncertaintyModel(
+        control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", FRM.omega[:2], np.array([0.05, 0.05])
+    )
+    alone = robust.check(single, 2.0)
+    for model, K, parts, message in (
+        (MODEL, SMALL, {"report": alone}, "report must be of class StructuredReport for this model, got Robustness"),
+        (MODEL, SMALL, {"bla": FRM.entry(0, 0)}, "bla must be of class Frm for this model, got Bla"),
+        (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of class NominalFit for this model, got 3"),
+        (single, 2.0, {"report": report}, "report must be of class RobustnessReport for this model, got Structured"),
+        (single, 2.0, {"bla": FRM}, "bla must be of class Bla for this model, got Frm"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            robust.write_report(tmp_path / "n.html", model, K, **parts)
     assert not (tmp_path / "n.html").exists()
