@@ -4,6 +4,7 @@ records        records, from any measurement file
 multirecords   records of several inputs or outputs
 inspection     what such a file holds, and a guess at how to load it
 channels       the named channels inside such a file, by the reader of its kind
+npz            arrays of NPZ files, read to where they stay
 designs        multisines, and the signals to play
 results        `Bla`, `Frm` and tables
 stored_values  any value of this package, field by field, with its schema and version

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, npz, tables, tdms, uff, wav
+from nlfrf.files import npz
+from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
 from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, is_time, seconds_of, unit_of
 from nlfrf.shared.arguments import data_warning, positive
 from nlfrf.shared.own_process import read_apart

@@ -8,7 +8,6 @@ lvm             LabVIEW measurements
 matlab          MATLAB: which version it is
 matlab_v5       MATLAB to v7: variables, structs, Simulink scopes, dSPACE recordings
 matlab_objects  MATLAB: time series, timetables, datasets
-npz             NPZ of NumPy
 hdf5            HDF5: datasets, tables, attributes
 tdms            TDMS of LabVIEW
 mdf             MDF of cars and test benches

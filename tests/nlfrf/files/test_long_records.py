@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import nlfrf
-from nlfrf.readers import clock, npz, tables
+from nlfrf.files import npz
+from nlfrf.readers import clock, tables
 from nlfrf.records import detection, faults, period
 from nlfrf.records.coarse import coarse, smooth_over
 from nlfrf.shared import own_process, transforms
