@@ -18,6 +18,7 @@ __all__ = ["LARGEST_GAMMA", "bracket", "central", "control_equation", "least_lev
 
 
 LARGEST_GAMMA = 1e10
+CHANGED = 100.0  # of its size A may change by another choice of the control: a nearly singular D12 asks for more
 
 
 @value(copy=False)
@@ -56,18 +57,31 @@ def solved(plant: Plant, gamma: float, *, quick: bool = False) -> Solution | Non
 
 
 def control_equation(plant: Plant, gamma: float, *, quick: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
-    """X and F of a level where the states and w are known; of the dual plant, Y and H'. Only D12 need have full rank.
+    """X and F of a level where the states and w are known; of the dual plant, Y and H'. Only D12 need be [0; I].
 
     What is not possible with all of x and w known is not possible with y either: where there is no X, the level is a
-    lower bound.
+    lower bound. The outputs that u reaches are taken as the control in its place where that changes little: cross terms
+    that would cancel in rounding are then never made, and where y tells all of w, Y is zero to the last bit.
     """
     if gamma <= left_by_control(plant) * (1 + 1e-9):
         return None
-    B, D = np.hstack([plant.B1, plant.B2]), np.hstack([plant.D11, plant.D12])
     n_w, n_u = plant.B1.shape[1], plant.B2.shape[1]
+    free = plant.C1.shape[0] - n_u
+    A, B1, C1, D11 = plant.A, plant.B1, plant.C1, plant.D11
+    C_u, D_u = C1[free:], D11[free:]
+    instead = bool(np.linalg.norm(plant.B2 @ C_u) < CHANGED * np.linalg.norm(A))
+    if instead:
+        A, B1 = A - plant.B2 @ C_u, B1 - plant.B2 @ D_u
+        C1, D11 = (np.vstack([rows[:free], np.zeros_like(rows[free:])]) for rows in (C1, D11))
+    B, D = np.hstack([B1, plant.B2]), np.hstack([D11, plant.D12])
     R = D.T @ D - np.diag(np.r_[np.full(n_w, gamma**2), np.zeros(n_u)])
-    X = stabilising(plant.A, B, plant.C1.T @ plant.C1, R, plant.C1.T @ D, quick=quick)
-    return None if X is None else (X, -np.linalg.solve(R, D.T @ plant.C1 + B.T @ X))
+    X = stabilising(A, B, C1.T @ C1, R, C1.T @ D, quick=quick)
+    if X is None:
+        return None
+    F = -np.linalg.solve(R, D.T @ C1 + B.T @ X)
+    if instead:
+        F[n_w:] -= C_u + D_u @ F[:n_w]
+    return X, F
 
 
 def central(plant: Plant, at: Solution, *, rolled_off: bool = False) -> Matrices:

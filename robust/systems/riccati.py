@@ -26,6 +26,8 @@ def stabilising(
     n = A.shape[0]
     if n == 0:
         return np.zeros((0, 0))
+    if not Q.any() and not S.any() and np.linalg.eigvals(A).real.max() < 0:
+        return np.zeros((n, n))  # which rounding would give a sign
     quick = quick and np.linalg.cond(R) < WELL_CONDITIONED
     solvers = (by_hamiltonian, by_pencil) if quick else (by_pencil, by_hamiltonian)
     for solve in solvers:
