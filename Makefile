@@ -44,8 +44,9 @@ lint: $(TESTS)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# Two processes on two cores: threads of the linear algebra would only wait for one another.
 test: lint
-	MPLBACKEND=Agg $(BIN)/python -m pytest -n 2 --dist worksteal
+	MPLBACKEND=Agg OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 # The examples run once: what they print and draw lies in build/examples, and the tests look at the same.
 docs: $(DOCS)

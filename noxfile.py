@@ -19,7 +19,8 @@ import nox
 ROOT = Path(__file__).parent
 PYTHONS = ["3.11", "3.12", "3.13", "3.14"]
 VERSIONS = {"pinned": ["-c", "constraints.txt"], "oldest": ["-c", "constraints-oldest.txt"], "newest": ["-U"]}
-QUIET = {"MPLBACKEND": "Agg"}
+# two processes on two cores: threads of the linear algebra would only wait for one another
+QUIET = {"MPLBACKEND": "Agg", "OMP_NUM_THREADS": "1"}
 
 nox.options.sessions = ["package", "installed", "from_sdist", "from_wheel"]
 nox.options.error_on_missing_interpreters = False

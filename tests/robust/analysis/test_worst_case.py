@@ -87,6 +87,7 @@ def test_where_the_set_is_too_large_a_plant_destabilises(form):
             # the smallest perturbation that reaches the boundary, then a little more
             assert abs(worst.delta) == pytest.approx(1 / 1.02, rel=1e-3 if form != "coprime" else 0.05)
             assert worst.achieved > 1e3
+        assert worst.stable == stable
 
 
 def test_worst_case_refuses_an_unstable_loop():
