@@ -2,6 +2,7 @@
 
 python -m benchmarks.coverage [--records 200] [--processes 4]
 python -m benchmarks.coverage --hard [--group sparse] [--records 600] [--processes 4]
+python -m benchmarks.coverage --drawn 0 100 [--records 600] [--processes 4]
 
 Coverage is told for the BLA and for a new realisation: over all lines, on the first three, on the last three, on the
 worst line; in the table of the guide also within 3 Hz of the resonance. Of 600 records the standard deviation of three
@@ -20,10 +21,12 @@ from multiprocessing import get_context
 import numpy as np
 
 import nlfrf
+from benchmarks.drawn import drawn_case
 from benchmarks.plants import FRESH, PLANTS, RMS, played, realisations, resonance
 
 TRUE_SIGMA = 1.731  # sqrt(F_p) of a known variance at 95 %
 SNR = (None, 40, 20)
+LEAST = 200  # records of several realisations: of three lines together they are 600
 N_TRUTH = 400, 3000  # realisations behind the true BLA: of the table, of the hard cases
 
 
@@ -160,6 +163,12 @@ def fresh_cases():
         yield "fresh-few", plant, "special-odd", 4, 2, 30, dict(f_min=9, f_max=60), 0
 
 
+def drawn_cases(numbers):
+    """Plants, grids, bands and noise drawn by chance: what nobody chose."""
+    for number in numbers:
+        yield "drawn", str(number), *drawn_case(number)
+
+
 def measure_hard(group, plant, kind, M, P, snr, change, n_files, n_records, rng):
     """One row of `HARD_ROW`."""
     ms = nlfrf.multisine(kind, **DESIGN | change, rng=rng)
@@ -185,8 +194,8 @@ def subset_of(ms, n, rng):
 
 
 def row_of_hard(case, n_records):
-    """Its row of `HARD_ROW`, in a process of its own."""
-    return [measure_hard(*case, n_records, np.random.default_rng(1))]
+    """Its row of `HARD_ROW`, in a process of its own; several realisations count for several records."""
+    return [measure_hard(*case, max(min(n_records, LEAST), n_records // case[3]), np.random.default_rng(1))]
 
 
 def rows_of(case, n_records):
@@ -203,6 +212,7 @@ def main() -> None:
     parser.add_argument("--kind")
     parser.add_argument("--hard", action="store_true", help="the cases that try the bound")
     parser.add_argument("--group", help="one group of the hard cases")
+    parser.add_argument("--drawn", type=int, nargs=2, help="plants drawn by chance: the first number, and how many")
     parser.add_argument("--processes", type=int, default=1, help="cases worked on at a time")
     chosen = parser.parse_args()
     # products of a few thousand numbers: threads for each cost twice the time, and take it from the other processes
@@ -213,7 +223,7 @@ def main() -> None:
 
 def print_table(chosen: argparse.Namespace, executor: Executor) -> None:
     """One of the tables; each case has its own random numbers, so that it does not matter who works it out."""
-    hard = chosen.hard or chosen.group is not None
+    hard = chosen.hard or chosen.drawn or chosen.group is not None
     form, work = (HARD_ROW, row_of_hard) if hard else (ROW, rows_of)
     if not hard:
         print(
@@ -222,7 +232,8 @@ def print_table(chosen: argparse.Namespace, executor: Executor) -> None:
             )
         )
     asked = []
-    for case in hard_cases() if hard else cases():
+    known = drawn_cases(range(chosen.drawn[0], sum(chosen.drawn))) if chosen.drawn else hard_cases()
+    for case in known if hard else cases():
         group, plant, kind = case[:3] if hard else (None, *case[:2])
         if chosen.group in (None, group) and chosen.plant in (None, plant) and chosen.kind in (None, kind):
             asked.append(case)

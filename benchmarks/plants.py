@@ -202,7 +202,16 @@ def played(ms, plant, n, rng):
     """(u, y): n realisations of a multisine, by phases of their own, and the steady-state output of a plant to them."""
     phase = rng.uniform(0, 2 * np.pi, (n, ms.f.size))
     u = replace(ms, phase=phase).u
-    return u, PLANTS[plant](u, ms.fs)
+    return u, plant_of(plant)(u, ms.fs)
+
+
+def plant_of(name):
+    """The plant of a name, or the one that a number draws."""
+    if name in PLANTS:
+        return PLANTS[name]
+    from benchmarks.drawn import drawn
+
+    return drawn(int(name))[0]
 
 
 def resonance(plant, bla_lines, G):
