@@ -237,15 +237,29 @@ def print_table(chosen: argparse.Namespace, executor: Executor) -> None:
         group, plant, kind = case[:3] if hard else (None, *case[:2])
         if chosen.group in (None, group) and chosen.plant in (None, plant) and chosen.kind in (None, kind):
             asked.append(case)
-    missing, total = [], 0
+    told = []
     for rows in executor.map(work, asked, [chosen.records] * len(asked)):
         for row in rows:
             print(form.format(*row), flush=True)
-            total += 1
-            missing += [row] if row[-1] else []
-    print(f"{total - len(missing)} of {total} rows hold the target; the others:")
+        told += rows
+    missing = [row for row in told if row[-1]]
+    print(f"{len(told) - len(missing)} of {len(told)} rows hold the target; the others:")
     for row in missing:
         print("  " + form.format(*row))
+    if not hard:
+        print_ranges(told)
+
+
+def print_ranges(rows):
+    """The table of the guide: of each grid and number of realisations the lowest and the highest row."""
+    for kind, M in dict.fromkeys((row[1], row[2]) for row in rows):
+        _, _, _, source, _, bla, bla_near, first, last, worst, new, new_near, *_, width, near, _, _ = zip(
+            *(row for row in rows if row[1:3] == (kind, M)), strict=True
+        )
+        held = (f"{min(x):.1f} to {max(x):.1f} %" for x in (bla + bla_near, new + new_near))
+        ends = f"{min(first):.1f}, {min(last):.1f}, {min(worst):.1f} %"
+        widths = f"{min(width):.2f} to {max(width):.2f}", f"{max(near):.2f}"
+        print("|", " | ".join((kind, str(M), source[0], *held, ends, *widths)), "|")
 
 
 if __name__ == "__main__":

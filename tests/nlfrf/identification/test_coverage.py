@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.coverage import measure_hard
+from benchmarks.plants import mode, spring
 from nlfrf import LineGrid, multisine
 from nlfrf.identification.distortion_level import Level, doubt_at_ends, pool_levels, widened
 from nlfrf.identification.frf import Frf
@@ -87,6 +88,14 @@ def test_a_level_in_doubt_is_widened_as_far_as_two_realisations_and_no_farther()
     assert np.all(np.diff(wider) > 0)
     quantile = (0.05 ** (-1 / 2) - 1) * 2, 1 / 0.05 - 1  # of F(2, 4) and F(2, 2) at 95 %
     np.testing.assert_allclose(wider[2:], np.array(quantile) / (6 * (0.05 ** (-1 / 6) - 1)))
+
+
+def test_a_stepped_mass_on_a_linear_spring_is_the_mode():
+    """The table is as good as its plants: what is integrated is held against what is exact."""
+    u = multisine(fs=1024, n_samples=1024, f_min=1, f_max=200, n_realizations=2, rng=0).u
+    np.testing.assert_allclose(spring(u, 1024, (1.0, 0.0, 0.0, 0.0), 0.1, 30.0, 3), mode(u, 1024, 0.1, 30.0), atol=2e-3)
+    pushed = spring(u, 1024, (1.0, 0.0, 1.0, 0.0), 0.1, 30.0, 3), spring(-u, 1024, (2.0, 0.0, -1.0, 0.0), 0.1, 30.0, 3)
+    np.testing.assert_allclose(pushed[0], -pushed[1], atol=1e-12)  # twice as stiff one way, seen from either side
 
 
 def test_a_denominator_is_not_fitted_to_noise():
