@@ -198,6 +198,8 @@ def groups() -> Iterator[tuple[str, Callable[[int], Iterator[nlfrf.MultiRecord]]
 
 def main(runs=150, only=""):
     """Print the table."""
+    if runs < 2:
+        raise SystemExit(f"runs must be at least 2, the truth is their mean, got {runs}")
     warnings.simplefilter("ignore", nlfrf.DataWarning)
     print(f"{runs} runs each; coverage in % (standard error over runs) at 95 %, all lines, then near the resonances")
     heads = ("entries", "near", "matrix", "near", "new: entries", "near", "matrix", "near")

@@ -253,7 +253,7 @@ def stack(
     delays = np.array([nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
     steps = steps_of(rig, fs, oversampling)
     initial = real_array("initial", initial, ndim=2)
-    if initial.shape[1] != 2:
+    if initial.shape not in ((1, 2), (n, 2)):
         raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
     size = max(A.shape[0] for A, _, _, _ in given)
 
@@ -320,4 +320,4 @@ def fitted(name: str, signal: Any, n: int) -> np.ndarray:
 
 def real_or_infinite(name: str, number: Any) -> float:
     """A real number that may be infinite."""
-    return np.inf if isinstance(number, float) and np.isposinf(number) else real(name, number)
+    return np.inf if isinstance(number, (float, np.floating)) and np.isposinf(number) else real(name, number)

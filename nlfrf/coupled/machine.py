@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.laws import packed_law
-from nlfrf.shared.arguments import real_array
+from nlfrf.shared.arguments import channel_names, real_array
 from nlfrf.shared.values import frozen
 
 __all__ = ["FIELDS", "advance", "at_rest", "checked", "checked_single", "machine", "packed_laws", "poles"]
@@ -48,7 +48,7 @@ def checked(given: dict[str, Any]) -> dict[str, Any]:
         found[name] = placed(name, given[name], n, axis)
     channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
     for name, (letter, count) in channels.items():
-        found[name] = names_of(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
+        found[name] = channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
     found = {name: frozen(part, True) if isinstance(part, np.ndarray) else part for name, part in found.items()}
     return found | {"friction": checked_laws(given["friction"], n)}
 
@@ -60,17 +60,8 @@ def checked_single(given: dict[str, Any]) -> dict[str, Any]:
             raise ValueError(f"{name} must be left out for one axis, or the mass be a (1, 1) matrix, got {name}")
     found = {}
     for name, default in (("inputs", "force"), ("outputs", "position")):
-        found[name] = names_of(name, given[name], 1) or (default,)
+        found[name] = channel_names(name, given[name], 1) or (default,)
     return found
-
-
-def names_of(name: str, given: Any, count: int) -> tuple[str, ...]:
-    """Names of channels, none where none are given; of one channel a text will do."""
-    names = (given,) if isinstance(given, str) else tuple(given)
-    if names and (not all(isinstance(one, str) for one in names) or len(set(names)) != count or len(names) != count):
-        wanted = "one name" if count == 1 else f"{count} different names"
-        raise ValueError(f"{name} must be {wanted}, got {given!r}")
-    return names
 
 
 def checked_laws(friction: Any, n: int) -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.records.detection import detect_lines
 from nlfrf.records.record import Record
 from nlfrf.records.samples import record_from_samples
-from nlfrf.shared.arguments import positive, real_array
+from nlfrf.shared.arguments import channel_names, positive, real_array
 from nlfrf.shared.values import value
 
 __all__ = ["MultiRecord", "multirecord_from_samples"]
@@ -78,9 +78,7 @@ class MultiRecord:
                 )
             self._keep(name, signal)
         for name, default, n in (("inputs", "u", shape[0]), ("outputs", "y", self.y.shape[0])):
-            names = tuple(getattr(self, name)) or tuple(f"{default}{i + 1}" for i in range(n))
-            if len(names) != n or len(set(names)) != n:
-                raise ValueError(f"{name} must be {n} different names, got {names}")
+            names = channel_names(name, getattr(self, name), n) or tuple(f"{default}{i + 1}" for i in range(n))
             object.__setattr__(self, name, names)
         self._refuse_dead()
         grid = self.lines
@@ -212,7 +210,7 @@ def multirecord_from_samples(
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
-    return MultiRecord(**found, fs=first.fs, lines=lines, inputs=tuple(inputs), outputs=tuple(outputs))
+    return MultiRecord(**found, fs=first.fs, lines=lines, inputs=inputs, outputs=outputs)
 
 
 def experiments(name: str, signal: Any) -> list[np.ndarray]:

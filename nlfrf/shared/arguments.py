@@ -14,6 +14,7 @@ from nlfrf.shared.wording import shown
 
 __all__ = [
     "DataWarning",
+    "channel_names",
     "data_warning",
     "integer",
     "nonnegative",
@@ -122,3 +123,12 @@ def refuse_masked(name: str, array: np.ma.MaskedArray) -> None:
             f"{name} must have no masked numbers, got {int(mask.sum())}, the first at "
             f"{first[0] if array.ndim == 1 else first}; cut them out or fill them"
         )
+
+
+def channel_names(name: str, given: Any, count: int) -> tuple[str, ...]:
+    """Names of channels, none where none are given; of one channel a text will do."""
+    names = (given,) if isinstance(given, str) else tuple(given)
+    if names and (not all(isinstance(one, str) for one in names) or len(set(names)) != count or len(names) != count):
+        wanted = "one name" if count == 1 else f"{count} different names"
+        raise ValueError(f"{name} must be {wanted}, got {given!r}")
+    return names

@@ -46,6 +46,8 @@ def test_refusals():
         nlfrf.MultiRecord(**{**make, "u": four[0]})
     with pytest.raises(ValueError, match="inputs must be 2 different names"):
         nlfrf.MultiRecord(**make, inputs=("x", "x"))
+    with pytest.raises(ValueError, match="inputs must be 2 different names, got 'xy'"):
+        nlfrf.MultiRecord(**make, inputs="xy")
     with pytest.raises(ValueError, match="lines must lie below the Nyquist line 128"):
         nlfrf.MultiRecord(**{**make, "lines": nlfrf.LineGrid(excited=[1, 3, 200])})
     with pytest.raises(ValueError, match="y must have the experiments and samples of u"):
