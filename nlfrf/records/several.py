@@ -203,14 +203,15 @@ def multirecord_from_samples(
 
     first = cut(known, 0)
     size = first.n_samples
-    found = {
+    found: dict[str, Any] = {
         name: np.stack([cut(name, i, period=size).y for i in range(signal[0].shape[0])])
         for name, signal in streams.items()
     }
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
-    return MultiRecord(**found, fs=first.fs, lines=lines, inputs=inputs, outputs=outputs)
+    found |= {"inputs": inputs, "outputs": outputs}  # which the record makes tuples of
+    return MultiRecord(**found, fs=first.fs, lines=lines)
 
 
 def experiments(name: str, signal: Any) -> list[np.ndarray]:

@@ -21,6 +21,7 @@ from nlfrf.shared.whole_files import write_text
 from nlfrf.shared.wording import shown
 from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
+from robust.analysis.loop import assemble
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
 from robust.friction_proof.proof import FrictionProof
@@ -126,6 +127,8 @@ def write_report(
         raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
     elif w_P is not None and not is_demand(report, w_P):
         raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
+    elif not is_of(report, model, K):
+        raise ValueError("report must be what check gave of this model and this K, got one of another loop")
     if not (friction is None or isinstance(friction, FrictionProof)):
         raise ValueError(f"friction must be what prove_friction gave, got {shown(friction)}")
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
@@ -178,6 +181,18 @@ def refuse_others(name: str, given: list[Any], wanted: type) -> None:
     for one in given:
         if not isinstance(one, wanted):
             raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {shown(one)}")
+
+
+def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
+    """Whether a report is of this set and this controller, by their responses at some of its frequencies."""
+    at = slice(None, None, max(1, report.omega.size // 50))
+    omega = report.omega[at]
+    if model.measured_only:
+        return np.allclose(np.abs(response(K, omega)), np.abs(report.K[at]), rtol=1e-6, atol=0)
+    curves = assemble(model, K, None, report.delay).curves(omega)
+    pairs = (curves.G, report.G), (curves.K, report.K), (np.abs(curves.w), report.radius)
+    same = all(np.allclose(one, known[at], rtol=1e-6, atol=0, equal_nan=True) for one, known in pairs)
+    return same and model.form == report.form
 
 
 def is_demand(report: RobustnessReport, w_P: Any) -> bool:

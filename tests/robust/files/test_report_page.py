@@ -214,7 +214,7 @@ def test_refusals_leave_no_file(undrawn, tmp_path):
     with pytest.raises(ValueError, match="model must be an UncertaintyModel"):
         write_report(tmp_path / "report.html", BLA, K)
     with pytest.raises(FileNotFoundError, match="existing folder"):
-        write_report(tmp_path / "nowhere" / "report.html", MODEL, 2.0, report=check(MODEL, 0.01))
+        write_report(tmp_path / "nowhere" / "report.html", MODEL, 0.01, report=check(MODEL, 0.01))
     assert list(tmp_path.iterdir()) == []
 
 

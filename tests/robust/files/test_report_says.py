@@ -52,6 +52,15 @@ def test_another_delay_than_that_of_the_report_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_report_of_another_loop_is_refused(tmp_path):
+    """One page would have told of two controllers."""
+    wider = UncertaintyModel(MODEL.nominal, 1.01 * MODEL.weight, MODEL.form, MODEL.omega, MODEL.radius)
+    for model, K in ((MODEL, 2.001), (wider, 2.0)):
+        with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
+            write_report(tmp_path / "r.html", model, K, report=check(MODEL, 2.0))
+    assert not list(tmp_path.iterdir())
+
+
 def test_integrators_are_named():
     assert roots_text(np.array([0.0, -1.0]), 0.0) == "0 Hz (integrator); 0.1592 Hz"
     assert roots_text(np.array([1.0, np.exp(-0.01)]), 0.01) == "0 Hz (integrator); 0.1592 Hz"
