@@ -26,6 +26,7 @@ __all__ = ["DesignTask", "iterate"]
 WORKING_LINES = 80
 TOLERANCE = 1e-6
 STEP_GAIN = 1e-4
+UNBOUNDED = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
 
 
 @value
@@ -220,7 +221,7 @@ def improved(
     """Convex steps from one start until nothing improves: parameters, history and why it ended."""
     mask = working_lines(task, theta)
     history: list[float] = []
-    slow, why = 0, "converged"
+    slow, why, first = 0, "converged", task.merit(theta)[1]
     for k in range(n_iterations):
         left = deadline - time.perf_counter()
         if left <= 0:
@@ -247,6 +248,9 @@ def improved(
         history.append(after[0] if after[0] > 1 + TOLERANCE else abs(after[1]))
         if progress is not None:
             progress(k + 1, history[-1])
+        if first < 0 and after[1] < UNBOUNDED * first:
+            why = "stopped: the gain at low frequency grows without bound; limit K S, or the crossover from above"
+            break
         if slow >= 2:
             if "too far apart" in obstacle:
                 why = f"ended early: for a better one {obstacle}"
