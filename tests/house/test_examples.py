@@ -102,7 +102,7 @@ PRINTED = {
     ],
     "15_several_uncertainties": [
         r"one disc over the levels 9\.\d, the rest 0\.9",
-        r" 1\.00 Hz +1\.0\d +1\.0\d",  # the disc leaves nothing, the numbers a little
+        r" 1\.00 Hz +0\.9\d +1\.0\d",  # the disc leaves nothing, the numbers a little
         r"The loop of 1 Hz:\nverdict: +STATISTICALLY ROBUST",
         r"certificate: robust stability at all frequencies: yes",
     ],
