@@ -132,6 +132,8 @@ def run(name: str, *arguments: str) -> str:
     try:
         with contextlib.redirect_stdout(printed), warnings.catch_warnings(), card:
             warnings.simplefilter("error")
+            # what python-control is told by a newer NumPy
+            warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"control\.")
             try:
                 runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")
             except SystemExit as stop:

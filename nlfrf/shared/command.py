@@ -27,7 +27,12 @@ def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapp
             warnings.simplefilter("always", category)
         said: set[str] = set()
 
-        def show(message: Warning | str, *_: object, **__: object) -> None:
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if not issubclass(category, shown):  # of a library below: nothing that a user of ours can mend
+                others(message, category, *where, **more)
+                return
             text = in_options(str(message), options)
             if text not in said:  # of several outputs, each warns of what they share
                 typer.echo(f"{name}: warning: {text}", err=True)

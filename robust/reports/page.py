@@ -123,12 +123,8 @@ def write_report(
     blas = several(bla) or [nlfrf.identify(one) for one in records]
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay)
-    elif delay not in (0.0, report.delay):
-        raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
-    elif w_P is not None and not is_demand(report, w_P):
-        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
-    elif not is_of(report, model, K):
-        raise ValueError("report must be what check gave of this model and this K, got one of another loop")
+    else:
+        refuse_another(report, model, K, w_P, delay)
     if not (friction is None or isinstance(friction, FrictionProof)):
         raise ValueError(f"friction must be what prove_friction gave, got {shown(friction)}")
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
@@ -181,6 +177,16 @@ def refuse_others(name: str, given: list[Any], wanted: type) -> None:
     for one in given:
         if not isinstance(one, wanted):
             raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {shown(one)}")
+
+
+def refuse_another(report: RobustnessReport, model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> None:
+    """Refuse a report of something else than what is to be reported."""
+    if delay not in (0.0, report.delay):
+        raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
+    if w_P is not None and not is_demand(report, w_P):
+        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
+    if not is_of(report, model, K):
+        raise ValueError("report must be what check gave of this model and this K, got one of another loop")
 
 
 def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:

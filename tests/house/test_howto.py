@@ -20,6 +20,8 @@ def test_the_python_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     names: dict = {}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        # what python-control is told by a newer NumPy
+        warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"control\.")
         for block in blocks:
             exec(compile(block, page.name, "exec"), names)
     assert capsys.readouterr().out or page.stem == "which_signal"
