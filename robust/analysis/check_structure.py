@@ -27,7 +27,7 @@ from robust.systems.grids import structure_grid
 from robust.systems.lti import along
 from robust.uncertain.interconnection import UncertainSystem
 
-__all__ = ["StructuredReport", "check_structure"]
+__all__ = ["StructuredReport", "bound_at", "check_structure"]
 
 
 GAP = 0.05  # to which an open verdict is pursued
@@ -263,6 +263,11 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) ->
     return Curves(
         omega=omega, mu=mu, mu_rp=rp, parameters=parameters, late=time.monotonic() > now + 0.9 * (deadline - now)
     )
+
+
+def bound_at(system: UncertainSystem, omega: float, time_cap: float = 10.0) -> float:
+    """The upper bound of mu for stability at one frequency [rad/s]."""
+    return float(bound(system.loop, system.structure, np.array([omega]), time.monotonic() + time_cap)[0])
 
 
 def filled(

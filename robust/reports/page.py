@@ -13,24 +13,21 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import nlfrf
 from nlfrf import Bla, Frm, MultiRecord, Record
 from nlfrf.shared.whole_files import write_text
 from nlfrf.shared.wording import shown
 from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
-from robust.analysis.loop import assemble
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
 from robust.friction_proof.proof import FrictionProof
 from robust.modelling.nominal import NominalFit
 from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
 from robust.reports.matrix import matrix_sections
+from robust.reports.same_loop import refuse_another, refuse_another_matrix
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_section
 from robust.reports.verdicts import friction_section, in_short
-from robust.systems.lti import response
 from robust.systems.realisation import multivariable, state_space
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
@@ -89,8 +86,8 @@ def write_report(
     Raises
     ------
     ValueError
-        A path that does not end in .html, a delay or w_P that is not that of the report, a friction that is no proof,
-        parts that `check` refuses.
+        A path that does not end in .html, a report, delay or w_P of another loop, a friction that is no proof, and what
+        `check` refuses.
     FileNotFoundError
         A folder that does not exist.
 
@@ -166,6 +163,8 @@ def matrix_report(
     if report is not None and w_P is not None:
         raise ValueError("w_P must be left out where report is given: it was checked with its own")
     K = multivariable("K", K)
+    if report is not None:
+        refuse_another_matrix(report, model, K)
     found: StructuredReport = check(model, K, w_P=w_P) if report is None else report
     sections = matrix_sections(found, model, K, frms or [nlfrf.identify(one) for one in records], nominal)
     write_text(path, page(title=title, notes=notes, report=found, beside="", sections=sections))
@@ -177,35 +176,6 @@ def refuse_others(name: str, given: list[Any], wanted: type) -> None:
     for one in given:
         if not isinstance(one, wanted):
             raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {shown(one)}")
-
-
-def refuse_another(report: RobustnessReport, model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> None:
-    """Refuse a report of something else than what is to be reported."""
-    if delay not in (0.0, report.delay):
-        raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
-    if w_P is not None and not is_demand(report, w_P):
-        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
-    if not is_of(report, model, K):
-        raise ValueError("report must be what check gave of this model and this K, got one of another loop")
-
-
-def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
-    """Whether a report is of this set and this controller, by their responses at some of its frequencies."""
-    at = slice(None, None, max(1, report.omega.size // 50))
-    omega = report.omega[at]
-    if model.measured_only:
-        return np.allclose(np.abs(response(K, omega)), np.abs(report.K[at]), rtol=1e-6, atol=0)
-    curves = assemble(model, K, None, report.delay).curves(omega)
-    pairs = (curves.G, report.G), (curves.K, report.K), (np.abs(curves.w), report.radius)
-    same = all(np.allclose(one, known[at], rtol=1e-6, atol=0, equal_nan=True) for one, known in pairs)
-    return same and model.form == report.form
-
-
-def is_demand(report: RobustnessReport, w_P: Any) -> bool:
-    """Whether a performance weight is the one that a report was made with."""
-    if report.w_P is None:
-        return False
-    return np.allclose(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P, rtol=1e-6, atol=0)
 
 
 def page(**content: Any) -> str:

@@ -95,3 +95,13 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
         with pytest.raises(ValueError, match=message):
             robust.write_report(tmp_path / "n.html", model, K, **parts)
     assert not (tmp_path / "n.html").exists()
+
+
+def test_a_report_of_another_loop_is_refused(tmp_path):
+    """Another controller, and another set around the same nominal, by as little as a tenth."""
+    report = robust.check(MODEL, SMALL)
+    wider = robust.uncertainty(FRM, FIT, form="additive", order=2, confidence=0.999)
+    for model, K in ((MODEL, 1.01 * SMALL), (MODEL, -SMALL), (wider, SMALL)):
+        with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
+            robust.write_report(tmp_path / "r.html", model, K, report=report)
+    assert not list(tmp_path.iterdir())

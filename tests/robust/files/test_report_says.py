@@ -61,6 +61,28 @@ def test_a_report_of_another_loop_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_report_of_another_set_on_lines_is_refused(tmp_path):
+    """Known on its lines only: the size of K alone said nothing of sign, form, radius or plant."""
+    omega = np.geomspace(1, 100, 40)
+    measured = control.frd(1 / (1 + 0.1j * omega), omega)
+    other = control.frd(1.1 / (1 + 0.1j * omega), omega)
+
+    def lines(G=measured, form="multiplicative", radius=0.1):
+        return UncertaintyModel(G, control.tf([1.05 * radius], [1]), form, omega, np.full(40, radius))
+
+    report = check(lines(), 2.0)
+    for model, K in (
+        (lines(), -2.0),
+        (lines(other), 2.0),
+        (lines(form="inverse-multiplicative"), 2.0),
+        (lines(radius=0.11), 2.0),
+    ):
+        with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
+            write_report(tmp_path / "r.html", model, K, report=report)
+    assert not list(tmp_path.iterdir())
+    write_report(tmp_path / "r.html", lines(), 2.0, report=report)
+
+
 def test_integrators_are_named():
     assert roots_text(np.array([0.0, -1.0]), 0.0) == "0 Hz (integrator); 0.1592 Hz"
     assert roots_text(np.array([1.0, np.exp(-0.01)]), 0.01) == "0 Hz (integrator); 0.1592 Hz"
