@@ -9,11 +9,10 @@ import tempfile
 import warnings
 from pathlib import Path
 
-import numpy as np
-
 import nlfrf
 from benchmarks.timing import in_turn
 from nlfrf.readers import tables
+from tests.support.long_records import written
 
 SIZES = {"4 thousand rows": (2048, 2), "a million rows": (250_000, 4)}
 SHORTER, LONG = (1 << 20, 4), (1 << 22, 4)  # samples of a period, periods
@@ -34,33 +33,13 @@ print(before, loaded, peak(), middle - begin, spent() - middle)
 """
 
 
-def written(path: Path, n_samples: int, n_periods: int, kept: bool = True) -> nlfrf.Record:
-    """A record on disk, as its suffix says: kept by this package, or streams alone as an instrument writes them."""
-    rng = np.random.default_rng(0)
-    ms = nlfrf.multisine(fs=1000, n_samples=n_samples, f_min=1000 / n_samples, f_max=2e6 / n_samples / 8, rng=rng)
-    u = np.tile(ms.u[:, None], (1, n_periods, 1))
-    y = u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape)
-    u += 0.003 * rng.standard_normal(u.shape)  # measured as y is
-    record = nlfrf.Record(u=u, y=y, fs=1000, lines=ms.lines)
-    if kept:
-        nlfrf.save_record(record, path)
-    elif path.suffix == ".npz":
-        np.savez(path, u=u.ravel(), y=y.ravel(), fs=1000.0)
-    else:
-        import h5py
-
-        with h5py.File(path, "w") as file:
-            file["u"], file["y"], file.attrs["fs"] = u.ravel(), y.ravel(), 1000.0
-    return record
-
-
 def against_pandas(folder: Path) -> None:
     """The table alone, then with clock, period, lines and the faults of both channels looked for."""
     import pandas as pd
 
     for label, size in SIZES.items():
         path = folder / "run.csv"
-        written(path, *size)
+        written(path, *size, kept=True)
         times = in_turn(
             {
                 "pandas": lambda path=path: pd.read_csv(path),

@@ -21,7 +21,7 @@ from multiprocessing import get_context
 import numpy as np
 
 import nlfrf
-from benchmarks.drawn import drawn_case
+from benchmarks.drawn import drawn, drawn_case
 from benchmarks.plants import FRESH, PLANTS, RMS, played, realisations, resonance
 
 TRUE_SIGMA = 1.731  # sqrt(F_p) of a known variance at 95 %
@@ -172,15 +172,15 @@ def drawn_cases(numbers):
 def measure_hard(group, plant, kind, M, P, snr, change, n_files, n_records, rng):
     """One row of `HARD_ROW`."""
     ms = nlfrf.multisine(kind, **DESIGN | change, rng=rng)
-    k, total, n_truth = ms.lines.excited, 0.0, N_TRUTH[1]
+    k, total, n_truth, steady = ms.lines.excited, 0.0, N_TRUTH[1], PLANTS.get(plant) or drawn(int(plant))[0]
     for _ in range(0, n_truth, 500):
-        total = total + frfs(*played(ms, plant, 500, rng), k).sum(axis=0)
-    u, y = played(ms, plant, M * n_records + 1, rng)
+        total = total + frfs(*played(ms, steady, 500, rng), k).sum(axis=0)
+    u, y = played(ms, steady, M * n_records + 1, rng)
     truth, new = total / n_truth, frfs(u, y, k)[M * np.arange(1, n_records + 1)]
     if group == "crest":
-        drawn = [nlfrf.reduce_crest(subset_of(ms, M, rng), oversampling=1, rng=rng).u for _ in range(n_records)]
-        u = np.concatenate(drawn)
-        y = PLANTS[plant](u, ms.fs)
+        reduced = [nlfrf.reduce_crest(subset_of(ms, M, rng), oversampling=1, rng=rng).u for _ in range(n_records)]
+        u = np.concatenate(reduced)
+        y = steady(u, ms.fs)
     rows = M * np.arange(n_records)[:, None] + (np.arange(M) % n_files if n_files else np.arange(M))
     source, *found = identify_all(ms, u, y, rows, P, snr, rng)
     scores, widths, missed = judged(*found, truth, new)

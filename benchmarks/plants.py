@@ -199,19 +199,10 @@ def realisations(plant, kind, n_realizations, rng):
 
 
 def played(ms, plant, n, rng):
-    """(u, y): n realisations of a multisine, by phases of their own, and the steady-state output of a plant to them."""
+    """(u, y): n realisations of a multisine, of phases of their own, and what a plant of u and fs makes of them."""
     phase = rng.uniform(0, 2 * np.pi, (n, ms.f.size))
     u = replace(ms, phase=phase).u
-    return u, plant_of(plant)(u, ms.fs)
-
-
-def plant_of(name):
-    """The plant of a name, or the one that a number draws."""
-    if name in PLANTS:
-        return PLANTS[name]
-    from benchmarks.drawn import drawn
-
-    return drawn(int(name))[0]
+    return u, plant(u, ms.fs)
 
 
 def resonance(plant, bla_lines, G):

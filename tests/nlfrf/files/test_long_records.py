@@ -13,6 +13,7 @@ from nlfrf.readers import clock, tables
 from nlfrf.records import detection, faults, period
 from nlfrf.records.coarse import coarse, smooth_over
 from nlfrf.shared import own_process, transforms
+from tests.support.long_records import written
 
 ROOT = Path(__file__).parents[3]
 N, P = 1 << 18, 4  # a million samples of u and y: 16.8 MB
@@ -27,29 +28,6 @@ loaded = tracemalloc.get_traced_memory()[1]
 bla = nlfrf.identify(record)
 print(loaded, tracemalloc.get_traced_memory()[1], record.n_samples, bla.n_periods)
 """
-
-
-def written(path, n_samples, n_periods, noise=0.003, kept=False):
-    """A record on disk: as an instrument writes it, or as this package does."""
-    rng = np.random.default_rng(0)
-    ms = nlfrf.multisine(fs=1000, n_samples=n_samples, f_min=1000 / n_samples, f_max=2.5e5 / n_samples, rng=rng)
-    u = np.tile(ms.u[:, None], (1, n_periods, 1))
-    y = u + 0.1 * u**3 + 0.01 * rng.standard_normal(u.shape)
-    u = u + noise * rng.standard_normal(u.shape)
-    record = nlfrf.Record(u=u, y=y, fs=1000, lines=ms.lines)
-    if kept:
-        nlfrf.save_record(record, path)
-    elif path.suffix == ".csv":  # with no more digits than a converter has
-        table = np.column_stack([np.arange(u.size) / 1000, u.ravel(), y.ravel()])
-        np.savetxt(path, table, delimiter=",", header="t [s],u,y", comments="", fmt="%.7g")
-    elif path.suffix == ".npz":
-        np.savez(path, u=u.ravel(), y=y.ravel(), fs=1000.0)
-    else:
-        import h5py
-
-        with h5py.File(path, "w") as file:
-            file["u"], file["y"], file.attrs["fs"] = u.ravel(), y.ravel(), 1000.0
-    return record
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from benchmarks.plants import played
+from benchmarks.plants import played, wiener
 from nlfrf import LineGrid, multisine
 from nlfrf.identification.calibration import (
     cubic_bla,
@@ -81,7 +81,7 @@ def test_a_plant_driven_by_its_output_is_read_as_one():
     """Behind a mode the exact count of a cubic is that of the output's spectrum: within 0.3 dB, not 9."""
     rng = np.random.default_rng(1)
     ms = multisine("special-odd", fs=1024, n_samples=1024, f_min=10, f_max=200, rng=rng)
-    u, y = played(ms, "Wiener", 3000, rng)
+    u, y = played(ms, wiener, 3000, rng)
     k, where = ms.lines.excited, place_lines(ms.lines)
     U, Y = (np.fft.rfft(x) * 2 / ms.n_samples for x in (u, y))
     G = np.mean(Y[:, k] / U[:, k], axis=0)
