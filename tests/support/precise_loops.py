@@ -1,11 +1,11 @@
-"""The peak of a loop in 100 digits by plain evaluation, to hold rigorous proofs against: no polynomials."""
+"""Peak and poles of a loop in 100 digits by plain evaluation, to hold rigorous proofs against: no polynomials."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from flint import acb, acb_mat, arb, arb_mat, ctx
+from flint import acb, acb_mat, arb, arb_mat, ctx, fmpq, fmpq_mat
 
 BITS = 330
 
@@ -118,6 +118,31 @@ class PreciseLoop:
                 x = high - golden * (high - low)
                 fx = f(x)
         return max((f(omega), omega) for omega in (x, y, start))
+
+
+def unstable_poles(G, K):
+    """How many poles of 1/(1 + G K), all states kept, are not inside the stable region: of the matrices as they are."""
+    A, B, C, d = map(rational, (G.A, G.B, G.C, G.D))
+    Ak, Bk, Ck, dk = map(rational, (K.A, K.B, K.C, K.D))
+    d, dk = d[0, 0], dk[0, 0]
+    k = 1 / (1 + d * dk)  # e = -k (C x + d Ck xk), u = k (Ck xk - dk C x)
+    blocks = (A - B * C * (k * dk), B * Ck * k), (Bk * C * (-k), Ak - Bk * Ck * (k * d))
+    rows = [left + right for upper in blocks for left, right in zip(*(m.tolist() for m in upper), strict=True)]
+    polynomial = fmpq_mat(rows).charpoly().numer()
+    with ctx.workprec(BITS):
+        excess = [(abs(root) - 1 if K.dt else root.real, n) for root, n in polynomial.complex_roots()]
+        return sum(n for one, n in excess if not one < 0)
+
+
+def wrongly_stable(case, report):
+    """Whether a report calls a random loop stable that is not: its numbers as they are decide, not its eigenvalues."""
+    return bool(report.nominally_stable and unstable_poles(case["in_loop"], case["K"]))
+
+
+def rational(matrix):
+    """The numbers of a matrix as they are."""
+    rows, columns = matrix.shape
+    return fmpq_mat(rows, columns, [fmpq(*float(x).as_integer_ratio()) for x in matrix.ravel()])
 
 
 def just_above(case, excess, w_P=None):

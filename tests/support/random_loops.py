@@ -145,6 +145,7 @@ def random_case(rng):
     return {
         "kind": kind,
         "G": G,
+        "in_loop": in_loop,
         "K": K,
         "w": w,
         "form": form,
