@@ -104,7 +104,7 @@ def proved_parameters(
     gain, proofs = largest_proved_gain(task.basis.controller(theta), machines, friction, delay)
     if proofs is None:
         raise ValueError(
-            "prove must be a class for which some gain of the controller is proved, got none down to 1/256"
+            "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
         )
     lowered = theta.copy()
     lowered[task.basis.n_y :] *= gain

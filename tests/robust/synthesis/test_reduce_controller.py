@@ -56,12 +56,13 @@ def test_the_error_stays_below_twice_the_tail_of_the_hankel_singular_values():
     for _ in range(5):
         K = random_stable(rng, 7)
         sizes = hankel(*K[:3])
+        rounded = 2e-8 * sizes[0]  # a root of an eigenvalue of P Q: half the digits
         for way, n, (A, B, C, D) in balanced(K):
             error = control.ss(*K) - control.ss(A, B, C, D)
             reached = hinf_norm(error)[0]
-            assert reached <= 2 * sizes[n:].sum() * (1 + 1e-6) + 1e-9, (way, n)
+            assert reached <= 2 * sizes[n:].sum() * (1 + 1e-6) + 2 * rounded, (way, n)
             if n < 7:
-                assert reached >= sizes[n] * (1 - 1e-6)
+                assert reached >= sizes[n] * (1 - 1e-6) - rounded
 
 
 def test_what_is_exact_by_construction():
