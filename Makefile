@@ -69,36 +69,8 @@ $(PEERS): pyproject.toml constraints.txt benchmarks/peers.txt
 	$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]" -r benchmarks/peers.txt
 	@touch $@
 
-# Each command by itself takes other numbers of records, loops and files than the few of here; what it prints says how many.
-# One thread of linear algebra: more of them wait for one another by spinning, which the processor's clock counts as work.
-bench: export OPENBLAS_NUM_THREADS = 1
-bench: export OMP_NUM_THREADS = 1
 bench: $(PEERS)
-	$(BENCH)/bin/python -m benchmarks.machine
-	$(BENCH)/bin/python -m benchmarks.bench_identify
-	$(BENCH)/bin/python -m benchmarks.peers_matrix
-	$(BENCH)/bin/python -m benchmarks.bench_files
-	$(BENCH)/bin/python -m benchmarks.bench_friction
-	$(BENCH)/bin/python -m benchmarks.bench_many_loops 2000
-	$(BENCH)/bin/python -m benchmarks.bench_axes
-	$(BENCH)/bin/python -m benchmarks.bench_robust
-	$(BENCH)/bin/python -m benchmarks.bench_design
-	$(BENCH)/bin/python -m benchmarks.bench_synthesis
-	$(BENCH)/bin/python -m benchmarks.bench_mu
-	$(BENCH)/bin/python -m benchmarks.bench_friction_proof --bursts 2
-	$(BENCH)/bin/python -m benchmarks.bench_saturation --every 24
-	$(BENCH)/bin/python -m benchmarks.bench_quasi_linear
-	$(BENCH)/bin/python -m benchmarks.bench_verification 200
-	$(BENCH)/bin/python -m benchmarks.soundness 100
-	$(BENCH)/bin/python -m benchmarks.soundness_matrix
-	$(BENCH)/bin/python -m benchmarks.faults
-	$(BENCH)/bin/python -m benchmarks.fuzz_loaders --files 500
-	$(BENCH)/bin/python -m benchmarks.fuzz_readers --files 200
-	$(BENCH)/bin/python -m benchmarks.validation --records 100
-	$(BENCH)/bin/python -m benchmarks.joint --records 4
-	$(BENCH)/bin/python -m benchmarks.coverage_matrix 8
-	$(BENCH)/bin/python -m benchmarks.coverage --records 50 --processes 2
-	$(BENCH)/bin/python -m benchmarks.coverage --hard --records 20 --processes 2
+	$(BENCH)/bin/python -m benchmarks
 
 $(RELEASE): $(READY)
 	$(INSTALL) -e ".[release]"

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.__main__ import COMMANDS, main
+
 ROOT = Path(__file__).parents[2]
-MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
-RULE = re.search(r"^bench: \$\(PEERS\)\n((?:\t.*\n)+)", MAKEFILE, re.MULTILINE)[1]
-RUN = set(re.findall(r"-m (benchmarks\.\w+)", RULE))
+RUN = {f"benchmarks.{command.split()[0]}" for command in COMMANDS}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
 MEASURED = (ROOT / "docs" / "guide" / "measured.md").read_text(encoding="utf-8")
 #: Attacks the page of `robust.shape` in a browser, which is not to be had everywhere.
@@ -44,4 +44,16 @@ def test_every_benchmark_is_run():
         for path in (ROOT / "benchmarks").glob("*.py")
         if 'if __name__ == "__main__":' in path.read_text(encoding="utf-8")
     }
-    assert found - BY_HAND == RUN
+    assert found - BY_HAND - {"benchmarks.__main__"} == RUN
+    assert "-m benchmarks\n" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_one_that_fails_is_named_and_the_others_run(capfd, monkeypatch):
+    monkeypatch.setattr("benchmarks.__main__.COMMANDS", ("no_such_benchmark", "machine"))
+    assert main([]) == 1
+    told = capfd.readouterr().out
+    assert "no_such_benchmark  FAILED" in told
+    assert "cores" in told
+    assert main(["machine"]) == 0
+    with pytest.raises(SystemExit, match="name must be one of machine, no_such_benchmark, got speed"):
+        main(["speed"])
