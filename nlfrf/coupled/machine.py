@@ -49,7 +49,7 @@ def checked(given: dict[str, Any]) -> dict[str, Any]:
     channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
     for name, (letter, count) in channels.items():
         found[name] = channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
-    found = {name: frozen(part, True) if isinstance(part, np.ndarray) else part for name, part in found.items()}
+    found = {name: frozen(part) if isinstance(part, np.ndarray) else part for name, part in found.items()}
     return found | {"friction": checked_laws(given["friction"], n)}
 
 

@@ -240,8 +240,8 @@ class Table:
                 f"F must be concave for z > 0 (slopes that do not grow), "
                 f"got {slope[i]:g} after {slope[i - 1]:g} N/m at z = {z[i - 1]:g} m"
             )
-        object.__setattr__(self, "z", frozen(z, True))
-        object.__setattr__(self, "F", frozen(force, True))
+        object.__setattr__(self, "z", frozen(z))
+        object.__setattr__(self, "F", frozen(force))
 
     @property
     def K0(self) -> float:
@@ -304,7 +304,7 @@ class MaxwellSlip:
         for name, array in (("stiffness", stiffness), ("strength", strength)):
             if not np.all(array > 0):
                 raise ValueError(f"{name} must be positive for every element, got {array.min():g}")
-            object.__setattr__(self, name, frozen(array, True))
+            object.__setattr__(self, name, frozen(array))
 
     @property
     def K0(self) -> float:

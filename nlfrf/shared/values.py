@@ -63,9 +63,10 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
         for name in names:
             content = getattr(self, name)
             if isinstance(content, np.ndarray):
-                own = frozen(content, copy)
-                if own is not content:
-                    object.__setattr__(self, name, own)
+                if copy:
+                    object.__setattr__(self, name, frozen(content))
+                else:
+                    content.setflags(write=False)
         if validate is not None:
             validate(self)
 
@@ -78,15 +79,15 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
     return made
 
 
-def frozen(array: np.ndarray, copy: bool) -> np.ndarray:
-    """A read-only copy; the array itself where nobody else can write it, or where a copy is not asked for.
+def frozen(array: np.ndarray) -> np.ndarray:
+    """A read-only copy; the array itself where nobody else can write it.
 
     A view is its own where the array that it looks into is read-only too.
     """
     owner = array if array.base is None else array.base
-    if copy and (array.flags.writeable or not isinstance(owner, np.ndarray) or owner.flags.writeable):
+    if array.flags.writeable or not isinstance(owner, np.ndarray) or owner.flags.writeable:
         array = array.copy()
-    array.setflags(write=False)
+        array.setflags(write=False)
     return array
 
 
