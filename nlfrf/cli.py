@@ -190,6 +190,10 @@ def identify(
     outputs = [name for one in output or ["y"] for name in one.split(",")]
     if "," in input:
         channels: Any = {"u": input.split(","), "y": outputs, "r": (reference or "").split(",") if reference else ()}
+        for option, given in (("design", design), ("resample", resample), ("opinion", opinion)):
+            if given:
+                raise ValueError(f"{option} must be left out for several inputs, got it with {input}")
+        channels["hold"] = hold or "unknown"
         several = nlfrf.load_multirecord(file, **channels, fs=fs, n_samples=period, n_discard=discard)
         frm = nlfrf.identify(several, transient=transient, level_from=level_from, n_detection=detection)
         say(frm)

@@ -254,7 +254,7 @@ def recorded(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold:
     """What was measured, with the names and units of the rig."""
     u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
     if isinstance(ms, OrthogonalMultisine):
-        return MultiRecord(u=u, y=y, fs=ms.fs, lines=ms.lines, inputs=rig.inputs, outputs=rig.outputs)
+        return MultiRecord(u=u, y=y, fs=ms.fs, lines=ms.lines, inputs=rig.inputs, outputs=rig.outputs, hold=hold)
     names = {"u_name": rig.inputs[0], "y_name": rig.outputs[0], "u_unit": "N", "y_unit": "m"}
     return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold, **names)
 

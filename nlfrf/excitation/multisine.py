@@ -9,15 +9,13 @@ import numpy as np
 
 from nlfrf.excitation.lines import KINDS, LineGrid, grid_lines
 from nlfrf.excitation.orthogonal import OrthogonalMultisine, orthogonal_multisine
-from nlfrf.shared.arguments import integer, one_of, positive, real_array
+from nlfrf.shared.arguments import HOLDS, integer, one_of, positive, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 
-__all__ = ["HOLDS", "Multisine", "Rng", "multisine"]
+__all__ = ["Multisine", "Rng", "multisine"]
 
 
-#: How a signal runs between its samples: as the band-limited signal itself, held by a converter, or nobody said.
-HOLDS = ("band-limited", "zoh", "unknown")
 Rng = np.random.Generator | int | None
 
 
@@ -267,6 +265,7 @@ def multisine(
             transform=transform,
             mixing=mixing,
             n_draws=integer("n_draws", n_draws, least=1),
+            hold=hold,
             rng=rng,
         )
     if design != "orthogonal" or mixing is not None:

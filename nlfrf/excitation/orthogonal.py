@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.shared.arguments import integer, one_of, positive, real_array
+from nlfrf.shared.arguments import HOLDS, integer, one_of, positive, real_array
 from nlfrf.shared.values import value
 
 __all__ = ["DESIGNS", "TRANSFORMS", "OrthogonalMultisine", "orthogonal_matrix", "orthogonal_multisine"]
@@ -47,6 +47,8 @@ class OrthogonalMultisine:
         Phases [rad] of each input in each experiment, before mixing.
     mixing : (n_u, n_u) ndarray, optional
         u = mixing @ (the orthogonal signals): one row for each input of the plant. None: the identity.
+    hold : str
+        How all inputs will run between their samples, see `multisine`.
 
     References
     ----------
@@ -71,8 +73,10 @@ class OrthogonalMultisine:
     amplitude: np.ndarray
     phase: np.ndarray
     mixing: Any = None
+    hold: str = "unknown"
 
     def __post_init__(self) -> None:
+        one_of("hold", self.hold, HOLDS)
         positive("fs", self.fs)
         integer("n_samples", self.n_samples, least=4)
         one_of("design", self.design, DESIGNS)
@@ -157,6 +161,7 @@ def orthogonal_multisine(
     transform: str,
     mixing: Any,
     n_draws: int,
+    hold: str,
     rng: np.random.Generator,
 ) -> OrthogonalMultisine:
     """The signals of `multisine(n_inputs=...)`: relative amplitudes (n_u, F) scaled to rms (n_u,), phases drawn."""
@@ -185,6 +190,7 @@ def orthogonal_multisine(
             amplitude=amplitude,
             phase=np.concatenate(phases, axis=1),
             mixing=mixing,
+            hold=hold,
         )
 
     if n_draws == 1:

@@ -25,6 +25,7 @@ def load_multirecord(
     n_samples: int | None = None,
     lines: LineGrid | None = None,
     n_discard: int = 0,
+    hold: str = "unknown",
 ) -> MultiRecord:
     """Read a record of several inputs or outputs from measurement files, one file an experiment.
 
@@ -42,6 +43,9 @@ def load_multirecord(
         Excited and detection lines; found from the inputs when not given.
     n_discard : int
         Periods to leave out at the start.
+    hold : str
+        How all inputs run between their samples: "zoh" where they are commands of converters, "band-limited" where
+        they were measured behind the hold.
 
     Returns
     -------
@@ -93,4 +97,5 @@ def load_multirecord(
         n_discard=n_discard,
         inputs=tuple(u),
         outputs=tuple(y),
+        hold=hold,
     )

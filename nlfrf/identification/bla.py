@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ __all__ = ["Bla", "DistortionLevels"]
 #: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
 #: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
 UNSEEN = {"roughness": 0.5, "detection": 0.25}
+VARIANCES = ("var_noise", "var_total", "var_distortion", "var_even", "var_bound")
 AROUND = 9  # lines over which noise and distortion are told apart
 
 
@@ -237,6 +239,15 @@ class Bla:
         Pintelon & Schoukens, 2nd ed., 3.4.
         """
         return np.asarray(10 ** (real("decibels", decibels) / 20) * np.sqrt(self.var_distortion / self.grid_factor))
+
+    def times(self, factor: np.ndarray) -> Bla:
+        """The same with G times a factor (F,) on each line, and its variances times the square of that.
+
+        What the output holds, `levels`, stays as it was measured.
+        """
+        square = np.abs(factor) ** 2
+        scaled = {name: getattr(self, name) * square for name in VARIANCES}
+        return replace(self, G=self.G * factor, **scaled)
 
     def _sketch_(self) -> Sketch:
         """|G| and its bound, for a notebook."""

@@ -71,6 +71,8 @@ class Frm:
         Variance at an excited line over the mean on its window of detection lines, as applied.
     levels : tuple of DistortionLevels
         Amplitudes of each output on excited and detection lines.
+    hold : str
+        How the inputs ran between their samples, as the `MultiRecord` says: with "zoh" the hold of 1/fs is in G.
 
     Raises
     ------
@@ -119,6 +121,7 @@ class Frm:
     dof: np.ndarray
     grid_factor: np.ndarray
     levels: tuple[DistortionLevels, ...]
+    hold: str = "unknown"
 
     def __post_init__(self) -> None:
         n_y, n_u, F = len(self.outputs), len(self.inputs), self.f.size
@@ -259,6 +262,7 @@ class Frm:
             grid_factor=self.grid_factor,
             levels=self.levels[j],
             var_bound=bound,
+            hold=self.hold,
         )
 
     def every(self, step: int) -> Frm:
@@ -271,6 +275,15 @@ class Frm:
         )
         lines = replace(self.lines, excited=self.lines.excited[some])
         return replace(self, lines=lines, levels=levels, **{name: getattr(self, name)[..., some] for name in per_line})
+
+    def times(self, factor: np.ndarray) -> Frm:
+        """The same with G times a factor (F,) on each line, and its covariances times the square of that.
+
+        What the output holds, `levels`, stays as it was measured.
+        """
+        square = np.abs(factor) ** 2
+        scaled = {name: getattr(self, name) * square for name in COVARIANCES}
+        return replace(self, G=self.G * factor, **scaled)
 
     def _sketch_(self) -> Sketch:
         """The singular values, for a notebook."""

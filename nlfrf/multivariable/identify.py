@@ -167,6 +167,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         dof=dof,
         grid_factor=level.factor,
         levels=distortion_levels(record, spectra, part),
+        hold=record.hold,
     )
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.excitation.multisine import HOLDS
-from nlfrf.shared.arguments import one_of, positive, real_array
+from nlfrf.shared.arguments import HOLDS, one_of, positive, real_array
 from nlfrf.shared.cards import Sketch
 from nlfrf.shared.transforms import is_constant
 from nlfrf.shared.values import value

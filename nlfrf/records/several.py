@@ -11,7 +11,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.records.detection import detect_lines
 from nlfrf.records.record import Record
 from nlfrf.records.samples import record_from_samples
-from nlfrf.shared.arguments import channel_names, positive, real_array
+from nlfrf.shared.arguments import HOLDS, channel_names, one_of, positive, real_array
 from nlfrf.shared.values import value
 
 __all__ = ["MultiRecord", "multirecord_from_samples"]
@@ -37,6 +37,8 @@ class MultiRecord:
         References, known without noise: for closed loop or noisy inputs.
     inputs, outputs : tuple of str
         Names of the channels; u1, u2, ... and y1, y2, ... where none are given.
+    hold : str
+        How all inputs run between their samples, as in `Record`: "zoh", "band-limited" or "unknown".
 
     Raises
     ------
@@ -60,8 +62,10 @@ class MultiRecord:
     r: Any = None
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
+    hold: str = "unknown"
 
     def __post_init__(self) -> None:
+        one_of("hold", self.hold, HOLDS)
         object.__setattr__(self, "fs", positive("fs", self.fs))
         shape = np.shape(self.u)
         for name in ("u", "y", "r"):
@@ -148,6 +152,7 @@ def multirecord_from_samples(
     n_discard: int = 0,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
+    hold: str = "unknown",
 ) -> MultiRecord:
     """Cut streams of several channels into whole periods; the faults of every channel are looked for.
 
@@ -167,6 +172,8 @@ def multirecord_from_samples(
         Periods to leave out at the start, where the transient is.
     inputs, outputs : sequence of str
         Names of the channels.
+    hold : str
+        How all inputs run between their samples, see `MultiRecord`.
 
     Returns
     -------
@@ -211,7 +218,7 @@ def multirecord_from_samples(
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
     found |= {"inputs": inputs, "outputs": outputs}  # which the record makes tuples of
-    return MultiRecord(**found, fs=first.fs, lines=lines)
+    return MultiRecord(**found, fs=first.fs, lines=lines, hold=hold)
 
 
 def experiments(name: str, signal: Any) -> list[np.ndarray]:

@@ -13,6 +13,7 @@ from nlfrf.shared.transforms import all_finite
 from nlfrf.shared.wording import shown
 
 __all__ = [
+    "HOLDS",
     "DataWarning",
     "channel_names",
     "data_warning",
@@ -24,6 +25,10 @@ __all__ = [
     "real",
     "real_array",
 ]
+
+
+#: How a signal runs between its samples: as the band-limited signal itself, held by a converter, or nobody said.
+HOLDS = ("band-limited", "zoh", "unknown")
 
 
 class DataWarning(UserWarning):

@@ -107,6 +107,7 @@ def fit_matrix(
         cost=float(np.sum(np.abs(weighted) ** 2)),
         expected_cost=float(expected * (1 - n_parameters / (2 * size))),
         n_parameters=n_parameters,
+        hold=frm.hold,
     )
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import control
 import numpy as np
@@ -31,6 +30,9 @@ from robust.systems.realisation import from_roots, in_order
 from robust.systems.sampling import delay_samples, hold_between
 
 __all__ = ["NominalFit", "behind_hold", "fit_nominal", "frd"]
+
+
+Measured = TypeVar("Measured", Bla, Frm)
 
 
 @value
@@ -210,9 +212,9 @@ def fit_nominal(
     >>> np.abs(fit.G.poles()).round(9).tolist()
     [50.0, 50.0]
     """
-    if isinstance(bla, Frm):
-        return NominalFit(**fit_matrix(bla, n_poles, n_zeros, delay, nonnegative("dt", dt), stable, rank))
     dt = nonnegative("dt", dt)
+    if isinstance(bla, Frm):
+        return NominalFit(**fit_matrix(behind_hold(bla, dt), n_poles, n_zeros, delay, dt, stable, rank))
     lines = measured_lines(bla, std, dt)
     orders, n_parameters = checked_orders(lines, n_poles, n_zeros, dt, delay)
     if isinstance(delay, str):
@@ -320,20 +322,13 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
     return Lines(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof), hold=hold)
 
 
-def behind_hold(bla: Bla, dt: float) -> Bla:
-    """The same BLA as a model of sampling time dt describes it: without a hold (dt = 0), or behind one of dt.
+def behind_hold(bla: Measured, dt: float) -> Measured:
+    """The same BLA or matrix as a model of sampling time dt describes it: without a hold (dt = 0), or behind one of dt.
 
-    What the record's hold was is said by `bla.hold`; where nobody said it, nothing is changed.
+    What the record's hold was is said by `hold`; where nobody said it, nothing is changed.
     """
     factor = hold_between(bla.omega, bla.hold, bla.fs, dt)
-    if np.all(factor == 1):
-        return bla
-    square = np.abs(factor) ** 2
-    variances: dict[str, Any] = {
-        name: getattr(bla, name) * square
-        for name in ("var_noise", "var_total", "var_distortion", "var_even", "var_bound")
-    }
-    return replace(bla, G=bla.G * factor, **variances)
+    return bla if np.all(factor == 1) else bla.times(factor)
 
 
 def best_fit(

@@ -9,10 +9,11 @@ import numpy as np
 from nlfrf import Frm
 from nlfrf.shared.axes import axes, db, finished, finished_matrix, matrix_axes
 from robust.analysis.check_structure import StructuredReport
+from robust.modelling.nominal import behind_hold
 from robust.performance.loop_gains import LoopGains
 from robust.plot.band import BESIDE, mark_band, show_all_of
 from robust.plot.colours import COLOR, hz
-from robust.systems.lti import along
+from robust.systems.lti import along, timebase
 from robust.uncertain.matrix_model import MatrixUncertainty
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | None = None, *, ax: Axe
     (n_y, n_u) ndarray of matplotlib Axes
     """
     omega = outside_too(model)
+    frm = None if frm is None else behind_hold(frm, timebase(model.nominal))
     f, size, reach = hz(omega), np.abs(along(model.nominal, omega)), model.reach(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_band
-from robust.modelling.nominal import NominalFit
+from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.orders import OrderScan
 from robust.plot.band import BESIDE, mark_band
 from robust.plot.colours import COLOR, STYLE, hz
-from robust.systems.lti import response
+from robust.systems.lti import response, timebase
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.validation.records import Validation
@@ -101,6 +101,8 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     wide = np.arcsin(np.where((low > 0) & (ratio < 1), ratio, np.nan))
     bottom.fill_between(f, *np.degrees([phase - wide, phase + wide]), color=COLOR["weight"], alpha=0.25, lw=0)
     blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
+    if not model.measured_only:
+        blas = [behind_hold(one, timebase(model.nominal)) for one in blas]
     shown: list[np.ndarray] = []
     for one, color in zip(blas, MEASURED * len(blas), strict=False):
         radius, measured = one.bound(), np.abs(one.G)

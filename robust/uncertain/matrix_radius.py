@@ -10,7 +10,7 @@ import numpy as np
 
 from nlfrf import Frm
 from nlfrf.shared.arguments import integer, one_of, probability
-from robust.modelling.nominal import NominalFit
+from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.weights import fit_weight
 from robust.systems.connections import in_series
 from robust.systems.lft import joined
@@ -65,6 +65,7 @@ def matrix_uncertainty(
             f"got {nominal.noutputs} and {nominal.ninputs}"
         )
     dt = timebase(nominal)
+    frm = behind_hold(frm, dt)
     model = np.asarray(nominal(np.exp(1j * frm.omega * dt) if dt else 1j * frm.omega, squeeze=False))
     discs = entry_discs(frm, model, p, simultaneous, even)
     if form == ELEMENTS:

@@ -15,6 +15,7 @@ from nlfrf import Frm
 from nlfrf.shared.roy import roy_quantile
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.modelling.nominal import behind_hold
 from robust.systems.lti import timebase
 from robust.uncertain.evidence import MatrixEvidence, matrix_evidence_of
 from robust.uncertain.matrix_model import MatrixUncertainty
@@ -129,6 +130,10 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
     inside = (frm.omega >= model.omega[0] * (1 - 1e-9)) & (frm.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
+    if not isinstance(model, Frm):
+        frm = behind_hold(frm, timebase(model.nominal))
+    elif "unknown" not in (model.hold, frm.hold):
+        model, frm = behind_hold(model, 0.0), behind_hold(frm, 0.0)
     second = on_lines(matrix_evidence_of(frm), frm.omega[inside])
     distance = np.full(second.omega.size, np.nan)
     confidence, simultaneous, nominal = CONFIDENCE, False, None

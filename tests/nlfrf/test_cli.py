@@ -67,14 +67,19 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
     for m in range(2):
         fx, fy = np.tile(ms.u[:, m], 3)
         np.savez(tmp_path / f"run{m}.npz", fx=fx, fy=fy, x=fx + 0.1 * fx**3, y=2 * fy, fs=100.0)
-    asked = ["--input", "fx,fy", "--output", "x,y", "--period", "200"]
+    asked = ["--input", "fx,fy", "--output", "x,y", "--period", "200", "--hold", "zoh"]
     code, out, _ = nlfrf_command("identify", "run0.npz", "run1.npz", *asked, "-o", f"G{suffix}", "--csv")
     assert code == 0
     assert "FRM of 2 outputs by 2 inputs" in out
     assert out.count("wrote G.csv") == 1
     assert (tmp_path / "G.csv").read_text().startswith("f [Hz],Re x/fx,Im x/fx,bound x/fx,Re x/fy")
+    for option in ("--resample", "--opinion"):
+        code, _, err = nlfrf_command("identify", "run0.npz", "run1.npz", *asked, option, "-o", "H.npz")
+        assert code == 2
+        assert f"{option[2:]} must be left out for several inputs" in err
     if suffix != ".csv":
         frm = load_frm(tmp_path / f"G{suffix}")
+        assert frm.hold == "zoh"
         assert (frm.inputs, frm.outputs) == (("fx", "fy"), ("x", "y"))
         assert np.abs(frm.G[1, 1] - 2).max() < 1e-9
         code, out, _ = nlfrf_command("plot", f"G{suffix}", "-o", "G.png")

@@ -1,5 +1,7 @@
 """The hold counts once: in the record, or in the loop."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -98,3 +100,55 @@ def test_an_unknown_hold_is_warned_of_where_it_matters(tmp_path):
     robust.save_model(model, tmp_path / "m.json")
     again = robust.load_model(tmp_path / "m.json")
     assert (again.hold, again.fs, again.unit) == ("unknown", FS, "mm/N")
+
+
+MIXED = np.array([[1.0, 0.2], [-0.1, 0.5]])
+
+
+def matrix_of(hold, fs=FS):
+    """The same of two inputs and outputs, all of them mixed."""
+    ms = nlfrf.multisine(fs=fs, n_samples=N, f_min=1, f_max=300, n_inputs=2, hold=hold, rng=0)
+    seen = robust.sampled(PLANT, 1 / fs) if hold != "band-limited" else PLANT
+    omega = 2 * np.pi * np.arange(1, N // 2) * ms.f0
+    G = np.concatenate([[0], seen(np.exp(1j * omega / fs) if seen.dt else 1j * omega).ravel(), [0]])
+    u = np.repeat(ms.u[:, :, None], 4, axis=2)
+    y = np.fft.irfft(np.einsum("ji,impk->jmpk", MIXED, np.fft.rfft(u) * G), N)
+    y += 1e-5 * np.std(y) * np.random.default_rng(1).standard_normal(y.shape)
+    return nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=fs, lines=ms.lines, hold=ms.hold), transient="none")
+
+
+def matrix_error(G):
+    """Largest error of the matrix as a controller at FS sees it, over the matrix [1]."""
+    z = np.exp(1j * OMEGA / FS)
+    seen = G if G.dt else robust.sampled(G, 1 / FS)
+    exact = MIXED[:, :, None] * robust.sampled(PLANT, 1 / FS)(z)
+    off = np.asarray(seen(z, squeeze=False)) - exact
+    return (np.linalg.norm(off, axis=(0, 1)) / np.linalg.norm(exact, axis=(0, 1))).max()
+
+
+@pytest.mark.parametrize(("hold", "fs", "dt"), [("zoh", FS, 1 / FS), ("zoh", 4000, 0), ("band-limited", FS, 0)])
+def test_the_hold_of_several_inputs_counts_once(hold, fs, dt, tmp_path):
+    frm = matrix_of(hold, fs)
+    nlfrf.save_frm(frm, tmp_path / "G.npz")
+    assert nlfrf.load_frm(tmp_path / "G.npz").hold == frm.entry(1, 0).hold == hold
+    fit = robust.fit_nominal(frm, n_poles=2, rank=2, dt=dt)
+    assert fit.hold == hold
+    assert matrix_error(fit.G) < 1e-2
+    model = robust.uncertainty(frm, fit, order=1)
+    gain = np.abs(np.asarray(model.nominal(np.exp(1j * OMEGA * dt) if dt else 1j * OMEGA, squeeze=False))).max()
+    assert model.radius.max() < 2e-2 * gain
+    assert robust.validate(model, frm).n_outside <= 0.1 * frm.f.size
+
+
+def test_matrices_of_two_holds_are_one_plant():
+    """Of the same machine, one record with the hold in it: `validate` compares the machines."""
+    band, held = matrix_of("band-limited"), matrix_of("zoh", 4000)
+    assert robust.validate(band, held).p_value > 1e-3
+    assert robust.validate(band, replace(held, hold="band-limited")).p_value < 1e-6
+
+
+def test_an_unknown_hold_of_several_inputs_is_warned_of():
+    with pytest.warns(robust.DesignWarning, match=r'hold of the record must be known, at 1000 Hz, .* hold="zoh"'):
+        robust.design_frf(matrix_of("unknown"), "I", M_S=2.0, dt=1 / FS, n_iterations=1)
+    with pytest.raises(ValueError, match="hold must be one of"):
+        nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, hold="foh")
