@@ -20,7 +20,7 @@ from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import power, rms, squared
 from nlfrf.shared.transforms import fast_length
 
-__all__ = ["check_realizations"]
+__all__ = ["ALIKE", "aligned", "check_realizations", "group_by_phases", "refuse_strangers"]
 
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
@@ -60,7 +60,7 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
     n = excited.U.shape[0]
     distinct: Any = slice(None)
     if n > 1:
-        refuse_strangers(excited)
+        refuse_strangers(excited.power_U if excited.R is None else squared(excited.R))
         spectra, groups = join_repeats(spectra, n_periods, excited)
         if len(groups) < n:
             warn_of_repeats(groups, n)
@@ -241,13 +241,12 @@ def refuse_unexcited(excited: Spectra) -> None:
             raise ValueError(f"lines must be excited by the {name}, got line {k} with no {name} on it")
 
 
-def refuse_strangers(excited: Spectra) -> None:
-    """Refuse realisations of another amplitude spectrum: their BLA is another one.
+def refuse_strangers(known: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
+    """Refuse realisations of another amplitude spectrum, by their powers (M, F): their BLA is another one.
 
     A measured force scatters from line to line and from realisation to realisation where the shaker gives way, at a
     resonance above all: the limit is as wide as the mean over a part of the band then scatters.
     """
-    known = excited.power_U if excited.R is None else squared(excited.R)
     if (np.maximum.reduce(known) <= 10 ** (STRANGE / 10) * np.minimum.reduce(known)).all():
         return  # not even a line is so far apart
     first = np.arange(0, known.shape[1], max(1, known.shape[1] // N_PARTS))
@@ -261,7 +260,7 @@ def refuse_strangers(excited: Spectra) -> None:
     worst, part = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
     if beyond[worst, part] > 1:
         raise ValueError(
-            f"u must have the same amplitude spectrum in every realisation, got realisation {worst} up to "
+            f"u must have the same amplitude spectrum in every {kind}, got {kind} {first_number + worst} up to "
             f"{apart[worst, part]:.1f} dB apart from the others"
         )
 

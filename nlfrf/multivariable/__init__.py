@@ -13,5 +13,6 @@ zippered         the same where each line drives one input: columns fitted betwe
 matrix_level     the covariance of one experiment's distortion, from detection lines or from roughness
 counts           what two inputs together send to detection and to excited lines, exactly
 local_matrix     the matrix fitted over its neighbouring lines, with one denominator for all entries
+repeats          experiments that were played again: periods of one
 conditions       dead and dependent inputs, phases that are copies of one another
 """

@@ -6,6 +6,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.calibration import LARGEST, variance_ratio
+from nlfrf.identification.realizations import refuse_strangers
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_places
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import data_warning
@@ -35,7 +36,7 @@ def is_zippered(spectra: ChannelSpectra) -> bool:
 
 def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
     """Refuse inputs that cannot be told apart, and warn of a set whose phases are copies."""
-    n_u, M = record.n_inputs, record.n_experiments
+    n_u, M = record.n_inputs, spectra.U.shape[1]
     if is_zippered(spectra):
         if record.r is not None:
             raise ValueError("r must be left out for a zippered record, which is for open loop, got references")
@@ -44,6 +45,7 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
             "entries share; how their scatter reaches it is in the bound, what a local model of two poles cannot "
             "follow is not"
         )
+        refuse_other_sets(np.abs(known_inputs(spectra)) ** 2, record.inputs, zippered=True)
         return
     refuse_silent(record, spectra)
     if M % n_u:
@@ -51,6 +53,8 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
             f"record must hold n_inputs = {n_u} experiments a set, or a whole number of sets, got {M}. "
             "A zippered multisine needs one experiment only."
         )
+    power = np.abs(known_inputs(spectra)) ** 2
+    refuse_other_sets(power.reshape(n_u, -1, n_u, power.shape[2]).mean(axis=2), record.inputs)
     warn_of_noisy_inputs(record, spectra)
     if warned_of_condition(spectra):  # inputs that are nearly the same have the same phases, too
         return
@@ -68,6 +72,14 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
                 "experiments are copies, counted once; give each experiment phases of its own, as multisine(n_inputs=) "
                 "does"
             )
+
+
+def refuse_other_sets(power: np.ndarray, names: tuple[str, ...], zippered: bool = False) -> None:
+    """Refuse sets that were played louder or softer than the others, by the powers (n, R, F) of their inputs."""
+    if power.shape[1] > 1:
+        owner = power.sum(axis=1).argmax(axis=0) if zippered else None
+        for i, (one, name) in enumerate(zip(power, names, strict=True)):
+            refuse_strangers(one if owner is None else one[:, owner == i], f"set of {name}", first_number=1)
 
 
 def refuse_silent(record: MultiRecord, spectra: ChannelSpectra) -> None:
@@ -143,7 +155,7 @@ def warn_of_noisy_inputs(record: MultiRecord, spectra: ChannelSpectra) -> None:
     power = np.sum(np.abs(spectra.U[..., at]) ** 2, axis=1)
     noise = np.sum(np.abs(spectra.dU[..., at]) ** 2, axis=(1, 2)) / np.maximum(power, np.finfo(float).tiny)
     lost = noise > NOISY
-    if (spectra.R is None or record.n_experiments == record.n_inputs) and lost.any():
+    if (spectra.R is None or spectra.U.shape[1] == record.n_inputs) and lost.any():
         i, k = np.unravel_index(int(noise.argmax()), noise.shape)
         data_warning(
             f"{record.inputs[i]} is lost in its noise on {lost.any(axis=0).sum()} of {at.size} lines, worst at line "

@@ -7,6 +7,7 @@ from typing import Any, overload
 
 import numpy as np
 
+from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification import identify as single
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
@@ -21,6 +22,7 @@ from nlfrf.multivariable.frm import Frm, positive_part
 from nlfrf.multivariable.local_matrix import LEAST, fit_matrix
 from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf
 from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
+from nlfrf.multivariable.repeats import join_repeats
 from nlfrf.multivariable.zippered import spread_between, zippered_frf
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
@@ -115,11 +117,14 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     """`identify` for several channels."""
     grid = record.lines
     spectra, treatment = channel_spectra(record, transient)
-    check_experiments(record, spectra)
     zippered = is_zippered(spectra)
+    M = spectra.U.shape[1]
+    spectra = join_repeats(spectra, 1 if zippered else record.n_inputs)
+    n_periods = (record.n_periods - (treatment == "discard")) * M // spectra.U.shape[1]
+    check_experiments(record, spectra)
     frf, between = zippered_frf(spectra) if zippered else (matrix_frf(spectra), None)
     R, per_set = len(frf.each), 1 if zippered else record.n_inputs
-    source = choose_source(level_from, record, n_detection, R)
+    source = choose_source(level_from, grid, n_detection, R, n_periods)
     if zippered and source == "roughness":
         raise ValueError(
             "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, "
@@ -154,8 +159,8 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         fs=record.fs,
         n_samples=record.n_samples,
         n_realizations=R,
-        n_experiments=record.n_experiments,
-        n_periods=record.n_periods - (treatment == "discard"),
+        n_experiments=spectra.U.shape[1],
+        n_periods=n_periods,
         transient=treatment,
         level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
         gamma=gamma,
@@ -177,15 +182,14 @@ def nothing(frf: MatrixFrf) -> MatrixLevel:
     return MatrixLevel(cov=np.zeros_like(frf.cov_scatter), dof=np.zeros(F), factor=np.ones(F))
 
 
-def choose_source(level_from: str, record: MultiRecord, n_detection: int, R: int) -> str:
+def choose_source(level_from: str, grid: LineGrid, n_detection: int, R: int, n_periods: int) -> str:
     """Which source the level is taken from, with a warning where detection lines are passed over."""
-    grid = record.lines
     if level_from == "detection" and grid.odd.size < n_detection:
         raise ValueError(
             f"lines must hold at least n_detection = {n_detection} odd detection lines for "
             f'level_from="detection", got {grid.odd.size} on this {grid.kind} grid'
         )
-    if record.n_periods < 2:
+    if n_periods < 2:
         data_warning("one period does not tell noise from distortion: noise counts as distortion; record two")
     if level_from != "auto":
         return level_from
@@ -204,7 +208,7 @@ def distortion_levels(record: MultiRecord, spectra: ChannelSpectra, part: Any) -
     """What every output holds on each kind of line."""
     grid, f0 = record.lines, record.f0
     Yc, noise, _ = part
-    std = np.sqrt(noise) if record.n_periods > 1 else np.full_like(noise, np.nan)
+    std = np.sqrt(noise) if spectra.dY.shape[2] else np.full_like(noise, np.nan)
     where = {"excited": spectra.excited, "odd": spectra.odd, "even": spectra.even}
     return tuple(
         DistortionLevels(

@@ -1,0 +1,123 @@
+"""Experiments that were played again are periods: recognised whatever the trigger, and what is no repeat is not."""
+
+import numpy as np
+import pytest
+
+import nlfrf
+
+FS = N = 512
+MIX = np.array([[1.0, 0.3], [-0.2, 0.6]])
+
+
+def record(order, *, design="orthogonal", delays=None, n_periods=2, noise=1e-3, seed=0, rms=1.0, reference=False):
+    """A cubic in each of two channels; experiments by their numbers, each behind a delay [samples]."""
+    rng = np.random.default_rng(seed)
+    sets = 1 + max(order) // (2 if design == "orthogonal" else 1)
+    ms = nlfrf.multisine(
+        "random-odd",
+        fs=FS,
+        n_samples=N,
+        f_min=1,
+        f_max=80,  # of more the cube of the samples is not that of the signal behind part of a sample
+        n_inputs=2,
+        n_realizations=sets,
+        design=design,
+        rms=rms,
+        rng=rng,
+    )
+    lines = np.arange(N // 2 + 1)
+    delays = np.zeros(len(order)) if delays is None else np.asarray(delays)
+    turn = np.exp(-2j * np.pi * np.multiply.outer(delays, lines) / N)
+    u = np.fft.irfft(np.fft.rfft(ms.u[:, order]) * turn, N)
+    u = np.repeat(u[:, :, None], n_periods, axis=2)
+    y = np.einsum("ji,impn->jmpn", MIX, u + 0.1 * u**3)
+    y += noise * rng.standard_normal(y.shape)
+    r = u if reference else None
+    u = u + 1e-3 * rng.standard_normal(u.shape) if reference else u
+    return nlfrf.MultiRecord(u=u, y=y, r=r, fs=FS, lines=ms.lines)
+
+
+def covered(frm, sigma2=1.0):
+    """Share of the entries within their 95 % bounds: of a cubic the BLA is known."""
+    truth = MIX * (1 + 0.3 * sigma2 * (1 - 0.5 / frm.f.size))
+    return np.mean(np.abs(frm.G - truth[:, :, None]) < frm.bound())
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+@pytest.mark.parametrize("copies", [2, 7])
+@pytest.mark.parametrize("reference", [False, True])
+def test_a_set_played_again_is_covered_as_one(copies, reference):
+    """It was 75 % for two and 21 % for seven."""
+    frms = [
+        nlfrf.identify(record([0, 1] * copies, seed=seed, reference=reference), transient="none") for seed in range(12)
+    ]
+    assert {(frm.n_realizations, frm.n_experiments, frm.n_periods) for frm in frms} == {(1, 2, 2 * copies)}
+    assert 0.92 < np.mean([covered(frm) for frm in frms]) < 0.99
+
+
+@pytest.mark.parametrize(
+    ("order", "delays", "told"),
+    [
+        ([0, 1, 0, 1], None, r"\(1, 3; 2, 4\)"),
+        ([0, 0, 0, 1, 1, 1], None, r"\(1, 2, 3; 4, 5, 6\)"),  # these were refused
+        ([0, 1, 0, 1], [0, 0, 100.7, 12.3], r"\(1, 3; 2, 4\)"),
+        ([0, 1, 2, 3, 1, 0, 3, 2], [0, 0, 0, 0, 5, 6, 7, 8], r"\(1, 6; 2, 5; 3, 8; 4, 7\)"),
+    ],
+)
+def test_repeats_are_told_whatever_order_and_trigger(order, delays, told):
+    with pytest.warns(nlfrf.DataWarning, match=rf"u holds experiments that repeat one another {told}"):
+        frm = nlfrf.identify(record(order, delays=delays), transient="none")
+    assert frm.n_realizations == (max(order) + 1) // 2
+    once = nlfrf.identify(record(sorted(set(order)), noise=0), transient="none")
+    assert np.abs(frm.G - once.G).max() < 5e-3
+    assert np.median(frm.var_noise[0, 0]) == pytest.approx(4e-6 / N * frm.f.size / 2 / (2 * len(order)), rel=0.4)
+
+
+def test_one_period_and_its_repeat_tell_the_noise():
+    once = nlfrf.identify(record([0, 1], n_periods=4, noise=0.02), transient="none")
+    with pytest.warns(nlfrf.DataWarning, match="u holds experiments that repeat"):
+        again = nlfrf.identify(record([0, 1] * 4, n_periods=1, noise=0.02), transient="none")
+    assert np.mean(again.var_noise) == pytest.approx(np.mean(once.var_noise), rel=0.15)
+    with pytest.warns(nlfrf.DataWarning, match="u holds experiments that repeat"):
+        mixed = nlfrf.identify(record([0, 1] * 2, n_periods=2, noise=0.02), transient="none")
+    assert np.mean(mixed.var_noise) == pytest.approx(np.mean(once.var_noise), rel=0.15)
+
+
+def test_a_zippered_experiment_played_again_is_one():
+    with pytest.warns(nlfrf.DataWarning) as told:
+        frm = nlfrf.identify(record([0, 0, 0], design="zippered", delays=[0, 9.5, 40]), transient="none")
+    assert any("repeat one another (1, 2, 3)" in str(one.message) for one in told)
+    assert (frm.n_realizations, frm.n_periods) == (1, 6)
+
+
+@pytest.mark.parametrize("rms", [1.0, (10.0, 0.1)])
+def test_the_experiments_of_a_set_are_no_repeats(rms):
+    """Orthogonal sets of the same phases differ by constants, the louder input not at all."""
+    assert nlfrf.identify(record([0, 1, 2, 3], rms=rms), transient="none").n_experiments == 4
+    rng = np.random.default_rng(3)
+    ms = nlfrf.multisine("random-odd", fs=FS, n_samples=N, f_min=1, f_max=200, n_realizations=2, rng=rng)
+    first, second = np.reshape(rms * np.ones(2), (2, 1)) * ms.u
+    u = np.array([[first, first], [second, -second]])[:, :, None]
+    u = np.repeat(u, 2, axis=2)
+    y = np.einsum("ji,impn->jmpn", MIX, u) + 1e-4 * rng.standard_normal(u.shape)
+    with pytest.warns(nlfrf.DataWarning, match=r"experiments have the same phases \(psi\)"):
+        frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=ms.lines), transient="none")
+    assert frm.n_experiments == 2
+
+
+def test_half_a_repeat_is_left_as_it_is():
+    """Three of four experiments would be left: no whole sets."""
+    with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly"):
+        assert nlfrf.identify(record([0, 1, 0, 3]), transient="none").n_experiments == 4
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+@pytest.mark.parametrize("design", ["orthogonal", "zippered"])
+def test_sets_of_another_level_are_refused(design):
+    """Their BLA is another one: at 6 dB more the cube weighs four times as much."""
+    one = record(range(4), design=design)
+    louder = np.ones((2, 4, 1, 1))
+    louder[1, 2:] = 2.0
+    other = nlfrf.MultiRecord(u=one.u * louder, y=one.y, fs=FS, lines=one.lines)
+    with pytest.raises(ValueError, match="amplitude spectrum in every set of u2, got set of u2 [1234] up to"):
+        nlfrf.identify(other, transient="none")
