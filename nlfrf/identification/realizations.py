@@ -20,7 +20,7 @@ from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import power, rms, squared
 from nlfrf.shared.transforms import fast_length
 
-__all__ = ["ALIKE", "aligned", "check_realizations", "group_by_phases", "refuse_strangers"]
+__all__ = ["ALIKE", "aligned", "check_realizations", "group_by_phases", "refuse_strangers", "warn_of_low_peaks"]
 
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
@@ -65,7 +65,8 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
         if len(groups) < n:
             warn_of_repeats(groups, n)
             distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
-    warn_of_low_peaks(periodic[distinct, 0], excited)
+    amplitude = excited.amplitude if excited.R is None else rms(excited.R)
+    warn_of_low_peaks(periodic[distinct, 0], amplitude, excited.lines)
     return spectra, (excited if isinstance(distinct, slice) else spectra.on_excited()), n_periods
 
 
@@ -79,24 +80,26 @@ def warn_of_repeats(groups: list[list[int]], n: int) -> None:
     )
 
 
-def warn_of_low_peaks(u: np.ndarray, excited: Spectra) -> None:
+def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> bool:
     """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped."""
-    amplitude = excited.amplitude if excited.R is None else rms(excited.R)
     if amplitude.size < FEWEST_SUMMED:
-        return
+        return False
     middle = np.add.reduce(u, axis=1) / u.shape[1]
     peak = np.maximum(u.max(axis=1) - middle, middle - u.min(axis=1))
     crest = peak / np.sqrt(power(amplitude) / 2)
     # no more than the highest line would have: where these are probable there is no need to look closer
-    if not is_improbable(most_peaks(crest, int(excited.lines[-1]))):
-        return
-    if is_improbable(expected_peaks(crest, excited.lines, amplitude, u.shape[1])):
+    if not is_improbable(most_peaks(crest, int(lines[-1]))):
+        return False
+    chosen = is_improbable(expected_peaks(crest, lines, amplitude, u.shape[1]))
+    if chosen:
         data_warning(
-            f"u must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, lower "
-            "than random phases of its spectrum have it but once in 100000 experiments. Where the phases were chosen "
-            "for low peaks, or the input was clipped, the BLA and its bound are those of that signal: the 95 % bound "
-            "may hold half the time; play random phases, or the best of a few draws (reduce_crest without a target)"
+            f"{name} must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, "
+            "lower than random phases of its spectrum have it but once in 100000 experiments. Where the phases were "
+            "chosen for low peaks, or the input was clipped, the BLA and its bound are those of that signal: the 95 % "
+            "bound may hold half the time; play random phases, or the best of a few draws (reduce_crest without a "
+            "target)"
         )
+    return chosen
 
 
 def join_repeats(spectra: Spectra, n_periods: int, excited: Spectra) -> tuple[Spectra, list[list[int]]]:

@@ -6,10 +6,11 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.calibration import LARGEST, variance_ratio
-from nlfrf.identification.realizations import refuse_strangers
+from nlfrf.identification.realizations import refuse_strangers, warn_of_low_peaks
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_places
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import data_warning
+from nlfrf.shared.leastsquares import rms
 
 __all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered", "warn_of_loud"]
 
@@ -35,8 +36,9 @@ def is_zippered(spectra: ChannelSpectra) -> bool:
 
 
 def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
-    """Refuse inputs that cannot be told apart, and warn of a set whose phases are copies."""
+    """Refuse inputs that cannot be told apart, and warn of a set whose phases are copies, or were chosen."""
     n_u, M = record.n_inputs, spectra.U.shape[1]
+    warn_of_chosen_phases(record, spectra)
     if is_zippered(spectra):
         if record.r is not None:
             raise ValueError("r must be left out for a zippered record, which is for open loop, got references")
@@ -72,6 +74,16 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
                 "experiments are copies, counted once; give each experiment phases of its own, as multisine(n_inputs=) "
                 "does"
             )
+
+
+def warn_of_chosen_phases(record: MultiRecord, spectra: ChannelSpectra) -> None:
+    """Warn of the first input whose peaks are lower than random phases have them."""
+    played, lines = record.u if record.r is None else record.r, spectra.lines[spectra.excited]
+    for i, name in enumerate(record.inputs):
+        size = rms(known_inputs(spectra)[i])
+        own = size > APART * size.max()
+        if warn_of_low_peaks(played[i, :, 0], size[own], lines[own], name):
+            return
 
 
 def refuse_other_sets(power: np.ndarray, names: tuple[str, ...], zippered: bool = False) -> None:
