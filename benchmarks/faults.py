@@ -157,6 +157,11 @@ def played_again(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str,
     return runs[0] | {name: [run[name] for run in runs] for name in "uy"}
 
 
+def of_another_run(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """The input of this run with the output of one of other phases: two files were mixed up."""
+    return cut(u, sound(seed=1)[2])
+
+
 def in_both_and_y(x: np.ndarray) -> np.ndarray:
     """Two samples lost from both."""
     return np.delete(x, [5100, 5101])
@@ -259,6 +264,7 @@ FAULTS = [
         realisations,
         r"same amplitude spectrum in every realisation, got realisation 2 up to 6\.0 dB",
     ),
+    Fault("both", "y of another run", of_another_run, r"G jumps from line to line by \d+ % of its size", refused=False),
     Fault("both", "one file played three times", played_again, r"realisations with the same phases", refused=False),
     Fault(
         "y",

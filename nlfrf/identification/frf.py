@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.identification.spectra import Spectra
+from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.values import value
 
-__all__ = ["Frf", "average_frf", "residual_variance"]
+__all__ = ["Frf", "average_frf", "residual_variance", "warn_of_jumps"]
+
+
+#: Roughness over the level and over |G|^2 past which u and y do not belong together, where most lines have it.
+JUMPING, SHARE = 2.5, 0.03
+SPARE = 2  # lines more than the half: few lines are rough by chance
 
 
 @value(copy=False)
@@ -68,3 +74,26 @@ def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
         return spectra.var_Y
     variance = spectra.var_Y + squared(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
     return np.maximum(variance, 0.0)
+
+
+def warn_of_jumps(rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G") -> bool:
+    """Warn where an FRF jumps from line to line by more than its distortion can make it.
+
+    Parameters
+    ----------
+    rough, level, size : (F,) ndarray
+        Variance of an FRF about its neighbours, the one that detection lines tell, and |G|^2.
+    what : str
+        What the FRF is called.
+    """
+    jumps = (rough > JUMPING * level) & (rough > SHARE * size)
+    strange = np.count_nonzero(jumps) > jumps.size / 2 + SPARE
+    if strange:
+        tiny = np.finfo(float).tiny
+        share, above = (float(np.median(rough / np.maximum(one, tiny))) for one in (size, level))
+        data_warning(
+            f"{what} jumps from line to line by {100 * share**0.5:.0f} % of its size, {10 * np.log10(above):.0f} dB "
+            "more than its detection lines tell of distortion and noise: do u and y belong to the same runs, in the "
+            "same order, with one trigger and one sign? If they do it bends within a few lines: record a longer period"
+        )
+    return bool(strange)

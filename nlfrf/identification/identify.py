@@ -15,13 +15,14 @@ from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.calibration import typical_distortion
 from nlfrf.identification.detection_lines import Answer, nonlinear_answer
 from nlfrf.identification.distortion_level import Level, choose_source, pool_levels, read_level, smooth_frf
-from nlfrf.identification.frf import Frf, average_frf
+from nlfrf.identification.frf import Frf, average_frf, warn_of_jumps
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
 from nlfrf.records.detection import refuse_wrong_lines
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer, one_of
+from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.wording import shown
 
 __all__ = ["identify"]
@@ -119,6 +120,8 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
     answer = nonlinear_answer(spectra, smooth)
     level = read_level(source, excited, answer, fit)
+    if source == "detection" and fit is not None:
+        warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level)
 
 

@@ -20,7 +20,14 @@ from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import power, rms, squared
 from nlfrf.shared.transforms import fast_length
 
-__all__ = ["ALIKE", "aligned", "check_realizations", "group_by_phases", "refuse_strangers", "warn_of_low_peaks"]
+__all__ = [
+    "ALIKE",
+    "aligned",
+    "check_realizations",
+    "group_by_phases",
+    "refuse_strangers",
+    "warn_of_low_peaks",
+]
 
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared

@@ -10,6 +10,7 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification import identify as single
 from nlfrf.identification.bla import Bla, DistortionLevels
+from nlfrf.identification.frf import warn_of_jumps
 from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
 from nlfrf.multivariable.conditions import (
     calibrated,
@@ -19,7 +20,7 @@ from nlfrf.multivariable.conditions import (
     warn_of_loud,
 )
 from nlfrf.multivariable.frm import Frm, positive_part
-from nlfrf.multivariable.local_matrix import LEAST, fit_matrix
+from nlfrf.multivariable.local_matrix import LEAST, LocalMatrix, fit_matrix
 from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf
 from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
 from nlfrf.multivariable.repeats import join_repeats
@@ -118,9 +119,8 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     grid = record.lines
     spectra, treatment = channel_spectra(record, transient)
     zippered = is_zippered(spectra)
-    M = spectra.U.shape[1]
     spectra = join_repeats(spectra, 1 if zippered else record.n_inputs)
-    n_periods = (record.n_periods - (treatment == "discard")) * M // spectra.U.shape[1]
+    n_periods = (record.n_periods - (treatment == "discard")) * record.n_experiments // spectra.U.shape[1]
     check_experiments(record, spectra)
     frf, between = zippered_frf(spectra) if zippered else (matrix_frf(spectra), None)
     R, per_set = len(frf.each), 1 if zippered else record.n_inputs
@@ -130,14 +130,16 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
             "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, "
             f"got a {grid.kind} grid: between its own lines a column is fitted, and says nothing of its roughness"
         )
-    smooth = frf.G if grid.excited.size < LEAST or R >= ENOUGH else fit_matrix(frf.G, grid).G
-    part = linear_part(spectra, smooth)
+    fit = None if grid.excited.size < LEAST or R >= ENOUGH else fit_matrix(frf.G, grid)
+    part = linear_part(spectra, frf.G if fit is None else fit.G)
     independent = independent_experiments(spectra)
     level = {
         "detection": lambda: level_from_lines(spectra, grid, part, "odd", n_detection, independent),
         "roughness": lambda: level_from_fit(frf, grid),
         "realizations": lambda: nothing(frf),
     }[source]()
+    if source == "detection" and fit is not None and between is None:
+        warn_of_jumping_outputs(record, frf, fit, level)
     even = np.full_like(level.cov, np.nan)
     if grid.even.size:
         even = level_from_lines(spectra, grid, part, "even", n_detection, independent).cov
@@ -174,6 +176,16 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         levels=distortion_levels(record, spectra, part),
         hold=record.hold,
     )
+
+
+def warn_of_jumping_outputs(record: MultiRecord, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> None:
+    """Warn of the first output whose row jumps from line to line: it belongs to other inputs."""
+    gamma = np.einsum("iik->ik", frf.gamma).real
+    rough = np.sum(np.abs(fit.residual) ** 2, axis=3).transpose(1, 2, 0) / fit.dof  # (n_y, n_u, F)
+    for j, name in enumerate(record.outputs):
+        size = np.abs(frf.G[j]) ** 2 / gamma
+        if warn_of_jumps(np.mean(rough[j] / gamma, axis=0), level.cov[j, j].real, size.mean(axis=0), f"G of {name}"):
+            return
 
 
 def nothing(frf: MatrixFrf) -> MatrixLevel:

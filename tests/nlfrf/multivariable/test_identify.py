@@ -148,10 +148,11 @@ def test_warnings_and_refusals():
     same = nlfrf.MultiRecord(u=record.u[:, [0, 0]], y=record.y[:, [0, 0]], fs=512, lines=ms.lines)
     with pytest.raises(ValueError, match=r"u must hold experiments that tell the inputs apart, got a condition of"):
         nlfrf.identify(same)
-    near = record.u.copy()
-    near[:, 1] = near[:, 0] + 0.05 * near[:, 1]
+    near, answer = record.u.copy(), record.y.copy()
+    for signal in (near, answer):
+        signal[:, 1] = signal[:, 0] + 0.05 * signal[:, 1]
     with pytest.warns(nlfrf.DataWarning, match="the experiments tell the inputs apart badly: condition"):
-        nlfrf.identify(nlfrf.MultiRecord(u=near, y=record.y, fs=512, lines=ms.lines))
+        nlfrf.identify(nlfrf.MultiRecord(u=near, y=answer, fs=512, lines=ms.lines))
     silent = nlfrf.LineGrid(excited=np.append(ms.lines.excited, 253), odd=ms.lines.odd, even=ms.lines.even)
     with pytest.raises(
         ValueError, match="lines must be excited by every input, got line 253 with no input on it in u1"

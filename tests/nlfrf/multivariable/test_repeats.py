@@ -151,3 +151,19 @@ def test_low_peaks_of_several_inputs_are_warned_of():
         u = np.repeat(ms.u[:, :, None], 2, axis=2)
         y = u + 1e-3 * rng.standard_normal(u.shape)
         assert nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=FS, lines=ms.lines), transient="none").n_periods == 2
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+@pytest.mark.parametrize("fault", ["swapped", "sign", "late"])
+def test_outputs_of_other_experiments_are_told(fault):
+    """Every entry of the matrix is then nonsense; its bound, of the detection lines, held 1 to 38 % without a word."""
+    one = record(range(2), n_periods=4)
+    y = one.y.copy()
+    if fault == "swapped":
+        y = y[:, ::-1]
+    elif fault == "sign":
+        y[:, 1] *= -1
+    else:
+        y[:, 1] = np.roll(y[:, 1], 2, axis=-1)
+    with pytest.warns(nlfrf.DataWarning, match=r"G of y[12] jumps from line to line by \d+ % of its size"):
+        nlfrf.identify(nlfrf.MultiRecord(u=one.u, y=y, fs=FS, lines=one.lines), transient="none")
