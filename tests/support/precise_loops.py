@@ -120,6 +120,17 @@ class PreciseLoop:
         return max((f(omega), omega) for omega in (x, y, start))
 
 
+def precise_gain(system, omega):
+    """Largest singular value of a continuous system at one frequency, its matrices taken as they are."""
+    with ctx.workprec(BITS):
+        n = system.nstates
+        A, B, C, D = (acb_mat(m.tolist()) for m in (system.A, system.B, system.C, system.D))
+        pencil = acb_mat(n, n, [(acb(0, omega) if i == j else acb(0)) - A[i, j] for i in range(n) for j in range(n)])
+        G = C * pencil.solve(B) + D
+        values = np.array([[complex(G[i, j]) for j in range(G.ncols())] for i in range(G.nrows())])
+    return float(np.linalg.svd(values, compute_uv=False)[0])
+
+
 def unstable_poles(G, K):
     """How many poles of 1/(1 + G K), all states kept, are not inside the stable region: of the matrices as they are."""
     A, B, C, d = map(rational, (G.A, G.B, G.C, G.D))
