@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.files.channels import read_channels
+from nlfrf.files.channels import Channels, read_channels
 from nlfrf.records.record import SAME_CLOCK
 from nlfrf.records.several import MultiRecord, multirecord_from_samples
 
@@ -85,7 +85,7 @@ def load_multirecord(
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
 
     def stacked(parameter: str, names: Sequence[str]) -> list[np.ndarray]:
-        return [np.stack([file.signal(parameter, name) for name in names]) for file in files]
+        return [together(parameter, names, file) for file in files]
 
     return multirecord_from_samples(
         stacked("u", u),
@@ -99,3 +99,17 @@ def load_multirecord(
         outputs=tuple(y),
         hold=hold,
     )
+
+
+def together(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
+    """(n_channels, n) channels of one file."""
+    if file.text("schema"):
+        raise ValueError(f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}")
+    streams = [file.signal(parameter, name) for name in names]
+    for name, stream in zip(names, streams, strict=True):
+        if stream.size != streams[0].size:
+            raise ValueError(
+                f"{parameter} must be channels of one length, got {streams[0].size} samples in {names[0]!r} and "
+                f"{stream.size} in {name!r}"
+            )
+    return np.stack(streams)
