@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -80,17 +81,17 @@ def load_multirecord(
     files = [read_channels(one) for one in ([path] if isinstance(path, str | os.PathLike) else path)]
     if not files:
         raise ValueError("path must be a file or a list of files, got none")
+    signals: dict[str, Any] = {
+        parameter: [together(parameter, names, file) for file in files]
+        for parameter, names in (("u", u), ("y", y), ("r", r))
+        if names
+    }
     clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
 
-    def stacked(parameter: str, names: Sequence[str]) -> list[np.ndarray]:
-        return [together(parameter, names, file) for file in files]
-
     return multirecord_from_samples(
-        stacked("u", u),
-        stacked("y", y),
-        r=stacked("r", r) if r else None,
+        **signals,
         fs=clocks[0],
         n_samples=n_samples,
         lines=lines,

@@ -192,12 +192,12 @@ def measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
 ) -> list[Record]:
     """A record for each output, of the streams of all files."""
+    streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
+    streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
     asked_for = (*names.values(), *outputs)
     clocks = [file.sampling_frequency(fs, asked_for) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
-    streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
     whole({signal: streams[signal] for signal in names}, streams["y"])
     found = {name: [names["u"], name] for name in outputs}
     for name in outputs:

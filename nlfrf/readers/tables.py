@@ -36,7 +36,10 @@ def table(start: bytes, path: Path | None = None) -> Found:
     head = start[:START]
     text = decoded(head[: head.rfind(b"\n") + 1] or head if len(head) == START else head)
     layout = layout_of(text)
-    frame, notes = parsed(lambda: numbers_of(start, path, layout.first), layout, rows_in(start, path))
+    try:
+        frame, notes = parsed(lambda: numbers_of(start, path, layout.first), layout, rows_in(start, path))
+    except ValueError as error:  # pandas counts from the first row of numbers
+        raise ValueError(re.sub(r"(?<=in line )\d+", lambda n: str(int(n[0]) + layout.first), str(error))) from None
     notes |= {
         name: "holds texts"
         for name, numeric, moment in zip(layout.names, layout.numeric, layout.moments, strict=True)
