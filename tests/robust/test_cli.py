@@ -126,7 +126,7 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("check m.json m.json", "must hold a robust-controller file"),
         ("check m.json K.json --solver MOSEK", "solver must be one of"),
         ("check m.json K.json --delay -1", "delay must be zero or positive"),
-        ("check m.json K.json --bandwidth 0", "omega_B must be positive"),
+        ("check m.json K.json --bandwidth 0", "bandwidth must be positive, got 0"),
         ("design m.json --bandwidth 900 --sample-time 0.001 -o K2.json", "half the Nyquist frequency"),
         ("design m.json -o K2.json", "bandwidth must be given"),
         ("design m.json --method lqg -o K2.json", "method must be one of"),
