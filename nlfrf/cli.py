@@ -202,6 +202,7 @@ def identify(
             say(f"wrote {target}")
         end(frm, True, json)
         return
+    targets = targets_of(out, outputs)
     records = nlfrf.load_record(
         file,
         u=input,
@@ -215,8 +216,7 @@ def identify(
         hold=hold,
     )
     blas = nlfrf.identify(records, transient=transient, level_from=level_from, n_detection=detection)
-    for name, record, bla in zip(outputs, records, blas, strict=True):
-        target = out if len(outputs) == 1 else out.with_name(f"{out.stem}-{slug(name)}{out.suffix}")
+    for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
         nlfrf.save_bla(bla, target)
         say(f"{name}: {bla}")
         if opinion:
@@ -289,6 +289,17 @@ def doctor() -> None:
     if faults:
         raise typer.Exit(1)
     print("all is well")
+
+
+def targets_of(out: Path, outputs: list[str]) -> list[Path]:
+    """The file of each output, all of them different."""
+    targets = [out if len(outputs) == 1 else out.with_name(f"{out.stem}-{slug(name)}{out.suffix}") for name in outputs]
+    if len(set(targets)) < len(targets):
+        raise ValueError(
+            f"output must be names that give each its own file, got {', '.join(map(repr, outputs))} for "
+            f"{', '.join(target.name for target in dict.fromkeys(targets))}"
+        )
+    return targets
 
 
 def slug(name: str) -> str:

@@ -10,7 +10,7 @@ import typer
 
 import nlfrf
 import robust
-from nlfrf.shared.arguments import one_of
+from nlfrf.shared.arguments import one_of, positive
 from nlfrf.shared.axes import write_pictures
 from nlfrf.shared.command import Json, Version, end, number, run, speaker, working
 from nlfrf.shared.whole_files import write_text
@@ -28,7 +28,10 @@ app = typer.Typer(
 )
 
 #: Parameters of the library whose option has another name.
-OPTIONS = dict(n_poles="poles", n_zeros="zeros", dt="sample-time", n_samples="period", n_discard="discard", hold="hold")
+OPTIONS = dict(
+    n_poles="poles", n_zeros="zeros", dt="sample-time", n_samples="period", n_discard="discard", hold="hold", M_S="peak"
+)
+BLAS = (".npz", ".h5", ".hdf5")
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
 
@@ -119,8 +122,9 @@ def design(
     Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
     """
     one_of("method", method, ("ncfsyn", "mixsyn", "pid"))
+    refuse_demand(bandwidth, error)
     if method == "pid":
-        plant: Any = nlfrf.load_bla(model) if model.suffix == ".npz" else model_of_one(model)
+        plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else model_of_one(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with working("designing"):
             result = robust.design_frf(plant, structure, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay)
@@ -179,6 +183,9 @@ def check(
     Exit code 0 where every loop is proved stable for the whole set, and the demand met where there is one; 1 where not.
     Of several controllers the files are named after them: report.txt becomes report-CONTROLLER.txt.
     """
+    refuse_demand(bandwidth, error)
+    if len({path.stem for path in controller}) < len(controller):
+        raise ValueError(f"controller must be files of different names, got {', '.join(map(str, controller))}")
     plant, say, reports = robust.load_model(model), speaker(json), {}
     w_P = demanded(plant, bandwidth, peak, error)
     for path in controller:
@@ -324,6 +331,7 @@ def report(
     notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
+    refuse_demand(bandwidth, error)
     plant, K = model_of_one(model), robust.load_controller(controller)
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
     w_P = demanded(plant, bandwidth, peak, error)
@@ -361,9 +369,17 @@ def shape(
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
 ) -> None:
     """Write a page to shape a loop in by hand, live, in any browser; it needs no server and proves nothing."""
+    refuse_demand(bandwidth, error)
     parts = [model_of_one(path) for path in model], controller and robust.load_controller(controller)
     write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
     print(f"wrote {out}")
+
+
+def refuse_demand(bandwidth: float | None, error: float) -> None:
+    """Refuse a demand on S by the names and in the units of its options."""
+    positive("error", error)
+    if bandwidth is not None:
+        positive("bandwidth", bandwidth)
 
 
 def draw(path: Path, pictures: list[Any], say: Any = print) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf.files import npz
 from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
-from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, is_time, seconds_of, unit_of
+from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, hertz_of, is_time, seconds_of, unit_of
 from nlfrf.shared.arguments import data_warning, positive
 from nlfrf.shared.own_process import read_apart
 from nlfrf.shared.values import value
@@ -22,6 +22,9 @@ __all__ = ["OTHERWISE", "SUFFIXES", "Channels", "read_channels"]
 
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
 APART = 1e-3  # how far a sampling frequency that was given may be from that of the file
+DAY = 86400.0  # seconds
+DATES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
+QUICK = 1e6  # a clock that is more likely in days there [Hz]
 WIDE = 64  # columns that a matrix of signals may have
 OTHERWISE = "arrays of any origin go to record_from_samples(u, y, fs=...)"
 
@@ -130,11 +133,7 @@ class Channels:
             elif clock is not None:
                 found[name] = float(clock), f"what it says of {name!r}" if name else "its own word"
         if not found:
-            scalar = self.scalar_clock(next(iter(told), ""))
-            if scalar is not None:
-                found[""] = scalar
-            elif self.time:
-                found[""] = self.frequency_of_time(self.time, given is not None), f"the time channel {self.time!r}"
+            found = self.clock_beside(tuple(told), given is not None)
         rates = [fs for fs, _ in found.values() if fs > 0]
         if rates and max(rates) > min(rates) * (1 + APART):
             said = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
@@ -154,7 +153,45 @@ class Channels:
             )
         return given
 
-    def scalar_clock(self, beside: str) -> tuple[float, str] | None:
+    def clock_beside(self, names: tuple[str, ...], known: bool) -> dict[str, tuple[float, str]]:
+        """What a variable says of the clock of these channels, else a time channel; where both do, the two agree."""
+        scalar = self.scalar_clock(next(iter(names), ""), known)
+        n = {self.arrays[name].size: name for name in names if name in self.arrays}
+        time = self.time
+        if len(n) == 1:
+            as_long = [one for one in self.times if self.arrays[one].size in n]
+            home = names[0].rpartition(".")[0]
+            time = min(as_long, key=lambda one: one.rpartition(".")[0] != home, default="")
+        if scalar is None and self.time and not time and not known:
+            raise ValueError(
+                f"fs must be given: the time channel {self.time!r} has {self.arrays[self.time].size} samples, and "
+                + " and ".join(f"{name!r} has {size}" for size, name in n.items())
+            )
+        where = f"the time channel {time!r}"
+        if scalar is None:
+            return {"": (self.frequency_of_time(time, known), where)} if time else {}
+        fs = self.frequency_of_time(time, True) if time and not known else 0.0
+        if fs > 0 and abs(scalar[0] / fs - 1) > APART:
+            data_warning(
+                f"fs is {scalar[0]:g} Hz by {scalar[1]!r} of {Path(self.path).name!r} and {fs:g} Hz by {where}; the "
+                "first is used, give fs if it is not the one"
+            )
+        return {"": scalar}
+
+    @property
+    def times(self) -> list[str]:
+        """Names of the time channels, those that a clock can be read from in front."""
+        found = [name for name in self.signals if is_time(name) and self.arrays[name].dtype.kind in "fiu"]
+        if len(found) < 2:
+            return found
+        return sorted(found, key=lambda name: not (self.second_of(name) and frequency_of(np.ravel(self.arrays[name]))))
+
+    def second_of(self, time: str) -> float | None:
+        """The unit of a time channel [s], None where it is not known."""
+        unit = unit_of(time)
+        return seconds_of((self.units.get(time) if unit is None else unit) or "")
+
+    def scalar_clock(self, beside: str, known: bool = False) -> tuple[float, str] | None:
         """The sampling frequency [Hz] by a variable fs, Ts and the like, first in the struct of a channel."""
         homes = [f"{beside.rpartition('.')[0]}." if "." in beside else "", ""]
         found = []
@@ -162,23 +199,39 @@ class Channels:
             key = name.rsplit(".", 1)[-1].replace("_", "").replace(" ", "").lower()
             key = UNIT.sub("", key)
             if array.size == 1 and array.dtype.kind in "fiu" and key in (*RATES, *STEPS):
-                number = float(array.reshape(-1)[0]) * (seconds_of(self.unit(name)) or 1.0 if key in STEPS else 1.0)
-                if number > 0:
+                scale = (seconds_of if key in STEPS else hertz_of)(self.unit(name))
+                number = float(array.reshape(-1)[0]) * (scale or 0.0)
+                if 0 < number < np.inf:
                     home = name.rpartition(".")[0]
                     rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
-                    found.append((rank, number if key in RATES else round(1 / number, 9), name))
+                    found.append((rank, number if key in RATES else float(f"{1 / number:.12g}"), name))
         best = min(found, default=None)
-        return None if best is None else (best[1], best[2])
+        if best is None:
+            return None
+        others = [one for one in found if one[0] == best[0] and one[1] > best[1] * (1 + APART)]
+        if others and not known:
+            raise ValueError(
+                f"fs must be given: {Path(self.path).name!r} says {best[1]:g} Hz by {best[2]!r} and "
+                f"{others[0][1]:g} Hz by {others[0][2]!r}"
+            )
+        return best[1], best[2]
 
     def frequency_of_time(self, time: str, known: bool) -> float:
         """The sampling frequency [Hz] by a time channel, 0 where it has none or where it need not be understood."""
-        unit = unit_of(time)
-        unit = self.units.get(time) if unit is None else unit
-        second = seconds_of(unit or "")
+        unit, second = unit_of(time) or self.units.get(time), self.second_of(time)
         if second is None and not known:
             raise ValueError(f"fs must be given: the unit of the time channel {time!r} is not known")
         t = np.ravel(self.arrays[time])
         fs = frequency_of(t if second == 1.0 else (second or 0.0) * t)
+        if not fs > 0 and not known:
+            raise ValueError(f"fs must be given: the time channel {time!r} {stumbles(t)}")
+        if unit is None and fs > QUICK and any(low < t[0] < high for low, high in DATES):
+            if known:
+                return 0.0
+            raise ValueError(
+                f"fs must be given: the time channel {time!r} names no unit, begins at {t[0]:.9g} and steps by "
+                f"{1 / fs:.3g}: {fs:g} Hz if these are seconds, {fs / DAY:g} Hz if they are days"
+            )
         if unit is not None or not 0 < fs <= SLOW:
             return fs
         if known:  # without a unit, a slow clock in seconds may be a fast one in milliseconds
@@ -189,6 +242,15 @@ class Channels:
             raise ValueError(f"fs must be given: {said}")
         data_warning(f"{said}; seconds are taken, give fs if they are not")
         return fs
+
+
+def stumbles(t: np.ndarray) -> str:
+    """Where a time channel does not run forward."""
+    steps = np.diff(t.astype(float))
+    if not np.any(steps < 0):
+        return "does not run forward"
+    at = int(np.nanargmin(steps))
+    return f"runs backwards at sample {at + 1}, from {t[at]:.9g} to {t[at + 1]:.9g}"
 
 
 def stream_of(array: np.ndarray) -> np.ndarray:

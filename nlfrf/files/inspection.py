@@ -161,7 +161,7 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(described(file, name, stream) for name, stream in streams.items())
     times = {name for name in streams if is_time(name)} | {clock for clock in file.clocks.values() if clock in streams}
-    candidates = {name: stream for name, stream in streams.items() if name not in times and np.ptp(stream) > 0}
+    candidates = {name: stream for name, stream in streams.items() if name not in times and varies(stream)}
     schema = file.text("schema")
     u, period, lines = ("", 0.0, "") if schema else guessed_input(file, candidates)
     return FileContents(
@@ -174,6 +174,11 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         lines=lines,
         schema=schema,
     )
+
+
+def varies(stream: np.ndarray) -> bool:
+    """Whether a stream of numbers or truth values moves, and all of it is finite."""
+    return bool(np.isfinite(stream).all() and stream.max() > stream.min())
 
 
 def described(file: Channels, name: str, stream: np.ndarray) -> Channel:

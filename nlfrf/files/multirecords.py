@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.files.channels import read_channels
+from nlfrf.files.channels import Channels, read_channels
 from nlfrf.records.record import SAME_CLOCK
 from nlfrf.records.several import MultiRecord, multirecord_from_samples
 
@@ -80,17 +81,17 @@ def load_multirecord(
     files = [read_channels(one) for one in ([path] if isinstance(path, str | os.PathLike) else path)]
     if not files:
         raise ValueError("path must be a file or a list of files, got none")
+    signals: dict[str, Any] = {
+        parameter: [together(parameter, names, file) for file in files]
+        for parameter, names in (("u", u), ("y", y), ("r", r))
+        if names
+    }
     clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
 
-    def stacked(parameter: str, names: Sequence[str]) -> list[np.ndarray]:
-        return [np.stack([file.signal(parameter, name) for name in names]) for file in files]
-
     return multirecord_from_samples(
-        stacked("u", u),
-        stacked("y", y),
-        r=stacked("r", r) if r else None,
+        **signals,
         fs=clocks[0],
         n_samples=n_samples,
         lines=lines,
@@ -99,3 +100,17 @@ def load_multirecord(
         outputs=tuple(y),
         hold=hold,
     )
+
+
+def together(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
+    """(n_channels, n) channels of one file."""
+    if file.text("schema"):
+        raise ValueError(f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}")
+    streams = [file.signal(parameter, name) for name in names]
+    for name, stream in zip(names, streams, strict=True):
+        if stream.size != streams[0].size:
+            raise ValueError(
+                f"{parameter} must be channels of one length, got {streams[0].size} samples in {names[0]!r} and "
+                f"{stream.size} in {name!r}"
+            )
+    return np.stack(streams)

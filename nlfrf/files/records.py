@@ -95,7 +95,7 @@ def load_record(
     u, y, r : str
         Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
         ``matrix.2`` for a column, ``col2`` where a table has no header. A list of names for `y` gives a list of
-        records that share the input.
+        records that share the input. The reference that `save_record` wrote comes along where `r` is not named.
     fs : float, optional
         Sampling frequency [Hz]; when not given from the file: a variable ``fs`` or ``Ts``, what a channel says of
         itself, a time channel (in seconds, or in the unit that its name or a units row tells).
@@ -143,8 +143,7 @@ def load_record(
     True
     >>> folder.cleanup()
     """
-    if not isinstance(y, str) and not y:
-        raise ValueError("y must name at least one output, got none")
+    refuse_wrong_names(u, y, r)
     paths = [path] if isinstance(path, str | os.PathLike) else list(path)
     if not paths:
         raise ValueError("path must be a file or a list of files, got none")
@@ -162,6 +161,22 @@ def load_record(
     return records[0] if isinstance(y, str) else records
 
 
+def refuse_wrong_names(u: Any, y: Any, r: Any) -> None:
+    """Refuse what is no name of a channel, and an output that is asked for twice."""
+    for parameter, name in (("u", u), ("r", "" if r is None else r)):
+        if not isinstance(name, str):
+            raise ValueError(
+                f"{parameter} must name one channel, got {shown(name)}; load_multirecord reads several inputs"
+            )
+    outputs = [y] if isinstance(y, str) else y
+    if not isinstance(outputs, list | tuple) or not all(isinstance(name, str) for name in outputs):
+        raise ValueError(f"y must name an output, or be a list of names, got {shown(y)}")
+    if not outputs:
+        raise ValueError("y must name at least one output, got none")
+    if len(set(outputs)) < len(outputs):
+        raise ValueError(f"y must name different outputs, got {shown(list(outputs))}")
+
+
 class Asked(NamedTuple):
     """How the samples are to be cut, as `load_record` was asked."""
 
@@ -177,14 +192,17 @@ def measured_records(
     files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
 ) -> list[Record]:
     """A record for each output, of the streams of all files."""
+    streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
+    streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
     asked_for = (*names.values(), *outputs)
     clocks = [file.sampling_frequency(fs, asked_for) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
-    streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
     whole({signal: streams[signal] for signal in names}, streams["y"])
     found = {name: [names["u"], name] for name in outputs}
+    for name in outputs:
+        if files[0].full_name(name) == files[0].full_name(names["u"]):
+            data_warning(f"y names the input itself, {name!r}: G is 1 whatever was measured")
     labels: dict[str, Any] = {name: files[0].labels(*pair) for name, pair in found.items()}
     files.clear()  # what else they hold is not needed any more
     return records_from_streams(  # which alone holds the streams then, so that it can let go of them
@@ -247,6 +265,8 @@ def stored_records(
 
 def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, asked: Asked) -> Record:
     """A record as `save_record` wrote it, already cut into periods, with its grid."""
+    if "r" in file.arrays:  # which a closed loop cannot do without
+        names = {"r": "r", **names}
     signals: dict[str, Any] = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
     labels: dict[str, Any] = {name: file.text(name) for name in LABELS}
     refuse_newer(file, RECORD_SCHEMA)
@@ -257,21 +277,23 @@ def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, as
         periods = {name: signal.reshape(shape) for name, signal in signals.items()}
     except KeyError as missing:
         raise ValueError(f"path must hold a whole record, got one without {missing}") from None
+    if asked.resample:
+        raise ValueError(f"resample must be left out for a record that is cut into periods already, got {file.path!r}")
     if asked.n_samples not in (None, shape[2]):
         raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {shown(asked.n_samples)}")
     n_discard = integer("n_discard", asked.n_discard, least=0)
     if n_discard >= shape[1]:
         raise ValueError(f"n_discard must be less than the {shape[1]} periods of the record, got {n_discard}")
     periods = {name: signal[:, n_discard:] for name, signal in periods.items()}
-    design = asked.design
+    design, hold = asked.design, file.text("hold") or "unknown"
     if design is not None:
-        grid = design.lines
+        grid, hold = design.lines, design.hold if hold == "unknown" else hold
         periods.setdefault("r", played_reference(design, periods["u"]))
     return Record(
         **periods,
         fs=file.sampling_frequency(fs),
         lines=grid if asked.lines is None else asked.lines,
-        hold=asked.hold or file.text("hold") or (design.hold if design else "unknown"),
+        hold=asked.hold or hold,
         **labels,
     )
 

@@ -1,4 +1,4 @@
-"""Clocks: names of time channels and of sampling frequencies, and the frequency of a time axis."""
+"""Clocks: names of time channels and of sampling frequencies, what texts say of them, the frequency of a time axis."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from nlfrf.readers.layout import UNIT_CELL
 from nlfrf.shared.transforms import BLOCK, all_finite, blocks
 
-__all__ = ["RATES", "STEPS", "UNIT", "frequency_of", "is_time", "seconds_of", "unit_of"]
+__all__ = ["RATES", "STEPS", "UNIT", "frequency_of", "hertz_of", "is_time", "seconds_of", "told_clock", "unit_of"]
 
 
 UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
@@ -21,11 +22,26 @@ SECONDS = {
     **dict.fromkeys(("min", "minutes"), 60.0),
     **dict.fromkeys(("h", "hours"), 3600.0),
 }
+PREFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}  # of rates, where nobody means a thousandth
+RATE = re.compile(r"([kmg]?)(?:hz|sps|sa?(?:mples?)?/s(?:ec|econd)?|samples? per sec(?:ond)?)|1/s|s\^-1|", re.I)
 TIMES = r"t|time|tout|zeit|temps|tempo|tiempo|tijd|timestamps?|time stamp|x[._ ]data|x[._ -]?axis|x_value"
 #: A time channel, with its unit behind an underscore where it is written so: "t", "time_ms", "Elapsed time".
 TIME = re.compile(rf"(?:(?:elapsed|relative|rel|absolute|abs|sample|utc)[ _])?(?:{TIMES})(?:[ _]([a-zµμ]+))?", re.I)
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fsample")
 STEPS = ("ts", "dt", "deltat", "sampletime", "samplingtime", "tsample", "increment", "deltax")
+#: What a line above a table says of the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
+CLOCK = re.compile(
+    r"(?P<rate>sampl\w*[ _]?(?:rate|freq\w*)|\bfs|abtastrate)"
+    r"|(?P<step>sampl\w*[ _]?(?:interval|time|period)|delta[ _]?[tx]|\bdt)",
+    re.I,
+)
+#: The number behind it, grouped by blanks or marks or not, and what follows: its unit, or another cell.
+VALUE = re.compile(
+    r"[^\w.]*?(?P<number>[-+]?(?=\.?\d)(?:\d{1,3}(?:[ '’\u00a0\u202f]\d{3})+(?!\d)|\d)?[\d.,]*(?:e[+-]?\d+)?)"
+    r"(?P<gap>[\s,;\"'|]*)(?P<unit>1/s|s\^-1|[^\W\d][\w/]*(?: per sec(?:ond)?)?)?",
+    re.I,
+)
+BACK = 0.5  # of a step that a time axis may run backwards, as moments that a computer noted do
 ROUGH = 2e-4  # how far a time axis of uneven steps may be from a clock of three digits that is believed instead
 
 
@@ -56,8 +72,69 @@ def seconds_of(unit: str) -> float | None:
     return SECONDS.get(unit.strip().lower())
 
 
+def hertz_of(unit: str) -> float | None:
+    """What a unit of a sampling frequency is in Hz, None where it is not known.
+
+    >>> [hertz_of(unit) for unit in ("kHz", "MS/s", "", "samples/s", "N")]
+    [1000.0, 1000000.0, 1.0, 1.0, None]
+    """
+    found = RATE.fullmatch(unit.strip())
+    return None if found is None else PREFIXES[(found[1] or "").lower()]
+
+
+def told_clock(lines: tuple[str, ...], delimiter: str = ",", decimal: str = ".") -> float:
+    """The sampling frequency [Hz] that the lines above a table tell, 0 where they tell none, or in a unit not known.
+
+    >>> told_clock(("Device: A1", "Sample rate: 2 kHz")), told_clock(("dt [s],0.001",)), told_clock(("Notes",))
+    (2000.0, 1000.0, 0.0)
+    >>> [told_clock((f"Sample rate: {said}",)) for said in ("2 MHz", "100 kS/s", "1 000 Hz", "51,200 Hz", "100 N")]
+    [2000000.0, 100000.0, 1000.0, 0.0, 0.0]
+    """
+    for line in lines:
+        said = CLOCK.search(line)
+        value = VALUE.match(re.sub(r"^\s*[\[(]([^\])]*)[\])](.*)", r"\2 \1", line[said.end() :])) if said else None
+        if said is None or value is None:
+            continue
+        unit = value["unit"] or ""
+        scale = (hertz_of if said["rate"] else seconds_of)(unit)
+        if scale is None and value["gap"].strip() and not UNIT_CELL.fullmatch(unit):
+            scale = 1.0  # a word in a cell of its own
+        number = spelled(value["number"], delimiter, decimal) * (scale or 0.0)
+        if 0 < number < np.inf:
+            return number if said["rate"] else float(f"{1 / number:.12g}")
+    return 0.0
+
+
+def spelled(text: str, delimiter: str, decimal: str) -> float:
+    """A number as people write it, 0 where it is none or may be read in two ways: 51,200 may be 51200 or 51.2.
+
+    >>> [spelled(text, ";", ".") for text in ("1'000", "1.000,5", "2,5", "51,200", "0,001", "1000,")]
+    [1000.0, 1000.5, 2.5, 0.0, 0.001, 1000.0]
+    >>> spelled("1000,1000", ",", "."), spelled("1000,2000", ",", ".")
+    (1000.0, 0.0)
+    """
+    text = re.sub(r"[ '’\u00a0\u202f]", "", text).rstrip(",")
+    if delimiter == "," and "," in text:  # cells, one a channel
+        text = text.split(",")[0] if len(set(text.split(","))) == 1 else ""
+    marks = sorted({".", ","} & set(text), key=text.rfind)
+    if len(marks) == 2:
+        text = text.replace(marks[0], "").replace(marks[1], ".")
+    elif marks and text.count(marks[0]) > 1:
+        text = text.replace(marks[0], "")
+    elif marks:
+        whole, _, rest = text.partition(marks[0])
+        known = marks[0] == decimal or len(rest) != 3 or whole.lstrip("+-") in ("", "0")
+        text = f"{whole}.{rest}" if known else ""
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
+
+
 def frequency_of(t: np.ndarray) -> float:
     """The sampling frequency of a time axis, which may be printed coarsely, jitter or have gaps; 0 where it has none.
+
+    What runs backwards anywhere is no clock: two runs one behind the other, or another quantity that is called t.
 
     Clocks are set in round numbers: of all that the axis allows, the one with the fewest digits.
 
@@ -73,6 +150,8 @@ def frequency_of(t: np.ndarray) -> float:
     least, n_gaps = np.inf, 0
     for steps in steps_of(t):
         least, n_gaps = min(least, float(steps.min())), n_gaps + int(np.count_nonzero(steps > 1.5 * usual))
+    if least < -BACK * usual or usual < 0:
+        return 0.0
     # else it is only printed coarsely
     most = 1.5 * usual if least > 0.5 * usual and n_gaps < 0.1 * (t.size - 1) else np.inf
     n, span, highest, squares = 0, 0.0, -np.inf, 0.0

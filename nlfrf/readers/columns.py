@@ -18,12 +18,13 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     import pyarrow.types as kinds
     from pyarrow import feather, float64, int64, parquet
 
-    table = parquet.read_table(path) if path.suffix.lower() == ".parquet" else feather.read_table(path)
+    # a file alone, as a set of files its columns would have to have different names
+    table = parquet.ParquetFile(path).read() if path.suffix.lower() == ".parquet" else feather.read_table(path)
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     notes: dict[str, str] = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        kind = column.type
+    for i, (column, about) in enumerate(zip(table.columns, table.schema, strict=True)):
+        kind, name = column.type, about.name if about.name not in {*arrays, *notes} else f"{about.name}.{i + 1}"
         if kinds.is_timestamp(kind) or kinds.is_duration(kind):
             ticks = column.cast(int64()).to_numpy()
             arrays[name] = (ticks - ticks[:1]) * {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[kind.unit]
@@ -35,8 +36,8 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
         if column.null_count or kinds.is_boolean(kind) or kinds.is_decimal(kind):
             column = column.cast(float64())
         arrays[name] = column.to_numpy()
-        about = table.schema.field(name).metadata or {}
-        unit = next((about[key].decode() for key in (b"unit", b"units") if key in about), "")
+        said = about.metadata or {}
+        unit = next((said[key].decode() for key in (b"unit", b"units") if key in said), "")
         if unit:
             units[name] = unit
     return arrays, units, {}, notes

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 from collections import Counter
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["EMPTY", "MARKS", "Layout", "decoded", "layout_of"]
+__all__ = ["EMPTY", "MARKS", "UNIT_CELL", "Layout", "decoded", "layout_of"]
 
 
 HEAD, SAMPLE = 400, 60  # lines that are looked at, and those of them by which columns are told apart
 SPLITS = [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (" ", "."), (" ", ","), ("|", "."), (",", ",")]
+#: A line whose last cell begins with a quote that does not end in it, and the most lines that such a cell may have.
+OPEN, BREAKS = re.compile(r'^(?:[^"]|"[^"]*")*(?:^|[,;\t|])\s*"[^"]*$'), 5
 MARKS = tuple("#%;!*/")
 EMPTY = {"", "-", "--", "---", "nan", "n/a", "na", "#n/a", "null", "none", "inf", "-inf", "+inf"}
 POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -31,7 +34,7 @@ TYPE_CELL = re.compile(r"(?:l?real|double|float|single|d?int|u?d?int\d*|bool|flo
 
 @dataclass(frozen=True)
 class Layout:
-    """Where things stand: what parts columns, how decimals are written, which line is the first of numbers."""
+    """Where things stand: what parts columns, how decimals are written, how many lines stand before the numbers."""
 
     delimiter: str
     decimal: str
@@ -77,7 +80,8 @@ def layout_of(text: str) -> Layout:
     ValueError
         No rows of numbers.
     """
-    lines = head_of(text)
+    head = whole_rows(head_of(text))
+    lines = [line for line, _ in head]
     told = next((line[4:].strip() or "\t" for line in lines[:3] if line.lower().startswith("sep=")), None)
     cuts = [cut(lines[-SAMPLE:], *split) for split in SPLITS if told is None or split[0] == told]
     best = max(cuts, key=lambda c: (c.good > 1, c.good * (sum(c.numeric) > 1), sum(c.numeric) - 2 * c.texts, c.good))
@@ -91,7 +95,8 @@ def layout_of(text: str) -> Layout:
     moments = tuple(MOMENT.match(cell) is not None for cell in rows[first])
     padded = delimiter != " " and any(f"{delimiter} " in line or line.startswith(" ") for line in lines[first:])
     above = tuple(lines[: max(first - 1, 0)])
-    return Layout(delimiter, decimal, first, names, units, best.numeric, moments, padded, comment, above)
+    before = sum(n for _, n in head[:first])
+    return Layout(delimiter, decimal, before, names, units, best.numeric, moments, padded, comment, above)
 
 
 def head_of(text: str) -> list[str]:
@@ -104,6 +109,23 @@ def head_of(text: str) -> list[str]:
         end = place + 1
     part = text if place < 0 else text[:end]
     return [line.rstrip("\r") for line in part.split("\n")][: HEAD + 1]
+
+
+def whole_rows(lines: list[str]) -> list[tuple[str, int]]:
+    """Lines, those of a quoted cell with a line break in it as one, and how many each was.
+
+    >>> whole_rows(['Disk: 5" wide', '"Force', '[N]","Way"', "1,2"])
+    [('Disk: 5" wide', 1), ('"Force [N]","Way"', 2), ('1,2', 1)]
+    """
+    rows, i = [], 0
+    while i < len(lines):
+        n = 1
+        if lines[i].count('"') % 2 and OPEN.search(lines[i]):
+            longer = range(2, min(BREAKS, len(lines) - i) + 1)
+            n = next((k for k in longer if " ".join(lines[i : i + k]).count('"') % 2 == 0), 1)
+        rows.append((" ".join(lines[i : i + n]), n))
+        i += n
+    return rows
 
 
 def cells(line: str, delimiter: str) -> list[str]:
@@ -191,9 +213,14 @@ def fitted(row: list[str], width: int) -> list[str] | None:
 
 
 def once(names: list[str]) -> list[str]:
-    """Names that occur once: columns without one are numbered, and so are those that share theirs."""
+    """Names that occur once: columns without one are numbered, and so are those that share theirs.
+
+    >>> once(["y", "y", "y.2", ""])
+    ['y', 'y.3', 'y.2', 'col4']
+    """
     found: list[str] = []
     for i, name in enumerate(names):
         name = name or f"col{i + 1}"
-        found.append(name if name not in found else f"{name}.{i + 1}")
+        others = (f"{name}.{k}" for k in itertools.count(i + 1))
+        found.append(name if name not in found else next(one for one in others if one not in {*names, *found}))
     return found

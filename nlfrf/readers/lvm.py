@@ -39,10 +39,13 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     arrays, _, _, notes = table("\n".join([separator.join(names), body]).encode())
     channels = [name for name in arrays if not name.startswith("X_Value")]
     units = dict(zip(channels, said.get("Y_Unit_Label", []), strict=False))
-    step = float((said.get("Delta_X") or ["0"])[0].replace(",", "."))
+    steps = [float(one.replace(",", ".")) for one in said.get("Delta_X", [])]
     if not timed or np.isnan(arrays.get("X_Value", np.zeros(1))).all():
         arrays.pop("X_Value", None)
-    return arrays, units, {"": 1 / step} if step > 0 and "X_Value" not in arrays else {}, notes
+    clocks = {name: 1 / step for name, step in zip(channels, steps, strict=False) if step > 0}
+    if len(set(steps)) < 2:  # else each channel has its own, whatever the times of the first
+        clocks = {"": 1 / steps[0]} if steps and steps[0] > 0 and "X_Value" not in arrays else {}
+    return arrays, units, clocks, notes
 
 
 def entry(line: str) -> tuple[str, list[str]] | None:

@@ -14,6 +14,7 @@ __all__ = ["contents"]
 DEPTH = 12  # how far objects may lie in objects
 Found = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
 SCALE = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0, "hours": 3600.0}
+SCALE |= {"days": 86400.0, "weeks": 604800.0}
 
 
 def contents(path: Path) -> Found:

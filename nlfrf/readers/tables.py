@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.readers.clock import is_time
+from nlfrf.readers.clock import is_time, told_clock
 from nlfrf.readers.layout import EMPTY, MARKS, Layout, decoded, layout_of
 from nlfrf.shared.own_process import Found
 
@@ -20,14 +20,6 @@ __all__ = ["contents", "table"]
 START = 1 << 17  # bytes in which the layout is looked for
 ROWS = 1 << 18  # rows of a long table that are read together
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
-#: What a line above the table says of the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
-CLOCK = re.compile(
-    r"(?P<rate>sampl\w*[ _]?(?:rate|freq\w*)|\bfs|abtastrate)"
-    r"|(?P<step>sampl\w*[ _]?(?:interval|time|period)|delta[ _]?[tx]|\bdt)",
-    re.I,
-)
-VALUE = re.compile(r"\W*?([\d.]+(?:e[+-]?\d+)?)[ \t,;]*\"?(k?hz|m?s\b|us\b|µs\b|sec)?", re.I)
-SCALE = {"khz": 1e3, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 
 def contents(path: Path) -> Found:
@@ -44,7 +36,10 @@ def table(start: bytes, path: Path | None = None) -> Found:
     head = start[:START]
     text = decoded(head[: head.rfind(b"\n") + 1] or head if len(head) == START else head)
     layout = layout_of(text)
-    frame, notes = parsed((lambda: io.BytesIO(start)) if path is None else lambda: path, layout, rows_in(start, path))
+    try:
+        frame, notes = parsed(lambda: numbers_of(start, path, layout.first), layout, rows_in(start, path))
+    except ValueError as error:  # pandas counts from the first row of numbers
+        raise ValueError(re.sub(r"(?<=in line )\d+", lambda n: str(int(n[0]) + layout.first), str(error))) from None
     notes |= {
         name: "holds texts"
         for name, numeric, moment in zip(layout.names, layout.numeric, layout.moments, strict=True)
@@ -60,7 +55,7 @@ def table(start: bytes, path: Path | None = None) -> Found:
     last = len(layout.names) - 1
     if last and layout.names[last] == f"col{last + 1}" and np.isnan(arrays.get(layout.names[last], [0])).all():
         del arrays[layout.names[last]]  # behind a separator that ends every line
-    clock = told_clock(layout.preamble)
+    clock = told_clock(layout.preamble, layout.delimiter, layout.decimal)
     return arrays, units, {"": clock} if clock and not any(map(is_time, arrays)) else {}, notes
 
 
@@ -69,6 +64,14 @@ def rows_in(start: bytes, path: Path | None) -> int:
     if path is None or len(start) < START:
         return 0
     return int(1.05 * start.count(b"\n") * path.stat().st_size / len(start)) + ROWS
+
+
+def numbers_of(start: bytes, path: Path | None, n_lines: int) -> Any:
+    """A stream that stands behind so many lines: what pandas would skip are rows, with quotes that may not end."""
+    stream = io.BytesIO(start) if path is None else path.open("rb")
+    for _ in range(n_lines):
+        stream.readline()
+    return stream
 
 
 def parsed(source: Callable[[], Any], layout: Layout, n_rows: int) -> tuple[Any, dict[str, str]]:
@@ -80,7 +83,6 @@ def parsed(source: Callable[[], Any], layout: Layout, n_rows: int) -> tuple[Any,
         "sep": r"\s+" if layout.delimiter == " " else layout.delimiter,
         "header": None,
         "names": list(range(len(layout.names))),
-        "skiprows": layout.first,
         "comment": layout.comment,
         "encoding_errors": "replace",
         "index_col": False,
@@ -97,14 +99,16 @@ def parsed(source: Callable[[], Any], layout: Layout, n_rows: int) -> tuple[Any,
     for told_empty in ({}, empty) if layout.decimal != layout.delimiter else ():
         try:
             told = exact | options | told_empty
-            if not n_rows:
-                return finite(pd.read_csv(source(), dtype=kinds, decimal=layout.decimal, **told), layout), {}
-            with pd.read_csv(source(), dtype=kinds, decimal=layout.decimal, chunksize=ROWS, **told) as frames:
-                return joined((finite(frame, layout) for frame in frames), n_rows), {}
+            with source() as stream:
+                if not n_rows:
+                    return finite(pd.read_csv(stream, dtype=kinds, decimal=layout.decimal, **told), layout), {}
+                with pd.read_csv(stream, dtype=kinds, decimal=layout.decimal, chunksize=ROWS, **told) as frames:
+                    return joined((finite(frame, layout) for frame in frames), n_rows), {}
         except ValueError as error:
             if isinstance(error, pd.errors.ParserError):
                 raise
-    frame = pd.read_csv(source(), dtype=str, **options, **empty)
+    with source() as stream:
+        frame = pd.read_csv(stream, dtype=str, **options, **empty)
     numbers = [i for i in wanted if layout.numeric[i]]
     first = frame[wanted[0]].fillna("").str.strip()
     told = frame.copy()
@@ -180,23 +184,3 @@ def since_first(column: Any) -> np.ndarray:
     except ValueError:
         moment = pd.to_datetime(column, dayfirst="." in sample[:6], utc=True)
     return np.asarray((moment - moment.iloc[0]).dt.total_seconds())
-
-
-def told_clock(preamble: tuple[str, ...]) -> float:
-    """The sampling frequency [Hz] that the lines above a table tell, 0 where they tell none.
-
-    >>> told_clock(("Device: A1", "Sample rate: 2 kHz")), told_clock(("dt [s],0.001",)), told_clock(("Notes",))
-    (2000.0, 1000.0, 0.0)
-    """
-    for line in preamble:
-        said = CLOCK.search(line)
-        value = VALUE.match(re.sub(r"^\s*[\[(](\w+)[\])](.*)", r"\2 \1", line[said.end() :])) if said else None
-        if said is None or value is None:
-            continue
-        try:
-            number = float(value[1]) * SCALE.get((value[2] or "").lower(), 1.0)
-        except ValueError:
-            continue
-        if number > 0:
-            return number if said["rate"] else round(1 / number, 9)
-    return 0.0

@@ -135,10 +135,11 @@ def records_from_streams(
     for name, signal in streams.items():
         for one in signal:
             warn_about_channel(name, one, n_samples)
+    refuse_too_short(min(one.size for one in excitation), n_samples, n_discard)
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     stream = excitation[0]
     del streams, excitation
-    tracks = follow_input(kept.get("r", kept["u"]), n_samples, n_discard, resample)
+    tracks = follow_input(kept.get("r", kept["u"]), n_samples, resample)
     n_periods = min(one.size for one in kept["u"]) // n_samples
     # what may be cut once more is kept
     cut = {
@@ -162,15 +163,17 @@ def records_from_streams(
     return [first, *(replace(first, y=y, **label) for y, label in others)]
 
 
-def follow_input(excitation: list[np.ndarray], n_samples: int, n_discard: int, resample: bool) -> list[Track | None]:
-    """Where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
-    shortest = min(one.size for one in excitation)
-    if shortest < n_samples:
-        whole = shortest + n_discard * n_samples
+def refuse_too_short(n: int, n_samples: int, n_discard: int) -> None:
+    """Refuse streams of n samples in which no whole period is left."""
+    if n < (n_discard + 1) * n_samples:
         raise ValueError(
             f"u and y must hold at least one period of n_samples = {n_samples} samples after n_discard = {n_discard}, "
-            f"got {whole} samples, which is {whole / n_samples:.2f} periods"
+            f"got {n} samples, which is {n / n_samples:.2f} periods"
         )
+
+
+def follow_input(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[Track | None]:
+    """Where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
     tracks = [track(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
     tracks = [found for found in tracks if found.unexplained < REPEATS]
     if resample and len(tracks) == len(excitation):

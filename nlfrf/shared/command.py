@@ -54,11 +54,13 @@ def in_options(text: str, options: Mapping[str, str]) -> str:
 
     >>> in_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
     '--period must be 7; give --period 7 or --resample'
+    >>> in_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call stays one
+    'go to record_from_samples(u, y, fs=...)'
     """
     for parameter, option in options.items():
         option = f"--{option or parameter}"
         text = re.sub(rf"\b{parameter} ?= ?True\b", option, text)
-        text = re.sub(rf"\b{parameter} ?= ?(?=\S)", f"{option} ", text)
+        text = re.sub(rf"\b{parameter} ?= ?(?!\.\.\.)(?=\S)", f"{option} ", text)
         verb = " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"  # u, y and r are signals everywhere else
         text = re.sub(rf"(?<![-\w.]){parameter}(?={verb}\b| above\b)|(?<=give ){parameter}\b", option, text)
     return text

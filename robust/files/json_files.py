@@ -53,7 +53,7 @@ def decoded(content: Any) -> Any:
         if isinstance(content, list):
             return np.array([decoded(item) for item in content], dtype=float)
         return np.nan if content is None else float(content)
-    except ValueError:
+    except (ValueError, OverflowError):  # of a whole number too large for a float
         raise ValueError(f"path must hold numbers where its schema has them, got {shown(content)}") from None
 
 

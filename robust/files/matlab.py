@@ -57,7 +57,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
     path = Path(path)
     if path.suffix != ".mat":
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
-    name = re.sub(r"\W", "_", path.stem)
+    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
     if isinstance(content, UncertaintyModel):
         struct, loader = model_struct(content), MODEL_LOADER
     elif isinstance(content, MatrixUncertainty):
@@ -72,7 +72,8 @@ def export_matlab(content: Any, path: PathLike) -> None:
         savemat(beside, {"content": struct}, oned_as="column")
 
     write_whole(path, write_mat)
-    text = loader.replace("NAME", f"load_{name}").replace("FILE", path.name)
+    said = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
+    text = re.sub("NAME|'FILE'|FILE", lambda found: said[found[0]], loader)
     write_text(path.with_name(f"load_{name}.m"), text)
 
 

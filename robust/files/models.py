@@ -157,7 +157,7 @@ def load_model(path: PathLike) -> Any:
             **{name: decoded_system(content[name]) for name in ("W1", "W2") if name in content},
             **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
         )
-    except (KeyError, TypeError, IndexError) as error:
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise damaged(schema, path, error) from None
 
 
@@ -230,7 +230,7 @@ def load_controller(path: PathLike) -> control.StateSpace:
     _, content = read(path, (CONTROLLER_SCHEMA,))
     try:
         return controller("K", decoded_system(content["K"]))
-    except (KeyError, TypeError, IndexError) as error:
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise damaged(CONTROLLER_SCHEMA, path, error) from None
 
 

@@ -219,3 +219,31 @@ def test_several_files_and_the_design_that_was_played(nlfrf_command, tmp_path):
     assert (bla.n_realizations, bla.f.size) == (3, ms.f.size)
     assert np.abs(bla.G - 3).max() < 0.02
     assert "M = 3, P = 2" in out
+
+
+@pytest.fixture
+def raw(tmp_path):
+    """raw.npz: an input, a second one, and outputs whose names look alike as parts of a file's."""
+    u = np.tile(multisine(fs=1000, n_samples=500, f_min=2, f_max=200, rng=1).u[0], 3)
+    np.savez(tmp_path / "raw.npz", **{"u": u, "v": u[::-1], "y 1": 2 * u, "y_1": 3 * u, "fs": 1000.0})
+
+
+@pytest.mark.usefixtures("raw")
+def test_no_result_is_written_over_another(nlfrf_command, tmp_path):
+    for outputs, files in ((("y 1", "y_1"), "b-y_1.npz"), (("y_1", "y_1"), "b-y_1.npz")):
+        told = [word for name in outputs for word in ("--output", name)]
+        code, _, err = nlfrf_command("identify", "raw.npz", *told, "-o", "b.npz")
+        assert code == 2
+        assert (
+            f"output must be names that give each its own file, got '{outputs[0]}', '{outputs[1]}' for {files}" in err
+        )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["raw.npz"]
+
+
+@pytest.mark.usefixtures("raw")
+def test_messages_have_the_numbers_that_were_measured(nlfrf_command, tmp_path):
+    _, _, err = nlfrf_command("identify", "raw.npz", "--output", "y_1", "--discard", "99", "-o", "b.npz")
+    assert "of --period 500 samples after --discard 99, got 1500 samples, which is 3.00 periods" in err
+    (tmp_path / "empty.csv").touch()
+    _, _, err = nlfrf_command("identify", "empty.csv", "-o", "b.npz")
+    assert "record_from_samples(u, y, fs=...)" in err

@@ -9,7 +9,7 @@ import pytest
 
 import nlfrf
 from nlfrf import save_bla
-from robust import cli, load_controller, load_model, save_controller
+from robust import UncertaintyModel, cli, load_controller, load_model, save_controller, save_model
 from tests.support.bla import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(30) + 1, 8 * np.arange(30) + 3])) * 0.5
@@ -126,7 +126,7 @@ def test_a_shell_is_taught_the_commands(monkeypatch, capsys):
         ("check m.json m.json", "must hold a robust-controller file"),
         ("check m.json K.json --solver MOSEK", "solver must be one of"),
         ("check m.json K.json --delay -1", "delay must be zero or positive"),
-        ("check m.json K.json --bandwidth 0", "omega_B must be positive"),
+        ("check m.json K.json --bandwidth 0", "bandwidth must be positive, got 0"),
         ("design m.json --bandwidth 900 --sample-time 0.001 -o K2.json", "half the Nyquist frequency"),
         ("design m.json -o K2.json", "bandwidth must be given"),
         ("design m.json --method lqg -o K2.json", "method must be one of"),
@@ -231,3 +231,23 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     code, _, err = robust_command("model G.npz G.npz --poles 2 -o n.json")
     assert code == 2
     assert "bla must be one matrix, or one BLA or several, got G.npz with Frm" in err
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("design m.json --bandwidth -6 -o K.json", "bandwidth must be positive, got -6"),
+        ("design m.json --method mixsyn --bandwidth 6 --peak 0.5 -o K.json", "--peak must be above 1"),
+        ("check m.json K.json --bandwidth 1 --error -1", "error must be positive, got -1"),
+        ("check m.json K.json a/K.json -o r.txt", "controller must be files of different names, got K.json, a/K.json"),
+    ],
+)
+def test_messages_name_the_option_in_its_own_unit(robust_command, command, message, tmp_path):
+    G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    save_model(UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2])), "m.json")
+    (tmp_path / "a").mkdir()
+    for path in ("K.json", "a/K.json"):
+        save_controller(2.0, path)
+    code, _, err = robust_command(command)
+    assert code == 2
+    assert message in err

@@ -409,3 +409,28 @@ def test_runs_in_several_files_are_one_record(tmp_path):
     other = nlfrf.load_record(raw[0], lines=nlfrf.LineGrid(excited=ms.lines.excited[:-1]))
     with pytest.raises(ValueError, match=r"records must be of one experiment, with the same lines, got \[1, 3"):
         nlfrf.join_records([runs[0], other])
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat"])
+def test_a_reference_comes_along(suffix, record, tmp_path):
+    with_r = nlfrf.Record(u=record.u, y=record.y, r=2 * record.u, fs=record.fs, lines=record.lines)
+    nlfrf.save_record(with_r, tmp_path / f"r{suffix}")
+    same(nlfrf.load_record(tmp_path / f"r{suffix}"), with_r)
+    same(nlfrf.load(tmp_path / f"r{suffix}"), with_r)
+
+
+def test_what_is_asked_of_a_stored_record_is_done_or_refused(record, tmp_path):
+    nlfrf.save_record(record, tmp_path / "r.npz")
+    with pytest.raises(ValueError, match="resample must be left out for a record that is cut into periods already"):
+        nlfrf.load_record(tmp_path / "r.npz", resample=True)
+    for names in ({"y": ["y", "y"]}, {"y": 5}, {"u": ["u"]}, {"y": []}, {"r": 3}):
+        with pytest.raises(ValueError, match=rf"{next(iter(names))} must name"):
+            nlfrf.load_record(tmp_path / "r.npz", **names)
+
+
+def test_an_output_that_is_the_input_is_told(record, tmp_path):
+    np.savez(tmp_path / "m.npz", u=record.u.reshape(-1), y=record.y.reshape(-1), fs=512.0)
+    with pytest.warns(nlfrf.DataWarning, match="y names the input itself, 'u': G is 1 whatever was measured"):
+        nlfrf.load_record(tmp_path / "m.npz", y="u", n_samples=512)
+    with pytest.raises(ValueError, match=r"y must name different outputs, got \['y', 'y'\]"):
+        nlfrf.load_record(tmp_path / "m.npz", y=["y", "y"])

@@ -78,6 +78,8 @@ TEXTS = {
     "blanks": (".txt", ["   t      u      y", *["   " + line for line in rows(T, U, Y, sep="   ")]], {}),
     "blanks and names with blanks": (".txt", ["t (s)   u (N)   y (mm)", *rows(T, U, Y, sep="   ")], {}),
     "commas with blanks": (".csv", ["t, u, y", *rows(T, U, Y, sep=", ")], {}),
+    "line breaks in names": (".csv", ['"t\n[s]","u","y\n[mm]"', *TUY], dict(y="y [mm]")),
+    "an inch above": (".csv", ['Disk: 5" wide', '"left open', "t,u,y", *TUY], {}),
     "exponents": (".csv", ["t,u,y", *rows(T, U, Y, form="{:.7e}")], {}),
     "utf-16": (".csv", "\r\n".join(["t\tu\ty", *rows(T, U, Y, sep="\t")]).encode("utf-16"), {}),
     "utf-16 without a mark": (".txt", "\n".join(["t\tu\ty", *rows(T, U, Y, sep="\t")]).encode("utf-16-le"), {}),

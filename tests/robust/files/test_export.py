@@ -224,3 +224,14 @@ def test_matlab_gets_controllers_too(tmp_path):
     assert "load_K" in (tmp_path / "load_K.m").read_text()
     with pytest.raises(ValueError, match=r"path must end in \.mat"):
         export_matlab(K, tmp_path / "K.m")
+
+
+@pytest.mark.parametrize(
+    ("file", "function"),
+    [("K_FILE.mat", "load_K_FILE"), ("it's NAME.mat", "load_it_s_NAME"), ("Größe.mat", "load_Gr__e")],
+)
+def test_a_loader_is_matlab_whatever_its_file_is_called(file, function, tmp_path):
+    export_matlab(control.tf([1, -0.5], [1, -0.9], 0.01), tmp_path / file)
+    loader = (tmp_path / f"{function}.m").read_text()
+    assert loader.startswith(f"function [K, content] = {function}(file)\n")
+    assert "'{}'".format(file.replace("'", "''")) in loader
