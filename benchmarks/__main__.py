@@ -29,7 +29,7 @@ COMMANDS = (
     "bench_quasi_linear --loops 60 --kicks 5",
     "bench_verification 200",
     "soundness 100",
-    "soundness_matrix",
+    "soundness_matrix 100 300",
     "faults",
     "fuzz_loaders --files 500",
     "fuzz_readers --files 200",
