@@ -31,7 +31,7 @@ COMMANDS = (
     "soundness 100",
     "soundness_matrix 100 300",
     "faults",
-    "fuzz_loaders --files 500",
+    "fuzz_loaders --files 100",
     "fuzz_readers --files 200",
     "validation --records 100",
     "joint --records 4",
