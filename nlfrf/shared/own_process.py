@@ -53,13 +53,14 @@ def read_apart(room: str, path: Path) -> Found:
 
         clock = threading.Timer(limit, stop)
         clock.start()
+        received = False
         try:
             assert reader.stdout is not None
             found = receive(reader.stdout, most(path))
-        except BaseException:
-            reader.kill()  # so that nobody waits for a child that waits for a reader
-            raise
+            received = True
         finally:
+            if not received:
+                reader.kill()  # so that nobody waits for a child that waits for a reader
             code = reader.wait()
             clock.cancel()
         errors.seek(0)
