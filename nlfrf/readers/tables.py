@@ -18,7 +18,7 @@ __all__ = ["contents", "table"]
 
 
 START = 1 << 17  # bytes in which the layout is looked for
-ROWS = 1 << 18  # rows of a long table that are read together
+ROWS = 1 << 16  # rows of a long table that are read together: pandas holds several times as much beside them
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
