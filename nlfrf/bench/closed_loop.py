@@ -24,7 +24,7 @@ from nlfrf.bench.motion import some_samples
 from nlfrf.bench.rig import Rig, one_axis
 from nlfrf.bench.runs import Progress, run_each
 from nlfrf.friction.hysteresis import warn_lost
-from nlfrf.shared.arguments import integer, nonnegative, positive, real, real_array
+from nlfrf.shared.arguments import integer, nonnegative, of_kind, positive, real, real_array
 
 __all__ = ["simulate_loop", "simulate_loops"]
 
@@ -102,6 +102,7 @@ def simulate_loop(
     >>> bool(abs(response.e[-1]) < 1e-5)
     True
     """
+    of_kind("rig", rig, Rig)
     if rig.several:
         fs = positive("fs", fs)
         steps = steps_of(rig, fs, oversampling)
@@ -196,6 +197,7 @@ def simulate_loops(
     >>> bool(abs(rest.x).max() == 0), bool(abs(kicked.x).max() > 1e-5)
     (True, True)
     """
+    of_kind("rig", rig, Rig)
     one_axis(rig, "in a stack of loops")
     controllers = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
     shapes = {

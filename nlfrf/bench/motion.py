@@ -12,7 +12,7 @@ from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.hysteresis import warn_lost
 from nlfrf.friction.integration import integrate
 from nlfrf.friction.laws import Friction, packed_law
-from nlfrf.shared.arguments import integer, one_of, positive, real_array
+from nlfrf.shared.arguments import integer, of_kind, one_of, positive, real_array
 from nlfrf.shared.values import value
 
 __all__ = ["Motion", "drive", "run", "some_samples"]
@@ -83,6 +83,7 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     >>> bool(2e-6 < motion.x[-1] < 8e-6)
     True
     """
+    of_kind("rig", rig, Rig)
     samples = some_samples("force", force, channels=rig.n_inputs if rig.several else None)
     fs = positive("fs", fs)
     oversampling = integer("oversampling", oversampling, least=1)

@@ -18,7 +18,7 @@ from nlfrf.friction import kernel_data as packing
 from nlfrf.friction.hysteresis import warn_lost
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
-from nlfrf.shared.arguments import DataWarning, integer, one_of, positive
+from nlfrf.shared.arguments import DataWarning, integer, of_kind, one_of, positive
 from nlfrf.shared.values import value
 
 __all__ = ["Experiment", "run_experiment", "simulate"]
@@ -144,6 +144,8 @@ def simulate(
     >>> bool(spectrum[ms.lines.even].max() < 1e-9 * spectrum[ms.lines.odd].max())
     True
     """
+    of_kind("rig", rig, Rig)
+    of_kind("ms", ms, Multisine, OrthogonalMultisine)
     experiment = Experiment(
         rig=rig,
         ms=ms,

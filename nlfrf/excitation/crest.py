@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine, Rng
-from nlfrf.shared.arguments import DataWarning, integer, positive
+from nlfrf.shared.arguments import DataWarning, integer, of_kind, positive
 
 __all__ = ["expected_peaks", "is_improbable", "most_peaks", "reduce_crest"]
 
@@ -84,6 +84,7 @@ def reduce_crest(
     >>> bool(2.2 < better.crest_factor[0] < 2.7 < ms.crest_factor[0])
     True
     """
+    of_kind("ms", ms, Multisine)
     n_fine = integer("oversampling", oversampling, least=1) * ms.n_samples
     n_iterations = integer("n_iterations", n_iterations, least=1)
     # another stream than that of multisine(rng=the same seed): its draws would be the phases that are there already

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, hertz_of, is_t
 from nlfrf.shared.arguments import data_warning, positive
 from nlfrf.shared.own_process import read_apart
 from nlfrf.shared.values import value
+from nlfrf.shared.whole_files import path_of
 
 __all__ = ["OTHERWISE", "SUFFIXES", "Channels", "read_channels"]
 
@@ -287,6 +288,14 @@ READERS = {
 SUFFIXES = ", ".join(READERS)
 
 
+def paths_of(path: Any) -> list[Any]:
+    """The files of an experiment, one or several."""
+    paths = list(path) if isinstance(path, Iterable) and not isinstance(path, str) else [path]
+    if not paths:
+        raise ValueError("path must be a file or a list of files, got none")
+    return paths
+
+
 def read_channels(path: str | os.PathLike[str]) -> Channels:
     """Read every channel of a file, chosen by its suffix.
 
@@ -297,7 +306,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     FileNotFoundError
         No such file.
     """
-    path = Path(path)
+    path = path_of(path)
     if not path.is_file():
         raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
     suffix = path.suffix.lower()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.files.stored_values import load_value, save_value
 from nlfrf.shared.arguments import integer
-from nlfrf.shared.whole_files import save_mat, write_whole
+from nlfrf.shared.whole_files import path_of, save_mat, write_whole
 
 __all__ = ["MULTISINE_SCHEMA", "load_multisine", "save_multisine"]
 
@@ -48,7 +47,7 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
     True
     >>> folder.cleanup()
     """
-    path = Path(path)
+    path = path_of(path)
     suffix, u = path.suffix.lower(), ms.u
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs

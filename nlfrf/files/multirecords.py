@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.files.channels import Channels, read_channels
+from nlfrf.files.channels import Channels, paths_of, read_channels
 from nlfrf.records.record import SAME_CLOCK
 from nlfrf.records.several import MultiRecord, multirecord_from_samples
 
@@ -78,9 +78,7 @@ def load_multirecord(
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
         )
-    files = [read_channels(one) for one in ([path] if isinstance(path, str | os.PathLike) else path)]
-    if not files:
-        raise ValueError("path must be a file or a list of files, got none")
+    files = [read_channels(one) for one in paths_of(path)]
     signals: dict[str, Any] = {
         parameter: [together(parameter, names, file) for file in files]
         for parameter, names in (("u", u), ("y", y), ("r", r))

@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
-from nlfrf.files.channels import Channels, read_channels
+from nlfrf.files.channels import Channels, paths_of, read_channels
 from nlfrf.files.designs import load_multisine
 from nlfrf.files.stored_values import AXES, refuse_newer
 from nlfrf.records.record import SAME_CLOCK, Record, join_records
@@ -21,7 +21,7 @@ from nlfrf.records.samples import records_from_streams
 from nlfrf.shared.arguments import data_warning, integer
 from nlfrf.shared.transforms import all_finite
 from nlfrf.shared.values import field_names
-from nlfrf.shared.whole_files import VERSION, save_mat, write_arrays, write_whole
+from nlfrf.shared.whole_files import VERSION, path_of, save_mat, write_arrays, write_whole
 from nlfrf.shared.wording import shown
 
 __all__ = ["RECORD_SCHEMA", "load_record", "save_record"]
@@ -144,9 +144,7 @@ def load_record(
     >>> folder.cleanup()
     """
     refuse_wrong_names(u, y, r)
-    paths = [path] if isinstance(path, str | os.PathLike) else list(path)
-    if not paths:
-        raise ValueError("path must be a file or a list of files, got none")
+    paths = paths_of(path)
     if design is not None and not isinstance(design, Multisine):
         design = load_multisine(design)
     names = {"u": u} | ({} if r is None else {"r": r})
@@ -323,7 +321,7 @@ def save_record(record: Record, path: str | os.PathLike[str]) -> None:
     't [s],u,y'
     >>> folder.cleanup()
     """
-    path = Path(path)
+    path = path_of(path)
     content = {
         "schema": np.array(RECORD_SCHEMA),
         "version": np.array(VERSION),

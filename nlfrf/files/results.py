@@ -16,8 +16,8 @@ from nlfrf.files.stored_values import load_value, save_value
 from nlfrf.identification.bla import Bla
 from nlfrf.multivariable.frm import Frm
 from nlfrf.records.record import Record
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.whole_files import write_whole
-from nlfrf.shared.wording import shown
 
 __all__ = ["export_csv", "load", "load_bla", "load_frm", "save_bla", "save_frm"]
 
@@ -53,6 +53,7 @@ def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     True
     >>> folder.cleanup()
     """
+    of_kind("bla", bla, Bla)
     save_value(bla, BLA_SCHEMA, path)
 
 
@@ -83,8 +84,7 @@ def save_frm(frm: Frm, path: str | os.PathLike[str]) -> None:
     True
     >>> folder.cleanup()
     """
-    if not isinstance(frm, Frm):
-        raise ValueError(f"frm must be an Frm, got {shown(frm)}")
+    of_kind("frm", frm, Frm)
     save_value(frm, FRM_SCHEMA, path)
 
 
@@ -123,6 +123,7 @@ def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: floa
     'f [Hz],Re G,Im G,bound,bound_realiza'
     >>> folder.cleanup()
     """
+    of_kind("bla", bla, Bla, Frm)
     columns = matrix_columns(bla, confidence) if isinstance(bla, Frm) else single_columns(bla, confidence)
     table, header = np.column_stack(list(columns.values())), ",".join(columns)
     write_whole(path, lambda target: np.savetxt(target, table, delimiter=",", header=header, comments="", fmt="%.17g"))

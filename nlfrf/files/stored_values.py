@@ -6,7 +6,6 @@ import itertools
 import json
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.files.channels import Channels, read_channels
 from nlfrf.identification.bla import DistortionLevels
 from nlfrf.shared.values import field_names
-from nlfrf.shared.whole_files import VERSION, write_arrays
+from nlfrf.shared.whole_files import VERSION, path_of, write_arrays
 
 __all__ = ["AXES", "load_value", "refuse_newer", "save_value"]
 
@@ -40,7 +39,7 @@ def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np
             content |= {f"{name}.{inner}": getattr(part, inner) for inner in field_names(part)}
         else:
             content[name] = np.asarray(part)
-    write_arrays(Path(path), content)
+    write_arrays(path_of(path), content)
 
 
 def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:

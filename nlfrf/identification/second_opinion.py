@@ -11,7 +11,7 @@ from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import period_spectra
 from nlfrf.records.record import Record
-from nlfrf.shared.arguments import integer
+from nlfrf.shared.arguments import integer, of_kind
 from nlfrf.shared.leastsquares import mean_power, rms
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import ratio_unit
@@ -120,6 +120,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     >>> bool(abs(np.median(opinion.difference)) < 3)
     True
     """
+    of_kind("record", record, Record)
     n_detection = integer("n_detection", n_detection, least=3)
     grid = record.lines
     where = place_lines(grid, n_detection)

@@ -9,6 +9,7 @@ import numpy as np
 from nlfrf.identification.bla import Bla
 from nlfrf.identification.second_opinion import DISAGREE, SecondOpinion
 from nlfrf.plot.look import COLOR, DEEPEST, MARKER, cut
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_band
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("bla", bla, Bla)
     ax = axes(ax)
     known = bla.G != 0  # an even system leaves excited lines empty
     U = np.abs(bla.levels.excited[:, known]).mean(axis=0) / np.abs(bla.G[known])
@@ -72,6 +74,7 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
     ax : matplotlib Axes, optional
         Where to draw: it gives its place to the two that are returned; a new figure when not given.
     """
+    of_kind("bla", bla, Bla)
     top, bottom = bode_axes(ax)
     draw_magnitude(top, bla, confidence)
     top.set(xscale="log", title=title(bla))
@@ -86,6 +89,7 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
 
 def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Unwrapped phase of the BLA in degrees; arguments as in `plot_bla`."""
+    of_kind("bla", bla, Bla)
     ax = axes(ax)
     ax.plot(bla.f, np.degrees(np.unwrap(np.angle(bla.G))), "-", color=COLOR["excited"], label="arg G")
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
@@ -94,6 +98,7 @@ def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Output spectrum by kind of line, with the noise floor; arguments as in `plot_bla`."""
+    of_kind("bla", bla, Bla)
     ax = axes(ax)
     levels = bla.levels
     for kind, marker in MARKER.items():
@@ -118,6 +123,7 @@ def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
 
 def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
     """The two readings of the distortion level, as standard deviations; arguments as in `plot_bla`."""
+    of_kind("opinion", opinion, SecondOpinion)
     ax = axes(ax)
     ax.plot(
         opinion.f, db(np.sqrt(opinion.roughness)), "-", lw=1.4, color=COLOR["excited"], label="roughness of the FRF"

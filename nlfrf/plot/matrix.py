@@ -9,6 +9,7 @@ import numpy as np
 from nlfrf.multivariable.frm import Frm
 from nlfrf.multivariable.gains import RelativeGains, SingularValues
 from nlfrf.plot.look import COLOR
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, db, finished, finished_matrix, matrix_axes, phase_band
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     -------
     (n_y, n_u) ndarray of matplotlib Axes
     """
+    of_kind("frm", frm, Frm)
     made, foot = places(ax, frm, "[dB]")
     size, radius = np.abs(frm.G), frm.bound(confidence)
     label = f"{100 * confidence:g} % bound of the entry"
@@ -54,6 +56,7 @@ def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> A
 
 def plot_frm_phase(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
     """Unwrapped phase of every entry with its bound; arguments as in `plot_frm`, and what is returned."""
+    of_kind("frm", frm, Frm)
     made, foot = places(ax, frm, "[deg]")
     wide = phase_band(frm.G, frm.bound(confidence))
     phase = np.degrees(np.unwrap(np.angle(frm.G), axis=2))
@@ -72,6 +75,7 @@ def plot_frm_bounds(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = Non
     Arguments as in `plot_frm`, and what is returned. The bound of the matrix is drawn by how far it lets the entry go,
     which is further: it holds all entries at once.
     """
+    of_kind("frm", frm, Frm)
     made, foot = places(ax, frm, "[dB]")
     left, right = frm.block(confidence)
     reach = np.sqrt(np.einsum("jkf,jkf->jf", left, left.conj()).real)[:, None] * np.sqrt(
@@ -102,6 +106,7 @@ def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Ax
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("found", found, SingularValues)
     ax = axes(ax)
     floor = least(found.sigma) - 2 * ROOM
     for i, sigma in enumerate(found.sigma):
@@ -135,6 +140,7 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
     -------
     (n_y, n_u) ndarray of matplotlib Axes
     """
+    of_kind("found", found, RelativeGains)
     made, foot = matrix_axes(ax, list(found.outputs), [f"by {name}" for name in found.inputs])
     size = np.abs(found.gains)
     top = 1.15 * max(float(np.quantile(size + found.radius, 0.99)), 1.2)

@@ -11,7 +11,7 @@ from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.spectra import dft
 from nlfrf.plot.look import COLOR, MARKER, ROUNDING
 from nlfrf.records.record import Record
-from nlfrf.shared.arguments import one_of
+from nlfrf.shared.arguments import of_kind, one_of
 from nlfrf.shared.axes import axes, db, finished, note
 from nlfrf.shared.wording import in_unit
 
@@ -26,6 +26,7 @@ HARMONICS = 48  # of a grid are shown, so that each is seen
 
 def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     """One period of the first realisation in time; arguments as in `plot_bla`."""
+    of_kind("ms", ms, Multisine)
     ax = axes(ax)
     t = np.arange(ms.n_samples) / ms.fs
     ax.plot(t, ms.u[0], "-", lw=0.6, color=COLOR["excited"])
@@ -36,6 +37,7 @@ def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
 
 def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
     """The first lines of a multisine one by one: what is played, and where to listen; arguments as in `plot_bla`."""
+    of_kind("ms", ms, Multisine)
     ax = axes(ax)
     last = int(ms.lines.excited[-1])
     first = int(ms.lines.excited[0])
@@ -73,6 +75,7 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("record", record, Record)
     one_of("signal", signal, ("u", "y", "r"))
     samples = getattr(record, signal)
     if samples is None:
@@ -96,6 +99,7 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
 
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
     """Input spectrum by kind of line: what stands where nothing was to be excited; arguments as in `plot_bla`."""
+    of_kind("record", record, Record)
     ax, grid = axes(ax), record.lines
     lines = place_lines(grid).lines
     U = np.sqrt(np.mean(np.abs(dft(record.u, lines)) ** 2, axis=(0, 1)))

@@ -164,7 +164,7 @@ def join_records(records: Sequence[Record]) -> Record:
     >>> join_records(runs).n_realizations
     2
     """
-    if not records or not all(isinstance(one, Record) for one in records):
+    if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
         raise ValueError(f"records must be a list of one or more Record, got {shown(records)}")
     first, *others = records
     for m, one in enumerate(others, start=1):

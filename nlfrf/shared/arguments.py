@@ -19,6 +19,7 @@ __all__ = [
     "data_warning",
     "integer",
     "nonnegative",
+    "of_kind",
     "one_of",
     "positive",
     "probability",
@@ -48,6 +49,12 @@ def data_warning(text: str) -> None:
     while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ("nlfrf", "robust"):
         level, frame = level + 1, frame.f_back
     warnings.warn(text, DataWarning, stacklevel=level)
+
+
+def of_kind(name: str, thing: Any, *kinds: type[Any]) -> None:
+    """A refusal unless the thing is of one of these kinds: what is made for one of them would fail somewhere inside."""
+    if not isinstance(thing, kinds):
+        raise ValueError(f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got {shown(thing)}")
 
 
 def positive(name: str, number: Any) -> float:

@@ -10,10 +10,19 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["VERSION", "save_mat", "write_arrays", "write_text", "write_whole"]
+from nlfrf.shared.wording import shown
+
+__all__ = ["VERSION", "path_of", "save_mat", "write_arrays", "write_text", "write_whole"]
 
 
 VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
+
+
+def path_of(path: Any) -> Path:
+    """The path as a `Path`, or a refusal of what is none."""
+    if not isinstance(path, str | os.PathLike):
+        raise ValueError(f"path must be a text or a pathlib.Path, got {shown(path)}")
+    return Path(path)
 
 
 def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
@@ -26,7 +35,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> 
     write : callable
         Is given the path to write to.
     """
-    path = Path(path)
+    path = path_of(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"path must lie in an existing folder, got {str(path)!r}")
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf.shared.whole_files import write_text
+from nlfrf.shared.whole_files import path_of, write_text
 from nlfrf.shared.wording import shown
 
 __all__ = [
@@ -93,7 +92,7 @@ def written(content: dict[str, Any], path: PathLike) -> None:
 
 def parsed(path: PathLike) -> Any:
     """What a JSON file holds, or a refusal."""
-    text = Path(path).read_text(encoding="utf-8", errors="replace")
+    text = path_of(path).read_text(encoding="utf-8", errors="replace")
     try:
         return json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:

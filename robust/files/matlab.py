@@ -10,7 +10,7 @@ import control
 import numpy as np
 from scipy.io import savemat
 
-from nlfrf.shared.whole_files import write_text, write_whole
+from nlfrf.shared.whole_files import path_of, write_text, write_whole
 from robust.files.biquads import controller_sections, roots_and_gain
 from robust.files.json_files import PathLike
 from robust.files.matrix_models import MATRIX_SCHEMA
@@ -54,7 +54,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
     ['K.mat', 'load_K.m']
     >>> folder.cleanup()
     """
-    path = Path(path)
+    path = path_of(path)
     if path.suffix != ".mat":
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called

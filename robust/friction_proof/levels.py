@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -123,10 +123,9 @@ def friction_class(
         ...
     ValueError: blas must hold at least three levels, from sticking to sliding, got 0
     """
-    blas = list(blas)
-    for bla in blas:
-        if not isinstance(bla, Bla):
-            raise ValueError(f"blas must be BLAs from nlfrf.identify, got {shown(bla)}")
+    blas = list(blas) if isinstance(blas, Iterable) else blas
+    if not isinstance(blas, list) or not all(isinstance(bla, Bla) for bla in blas):
+        raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {shown(blas)}")
     if len(blas) < 3:
         raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
     if real("margin", margin) < 1:

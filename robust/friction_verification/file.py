@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from nlfrf.shared.whole_files import write_text
+from nlfrf.shared.whole_files import path_of, write_text
 from robust.friction_verification.claim import FrictionClaim, content, from_content
 from robust.verification.claim import digest
 
@@ -39,7 +38,7 @@ def write_friction_claim(
 def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
     """The claim of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
     try:
-        entries = json.loads(Path(path).read_text(encoding="utf-8"))
+        entries = json.loads(path_of(path).read_text(encoding="utf-8"))
     except json.JSONDecodeError:
         return None
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from nlfrf.shared.arguments import of_kind
 from robust.systems.lti import response
 from robust.systems.realisation import state_space
 from robust.uncertain.forms import FORMS, relative
@@ -55,6 +56,7 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     >>> bool(np.allclose(low, (1 + 4 / np.sqrt(1 + model.omega**2)) / 0.8)), high.tolist()
     (True, [inf, inf])
     """
+    of_kind("model", model, UncertaintyModel)
     omega = model.omega
     p = np.abs(response(state_space("w_P", w_P), omega))
     w, size = np.abs(response(model.weight, omega)), np.abs(model.at(omega))

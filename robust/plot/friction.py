@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, finished
 from robust.friction_motion.quasi_linear import QuasiLinear
 from robust.plot.colours import COLOR
@@ -33,6 +34,7 @@ def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("prediction", prediction, QuasiLinear)
     ax = axes(ax)
     q = prediction
     N = (q.stiffnesses + 1j * q.frequencies * q.dampings) / 1e3

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, db, finished
 from nlfrf.shared.wording import in_unit
 from robust.analysis.check_structure import StructuredReport
@@ -34,6 +35,7 @@ def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("report", report, RobustnessReport)
     ax = axes(ax)
     f = hz(report.omega)
     ax.plot(f, db(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
@@ -67,6 +69,7 @@ def plot_check(report: RobustnessReport | StructuredReport, *, ax: Axes | None =
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("report", report, RobustnessReport, StructuredReport)
     ax = axes(ax)
     if isinstance(report, StructuredReport):
         return draw_mu(ax, report)
@@ -114,6 +117,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     """
     from matplotlib.patches import Circle
 
+    of_kind("report", report, RobustnessReport)
     ax = axes(ax)
     L = report.G * report.K
     reach = 2.5
@@ -152,6 +156,7 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("family", family, LoopFamily)
     ax = axes(ax)
     f = hz(family.omega)
     for k, (S, stable) in enumerate(zip(family.S, family.stable, strict=True)):
@@ -193,6 +198,7 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("step", step, StepResponse)
     ax = axes(ax)
     ax.axhline(step.final, color="0.5", lw=0.8)
     end = max(one.t[-1] for one in (step, worst) if one is not None)
@@ -220,6 +226,7 @@ def plot_bounds(
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("model", model, UncertaintyModel)
     ax = axes(ax)
     f, (low, high) = hz(model.omega), bounds
     L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))

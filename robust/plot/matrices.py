@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf import Frm
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, db, finished, finished_matrix, matrix_axes
 from robust.analysis.check_structure import StructuredReport
 from robust.modelling.nominal import behind_hold
@@ -42,6 +43,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | None = None, *, ax: Axe
     -------
     (n_y, n_u) ndarray of matplotlib Axes
     """
+    of_kind("model", model, MatrixUncertainty)
     omega = outside_too(model)
     frm = None if frm is None else behind_hold(frm, timebase(model.nominal))
     f, size, reach = hz(omega), np.abs(along(model.nominal, omega)), model.reach(omega)
@@ -69,6 +71,7 @@ def plot_matrix_weights(model: MatrixUncertainty, *, ax: Axes | None = None) -> 
 
     Arguments as in `plot_matrix_set`, and what is returned; weights that a channel does not have are left empty.
     """
+    of_kind("model", model, MatrixUncertainty)
     omega = outside_too(model)
     if model.left:
         n = max(len(model.left), len(model.right))
@@ -107,6 +110,7 @@ def plot_matrix_loop(gains: LoopGains, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("gains", gains, LoopGains)
     ax, f = axes(ax), hz(gains.omega)
     for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
         curves = getattr(gains, name)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_band
 from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.orders import OrderScan
@@ -36,6 +37,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("model", model, UncertaintyModel)
     ax = axes(ax)
     f = hz(model.omega)
     floor = model.radius.min() * 10 ** (-25 / 20)
@@ -60,6 +62,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
 
 def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """The nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
+    of_kind("model", model, UncertaintyModel)
     ax = axes(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     G = model.at(omega)
@@ -87,6 +90,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     ax : matplotlib Axes, optional
         Where to draw: it gives its place to the two that are returned; a new figure when not given.
     """
+    of_kind("model", model, UncertaintyModel)
     top, bottom = bode_axes(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     f, G = hz(omega), model.at(omega)
@@ -129,6 +133,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """What the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
+    of_kind("model", model, UncertaintyModel)
     ax = axes(ax)
     f = hz(model.omega)
     below = np.zeros(f.size)
@@ -151,6 +156,7 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
 
 def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
     """The measured lines, the nominal model through them, and what is left; arguments as in `plot_weight`."""
+    of_kind("fit", fit, NominalFit)
     ax = axes(ax)
     f, measured = hz(fit.omega), fit.response + fit.residual
     ax.plot(f, db(np.abs(measured)), ".", ms=3, color=COLOR["noise"], label="measured")
@@ -180,6 +186,7 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
+    of_kind("validation", validation, Validation)
     ax = axes(ax)
     f, out = hz(validation.omega), validation.distance > 1
     ax.plot(f[~out], validation.distance[~out], ".", ms=4, color=COLOR["weight"], label="inside")
@@ -203,6 +210,7 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
     """Cost and criterion over the number of poles; arguments as in `plot_weight`."""
     from matplotlib.ticker import MaxNLocator
 
+    of_kind("scan", scan, OrderScan)
     ax = axes(ax)
     ax.plot(scan.n_poles, scan.cost, "o-", color=COLOR["loop"], label="cost")
     ax.plot(scan.n_poles, scan.expected_cost, ":", color=COLOR["noise"], label="what scatter alone leaves")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf.shared.arguments import probability
+from nlfrf.shared.arguments import of_kind, probability
 from nlfrf.shared.axes import axes, finished
 from robust.modelling.nominal import NominalFit
 from robust.plot.colours import COLOR, hz
@@ -42,6 +42,7 @@ def plot_roots(fit: NominalFit, *, confidence: float = 0.95, ax: Axes | None = N
     ----------
     Pintelon & Schoukens, 2nd ed., 9.11 (covariance of the sample maximum likelihood estimate), 19.1.4 (ellipses).
     """
+    of_kind("fit", fit, NominalFit)
     p, known = probability("confidence", confidence), fit.uncertainty
     if known is None:
         raise ValueError("fit must know how its poles scatter (fit.uncertainty), got None")

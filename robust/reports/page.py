@@ -15,7 +15,7 @@ from typing import Any
 
 import nlfrf
 from nlfrf import Bla, Frm, MultiRecord, Record
-from nlfrf.shared.whole_files import write_text
+from nlfrf.shared.whole_files import path_of, write_text
 from nlfrf.shared.wording import shown
 from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
@@ -104,7 +104,7 @@ def write_report(
     >>> report.verdict in text, "http" in text.replace("http-equiv", "")
     (True, False)
     """
-    path = Path(path)
+    path = path_of(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
     if isinstance(model, MatrixUncertainty):

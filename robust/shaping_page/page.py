@@ -6,10 +6,9 @@ import json
 import os
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
-from nlfrf.shared.whole_files import write_text
+from nlfrf.shared.whole_files import path_of, write_text
 from robust.shaping_page.content import page_content
 from robust.shaping_page.words import Told
 
@@ -99,7 +98,7 @@ def write_shaping_page(
     >>> "default-src 'none'" in text, "src=" in text          # it may ask for nothing, and does not
     (True, False)
     """
-    path = Path(path)
+    path = path_of(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
     write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=Told(title=title))))

@@ -31,8 +31,7 @@ __all__ = [
 def multivariable(name: str, system: Any) -> control.StateSpace:
     """The system as a state space with any number of inputs and outputs, or a refusal."""
     if isinstance(system, (numbers.Real, list, tuple, np.ndarray)) and not isinstance(system, bool):
-        gain = np.atleast_2d(np.asarray(system, dtype=float))
-        system = control.StateSpace([], [], [], gain, None)
+        system = control.StateSpace([], [], [], gain_matrix(name, system), None)
     if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
         named = system
         system = state_space(name, system)
@@ -45,8 +44,19 @@ def multivariable(name: str, system: Any) -> control.StateSpace:
             if isinstance(system, control.TransferFunction)
             else ""
         )
+        for part in ("nominal", "G"):  # a model or a fit, where the plant alone is wanted
+            if isinstance(getattr(system, part, None), control.StateSpace):
+                cure = f" Give its {part}."
         raise ValueError(f"{name} must be a control.StateSpace, got {shown(system)}.{cure}")
     return complete(name, system)
+
+
+def gain_matrix(name: str, gain: Any) -> np.ndarray:
+    """A constant gain as a matrix, or a refusal."""
+    try:
+        return np.atleast_2d(np.asarray(gain, dtype=float))
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a system, a number or a matrix of numbers, got {shown(gain)}") from None
 
 
 def state_space(name: str, system: Any) -> control.StateSpace:

@@ -21,7 +21,7 @@ __all__ = ["delay_samples", "delayed", "discretize", "hold_between", "hold_respo
 NEAR = 1e-6  # how far two sampling times may be apart that are one
 
 
-def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> control.StateSpace:
+def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
     """What a sampled controller sees of a continuous plant: zero-order hold, computation delay, sampler. Exact.
 
     The delay [s] need not be a whole number of samples. With delay = d dt + rest, the plant input changes
@@ -30,7 +30,7 @@ def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> contro
 
     Parameters
     ----------
-    system : control.StateSpace
+    system : control.StateSpace or TransferFunction
         Continuous plant, of one or several inputs and outputs.
     dt : float
         Sampling time [s] of the controller.
@@ -45,7 +45,7 @@ def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> contro
     Raises
     ------
     ValueError
-        A sampling time that is not positive, a negative delay.
+        A system that is sampled already, a sampling time that is not positive, a negative delay.
 
     References
     ----------
@@ -57,6 +57,9 @@ def sampled(system: control.StateSpace, dt: float, delay: float = 0.0) -> contro
     >>> round(float(plant.poles()[0].real), 9), plant.dt
     (1.0, 0.1)
     """
+    system = multivariable("system", system)
+    if timebase(system):
+        raise ValueError(f"system must be continuous, got one sampled at {timebase(system):g} s")
     positive("dt", dt)
     delay = nonnegative("delay", delay)
     whole = int(np.floor(delay / dt + 1e-9))

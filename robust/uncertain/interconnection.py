@@ -210,8 +210,8 @@ def interconnection(
     >>> system.structure, system.N.poles().tolist()
     ([(1, 1, 'real'), (1, 1)], [(-5+0j)])
     """
-    if not systems:
-        raise ValueError("systems must hold at least one system, got none")
+    if not isinstance(systems, Sequence) or not systems:
+        raise ValueError(f"systems must be a list of one system or more, got {shown(systems)}")
     inputs, outputs = signals("inputs", inputs), signals("outputs", outputs)
     if bool(inputs) != bool(outputs):
         raise ValueError("outputs must be given together with inputs, got only one of them")

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from nlfrf.shared.whole_files import write_text
+from nlfrf.shared.whole_files import path_of, write_text
 from robust.verification.claim import LoopClaim, content, digest, from_content
 
 __all__ = ["SCHEMA", "read_claim", "write_claim"]
@@ -38,7 +37,7 @@ def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
     A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
     that the claim is proved again, and that plant and controller are compared with those one has.
     """
-    text = Path(path).read_text(encoding="utf-8")
+    text = path_of(path).read_text(encoding="utf-8")
     try:
         entries = json.loads(text)
     except json.JSONDecodeError as error:

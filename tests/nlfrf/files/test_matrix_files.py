@@ -64,7 +64,7 @@ def test_files_that_are_not_whole_are_refused(frm, tmp_path):
         assert "path must hold names as a list in JSON for outputs" in refusal(outputs=np.array(bad))
     with pytest.raises(ValueError, match=r"path must end in .npz or .h5, got 'G.csv'"):
         nlfrf.save_frm(frm, tmp_path / "G.csv")
-    with pytest.raises(ValueError, match="frm must be an Frm, got Bla"):
+    with pytest.raises(ValueError, match="frm must be of type Frm, got Bla"):
         nlfrf.save_frm(frm.entry(0, 0), tmp_path / "G.npz")
     assert not (tmp_path / "G.csv").exists()
 
