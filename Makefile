@@ -14,7 +14,7 @@ help:
 	@echo "make test           format, lint, types and every test"
 	@echo "make docs           examples, guide and reference as pages in build/docs/index.html"
 	@echo "make picture        the picture of the README, from the first example"
-	@echo "make bench          every measured figure again, beside the peers that install: about an hour and a half"
+	@echo "make bench          every measured figure again, beside the peers that install: about half an hour"
 	@echo "make release-check  build wheel and source distribution, look into them, try them in clean environments"
 	@echo "make clean          remove what these made"
 

@@ -24,13 +24,13 @@ from .files.inspection import FileContents as FileContents
 from .files.inspection import inspect_file as inspect_file
 from .files.multirecords import load_multirecord as load_multirecord
 from .files.records import load_record as load_record
-from .files.records import save_record as save_record
 from .files.results import export_csv as export_csv
 from .files.results import load as load
 from .files.results import load_bla as load_bla
 from .files.results import load_frm as load_frm
 from .files.results import save_bla as save_bla
 from .files.results import save_frm as save_frm
+from .files.stored_records import save_record as save_record
 
 # Identification: a record to its best linear approximation
 from .identification.bla import Bla as Bla

@@ -14,10 +14,12 @@ import typer
 import nlfrf
 from nlfrf.doctor import examine
 from nlfrf.excitation.lines import KINDS
+from nlfrf.files.multirecords import holds_multirecord
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.command import Json, Version, end, run, speaker
 from nlfrf.shared.plain import as_json
 from nlfrf.shared.whole_files import write_whole
+from nlfrf.shared.wording import counted
 
 app = typer.Typer(
     help="Best linear approximations with a distortion bound from one multisine experiment.",
@@ -71,10 +73,22 @@ def design(
     hold: Annotated[
         str, typer.Option(help="How it is played between its samples: zoh, band-limited or unknown.")
     ] = "unknown",
+    inputs: Annotated[int, typer.Option(help="Inputs of the machine: so many experiments make a set.")] = 1,
+    zippered: Annotated[
+        bool, typer.Option("--zippered", help="Several inputs in one experiment, each on lines of its own.")
+    ] = False,
+    draws: Annotated[int, typer.Option(help="Draw the phases of several inputs this often, keep the lowest peak.")] = 1,
 ) -> None:
     """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
     band: dict[str, Any] = {"fs": fs, "n_samples": period, "f_min": f_min, "f_max": f_max}
-    ms = nlfrf.multisine(kind, **band, rms=rms, n_log=log_lines, n_realizations=realizations, rng=seed, hold=hold)
+    band |= {"rms": rms, "n_log": log_lines, "n_realizations": realizations, "rng": seed, "hold": hold}
+    if inputs > 1:
+        if crest is not None:
+            raise ValueError(f"crest must be left out for several inputs, where draws lowers the peaks, got {crest:g}")
+        band |= {"n_inputs": inputs, "design": "zippered" if zippered else "orthogonal", "n_draws": draws}
+    elif zippered or draws != 1:
+        raise ValueError(f"inputs must be 2 or more for {'zippered' if zippered else 'draws'}, got {inputs}")
+    ms = nlfrf.multisine(kind, **band)
     first, last = ms.f[[0, -1]].tolist()
     if first > (1 + INSIDE) * f_min or last < (1 - INSIDE) * f_max:
         warnings.warn(
@@ -88,7 +102,9 @@ def design(
     nlfrf.save_multisine(ms, out)
     print(
         f"{ms.kind} multisine, {ms.f.size} lines excited from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
-        f"period {ms.n_samples / ms.fs:g} s, rms {ms.rms:g}, crest factor {ms.crest_factor.max():.2f}"
+        f"period {ms.n_samples / ms.fs:g} s, rms {np.max(ms.rms):g}, crest factor {ms.crest_factor.max():.2f}"
+        + f", {ms.phase.shape[-2]} experiments of {inputs} inputs"
+        * (inputs > 1)
     )
     print(f"wrote {out}")
 
@@ -109,9 +125,17 @@ def simulate(
     oversampling: Annotated[int, typer.Option(help="Integration steps per sample.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
 ) -> None:
-    """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out."""
-    ms = nlfrf.load_multisine(file)
-    rig = nlfrf.paper_rig()
+    """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out.
+
+    A multisine of two inputs goes through a stage of two coupled axes with friction.
+    """
+    ms = nlfrf.load(file)
+    if not isinstance(ms, nlfrf.Multisine | nlfrf.OrthogonalMultisine):
+        raise ValueError(f"file must be a multisine that 'nlfrf design' wrote, got {file.name!r}")
+    several = isinstance(ms, nlfrf.OrthogonalMultisine)
+    if several and (mass is not None or stiffness is not None):
+        raise ValueError("mass and stiffness must be left out for several inputs: the stage of two axes has its own")
+    rig = nlfrf.two_axis_stage() if several else nlfrf.paper_rig()
     if mass is not None:
         rig = replace(rig, mass=mass)
     if stiffness is not None:
@@ -131,9 +155,8 @@ def simulate(
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
     nlfrf.save_record(record, out)
-    print(
-        f"wrote {out}: {record.n_realizations} realisations x {record.n_periods} periods x {record.n_samples} samples"
-    )
+    runs = counted(ms.phase.shape[-2], "experiment" if several else "realisation")
+    print(f"wrote {out}: {runs} x {record.n_periods} periods x {record.n_samples} samples")
 
 
 @app.command()
@@ -154,8 +177,9 @@ def identify(
     ],
     out: Out,
     input: Annotated[
-        str, typer.Option("--input", help="Name of the input in the file; several, with commas between, as a matrix.")
-    ] = "u",
+        str | None,
+        typer.Option("--input", help="Name of the input in the file, u when not given; several, with commas between."),
+    ] = None,
     output: Annotated[
         list[str] | None, typer.Option("--output", help="Name of the output; may be repeated, or have commas between.")
     ] = None,
@@ -188,13 +212,15 @@ def identify(
     """
     say = speaker(json)
     outputs = [name for one in output or ["y"] for name in one.split(",")]
-    if "," in input:
-        channels: Any = {"u": input.split(","), "y": outputs, "r": (reference or "").split(",") if reference else ()}
-        for option, given in (("design", design), ("resample", resample), ("opinion", opinion)):
+    stored = input is None and holds_multirecord(file[0])
+    if stored or "," in (input or ""):
+        channels: Any = {"u": input.split(","), "y": outputs} if input else {"y": outputs if output else None}
+        channels["r"] = reference.split(",") if reference else ()
+        for option, given in (("resample", resample), ("opinion", opinion)):
             if given:
-                raise ValueError(f"{option} must be left out for several inputs, got it with {input}")
-        channels["hold"] = hold or "unknown"
-        several = nlfrf.load_multirecord(file, **channels, fs=fs, n_samples=period, n_discard=discard)
+                raise ValueError(f"{option} must be left out for several inputs, got it with {input or file[0].name}")
+        cut: Any = {"fs": fs, "n_samples": period, "n_discard": discard, "design": design, "hold": hold}
+        several = nlfrf.load_multirecord(file, **channels, **cut)
         frm = nlfrf.identify(several, transient=transient, level_from=level_from, n_detection=detection)
         say(frm)
         for target in dict.fromkeys([out, *[out.with_suffix(".csv")] * csv]):
@@ -205,7 +231,7 @@ def identify(
     targets = targets_of(out, outputs)
     records = nlfrf.load_record(
         file,
-        u=input,
+        u=input or "u",
         y=outputs,
         r=reference,
         fs=fs,
@@ -244,14 +270,14 @@ def plot(
 
     from nlfrf import plot as pictures
 
-    if isinstance(content, nlfrf.Record):
+    if isinstance(content, nlfrf.Record | nlfrf.MultiRecord):
         content = nlfrf.identify(content)
     size = (3 * content.n_inputs + 3, 2 * content.n_outputs + 6) if isinstance(content, nlfrf.Frm) else (9, 9)
     figure, (top, bottom) = plt.subplots(2, 1, figsize=size, layout="constrained")
     if isinstance(content, nlfrf.Frm):
         pictures.plot_frm(content, confidence=confidence, ax=top)
         pictures.plot_singular_values(nlfrf.singular_values(content, confidence), ax=bottom)
-    elif isinstance(content, nlfrf.Multisine):
+    elif isinstance(content, nlfrf.Multisine | nlfrf.OrthogonalMultisine):
         pictures.plot_excitation(content, ax=top)
         pictures.plot_spectrum(content, ax=bottom)
     else:

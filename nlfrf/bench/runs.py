@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.shared.whole_files import write_arrays
+from nlfrf.shared.wording import shown
 
 __all__ = ["Arrays", "Progress", "run_all", "run_each"]
 
@@ -121,6 +122,8 @@ def run_each(
 
 def opened(resume: Any) -> Path:
     """The folder, made where it does not exist."""
+    if not isinstance(resume, str | os.PathLike):
+        raise ValueError(f"resume must be a folder, got {shown(resume)}")
     folder = Path(resume)
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"resume must be a folder, got the file {folder}")

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine, Rng
-from nlfrf.shared.arguments import DataWarning, integer, of_kind, positive
+from nlfrf.shared.arguments import DataWarning, generator, integer, of_kind, positive
 
 __all__ = ["expected_peaks", "is_improbable", "most_peaks", "reduce_crest"]
 
@@ -88,7 +88,7 @@ def reduce_crest(
     n_fine = integer("oversampling", oversampling, least=1) * ms.n_samples
     n_iterations = integer("n_iterations", n_iterations, least=1)
     # another stream than that of multisine(rng=the same seed): its draws would be the phases that are there already
-    rng = np.random.default_rng(rng if rng is None or isinstance(rng, np.random.Generator) else [rng, STREAM])
+    rng = generator("rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, STREAM])
     if target is None:
         n_draws = harmless_draws(ms.n_realizations) if n_draws is None else integer("n_draws", n_draws, least=1)
         phases = [best_draw(ms, phase, n_draws, n_fine, rng) for phase in ms.phase]

@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import KINDS, LineGrid, grid_lines
 from nlfrf.excitation.orthogonal import OrthogonalMultisine, orthogonal_multisine
-from nlfrf.shared.arguments import HOLDS, integer, one_of, positive, real_array
+from nlfrf.shared.arguments import HOLDS, generator, integer, one_of, positive, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 
@@ -246,12 +246,16 @@ def multisine(
     fs, n_inputs = positive("fs", fs), integer("n_inputs", n_inputs, least=1)
     n_samples = integer("n_samples", n_samples, least=4)
     n_realizations = integer("n_realizations", n_realizations, least=1)
-    rng = np.random.default_rng(rng)
+    rng = generator("rng", rng)
     first, last = band_lines(fs, n_samples, positive("f_min", f_min), positive("f_max", f_max))
     grid = grid_in_band(kind, lines, first, last, rng)
     if n_log is not None:
         grid = thinned(grid, integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
+    if n_inputs == 1 and (mixing is not None or n_draws != 1):
+        raise ValueError(
+            "mixing and n_draws must be left out for one input, whose peaks reduce_crest lowers, got n_inputs = 1"
+        )
     if n_inputs > 1:
         return orthogonal_multisine(
             fs,
@@ -336,7 +340,10 @@ def relative_amplitude(amplitude: Any, f: np.ndarray) -> np.ndarray:
         return np.ones(f.size)
     if callable(amplitude):
         amplitude = amplitude(f)
-    shape = np.asarray(amplitude, dtype=float)
+    shape = np.asarray(amplitude)
+    if shape.dtype.kind not in "fiu":
+        raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {shown(amplitude)}")
+    shape = shape.astype(float)
     if shape.shape != f.shape:
         raise ValueError(f"amplitude must have one value per excited line ({f.size}), got shape {shape.shape}")
     if not np.all(np.isfinite(shape)) or np.any(shape <= 0):

@@ -2,6 +2,7 @@
 
 records        records, from any measurement file
 multirecords   records of several inputs or outputs
+stored_records records as this package keeps them
 inspection     what such a file holds, and a guess at how to load it
 channels       the named channels inside such a file, by the reader of its kind
 npz            arrays of NPZ files, read to where they stay

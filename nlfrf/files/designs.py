@@ -7,26 +7,30 @@ import os
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
+from nlfrf.files.channels import read_channels
 from nlfrf.files.stored_values import load_value, save_value
-from nlfrf.shared.arguments import integer
+from nlfrf.shared.arguments import integer, of_kind
 from nlfrf.shared.whole_files import path_of, save_mat, write_whole
 
-__all__ = ["MULTISINE_SCHEMA", "load_multisine", "save_multisine"]
+__all__ = ["MULTISINE_SCHEMA", "ORTHOGONAL_SCHEMA", "load_design", "load_multisine", "save_multisine"]
 
 
 MULTISINE_SCHEMA = "nlfrf-multisine"
+ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
 
 
-def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
+def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str]) -> None:
     """Write a design with its samples.
 
-    ``.npz`` and ``.h5`` hold the design exactly, and the samples u (M, N) beside it. ``.csv``, ``.mat`` and ``.wav``
-    hold what a signal generator plays, one column, row or channel a realisation, with the design in an ``.npz`` of the
-    same name beside them; a WAV file is scaled to a peak of 1, and that peak stored with the design.
+    ``.npz`` and ``.h5`` hold the design exactly, and the samples u beside it, (M, N), or (n_u, M, N) of several inputs.
+    ``.csv``, ``.mat`` and ``.wav`` hold what a signal generator plays, with the design in an ``.npz`` of the same name
+    beside them: one column or channel a realisation, or each input of the first experiment, of the second and so on; a
+    WAV file is scaled to a peak of 1, and that peak stored with the design.
 
     Parameters
     ----------
-    ms : Multisine
+    ms : Multisine or OrthogonalMultisine
         The design.
     path : path
         File to write; its suffix says the format. Written whole or not at all.
@@ -47,12 +51,13 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
     True
     >>> folder.cleanup()
     """
+    of_kind("ms", ms, Multisine, OrthogonalMultisine)
     path = path_of(path)
+    schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs
-        table = np.column_stack([t, *u])
-        header = ",".join(["t [s]", *(f"u{m}" for m in range(ms.n_realizations))])
+        table, header = np.column_stack([t, *to_play(u)]), ",".join(["t [s]", *played_names(ms)])
         write_whole(path, lambda to: np.savetxt(to, table, delimiter=",", header=header, comments="", fmt="%.17g"))
     elif suffix == ".mat":
         save_mat(path, {"u": u, "fs": np.array(ms.fs), "f": ms.f, "amplitude": ms.amplitude, "phase": ms.phase})
@@ -60,16 +65,28 @@ def save_multisine(ms: Multisine, path: str | os.PathLike[str]) -> None:
         from scipy.io import wavfile
 
         rate = integer("fs of a .wav file", ms.fs, least=1)
-        samples = (u.T / np.abs(u).max()).astype(np.float32)
+        samples = (to_play(u).T / np.abs(u).max()).astype(np.float32)
         write_whole(path, lambda target: wavfile.write(target, rate, samples))
     else:
-        save_value(ms, MULTISINE_SCHEMA, path, u=u)
+        save_value(ms, schema, path, u=u)
         return
-    save_value(ms, MULTISINE_SCHEMA, path.with_suffix(".npz"), u=u, peak=np.array(np.abs(u).max()))
+    save_value(ms, schema, path.with_suffix(".npz"), u=u, peak=np.array(np.abs(u).max()))
+
+
+def to_play(u: np.ndarray) -> np.ndarray:
+    """(channels, N) periods in the order they are played: all inputs of an experiment beside one another."""
+    return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
+
+
+def played_names(ms: Multisine | OrthogonalMultisine) -> list[str]:
+    """Names of those periods: u0, u1 of realisations; of several inputs first the input, then the experiment."""
+    if isinstance(ms, Multisine):
+        return [f"u{m}" for m in range(ms.n_realizations)]
+    return [f"u{i + 1} experiment {m}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)]
 
 
 def load_multisine(path: str | os.PathLike[str]) -> Multisine:
-    """Read the design that `save_multisine` wrote.
+    """Read the design of one input that `save_multisine` wrote; `load` reads those of several inputs, too.
 
     Parameters
     ----------
@@ -94,5 +111,17 @@ def load_multisine(path: str | os.PathLike[str]) -> Multisine:
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
-    ms: Multisine = load_value(Multisine, MULTISINE_SCHEMA, path)
+    ms = load_design(path)
+    if not isinstance(ms, Multisine):
+        raise ValueError(
+            f"path must be a design of one input, got one of {ms.n_inputs} in {str(path)!r}: take nlfrf.load"
+        )
+    return ms
+
+
+def load_design(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine:
+    """The design that `save_multisine` wrote, of one input or of several."""
+    several = read_channels(path).text("schema") == ORTHOGONAL_SCHEMA
+    kind, schema = (OrthogonalMultisine, ORTHOGONAL_SCHEMA) if several else (Multisine, MULTISINE_SCHEMA)
+    ms: Multisine | OrthogonalMultisine = load_value(kind, schema, path)
     return ms

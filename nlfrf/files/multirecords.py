@@ -10,32 +10,40 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.files.channels import Channels, paths_of, read_channels
+from nlfrf.files.designs import load_design
+from nlfrf.files.stored_records import MULTIRECORD_SCHEMA, Asked, stored_multirecord
 from nlfrf.records.record import SAME_CLOCK
+from nlfrf.records.reference import Design
 from nlfrf.records.several import MultiRecord, multirecord_from_samples
+from nlfrf.shared.whole_files import path_of
+from nlfrf.shared.wording import shown
 
-__all__ = ["load_multirecord"]
+__all__ = ["holds_multirecord", "load_multirecord"]
 
 
 def load_multirecord(
     path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,
-    u: Sequence[str],
-    y: Sequence[str],
+    u: Sequence[str] | None = None,
+    y: Sequence[str] | None = None,
     r: Sequence[str] = (),
     fs: float | None = None,
     n_samples: int | None = None,
     lines: LineGrid | None = None,
     n_discard: int = 0,
-    hold: str = "unknown",
+    design: Design | str | os.PathLike[str] | None = None,
+    hold: str | None = None,
 ) -> MultiRecord:
-    """Read a record of several inputs or outputs from measurement files, one file an experiment.
+    """Read a record of several inputs or outputs: from measurement files, one file an experiment, or as it was saved.
 
     Parameters
     ----------
     path : path, or a list of them
-        Any file that `load_record` reads.
+        Any file that `load_record` reads; or what `save_record` wrote of a `MultiRecord`, of several such files the
+        experiments of all.
     u, y, r : sequence of str
-        Names of the inputs, the outputs and, in closed loop, the references.
+        Names of the inputs, the outputs and, in closed loop, the references. Of what `save_record` wrote they may be
+        left out; there y chooses outputs.
     fs : float, optional
         Sampling frequency [Hz]; from the file when not given.
     n_samples : int, optional
@@ -44,9 +52,11 @@ def load_multirecord(
         Excited and detection lines; found from the inputs when not given.
     n_discard : int
         Periods to leave out at the start.
-    hold : str
+    design : OrthogonalMultisine or path, optional
+        What was played, or the file that `save_multisine` wrote; see `multirecord_from_samples`.
+    hold : str, optional
         How all inputs run between their samples: "zoh" where they are commands of converters, "band-limited" where
-        they were measured behind the hold.
+        they were measured behind the hold. From the file or the design, or unknown, when not given.
 
     Returns
     -------
@@ -74,11 +84,17 @@ def load_multirecord(
     (2, 2, 3, 100)
     >>> folder.cleanup()
     """
+    if design is not None and isinstance(design, str | os.PathLike):
+        design = load_design(design)
+    files = [read_channels(one) for one in paths_of(path)]
+    if all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
+        if r:
+            raise ValueError(f"r must be left out for a record that has its own references or none, got {shown(r)}")
+        return stored_multirecord(files, u, y, fs, Asked(n_samples, lines, n_discard, False, design, hold))
     if isinstance(u, str) or isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
         )
-    files = [read_channels(one) for one in paths_of(path)]
     signals: dict[str, Any] = {
         parameter: [together(parameter, names, file) for file in files]
         for parameter, names in (("u", u), ("y", y), ("r", r))
@@ -87,7 +103,6 @@ def load_multirecord(
     clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-
     return multirecord_from_samples(
         **signals,
         fs=clocks[0],
@@ -96,8 +111,15 @@ def load_multirecord(
         n_discard=n_discard,
         inputs=tuple(u),
         outputs=tuple(y),
+        design=design,
         hold=hold,
     )
+
+
+def holds_multirecord(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a record of several inputs that `save_record` wrote."""
+    kept = path_of(path).suffix.lower() in (".npz", ".mat", ".h5", ".hdf5")
+    return kept and read_channels(path).text("schema") == MULTIRECORD_SCHEMA
 
 
 def together(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
-from typing import Any, NamedTuple, overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -14,22 +12,17 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.files.channels import Channels, paths_of, read_channels
 from nlfrf.files.designs import load_multisine
-from nlfrf.files.stored_values import AXES, refuse_newer
-from nlfrf.records.record import SAME_CLOCK, Record, join_records
-from nlfrf.records.reference import played_reference
+from nlfrf.files.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, Asked, stored_records
+from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.samples import records_from_streams
-from nlfrf.shared.arguments import data_warning, integer
+from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.transforms import all_finite
-from nlfrf.shared.values import field_names
-from nlfrf.shared.whole_files import VERSION, path_of, save_mat, write_arrays, write_whole
 from nlfrf.shared.wording import shown
 
-__all__ = ["RECORD_SCHEMA", "load_record", "save_record"]
+__all__ = ["load_record"]
 
 
-RECORD_SCHEMA = "nlfrf-record"
 FRAYED = 0.01  # share of rows at the ends of a file that may lack a channel without a word
-LABELS = ("u_name", "y_name", "u_unit", "y_unit")
 
 
 Path_ = str | os.PathLike[str]
@@ -145,12 +138,16 @@ def load_record(
     """
     refuse_wrong_names(u, y, r)
     paths = paths_of(path)
-    if design is not None and not isinstance(design, Multisine):
+    if isinstance(design, str | os.PathLike):
         design = load_multisine(design)
     names = {"u": u} | ({} if r is None else {"r": r})
     outputs = [y] if isinstance(y, str) else list(y)
     asked = Asked(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
+    if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
+        raise ValueError(
+            f"path must be a record of one input, got {several!r} of several: take load_multirecord, or leave input out"
+        )
     stored = [file.text("schema") == RECORD_SCHEMA for file in files]
     if any(stored) and not all(stored):
         raise ValueError("path must be records that this package wrote, or none of them, got some of each")
@@ -173,17 +170,6 @@ def refuse_wrong_names(u: Any, y: Any, r: Any) -> None:
         raise ValueError("y must name at least one output, got none")
     if len(set(outputs)) < len(outputs):
         raise ValueError(f"y must name different outputs, got {shown(list(outputs))}")
-
-
-class Asked(NamedTuple):
-    """How the samples are to be cut, as `load_record` was asked."""
-
-    n_samples: int | None
-    lines: LineGrid | None
-    n_discard: int
-    resample: bool
-    design: Multisine | None
-    hold: str | None
 
 
 def measured_records(
@@ -245,115 +231,3 @@ def whole(*groups: dict[str, list[np.ndarray]]) -> None:
             )
         for (i, name), stream in streams.items():
             groups[i][name][m] = stream[first : last + 1]
-
-
-def stored_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
-) -> list[Record]:
-    """A record for each output, of files that `save_record` wrote."""
-    records: list[Record] = []
-    for output in outputs:
-        runs = [stored_record(file, {**names, "y": output}, fs, asked) for file in files]
-        record = runs[0] if len(runs) == 1 else join_records(runs)
-        if records:  # the very same input, so that what is known of it need not be found again
-            record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
-        records.append(record)
-    return records
-
-
-def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, asked: Asked) -> Record:
-    """A record as `save_record` wrote it, already cut into periods, with its grid."""
-    if "r" in file.arrays:  # which a closed loop cannot do without
-        names = {"r": "r", **names}
-    signals: dict[str, Any] = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
-    labels: dict[str, Any] = {name: file.text(name) for name in LABELS}
-    refuse_newer(file, RECORD_SCHEMA)
-    arrays = file.arrays
-    try:
-        shape = tuple(int(n) for n in np.ravel(arrays["shape"]))
-        grid = LineGrid(**{name: np.ravel(arrays[name]) for name in field_names(LineGrid)})
-        periods = {name: signal.reshape(shape) for name, signal in signals.items()}
-    except KeyError as missing:
-        raise ValueError(f"path must hold a whole record, got one without {missing}") from None
-    if asked.resample:
-        raise ValueError(f"resample must be left out for a record that is cut into periods already, got {file.path!r}")
-    if asked.n_samples not in (None, shape[2]):
-        raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {shown(asked.n_samples)}")
-    n_discard = integer("n_discard", asked.n_discard, least=0)
-    if n_discard >= shape[1]:
-        raise ValueError(f"n_discard must be less than the {shape[1]} periods of the record, got {n_discard}")
-    periods = {name: signal[:, n_discard:] for name, signal in periods.items()}
-    design, hold = asked.design, file.text("hold") or "unknown"
-    if design is not None:
-        grid, hold = design.lines, design.hold if hold == "unknown" else hold
-        periods.setdefault("r", played_reference(design, periods["u"]))
-    return Record(
-        **periods,
-        fs=file.sampling_frequency(fs),
-        lines=grid if asked.lines is None else asked.lines,
-        hold=asked.hold or hold,
-        **labels,
-    )
-
-
-def save_record(record: Record, path: str | os.PathLike[str]) -> None:
-    """Write a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one realisation.
-
-    Parameters
-    ----------
-    record : Record
-        What was measured or simulated.
-    path : path
-        File to write; its suffix says the format. Written whole or not at all.
-
-    Raises
-    ------
-    ValueError
-        A suffix that is none of these; several realisations for a CSV file.
-
-    Examples
-    --------
-    >>> import nlfrf, tempfile
-    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.csv")
-    >>> Path(folder.name, "run.csv").read_text().splitlines()[0]
-    't [s],u,y'
-    >>> folder.cleanup()
-    """
-    path = path_of(path)
-    content = {
-        "schema": np.array(RECORD_SCHEMA),
-        "version": np.array(VERSION),
-        "axes": np.array(AXES),
-        "shape": np.array(record.u.shape),  # MATLAB drops axes of length one
-        "u": record.u,
-        "y": record.y,
-        "fs": np.array(record.fs),
-        "excited": record.lines.excited,
-        "odd": record.lines.odd,
-        "even": record.lines.even,
-    }
-    content |= {name: np.array(getattr(record, name)) for name in ("hold", *LABELS)}
-    if record.r is not None:
-        content["r"] = record.r
-    suffix = path.suffix.lower()
-    if suffix == ".mat":
-        save_mat(path, content)
-    elif suffix == ".csv":
-        write_whole(path, lambda target: save_csv(target, record))
-    elif suffix in (".npz", ".h5", ".hdf5"):
-        write_arrays(path, content)
-    else:
-        raise ValueError(f"path must end in .npz, .mat, .h5 or .csv, got {path.name!r}")
-
-
-def save_csv(target: Path, record: Record) -> None:
-    """Write the samples of a single realisation as columns t [s], u, y and r."""
-    if record.n_realizations != 1:
-        raise ValueError(f"record must hold one realisation for a .csv file, got {record.n_realizations}; use .npz")
-    columns = {"u": record.u, "y": record.y} | ({} if record.r is None else {"r": record.r})
-    samples = {name: signal.reshape(-1) for name, signal in columns.items()}
-    t = np.arange(samples["u"].size) / record.fs
-    table = np.column_stack([t, *samples.values()])
-    np.savetxt(target, table, delimiter=",", header="t [s]," + ",".join(samples), comments="", fmt="%.17g")

@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.channels import read_channels
-from nlfrf.files.designs import MULTISINE_SCHEMA, load_multisine
-from nlfrf.files.records import RECORD_SCHEMA, load_record
+from nlfrf.files.designs import MULTISINE_SCHEMA, ORTHOGONAL_SCHEMA, load_design
+from nlfrf.files.multirecords import load_multirecord
+from nlfrf.files.records import load_record
+from nlfrf.files.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA
 from nlfrf.files.stored_values import load_value, save_value
 from nlfrf.identification.bla import Bla
 from nlfrf.multivariable.frm import Frm
 from nlfrf.records.record import Record
+from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.whole_files import write_whole
 
@@ -215,8 +219,8 @@ def load_frm(path: str | os.PathLike[str]) -> Frm:
     return frm
 
 
-def load(path: str | os.PathLike[str]) -> Multisine | Record | Bla | Frm:
-    """Read whatever this package wrote: a multisine, a record, a BLA or a matrix.
+def load(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine | Record | MultiRecord | Bla | Frm:
+    """Read whatever this package wrote: a multisine, a record, a BLA or a matrix, of one input or of several.
 
     Parameters
     ----------
@@ -225,7 +229,7 @@ def load(path: str | os.PathLike[str]) -> Multisine | Record | Bla | Frm:
 
     Returns
     -------
-    Multisine, Record, Bla or Frm
+    Multisine, OrthogonalMultisine, Record, MultiRecord, Bla or Frm
 
     Raises
     ------
@@ -245,11 +249,13 @@ def load(path: str | os.PathLike[str]) -> Multisine | Record | Bla | Frm:
         RECORD_SCHEMA: load_record,
         BLA_SCHEMA: load_bla,
         FRM_SCHEMA: load_frm,
-        MULTISINE_SCHEMA: load_multisine,
+        MULTIRECORD_SCHEMA: load_multirecord,
+        MULTISINE_SCHEMA: load_design,
+        ORTHOGONAL_SCHEMA: load_design,
     }
     schema = read_channels(path).text("schema")
     if schema not in readers:
         raise ValueError(f"path must be a multisine, record, BLA or FRM that this package wrote, got {str(path)!r}")
     reader: Any = readers[schema]
-    content: Multisine | Record | Bla | Frm = reader(path)
+    content: Multisine | OrthogonalMultisine | Record | MultiRecord | Bla | Frm = reader(path)
     return content

@@ -16,12 +16,12 @@ from nlfrf.identification.bla import DistortionLevels
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, path_of, write_arrays
 
-__all__ = ["AXES", "load_value", "refuse_newer", "save_value"]
+__all__ = ["AXES", "load_value", "names_of", "refuse_newer", "save_value"]
 
 
 PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla; of an Frm one an output
 NAMES = ("inputs", "outputs")
-#: What the axes of signals are. A channel axis in front, for several inputs and outputs, is reserved.
+#: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
 AXES = "realization period sample"
 
 
@@ -30,6 +30,8 @@ def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
     for name in field_names(thing):
         part = getattr(thing, name)
+        if part is None:
+            continue
         if name in NAMES:
             content[name] = np.array(json.dumps(part))
         elif name in PARTS and isinstance(part, tuple):
@@ -48,7 +50,7 @@ def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
     found = channels.text("schema")
     if found != schema:
         raise ValueError(f"path must be a file of the schema {schema}, got {found or 'none'} in {str(path)!r}")
-    refuse_newer(channels, schema)
+    refuse_newer(channels, schema, AXES)
     content = channels.arrays
     try:
         return kind(
@@ -92,12 +94,12 @@ def plain(array: np.ndarray) -> Any:
     return array.item() if array.ndim == 0 else array
 
 
-def refuse_newer(file: Channels, schema: str) -> None:
+def refuse_newer(file: Channels, schema: str, axes: str) -> None:
     """Refuse a file of a version, or with axes, that this package does not know; older versions are known."""
     stored = file.arrays.get("version")
     version = int(np.ravel(stored)[0]) if stored is not None and stored.dtype.kind in "iuf" and stored.size == 1 else 0
     if not 1 <= version <= VERSION:
         raise ValueError(f"path must hold schema version 1 to {VERSION} of {schema}, got {version} in {file.path!r}")
-    axes = file.text("axes")
-    if axes not in ("", AXES):
-        raise ValueError(f"path must hold signals with the axes {AXES!r}, got {axes!r} in {file.path!r}")
+    found = file.text("axes")
+    if found not in ("", axes):
+        raise ValueError(f"path must hold signals with the axes {axes!r}, got {found!r} in {file.path!r}")

@@ -19,6 +19,7 @@ from nlfrf.identification.frf import Frf, average_frf, warn_of_jumps
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
+from nlfrf.identification.transient import TREATMENTS
 from nlfrf.records.detection import refuse_wrong_lines
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer, one_of
@@ -91,7 +92,7 @@ def identify(
     >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
     True
     """
-    one_of("transient", transient, ("auto", "none", "discard", "local"))
+    one_of("transient", transient, TREATMENTS)
     one_of("level_from", level_from, ("auto", "detection", "roughness"))
     n_detection = integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):

@@ -10,8 +10,9 @@ from nlfrf.identification.frf import average_frf
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import period_spectra
+from nlfrf.identification.transient import TREATMENTS
 from nlfrf.records.record import Record
-from nlfrf.shared.arguments import integer, of_kind
+from nlfrf.shared.arguments import integer, of_kind, one_of
 from nlfrf.shared.leastsquares import mean_power, rms
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import ratio_unit
@@ -121,6 +122,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     True
     """
     of_kind("record", record, Record)
+    one_of("transient", transient, TREATMENTS)
     n_detection = integer("n_detection", n_detection, least=3)
     grid = record.lines
     where = place_lines(grid, n_detection)

@@ -15,7 +15,10 @@ import numpy as np
 from nlfrf.shared.leastsquares import least_squares, power
 from nlfrf.shared.transforms import rfft_at
 
-__all__ = ["find_treatment", "local_fit"]
+__all__ = ["TREATMENTS", "find_treatment", "local_fit"]
+
+
+TREATMENTS = ("auto", "none", "discard", "local")  # of what has not died away when the first period begins
 
 
 SIDE = 6  # lines on either side of a harmonic used for one fit

@@ -300,19 +300,26 @@ class Frm:
             f"P = {self.n_periods}"
         ]
         with np.errstate(divide="ignore", invalid="ignore"):
-            relative = np.nanmedian(self.bound() / gain, axis=2)
-            distortion = 10 * np.log10(np.nanmedian(self.var_distortion / gain**2, axis=2))
-            noise = 10 * np.log10(np.nanmedian(self.n_realizations * self.var_noise / gain**2, axis=2))
+            relative = middle(self.bound() / gain)
+            distortion = 10 * np.log10(middle(self.var_distortion / gain**2))
+            noise = 10 * np.log10(middle(self.n_realizations * self.var_noise / gain**2))
+        told = np.isfinite(self.var_noise).any()  # not off a single period
         for j, out in enumerate(self.outputs):
             for i, name in enumerate(self.inputs):
                 k = int(gain[j, i].argmax())
                 rows.append(
                     f"  {out} by {name}: largest |G| {gain[j, i, k]:.4g} at {self.f[k]:g} Hz; 95 % "
-                    f"bound {100 * relative[j, i]:.2g} % of |G|; noise {noise[j, i]:.0f} dB, "
-                    f"distortion {distortion[j, i]:.0f} dB"
+                    f"bound {100 * relative[j, i]:.2g} % of |G|; "
+                    + (f"noise {noise[j, i]:.0f} dB, distortion" if told else "distortion and noise")
+                    + f" {distortion[j, i]:.0f} dB"
                 )
         rows.append(f"  medians over lines, of one set; transient: {self.transient}; level from {self.level_source}")
         return "\n".join(rows)
+
+
+def middle(share: np.ndarray) -> np.ndarray:
+    """(n_y, n_u) median over lines of shares of |G|; nothing of nothing is none."""
+    return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))
 
 
 def positive_part(cov: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification import identify as single
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.frf import warn_of_jumps
+from nlfrf.identification.transient import TREATMENTS
 from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
 from nlfrf.multivariable.conditions import (
     calibrated,
@@ -109,7 +110,7 @@ def identify(
     """
     if not isinstance(record, MultiRecord):
         return single.identify(record, transient=transient, level_from=level_from, n_detection=n_detection)
-    one_of("transient", transient, ("auto", "none", "discard", "local"))
+    one_of("transient", transient, TREATMENTS)
     one_of("level_from", level_from, ("auto", "detection", "roughness"))
     return identify_matrix(record, transient, level_from, integer("n_detection", n_detection, least=3))
 

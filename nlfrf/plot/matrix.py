@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf.multivariable.frm import Frm
 from nlfrf.multivariable.gains import RelativeGains, SingularValues
-from nlfrf.plot.look import COLOR
+from nlfrf.plot.look import COLOR, TONES
 from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, db, finished, finished_matrix, matrix_axes, phase_band
 
@@ -21,7 +21,6 @@ __all__ = ["plot_frm", "plot_frm_bounds", "plot_frm_phase", "plot_rga", "plot_si
 ROOM = 12.0  # dB above and below the curves
 FEW = 300  # lines that are drawn as points too
 LINES = ("-", "--", "-.", ":")
-TONES = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")
 
 
 def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.spectra import dft
-from nlfrf.plot.look import COLOR, MARKER, ROUNDING
+from nlfrf.plot.look import COLOR, MARKER, ROUNDING, TONES
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import of_kind, one_of
 from nlfrf.shared.axes import axes, db, finished, note
@@ -22,31 +24,46 @@ __all__ = ["plot_excitation", "plot_input", "plot_samples", "plot_spectrum"]
 
 
 HARMONICS = 48  # of a grid are shown, so that each is seen
+INPUTS = tuple(tone for tone in TONES if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
+BESIDE = 0.3  # of a line, how far several inputs stand beside one another
 
 
-def plot_excitation(ms: Multisine, *, ax: Axes | None = None) -> Axes:
-    """One period of the first realisation in time; arguments as in `plot_bla`."""
-    of_kind("ms", ms, Multisine)
+def plot_excitation(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
+    """One period of the first realisation in time, of several inputs each of them; arguments as in `plot_bla`."""
+    of_kind("ms", ms, Multisine, OrthogonalMultisine)
     ax = axes(ax)
     t = np.arange(ms.n_samples) / ms.fs
-    ax.plot(t, ms.u[0], "-", lw=0.6, color=COLOR["excited"])
-    ax.axhline(ms.rms, color=COLOR["bound"], lw=1, label=f"rms {ms.rms:.3g}, crest factor {ms.crest_factor[0]:.2f}")
-    ax.set(xlabel="time [s]", ylabel="u [unit of u]", title=f"{ms.kind} multisine, {ms.f.size} lines")
+    if isinstance(ms, OrthogonalMultisine):
+        for i, (u, color) in enumerate(zip(ms.u[:, 0], cycle(INPUTS))):
+            label = f"u{i + 1}: rms {ms.rms[i]:.3g}, crest factor {ms.crest_factor[i, 0]:.2f}"
+            ax.plot(t, u, "-", lw=0.6, color=color, label=label)
+        several = f", the first of {ms.n_experiments} experiments" * (ms.n_experiments > 1)
+        what = f"{ms.design} {ms.kind} multisine{several}"
+    else:
+        ax.plot(t, ms.u[0], "-", lw=0.6, color=COLOR["excited"])
+        label = f"rms {ms.rms:.3g}, crest factor {ms.crest_factor[0]:.2f}"
+        ax.axhline(ms.rms, color=COLOR["bound"], lw=1, label=label)
+        what = f"{ms.kind} multisine"
+    ax.set(xlabel="time [s]", ylabel="u [unit of u]", title=f"{what}, {ms.f.size} lines")
     return finished(ax)
 
 
-def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
+def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
     """The first lines of a multisine one by one: what is played, and where to listen; arguments as in `plot_bla`."""
-    of_kind("ms", ms, Multisine)
+    of_kind("ms", ms, Multisine, OrthogonalMultisine)
     ax = axes(ax)
     last = int(ms.lines.excited[-1])
     first = int(ms.lines.excited[0])
     shown = min(last, first + HARMONICS)
     mine = ms.lines.excited <= shown
-    same = " like this" * bool(np.ptp(ms.amplitude) < 1e-6 * ms.amplitude.max())
+    amplitudes = played_amplitudes(ms)
+    top = max(float(size.max()) for size, _, _ in amplitudes.values())
+    same = " like this" * all(np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values())
     more = f"; it goes on{same} up to {last}" if shown < last else ""
-    ax.vlines(ms.lines.excited[mine], 0, ms.amplitude[mine], color=COLOR["excited"], lw=1.2)
-    ax.plot(ms.lines.excited[mine], ms.amplitude[mine], "o", ms=4, color=COLOR["excited"], label="excited")
+    for label, (size, color, beside) in amplitudes.items():
+        here = mine & (size > 0)
+        ax.vlines(ms.lines.excited[here] + beside, 0, size[here], color=color, lw=1.2)
+        ax.plot(ms.lines.excited[here] + beside, size[here], "o", ms=4, color=color, label=label)
     for kind, marker in (("odd", "x"), ("even", "+")):
         lines = getattr(ms.lines, kind)
         lines = lines[lines <= shown]
@@ -58,10 +75,19 @@ def plot_spectrum(ms: Multisine, *, ax: Axes | None = None) -> Axes:
         xlabel=f"harmonic of {ms.f0:g} Hz{more}",
         ylabel="amplitude [unit of u]",
         xlim=(max(first - 1.5, -0.5), shown + 0.5),
-        ylim=(-0.06 * ms.amplitude.max(), 1.12 * ms.amplitude.max()),
+        ylim=(-0.06 * top, 1.12 * top),
         title=f"Harmonic grid, {ms.f[0]:g} to {ms.f[-1]:g} Hz, {ms.f.size} excited lines",
     )
     return finished(ax)
+
+
+def played_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np.ndarray, str, float]]:
+    """Amplitudes (F,) by label, with a colour and how far beside the line they stand: of several inputs each one."""
+    if isinstance(ms, Multisine):
+        return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
+    sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which mixing tells apart
+    beside = BESIDE * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
+    return {f"u{i + 1}": (sizes[i], INPUTS[i % len(INPUTS)], float(beside[i])) for i in range(ms.n_inputs)}
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:

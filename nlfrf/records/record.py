@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.shared.arguments import HOLDS, one_of, positive, real_array
+from nlfrf.shared.arguments import HOLDS, of_kind, one_of, positive, real_array
 from nlfrf.shared.cards import Sketch
 from nlfrf.shared.transforms import is_constant
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 
-__all__ = ["SAME_CLOCK", "Record", "join_records", "refuse_constant"]
+__all__ = ["SAME_CLOCK", "Record", "join_records", "joined", "refuse_constant"]
 
 
 SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
@@ -71,6 +71,7 @@ class Record:
     def __post_init__(self) -> None:
         object.__setattr__(self, "fs", positive("fs", self.fs))
         one_of("hold", self.hold, HOLDS)
+        of_kind("lines", self.lines, LineGrid)
         shape: tuple[int, ...] = ()
         for name in ("u", "y", "r"):
             signal = getattr(self, name)
@@ -166,12 +167,15 @@ def join_records(records: Sequence[Record]) -> Record:
     """
     if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
         raise ValueError(f"records must be a list of one or more Record, got {shown(records)}")
+    return joined(records, axis=0)
+
+
+def joined(records: Sequence[Any], axis: int, *same: str) -> Any:
+    """Records of one kind as one, along the axis of their realisations; what else must be the same, by name."""
     first, *others = records
     for m, one in enumerate(others, start=1):
         for name, here, there in (
-            ("n_samples", one.n_samples, first.n_samples),
-            ("fs", one.fs, first.fs),
-            ("hold", one.hold, first.hold),
+            *((name, getattr(one, name), getattr(first, name)) for name in ("n_samples", "fs", "hold", *same)),
             ("lines", one.lines.excited.tolist(), first.lines.excited.tolist()),
         ):
             if here != there and not (name == "fs" and abs(one.fs / first.fs - 1) < SAME_CLOCK):
@@ -183,8 +187,8 @@ def join_records(records: Sequence[Record]) -> Record:
     if any(with_r) and not all(with_r):
         raise ValueError("records must all have a reference or none of them, got some with and some without")
     n_periods = min(one.n_periods for one in records)
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name)[:, :n_periods] for one in records])
+    signals: dict[str, Any] = {
+        name: np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=axis)
         for name in ("u", "y", *(["r"] if all(with_r) else []))
     }
-    return replace(first, **joined)
+    return replace(first, **signals)

@@ -5,26 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
-from nlfrf.shared.arguments import positive
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
+from nlfrf.shared.arguments import of_kind, positive
 from nlfrf.shared.transforms import rfft_at
-from nlfrf.shared.wording import shown
 
-__all__ = ["played_period", "played_reference"]
+__all__ = ["Design", "played_period", "played_reference", "played_references"]
 
 
+Design = Multisine | OrthogonalMultisine
 ALIKE = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
 
 
-def played_period(design: Multisine, fs: float) -> int:
+def played_period(design: Design, fs: float) -> int:
     """Samples in one period of the design at the sampling frequency of a record [Hz].
 
     Raises
     ------
     ValueError
-        Not a design, or a period that is not a whole number of those samples.
+        A period that is not a whole number of those samples.
     """
-    if not isinstance(design, Multisine):
-        raise ValueError(f"design must be a Multisine, got {shown(design)}")
     n = design.n_samples / design.fs * positive("fs", fs)
     if abs(n - round(n)) > 1e-6 * n:
         raise ValueError(
@@ -35,44 +34,66 @@ def played_period(design: Multisine, fs: float) -> int:
 
 
 def played_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
-    """(M, P, N) what was played, where it stands in the input: without noise, without what the actuator adds.
+    """(M, P, N) what was played, where it stands in one input; as `played_references`."""
+    of_kind("design", design, Multisine)
+    played: np.ndarray = played_references(design, u[None])[0]
+    return played
+
+
+def played_references(design: Design, u: np.ndarray) -> np.ndarray:
+    """(n_u, M, P, N) what was played, where it stands in the inputs: without noise, without what actuators add.
 
     For each realisation of the record the row of the design that it looks like, moved in time until it lies under the
-    measured input. What a linear actuator does to it changes nothing: only its phases are used.
+    measured input; of several inputs under the first, as a shift that all share changes nothing. What a linear actuator
+    does to it changes nothing either: only its phases are used.
 
     Parameters
     ----------
-    design : Multisine
+    design : Multisine or OrthogonalMultisine
         What was played.
-    u : (M, P, N) ndarray
-        Input as measured, cut into periods.
+    u : (n_u, M, P, N) ndarray
+        Inputs as measured, cut into periods.
 
     Raises
     ------
     ValueError
-        An input that looks like no row of the design.
+        A design of other inputs, an input that looks like no row of the design.
     """
-    n_samples = u.shape[2]
+    n_samples = u.shape[3]
     k = design.lines.excited
     if 2 * k[-1] >= n_samples:
         raise ValueError(f"design must have lines below the Nyquist line {n_samples / 2:g}, got line {k[-1]}")
-    U = rfft_at(u.mean(axis=1), k)
-    D = design.amplitude * np.exp(1j * design.phase)
-    rows = []
-    for m, one in enumerate(U):
-        likeness, delay = zip(*(alignment(one, row, k, n_samples) for row in D), strict=True)
+    D = spectra_of(design)
+    if len(D) != len(u):
+        raise ValueError(f"design must have the inputs of the record, {len(u)}, got {len(D)}")
+    U = rfft_at(u.mean(axis=2), k)
+    spectrum = np.zeros((*U.shape[:2], n_samples // 2 + 1), dtype=complex)
+    for m in range(U.shape[1]):
+        found = np.array(
+            [
+                [alignment(mine, drawn, k, n_samples) for mine, drawn in zip(U[:, m], D[:, e], strict=True)]
+                for e in range(D.shape[1])
+            ]
+        )
+        likeness = found[:, :, 0].min(axis=1)  # of the input that looks least like its row
         best = int(np.argmax(likeness))
         if not likeness[best] > ALIKE:
             raise ValueError(
                 f"design must be what was played, got a correlation of {likeness[best]:.2g} with the input of "
-                f"realisation {m} at best"
+                f"{'realisation' if len(u) == 1 else 'experiment'} {m} at best"
             )
-        spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
-        spectrum[k] = D[best] * np.exp(-2j * np.pi * k * delay[best] / n_samples) * (n_samples / 2)
-        rows.append(np.fft.irfft(spectrum, n_samples))
-    played = np.array(rows)
+        delay = found[best, 0, 1]
+        spectrum[:, m, k] = D[:, best] * np.exp(-2j * np.pi * k * delay / n_samples) * (n_samples / 2)
+    played = np.fft.irfft(spectrum, n_samples)
     played.flags.writeable = False
-    return np.broadcast_to(played[:, None, :], u.shape)  # one period that stands for all of them
+    return np.broadcast_to(played[:, :, None, :], u.shape)  # one period that stands for all of them
+
+
+def spectra_of(design: Design) -> np.ndarray:
+    """(n_u, M, F) complex amplitudes that were played."""
+    if isinstance(design, Multisine):
+        return (design.amplitude * np.exp(1j * design.phase))[None]
+    return design.spectrum
 
 
 def alignment(U: np.ndarray, D: np.ndarray, k: np.ndarray, n_samples: int) -> tuple[float, float]:

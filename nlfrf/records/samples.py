@@ -17,7 +17,7 @@ from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, refuse_constant
 from nlfrf.records.reference import played_period, played_reference
 from nlfrf.records.regular_grids import jumpy_grid
-from nlfrf.shared.arguments import data_warning, integer, positive, real_array
+from nlfrf.shared.arguments import data_warning, integer, of_kind, positive, real_array
 from nlfrf.shared.transforms import blocks, equal
 
 __all__ = ["record_from_samples", "records_from_streams"]
@@ -125,6 +125,9 @@ def records_from_streams(
     Streams that nobody can write go into the record as they are, where there is one realisation.
     """
     fs, n_discard = positive("fs", fs), integer("n_discard", n_discard, least=0)
+    for name, given, kind in (("design", design, Multisine), ("lines", lines, LineGrid)):
+        if given is not None:
+            of_kind(name, given, kind)
     streams = checked_streams(u, outputs, r)
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     del u, outputs, r  # long streams are held once

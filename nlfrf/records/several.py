@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid
+from nlfrf.excitation.multisine import Multisine
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.records.detection import detect_lines
 from nlfrf.records.record import Record
+from nlfrf.records.reference import Design, played_period, played_references
 from nlfrf.records.samples import record_from_samples
-from nlfrf.shared.arguments import HOLDS, channel_names, one_of, positive, real_array
+from nlfrf.shared.arguments import HOLDS, channel_names, of_kind, one_of, positive, real_array
 from nlfrf.shared.values import value
 
 __all__ = ["MultiRecord", "multirecord_from_samples"]
@@ -66,6 +69,7 @@ class MultiRecord:
 
     def __post_init__(self) -> None:
         one_of("hold", self.hold, HOLDS)
+        of_kind("lines", self.lines, LineGrid)
         object.__setattr__(self, "fs", positive("fs", self.fs))
         shape = np.shape(self.u)
         for name in ("u", "y", "r"):
@@ -152,7 +156,8 @@ def multirecord_from_samples(
     n_discard: int = 0,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
-    hold: str = "unknown",
+    design: Design | None = None,
+    hold: str | None = None,
 ) -> MultiRecord:
     """Cut streams of several channels into whole periods; the faults of every channel are looked for.
 
@@ -172,8 +177,11 @@ def multirecord_from_samples(
         Periods to leave out at the start, where the transient is.
     inputs, outputs : sequence of str
         Names of the channels.
-    hold : str
-        How all inputs run between their samples, see `MultiRecord`.
+    design : OrthogonalMultisine, optional
+        What was played: its period and lines are taken and not looked for, and where no `r` is given its phases are
+        the references. The inputs must show it, behind any trigger; the experiments of a set lie side by side.
+    hold : str, optional
+        How all inputs run between their samples, see `MultiRecord`; from the design, or unknown, when not given.
 
     Returns
     -------
@@ -182,7 +190,8 @@ def multirecord_from_samples(
     Raises
     ------
     ValueError
-        Channels or experiments of different lengths, and whatever `record_from_samples` refuses in a channel.
+        Channels or experiments of different lengths, a design that was not played, and whatever `record_from_samples`
+        refuses in a channel.
 
     Examples
     --------
@@ -193,6 +202,11 @@ def multirecord_from_samples(
     >>> record.u.shape, record.lines.excited.tolist()
     ((2, 2, 2, 100), [1, 3, 9, 11, 17, 19])
     """
+    if design is not None:
+        of_kind("design", design, OrthogonalMultisine, Multisine)
+        n_samples = played_period(design, fs) if n_samples is None else n_samples
+        lines = design.lines if lines is None else lines
+        hold = design.hold if hold is None else hold
     streams = {"u": experiments("u", u), "y": experiments("y", y)}
     if r is not None:
         streams["r"] = experiments("r", r)
@@ -201,10 +215,11 @@ def multirecord_from_samples(
         if lengths != wanted:
             raise ValueError(f"{name} must have the experiments and samples of u, {wanted}, got {lengths}")
     known = "r" if r is not None else "u"
+    together = [with_all_lines(one) for one in streams[known]]
 
     def cut(name: str, i: int, period: int | None = n_samples) -> Record:
-        """One channel as the output beside a known signal, which says where the periods stand."""
-        beside = [one[i if name == known else 0] for one in streams[known]]
+        """One channel as the output beside known signals, which say where the periods stand."""
+        beside = [one[i] for one in streams[known]] if name == known else together
         channel = [one[i] for one in streams[name]]
         return record_from_samples(beside, channel, fs=fs, n_samples=period, n_discard=n_discard, lines=lines)
 
@@ -217,8 +232,17 @@ def multirecord_from_samples(
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
+    if design is not None:
+        found.setdefault("r", played_references(design, found["u"]))
     found |= {"inputs": inputs, "outputs": outputs}  # which the record makes tuples of
-    return MultiRecord(**found, fs=first.fs, lines=lines, hold=hold)
+    return MultiRecord(**found, fs=first.fs, lines=lines, hold="unknown" if hold is None else hold)
+
+
+def with_all_lines(channels: np.ndarray) -> np.ndarray:
+    """(n,) all channels as one signal: zippered, each of them has no power on the lines of the others."""
+    size = np.sqrt(np.mean(channels**2, axis=1))
+    weights = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    return np.asarray(weights @ channels)
 
 
 def experiments(name: str, signal: Any) -> list[np.ndarray]:

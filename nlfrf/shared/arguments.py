@@ -17,6 +17,7 @@ __all__ = [
     "DataWarning",
     "channel_names",
     "data_warning",
+    "generator",
     "integer",
     "nonnegative",
     "of_kind",
@@ -99,6 +100,14 @@ def probability(name: str, number: Any) -> float:
     if not 0 < p < 1:
         raise ValueError(f"{name} must lie strictly between 0 and 1, got {p:g}")
     return p
+
+
+def generator(name: str, seed: Any) -> np.random.Generator:
+    """A source of random numbers from one, from a seed or from nothing, or a refusal."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a numpy Generator, a whole number or None, got {shown(seed)}") from None
 
 
 def one_of(name: str, choice: Any, choices: tuple[str, ...]) -> str:

@@ -20,6 +20,7 @@ from scipy.linalg import matrix_balance
 
 from nlfrf.shared.arguments import integer, real
 from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
 from robust.certificates.stability import instability
 from robust.mu.upper import mu_upper, refined
 from robust.systems.closed_loop import refuse_shape
@@ -278,6 +279,8 @@ def around(G: Any, K: control.StateSpace) -> Any:
 
 def some_of(n: int, channels: Sequence[int]) -> tuple[int, ...]:
     """Channels of n, or a refusal."""
+    if not isinstance(channels, Sequence):
+        raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {shown(channels)}")
     some = tuple(integer("channels", k, least=0) for k in channels)
     if not some or max(some) >= n or len(set(some)) < len(some):
         raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {list(channels)}")

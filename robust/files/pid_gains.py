@@ -8,7 +8,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.shared.arguments import positive
+from nlfrf.shared.arguments import of_kind, positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import inverse_unit
 from robust.systems.lti import poles, response, timebase
@@ -140,6 +140,7 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
     ideal, Kp (1 + 1/(Ti s)): Kp = 2, Ti = 0.666667 s
     once a sample, at 10 Hz, e = r - y: i[k] = i[k-1] + 0.15 (e[k] + e[k-1]); u[k] = 2 e[k] + i[k]
     """
+    of_kind("unit", unit, str)
     K = state_space("K", K)
     sampled = timebase(K)
     integrates, filter_time = parts_of(K, sampled)

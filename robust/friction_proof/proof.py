@@ -152,7 +152,8 @@ def prove_friction(
     Raises
     ------
     ValueError
-        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller.
+        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller,
+        an `Fs` that is not that of `any_bounded`.
 
     References
     ----------
@@ -171,7 +172,11 @@ def prove_friction(
         raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
     K = state_space("K", K)
     loop = sliding_loop(machine, K, delay)
-    Fs = friction.Fs if friction.kind == "bounded" else np.nan if Fs is None else positive("Fs", Fs)
+    Fs = np.nan if Fs is None else positive("Fs", Fs)
+    if friction.kind == "bounded":
+        if np.isfinite(Fs) and Fs != friction.Fs:
+            raise ValueError(f"Fs must be that of the class, {friction.Fs:g} N, or left out, got {Fs:g}")
+        Fs = friction.Fs
     spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
     found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
     found |= bounded_words(machine, loop, Fs)

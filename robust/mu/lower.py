@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
+from nlfrf.shared.arguments import generator, integer
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, hermitian, response_matrices, scalings
 
@@ -63,7 +64,8 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     (3.0, 0.0)
     """
     M = response_matrices("N", N)
-    return searched(M, fitting("blocks", blocks, M.shape[1:]), n_starts, np.random.default_rng(rng), np.inf)
+    n_starts = integer("n_starts", n_starts, least=0)
+    return searched(M, fitting("blocks", blocks, M.shape[1:]), n_starts, generator("rng", rng), np.inf)
 
 
 def searched(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float) -> MuBound:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf.shared.arguments import of_kind
+from nlfrf.shared.arguments import integer, of_kind
 from nlfrf.shared.axes import axes, db, finished
-from nlfrf.shared.wording import in_unit
+from nlfrf.shared.wording import in_unit, shown
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.family import LoopFamily
 from robust.analysis.report import RobustnessReport
@@ -118,6 +118,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     from matplotlib.patches import Circle
 
     of_kind("report", report, RobustnessReport)
+    n_discs = integer("n_discs", n_discs, least=0)
     ax = axes(ax)
     L = report.G * report.K
     reach = 2.5
@@ -227,6 +228,8 @@ def plot_bounds(
         Where to draw; a new figure when not given.
     """
     of_kind("model", model, UncertaintyModel)
+    if not isinstance(bounds, tuple | list) or len(bounds) != 2:
+        raise ValueError(f"bounds must be the pair that loop_bounds gives, got {shown(bounds)}")
     ax = axes(ax)
     f, (low, high) = hz(model.omega), bounds
     L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_band
 from robust.modelling.nominal import NominalFit, behind_hold
@@ -91,6 +92,9 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
         Where to draw: it gives its place to the two that are returned; a new figure when not given.
     """
     of_kind("model", model, UncertaintyModel)
+    blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
+    for one in blas:
+        of_kind("bla", one, Bla)
     top, bottom = bode_axes(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     f, G = hz(omega), model.at(omega)
@@ -104,7 +108,6 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
         ratio = (high - low) / (high + low)
     wide = np.arcsin(np.where((low > 0) & (ratio < 1), ratio, np.nan))
     bottom.fill_between(f, *np.degrees([phase - wide, phase + wide]), color=COLOR["weight"], alpha=0.25, lw=0)
-    blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
     if not model.measured_only:
         blas = [behind_hold(one, timebase(model.nominal)) for one in blas]
     shown: list[np.ndarray] = []

@@ -87,10 +87,10 @@ class Block:
 
 def signals(name: str, given: Any) -> tuple[str, ...]:
     """Signal names as a tuple, or a refusal."""
-    names = (given,) if isinstance(given, str) else tuple(given)
-    if not all(isinstance(one, str) for one in names):
+    names = (given,) if isinstance(given, str) else given
+    if not isinstance(names, Sequence) or not all(isinstance(one, str) for one in names):
         raise ValueError(f"{name} must hold names of signals, got {shown(given)}")
-    return names
+    return tuple(names)
 
 
 @value
@@ -212,6 +212,8 @@ def interconnection(
     """
     if not isinstance(systems, Sequence) or not systems:
         raise ValueError(f"systems must be a list of one system or more, got {shown(systems)}")
+    if not isinstance(blocks, Mapping) or not all(isinstance(block, Block) for block in blocks.values()):
+        raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {shown(blocks)}")
     inputs, outputs = signals("inputs", inputs), signals("outputs", outputs)
     if bool(inputs) != bool(outputs):
         raise ValueError("outputs must be given together with inputs, got only one of them")

@@ -21,7 +21,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla, Frm
-from nlfrf.shared.arguments import one_of, probability, real, real_array
+from nlfrf.shared.arguments import generator, one_of, probability, real, real_array
 from nlfrf.shared.values import value
 from robust.modelling.design_warning import suspected
 from robust.modelling.nominal import behind_hold
@@ -245,7 +245,7 @@ class UncertaintyModel:
 
     def sample(self, n: int, rng: np.random.Generator | int | None = None) -> list[Any]:
         """n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
-        return random_plants(self, n, np.random.default_rng(rng))
+        return random_plants(self, n, generator("rng", rng))
 
 
 @overload

@@ -9,6 +9,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla, Frm
+from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.modelling.nominal import behind_hold
@@ -157,6 +158,7 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) 
         return validate_matrix(model, bla)
     if not isinstance(bla, Bla):
         raise ValueError(f"bla must be an nlfrf.Bla, as the model, got {shown(bla)}")
+    of_kind("model", model, UncertaintyModel)
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")

@@ -6,7 +6,17 @@ import sys
 import numpy as np
 import pytest
 
-from nlfrf import __version__, cli, load_bla, load_frm, load_multisine, multisine
+from nlfrf import (
+    MultiRecord,
+    __version__,
+    cli,
+    load_bla,
+    load_frm,
+    load_multisine,
+    multisine,
+    save_multisine,
+    save_record,
+)
 
 
 @pytest.fixture
@@ -85,6 +95,54 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
         code, out, _ = nlfrf_command("plot", f"G{suffix}", "-o", "G.png")
         assert code == 0
         assert (tmp_path / "G.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
+    steps = [
+        "design --fs 512 --period 1024 --f-min 2 --f-max 100 --kind random-odd --inputs 2 --rms 2 --draws 5 --seed 1 "
+        "-o ms.npz",
+        "plot ms.npz -o ms.png",
+        "simulate ms.npz --discard 3 --oversampling 8 --noise 1e-8 --seed 2 -o run.npz",
+        "identify run.npz --design ms.npz -o G.npz",
+        "plot run.npz -o run.png",
+        "identify run.npz --output y --discard 1 -o row.npz",
+    ]
+    said = []
+    for step in steps:
+        code, out, _ = nlfrf_command(*step.split())
+        assert code == 0, step
+        said.append(out)
+    assert "2 experiments of 2 inputs" in said[0]
+    assert "wrote run.npz: 2 experiments x 2 periods x 1024 samples" in said[2]
+    frm, row = load_frm(tmp_path / "G.npz"), load_frm(tmp_path / "row.npz")
+    assert (frm.inputs, frm.outputs, row.outputs) == (("Fx", "Fy"), ("x", "y"), ("y",))
+    assert 25 < frm.f[np.argmax(np.abs(frm.G[0, 0]))] < 33
+    np.testing.assert_allclose(row.G[0], frm.G[1], atol=0.05 * np.abs(frm.G).max())
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in ("ms.png", "run.png"))
+
+
+@pytest.mark.parametrize(
+    ("command", "refusal"),
+    [
+        ("design --inputs 2 --crest 1.7", "crest must be left out for several inputs"),
+        ("design --zippered", "inputs must be 2 or more for zippered, got 1"),
+        ("design --draws 3", "inputs must be 2 or more for draws, got 1"),
+        ("simulate ms.npz --mass 2", "mass and stiffness must be left out for several inputs"),
+        ("simulate run.npz", "file must be a multisine that 'nlfrf design' wrote, got 'run.npz'"),
+        ("identify run.npz --resample", "--resample must be left out for several inputs, got it with run.npz"),
+        ("identify run.npz --input u", "of several: take load_multirecord, or leave input out"),
+    ],
+)
+def test_what_several_inputs_refuse(nlfrf_command, tmp_path, command, refusal):
+    ms = multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
+    save_multisine(ms, tmp_path / "ms.npz")
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    save_record(MultiRecord(u=u, y=u[::-1], fs=512, lines=ms.lines), tmp_path / "run.npz")
+    band = "--fs 512 --period 512 --f-min 2 --f-max 100 " if command.startswith("design") else ""
+    code, _, err = nlfrf_command(*f"{command} {band}-o out.npz".split())
+    assert code == 2
+    assert refusal in err
+    assert not (tmp_path / "out.npz").exists()
 
 
 def test_too_few_realisations_of_the_paper_are_refused(nlfrf_command, tmp_path):

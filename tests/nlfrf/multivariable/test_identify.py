@@ -357,3 +357,16 @@ def test_an_input_lost_in_its_noise_asks_for_references():
         warnings.simplefilter("error")
         quiet = nlfrf.MultiRecord(u=clean.u + 0.3 * noise, y=clean.y, fs=512, lines=ms.lines)
         nlfrf.identify(quiet, transient="none")
+
+
+@pytest.mark.parametrize("n_periods", [1, 2])
+def test_a_matrix_is_printed_without_a_word_more(n_periods):
+    ms = nlfrf.multisine("random-odd", fs=256, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1)
+    u = np.repeat(ms.u[:, :, None], n_periods, axis=2)
+    record = nlfrf.MultiRecord(u=u, y=np.stack([u[0] + 0.1 * u[0] ** 3, u[1]]), fs=256, lines=ms.lines)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", nlfrf.DataWarning)
+        frm = nlfrf.identify(record)
+    said = str(frm)  # every warning is an error here
+    assert ("distortion and noise -" in said) == (n_periods == 1)
+    assert ("noise -inf dB, distortion" in said) == (n_periods == 2)

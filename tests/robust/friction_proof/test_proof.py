@@ -257,3 +257,11 @@ def test_a_model_of_the_rig_is_the_rig():
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_bounded_class_has_its_own_friction():
+    with pytest.raises(ValueError, match=r"Fs must be that of the class, 1 N, or left out, got 5"):
+        prove_friction(RIG, 1e3, any_bounded(1.0), Fs=5.0)
+    assert (
+        prove_friction(RIG, 1e3, any_bounded(1.0), Fs=1.0).verdict == prove_friction(RIG, 1e3, any_bounded(1.0)).verdict
+    )
