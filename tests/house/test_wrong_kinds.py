@@ -14,7 +14,7 @@ from robust import plot as loop_pictures
 
 MODULES = (nlfrf, robust, measured_pictures, loop_pictures)
 SLOW = {"design_proved", "scan_orders", "level_study", "progress_bar"}
-FLAGS = {"certify", "even", "limits", "resample", "simultaneous", "stable"}  # taken for true or false, whatever they are
+FLAGS = {"certify", "even", "limits", "resample", "simultaneous", "stable"}  # true or false, whatever they are
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress", "transform"}  # in some cases only
 #: Parameters that no sound value is made of here: results of functions that have a test of their own.
 RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
