@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from csv import reader as csv_reader
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -211,11 +212,12 @@ def identify(
     in one file, or a table of it (.csv); each file that is read is then one experiment.
     """
     say = speaker(json)
-    outputs = [name for one in output or ["y"] for name in one.split(",")]
+    outputs = [name for one in output or ["y"] for name in names_of(one)]
     stored = input is None and holds_multirecord(file[0])
-    if stored or "," in (input or ""):
-        channels: Any = {"u": input.split(","), "y": outputs} if input else {"y": outputs if output else None}
-        channels["r"] = reference.split(",") if reference else ()
+    inputs, references = names_of(input or "u"), names_of(reference) if reference else []
+    if stored or len(inputs) > 1:
+        channels: Any = {"u": inputs, "y": outputs} if input else {"y": outputs if output else None}
+        channels["r"] = references
         for option, given in (("resample", resample), ("opinion", opinion)):
             if given:
                 raise ValueError(f"{option} must be left out for several inputs, got it with {input or file[0].name}")
@@ -231,9 +233,9 @@ def identify(
     targets = targets_of(out, outputs)
     records = nlfrf.load_record(
         file,
-        u=input or "u",
+        u=inputs[0],
         y=outputs,
-        r=reference,
+        r=references[0] if len(references) == 1 else reference,
         fs=fs,
         n_samples=period,
         n_discard=discard,
@@ -326,6 +328,11 @@ def targets_of(out: Path, outputs: list[str]) -> list[Path]:
             f"{', '.join(target.name for target in dict.fromkeys(targets))}"
         )
     return targets
+
+
+def names_of(text: str) -> list[str]:
+    """Names with commas between them; one that has a comma itself stands in quotes, as in a table."""
+    return next(csv_reader([text], skipinitialspace=True)) or [text]
 
 
 def slug(name: str) -> str:

@@ -95,6 +95,13 @@ class Channels:
             )
         if full in self.notes:
             raise ValueError(f"{parameter} must hold numbers, but {name!r} of {file!r} {self.notes[full]}")
+        if twins := [
+            known for known in self.signals if known.startswith(f"{full}.") and known[len(full) + 1 :].isdigit()
+        ]:
+            data_warning(
+                f"{file!r} has {len(twins) + 1} channels called {full!r}: {parameter} is the first of them; "
+                f"{' or '.join(map(repr, twins))} names another"
+            )
         return stream_of(array)
 
     def labels(self, u: str, y: str) -> dict[str, str]:

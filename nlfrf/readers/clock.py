@@ -42,6 +42,7 @@ VALUE = re.compile(
     re.I,
 )
 BACK = 0.5  # of a step that a time axis may run backwards, as moments that a computer noted do
+LONG = 1.0  # seconds from which a "sampling time" may be how long was sampled
 ROUGH = 2e-4  # how far a time axis of uneven steps may be from a clock of three digits that is believed instead
 
 
@@ -89,6 +90,11 @@ def told_clock(lines: tuple[str, ...], delimiter: str = ",", decimal: str = ".")
     (2000.0, 1000.0, 0.0)
     >>> [told_clock((f"Sample rate: {said}",)) for said in ("2 MHz", "100 kS/s", "1 000 Hz", "51,200 Hz", "100 N")]
     [2000000.0, 100000.0, 1000.0, 0.0, 0.0]
+
+    A sampling time of seconds may be how long was sampled.
+
+    >>> [told_clock((said,)) for said in ("Sampling time: 1 ms", "Sampling time: 10 s", "Sampling interval: 10 s")]
+    [1000.0, 0.0, 0.1]
     """
     for line in lines:
         said = CLOCK.search(line)
@@ -100,6 +106,8 @@ def told_clock(lines: tuple[str, ...], delimiter: str = ",", decimal: str = ".")
         if scale is None and value["gap"].strip() and not UNIT_CELL.fullmatch(unit):
             scale = 1.0  # a word in a cell of its own
         number = spelled(value["number"], delimiter, decimal) * (scale or 0.0)
+        if said["step"] and "time" in said["step"].lower() and number >= LONG:
+            continue
         if 0 < number < np.inf:
             return number if said["rate"] else float(f"{1 / number:.12g}")
     return 0.0

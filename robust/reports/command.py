@@ -75,9 +75,11 @@ def hand_over(report: Any, out: Path, say: Any) -> None:
     """Write a report, and what was proved beside it, verified."""
     write_text(out, f"{report}\n")
     say(f"wrote {out}")
+    handed = out.with_suffix(".certificate.json")
     if any(certificate.holds and certificate.claim is not None for certificate in report.certificates):
-        handed = out.with_suffix(".certificate.json")
         save_certificate(report, handed)
         say(f"wrote {handed}")
         with working("verifying"):
             say(verify_certificate(handed))
+    elif handed.exists():
+        say(f"{handed} is of an earlier run: this one proved nothing that it could hold")

@@ -305,3 +305,24 @@ def test_messages_have_the_numbers_that_were_measured(nlfrf_command, tmp_path):
     (tmp_path / "empty.csv").touch()
     _, _, err = nlfrf_command("identify", "empty.csv", "-o", "b.npz")
     assert "record_from_samples(u, y, fs=...)" in err
+
+
+def test_a_name_with_a_comma_stands_in_quotes(nlfrf_command, tmp_path):
+    ms = multisine(fs=100, n_samples=100, f_min=1, f_max=30, rng=1)
+    u = np.tile(ms.u[0], 3)
+    t = np.arange(u.size) / 100
+    header = 't [s],"Kraft, x [N]",way'
+    np.savetxt(tmp_path / "run.csv", np.stack([t, u, 2 * u], axis=1), delimiter=",", header=header, comments="")
+    for output in ("way", '"way"'):
+        code, out, _ = nlfrf_command(
+            "identify", "run.csv", "--input", '"Kraft, x"', "--output", output, "-o", "bla.npz"
+        )
+        assert code == 0
+        assert "BLA on" in out
+    code, _, err = nlfrf_command("identify", "run.csv", "--input", "", "--output", "way", "-o", "bla.npz")
+    assert code == 2
+    code, _, err = nlfrf_command(
+        "identify", "run.csv", "--reference", "a,b", "--input", "way", "--output", "way", "-o", "x.npz"
+    )
+    assert code == 2
+    assert "--reference must name a signal of 'run.csv'" in err

@@ -191,6 +191,9 @@ def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
     code, _, wrong = robust_command("verify changed.json")
     assert code == 2
     assert "whose digest does not fit" in wrong
+    save_controller(control.ss([], [], [], [[1e9]], 0.001), tmp_path / "bold.json")
+    code, said, _ = robust_command("check m.json bold.json -o r.txt")  # which proves nothing
+    assert "r.certificate.json is of an earlier run" in said
 
 
 def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):

@@ -434,3 +434,16 @@ def test_an_output_that_is_the_input_is_told(record, tmp_path):
         nlfrf.load_record(tmp_path / "m.npz", y="u", n_samples=512)
     with pytest.raises(ValueError, match=r"y must name different outputs, got \['y', 'y'\]"):
         nlfrf.load_record(tmp_path / "m.npz", y=["y", "y"])
+
+
+def test_of_channels_with_one_name_the_one_that_is_taken_is_told(tmp_path):
+    u = np.tile(nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=30, rng=1).u[0], 3)
+    table = np.stack([np.arange(u.size) / 100, u, 2 * u, 5 * u], axis=1)
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t [s],u,y,y", comments="")
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"has 2 channels called 'y': y is the first of them; 'y\.4' names another"
+    ):
+        record = nlfrf.load_record(tmp_path / "run.csv")
+    np.testing.assert_allclose(record.y, 2 * record.u)
+    record = nlfrf.load_record(tmp_path / "run.csv", y="y.4")
+    np.testing.assert_allclose(record.y, 5 * record.u)
