@@ -211,39 +211,21 @@ def identify(
     With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix
     in one file, or a table of it (.csv); each file that is read is then one experiment.
     """
-    say = speaker(json)
     outputs = [name for one in output or ["y"] for name in names_of(one)]
-    stored = input is None and holds_multirecord(file[0])
     inputs, references = names_of(input or "u"), names_of(reference) if reference else []
-    if stored or len(inputs) > 1:
-        channels: Any = {"u": inputs, "y": outputs} if input else {"y": outputs if output else None}
-        channels["r"] = references
+    how: dict[str, Any] = {"transient": transient, "level_from": level_from, "n_detection": detection}
+    cut: dict[str, Any] = {"fs": fs, "n_samples": period, "n_discard": discard, "design": design, "hold": hold}
+    if len(inputs) > 1 or (input is None and holds_multirecord(file[0])):
         for option, given in (("resample", resample), ("opinion", opinion)):
             if given:
                 raise ValueError(f"{option} must be left out for several inputs, got it with {input or file[0].name}")
-        cut: Any = {"fs": fs, "n_samples": period, "n_discard": discard, "design": design, "hold": hold}
-        several = nlfrf.load_multirecord(file, **channels, **cut)
-        frm = nlfrf.identify(several, transient=transient, level_from=level_from, n_detection=detection)
-        say(frm)
-        for target in dict.fromkeys([out, *[out.with_suffix(".csv")] * csv]):
-            (nlfrf.export_csv if target.suffix.lower() == ".csv" else nlfrf.save_frm)(frm, target)
-            say(f"wrote {target}")
-        end(frm, True, json)
+        cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
+        identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json)
         return
-    targets = targets_of(out, outputs)
-    records = nlfrf.load_record(
-        file,
-        u=inputs[0],
-        y=outputs,
-        r=references[0] if len(references) == 1 else reference,
-        fs=fs,
-        n_samples=period,
-        n_discard=discard,
-        resample=resample,
-        design=design,
-        hold=hold,
-    )
-    blas = nlfrf.identify(records, transient=transient, level_from=level_from, n_detection=detection)
+    say, targets = speaker(json), targets_of(out, outputs)
+    named = references[0] if len(references) == 1 else reference
+    records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=named, resample=resample, **cut)
+    blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
         nlfrf.save_bla(bla, target)
         say(f"{name}: {bla}")
@@ -317,6 +299,16 @@ def doctor() -> None:
     if faults:
         raise typer.Exit(1)
     print("all is well")
+
+
+def identify_matrix(record: nlfrf.MultiRecord, how: dict[str, Any], out: Path, csv: bool, json: bool) -> None:
+    """Several inputs: one matrix, in one file, and a table beside it where one is asked for."""
+    frm, say = nlfrf.identify(record, **how), speaker(json)
+    say(frm)
+    for target in dict.fromkeys([out, *[out.with_suffix(".csv")] * csv]):
+        (nlfrf.export_csv if target.suffix.lower() == ".csv" else nlfrf.save_frm)(frm, target)
+        say(f"wrote {target}")
+    end(frm, True, json)
 
 
 def targets_of(out: Path, outputs: list[str]) -> list[Path]:

@@ -252,10 +252,6 @@ def multisine(
     if n_log is not None:
         grid = thinned(grid, integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
-    if n_inputs == 1 and (mixing is not None or n_draws != 1):
-        raise ValueError(
-            "mixing and n_draws must be left out for one input, whose peaks reduce_crest lowers, got n_inputs = 1"
-        )
     if n_inputs > 1:
         return orthogonal_multisine(
             fs,
@@ -272,8 +268,8 @@ def multisine(
             hold=hold,
             rng=rng,
         )
-    if design != "orthogonal" or mixing is not None:
-        raise ValueError("n_inputs must be at least 2 for a zippered design or a mixing, got 1")
+    if design != "orthogonal" or mixing is not None or n_draws != 1:
+        raise ValueError("n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest), got 1")
     rms, shape = positive("rms", rms), relative_amplitude(amplitude, f)
     return Multisine(
         fs=fs,

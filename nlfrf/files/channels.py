@@ -18,7 +18,7 @@ from nlfrf.shared.own_process import read_apart
 from nlfrf.shared.values import value
 from nlfrf.shared.whole_files import path_of
 
-__all__ = ["OTHERWISE", "SUFFIXES", "Channels", "read_channels"]
+__all__ = ["OTHERWISE", "SUFFIXES", "Channels", "paths_of", "read_channels"]
 
 
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]

@@ -60,6 +60,7 @@ def save_record(record: Record | MultiRecord, path: str | os.PathLike[str]) -> N
     Examples
     --------
     >>> import nlfrf, tempfile
+    >>> from pathlib import Path
     >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
     >>> folder = tempfile.TemporaryDirectory()
     >>> save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.csv")

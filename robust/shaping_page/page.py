@@ -87,6 +87,7 @@ def write_shaping_page(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> import control
     >>> import numpy as np
     >>> from robust import UncertaintyModel

@@ -211,7 +211,7 @@ def interconnection(
     ([(1, 1, 'real'), (1, 1)], [(-5+0j)])
     """
     if not isinstance(systems, Sequence) or not systems:
-        raise ValueError(f"systems must be a list of one system or more, got {shown(systems)}")
+        raise ValueError(f"systems must hold at least one system, as a list, got {shown(systems)}")
     if not isinstance(blocks, Mapping) or not all(isinstance(block, Block) for block in blocks.values()):
         raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {shown(blocks)}")
     inputs, outputs = signals("inputs", inputs), signals("outputs", outputs)

@@ -80,7 +80,8 @@ def test_zippered_lines_are_shared_out_at_random_and_keep_the_rms():
         ({"design": "serial"}, "design must be one of 'orthogonal', 'zippered'"),
         ({"n_inputs": 6, "transform": "hadamard"}, 'n_inputs must be 1, 2, 4, 8, 12, ... for transform="hadamard"'),
         ({"n_inputs": 0}, "n_inputs must be a whole number of at least 1"),
-        ({"n_inputs": 1, "mixing": np.eye(1)}, "n_inputs must be at least 2 for a zippered design or a mixing"),
+        ({"n_inputs": 1, "mixing": np.eye(1)}, "n_inputs must be at least 2 for a zippered design, a mixing or draws"),
+        ({"n_inputs": 1, "n_draws": 9}, "n_inputs must be at least 2 for a zippered design, a mixing or draws"),
     ],
 )
 def test_refusals(more, message):
