@@ -33,6 +33,7 @@ COMMANDS = (
     "faults",
     "fuzz_loaders --files 100",
     "fuzz_readers --files 200",
+    "fuzz_commands",
     "validation --records 100",
     "joint --records 4",
     "coverage_matrix 8",
