@@ -34,10 +34,12 @@ def encoded_matrix(model: MatrixUncertainty) -> dict[str, Any]:
     content |= {name: list(getattr(model, name)) for name in NAMES}
     content |= {name: getattr(model, name) for name in TEXTS}
     content |= {name: encoded(getattr(model, name)) for name in NUMBERS}
-    if model.measured is not None:
-        content["measured"] = {part: encoded(getattr(model.measured, part)) for part in (*REAL, *COMPLEX)}
-    # of two forms of a set the record is the same
-    return content if model.other is None else content | {"other": encoded_matrix(replace(model.other, measured=None))}
+    if model.measured:
+        content["measured"] = [
+            {part: encoded(getattr(one, part)) for part in (*REAL, *COMPLEX)} for one in model.measured
+        ]
+    # of two forms of a set the records are the same
+    return content if model.other is None else content | {"other": encoded_matrix(replace(model.other, measured=()))}
 
 
 def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
@@ -46,7 +48,8 @@ def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
     names: dict[str, Any] = {name: texts(name, content[name]) for name in NAMES}
     words: dict[str, Any] = {name: texts(name, [content[name]])[0] for name in TEXTS}
     numbers: dict[str, Any] = {name: float(decoded(content[name])) for name in NUMBERS}
-    other, measured = content.get("other"), decoded_record(content.get("measured"))
+    other, records = content.get("other"), content.get("measured", [])  # files of before have one, or do not say
+    measured = tuple(decoded_record(one) for one in (records if isinstance(records, list) else [records]))
     return MatrixUncertainty(
         other=None if other is None else replace(decoded_matrix(other), measured=measured),
         measured=measured,
@@ -61,10 +64,8 @@ def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
     )
 
 
-def decoded_record(content: Any) -> MatrixEvidence | None:
-    """What a model remembers of its record; files of before do not say."""
-    if content is None:
-        return None
+def decoded_record(content: Any) -> MatrixEvidence:
+    """What a model remembers of a record."""
     parts = {part: decoded(content[part]) for part in REAL}
     for part in COMPLEX:
         pairs = decoded(content[part])

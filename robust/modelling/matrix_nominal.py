@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from nlfrf import Frm
-from nlfrf.shared.arguments import integer, nonnegative, real_array
+from nlfrf.shared.arguments import integer, nonnegative, of_kind, real_array
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.modelling.shared_poles import SharedPoles, fit_shared_poles, improve, rough_fit, tangents, whitening
 from robust.systems.sampling import delay_samples, discretize
 
-__all__ = ["MAX_POLES", "fit_matrix"]
+__all__ = ["MAX_POLES", "as_matrices", "fit_matrix"]
 
 
 MAX_POLES = 40
@@ -57,10 +57,27 @@ class Sought:
         return improve(points, G, left, right, model, self.kind["direct"], self.kind["stable"])
 
 
+def as_matrices(bla: Any) -> list[Frm]:
+    """The matrices that were given, one or at several levels, of the same inputs and outputs; none of anything else."""
+    many = list(bla) if isinstance(bla, list | tuple) else [bla]
+    if not any(isinstance(one, Frm) for one in many):
+        return []
+    for one in many:
+        of_kind("bla", one, Frm)
+        for name in ("inputs", "outputs"):
+            if getattr(one, name) != getattr(many[0], name):
+                raise ValueError(
+                    f"bla must be matrices of the same {name}, got {', '.join(getattr(many[0], name))} and "
+                    f"{', '.join(getattr(one, name))}"
+                )
+    return many
+
+
 def fit_matrix(
-    frm: Frm, n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
+    frms: list[Frm], n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
 ) -> dict[str, Any]:
-    """The fields of the `NominalFit` of a matrix."""
+    """The fields of the `NominalFit` of a matrix, measured once or at several levels: one model for all."""
+    frm, omega = frms[0], np.concatenate([one.omega for one in frms])
     n_poles, rank = integer("n_poles", n_poles, least=0), integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
     tau = np.zeros(frm.n_inputs) if estimated else given_delays(delay, frm.n_inputs, dt)
@@ -70,44 +87,44 @@ def fit_matrix(
         raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
     if n_zeros not in (None, n_poles):
         raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for an Frm, got {n_zeros}")
-    if dt and frm.omega.max() * dt >= np.pi:
+    if dt and omega.max() * dt >= np.pi:
         raise ValueError(
-            f"dt must put the Nyquist frequency above the last line, {frm.f.max():g} Hz, got dt = {dt:g} s with "
-            f"Nyquist {0.5 / dt:g} Hz"
+            f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g} Hz, got dt = {dt:g} s "
+            f"with Nyquist {0.5 / dt:g} Hz"
         )
-    size = frm.n_outputs * frm.n_inputs * frm.f.size
-    left, right = whitening(frm)
+    measured = np.concatenate([one.G for one in frms], axis=2)
+    left, right = (np.concatenate(roots) for roots in zip(*map(whitening, frms), strict=True))
     sought = Sought(
         # j omega, or its bilinear image: both kinds of model are fitted in the s plane
-        points=2 / dt * np.tan(frm.omega * dt / 2) if dt else frm.omega,
-        omega=frm.omega,
-        G=np.moveaxis(frm.G, 2, 0),
+        points=2 / dt * np.tan(omega * dt / 2) if dt else omega,
+        omega=omega,
+        G=np.moveaxis(measured, 2, 0),
         left=left,
         right=right,
         kind={"n_poles": n_poles, "rank": rank, "direct": n_zeros is not None or dt > 0, "stable": stable},
     )
     model, tau = estimated_delays(sought, dt) if estimated else (sought.fitted(tau)[0], tau)
     n_parameters = model.n_parameters + (frm.n_inputs if estimated and not dt else 0)
-    if 2 * size < n_parameters:
-        raise ValueError(f"n_poles must leave at most {2 * size} parameters, got {n_parameters}")
-    response = np.moveaxis(model.response(sought.points), 0, 2) * np.exp(-1j * frm.omega * tau[:, None])
-    residual = frm.G - response
+    if 2 * measured.size < n_parameters:
+        raise ValueError(f"n_poles must leave at most {2 * measured.size} parameters, got {n_parameters}")
+    response = np.moveaxis(model.response(sought.points), 0, 2) * np.exp(-1j * omega * tau[:, None])
+    residual = measured - response
     weighted = left @ np.moveaxis(residual, 2, 0) @ right
-    L = np.minimum(frm.dof, 1e12)
+    L = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
     expected = frm.n_outputs * frm.n_inputs * np.sum(L / np.maximum(L - frm.n_outputs, np.finfo(float).tiny))
     G = model.state_space()
     return dict(
         G=discretize(G, dt) if dt else G,
         delay=float(tau.min()),
         delays=tau,
-        omega=frm.omega,
+        omega=omega,
         response=response,
         residual=residual,
-        std=np.sqrt(frm.entries(frm.cov_bound)),
+        std=np.concatenate([np.sqrt(one.entries(one.cov_bound)) for one in frms], axis=2),
         cost=float(np.sum(np.abs(weighted) ** 2)),
-        expected_cost=float(expected * (1 - n_parameters / (2 * size))),
+        expected_cost=float(expected * (1 - n_parameters / (2 * measured.size))),
         n_parameters=n_parameters,
-        hold=frm.hold,
+        hold=frm.hold if len({one.hold for one in frms}) == 1 else "unknown",
     )
 
 
@@ -141,7 +158,7 @@ def estimated_delays(sought: Sought, dt: float) -> tuple[SharedPoles, np.ndarray
             step = step / 4
         if not lower < cost:
             break
-        done = np.abs(moved - tau).max() * omega[-1] < 2 * np.pi * SETTLED
+        done = np.abs(moved - tau).max() * omega.max() < 2 * np.pi * SETTLED
         model, cost, tau = there, lower, moved
         if done:
             break
@@ -162,11 +179,12 @@ def estimated_delays(sought: Sought, dt: float) -> tuple[SharedPoles, np.ndarray
 def scanned(sought: Sought, i: int) -> float:
     """The delay of one input by rough fits of its column, up to twice what its phase falls by, an eighth turn apart."""
     G, omega = sought.G[:, :, i : i + 1], sought.omega
-    falls = -np.angle(np.sum(G[1:] * G[:-1].conj(), axis=(1, 2))) / np.diff(omega)
-    size = np.sum(np.abs(G[1:] * G[:-1]), axis=(1, 2))
-    longest = max(2 * float(np.sum(falls * size) / np.sum(size)), 2 * np.pi / omega[-1])
+    rises = np.flatnonzero(np.diff(omega) > 0)  # several levels stand one behind the other
+    falls = -np.angle(np.sum(G[rises + 1] * G[rises].conj(), axis=(1, 2))) / np.diff(omega)[rises]
+    size = np.sum(np.abs(G[rises + 1] * G[rises]), axis=(1, 2))
+    longest = max(2 * float(np.sum(falls * size) / np.sum(size)), 2 * np.pi / omega.max())
     one = replace(sought, G=G, right=np.ones((omega.size, 1, 1)))
-    n = min(int(np.ceil(longest * omega[-1] / (2 * np.pi) * 8)) + 1, MOST_TRIALS)
+    n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, MOST_TRIALS)
 
     def cost(tau: float) -> float:
         """What vector fitting alone leaves."""

@@ -14,7 +14,7 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.modelling.design_warning import warn_of_fit
 from robust.modelling.fit_uncertainty import estimate_uncertainty, probability_of_cost, told_roots
-from robust.modelling.matrix_nominal import MAX_POLES, fit_matrix
+from robust.modelling.matrix_nominal import MAX_POLES, as_matrices, fit_matrix
 from robust.modelling.rational import (
     Roots,
     known_factor,
@@ -172,8 +172,8 @@ def fit_nominal(
     Parameters
     ----------
     bla : nlfrf.Bla, list of them, nlfrf.Frm or control.FrequencyResponseData
-        What was measured. A list is a plant at several levels or days: one model for all. The model of an Frm has poles
-        that all entries share and residues of rank one, n_poles states in all, weighted by the covariance.
+        What was measured. A list, of Frm too, is a plant at several levels or days: one model for all. That of an Frm
+        has poles that all entries share and residues of rank one, n_poles states in all, weighted by the covariance.
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
@@ -213,8 +213,8 @@ def fit_nominal(
     [50.0, 50.0]
     """
     dt = nonnegative("dt", dt)
-    if isinstance(bla, Frm):
-        return NominalFit(**fit_matrix(behind_hold(bla, dt), n_poles, n_zeros, delay, dt, stable, rank))
+    if frms := as_matrices(bla):
+        return NominalFit(**fit_matrix([behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank))
     lines = measured_lines(bla, std, dt)
     orders, n_parameters = checked_orders(lines, n_poles, n_zeros, dt, delay)
     if isinstance(delay, str):

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf import Frm
 from nlfrf.shared.arguments import integer
 from nlfrf.shared.values import value
 from robust.modelling.design_warning import OUTSIDE, DesignWarning
+from robust.modelling.matrix_nominal import as_matrices
 from robust.modelling.nominal import NominalFit, fit_nominal
 
 __all__ = ["OrderScan", "scan_orders"]
@@ -132,7 +132,7 @@ def scan_orders(
     excess = integer("relative_degree", relative_degree, least=0)
     if not orders or orders[0] < excess:
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
-    several = isinstance(bla, Frm)
+    several = bool(as_matrices(bla))
     if several and excess > 1:
         raise ValueError(f"relative_degree must be 0 or 1 for an Frm, got {excess}")
 

@@ -141,7 +141,7 @@ def rough_fit(
     """By vector fitting alone, from poles of one spacing: what `fit_shared_poles` starts from."""
     std = 1 / np.sqrt(np.einsum("fjj,fii->fji", left.conj() @ left, right @ right.conj()).real)
     std = np.maximum(std, 1e-3 * std.min(axis=0))
-    poles = relocate(omega, G, std, starting_poles(n_poles, omega[0], omega[-1], spacing=spacing), direct, stable)
+    poles = relocate(omega, G, std, starting_poles(n_poles, omega.min(), omega.max(), spacing=spacing), direct, stable)
     return residues_of_rank(omega, G, std, poles, rank, direct)
 
 

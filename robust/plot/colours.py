@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["COLOR", "STYLE", "hz"]
+__all__ = ["COLOR", "MEASURED", "STYLE", "hz"]
 
 
 # told apart by colour-blind readers too; the parts of the radius as in the pictures of nlfrf
@@ -22,6 +22,8 @@ COLOR = {
     "loop": "#0072B2",
     "limit": "#D55E00",
 }
+#: Of several records, one after the other.
+MEASURED = (COLOR["loop"], COLOR["limit"], COLOR["level"], COLOR["misfit"])
 #: The parts of the radius on paper without colour.
 STYLE = {
     "noise": ":",

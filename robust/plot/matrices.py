@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from robust.analysis.check_structure import StructuredReport
 from robust.modelling.nominal import behind_hold
 from robust.performance.loop_gains import LoopGains
 from robust.plot.band import BESIDE, mark_band, show_all_of
-from robust.plot.colours import COLOR, hz
+from robust.plot.colours import COLOR, MEASURED, hz
 from robust.systems.lti import along, timebase
 from robust.uncertain.matrix_model import MatrixUncertainty
 
@@ -28,13 +30,13 @@ FLAT = 5.0  # dB above and below a weight that is a number
 FEW = 300  # measured lines that are drawn with their bounds
 
 
-def plot_matrix_set(model: MatrixUncertainty, frm: Frm | None = None, *, ax: Axes | None = None) -> Any:
+def plot_matrix_set(model: MatrixUncertainty, frm: Frm | Sequence[Frm] | None = None, *, ax: Axes | None = None) -> Any:
     """Every entry of the nominal with the gains that the set gives it, and what was measured.
 
     Parameters
     ----------
     model : MatrixUncertainty
-    frm : nlfrf.Frm, optional
+    frm : nlfrf.Frm or list of them, optional
         What was measured, drawn as points with their 95 % bounds.
     ax : matplotlib Axes, optional
         Where to draw: it gives its place to the matrix of axes that is returned; a new figure when not given.
@@ -45,7 +47,10 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | None = None, *, ax: Axe
     """
     of_kind("model", model, MatrixUncertainty)
     omega = outside_too(model)
-    frm = None if frm is None else behind_hold(frm, timebase(model.nominal))
+    frms = [] if frm is None else [frm] if isinstance(frm, Frm) else list(frm)
+    for one in frms:
+        of_kind("frm", one, Frm)
+    frms = [behind_hold(one, timebase(model.nominal)) for one in frms]
     f, size, reach = hz(omega), np.abs(along(model.nominal, omega)), model.reach(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
@@ -53,12 +58,13 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | None = None, *, ax: Axe
         floor = float(db(size[j][:, within].min())) - ROOM
         low = db(np.maximum(size[j, i] - reach[j, i], 10 ** (floor / 20) / 10))
         one.fill_between(f, low, db(size + reach)[j, i], color=COLOR["weight"], alpha=0.25, lw=0, label="the set")
-        if frm is not None:
-            gain, radius = np.abs(frm.G[j, i]), frm.bound()[j, i]
+        for k, (measured, color) in enumerate(zip(frms, cycle(MEASURED))):
+            gain, radius = np.abs(measured.G[j, i]), measured.bound()[j, i]
             ends = [db(gain) - db(np.maximum(gain - radius, 1e-3 * gain)), db(gain + radius) - db(gain)]
-            if frm.f.size <= FEW:
-                one.errorbar(frm.f, db(gain), ends, fmt="none", lw=0.6, color=COLOR["loop"])
-            one.plot(frm.f, db(gain), ".", ms=3, color=COLOR["loop"], label="measured, 95 % bound")
+            if measured.f.size <= FEW:
+                one.errorbar(measured.f, db(gain), ends, fmt="none", lw=0.6, color=color)
+            label = f"measured, 95 % bound{f' ({k + 1})' * (len(frms) > 1)}"
+            one.plot(measured.f, db(gain), ".", ms=3, color=color, label=label)
         one.plot(f, db(size[j, i]), "-", lw=1.4, color=COLOR["radius"], label="nominal")
         one.set_xscale("log")
         mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])

@@ -12,7 +12,7 @@ from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_ban
 from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.orders import OrderScan
 from robust.plot.band import BESIDE, mark_band
-from robust.plot.colours import COLOR, STYLE, hz
+from robust.plot.colours import COLOR, MEASURED, STYLE, hz
 from robust.systems.lti import response, timebase
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
@@ -26,7 +26,6 @@ __all__ = ["plot_bode", "plot_budget", "plot_fit", "plot_nominal", "plot_orders"
 
 #: The parts of a budget in grey.
 HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
-MEASURED = [COLOR["loop"], COLOR["limit"], COLOR["level"], COLOR["misfit"]]
 
 
 def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:

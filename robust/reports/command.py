@@ -25,11 +25,11 @@ Pictures = list[tuple[Callable[..., Any], Any]]
 
 
 def measured(paths: Sequence[Path]) -> Any:
-    """What was identified: a BLA, a list of them, or one matrix."""
+    """What was identified: a BLA or a matrix, or a list of one kind."""
     found = [nlfrf.load(path) for path in paths]
     for path, one in zip(paths, found, strict=True):
-        if not isinstance(one, (nlfrf.Bla, nlfrf.Frm)) or (isinstance(one, nlfrf.Frm) and len(found) > 1):
-            raise ValueError(f"bla must be one matrix, or one BLA or several, got {path} with {type(one).__name__}")
+        if not isinstance(one, (nlfrf.Bla, nlfrf.Frm)) or type(one) is not type(found[0]):
+            raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
     return found[0] if len(found) == 1 else found
 
 

@@ -78,14 +78,13 @@ def the_set(model: MatrixUncertainty, frms: Sequence[Frm], nominal: Any) -> Sect
         ("outside the measured band", f"nothing was measured; assumed: {model.extrapolation}"),
         ("source", model.source),
     ]
-    shown = frms[0] if frms else None
     return Section(
         name="set",
         title="Nominal and set",
         lead="The form was to be chosen before looking at the verdict; who tries two has tested twice.",
         facts=tuple(facts),
         pictures=(
-            parts.picture(plot.plot_matrix_set, model, shown, tall=True, caption="The set, entry by entry."),
+            parts.picture(plot.plot_matrix_set, model, frms, tall=True, caption="The set, entry by entry."),
             parts.picture(plot.plot_matrix_weights, model, tall=True, caption="Radii on the lines, weights over them."),
         ),
     )

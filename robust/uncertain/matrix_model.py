@@ -70,8 +70,8 @@ class MatrixUncertainty:
     joint, joint_bla : float
         Estimated probability that a whole matrix lies in the set, all its lines together: that of another set of
         experiments, and the BLA; nan where the set was not made of a record.
-    measured : MatrixEvidence, optional
-        What it remembers of the record that it was made of, for `validate`.
+    measured : tuple of MatrixEvidence
+        What it remembers of the records that it was made of, for `validate`.
     other : MatrixUncertainty, optional
         The same plant in another form, at the same confidence c. Both hold it with a probability of at least
         2 c - 1, so that `check` may take the better of two verdicts. This set alone is what anything else works on.
@@ -113,7 +113,7 @@ class MatrixUncertainty:
     source: str = "not stated"
     joint: float = float("nan")
     joint_bla: float = float("nan")
-    measured: MatrixEvidence | None = None
+    measured: tuple[MatrixEvidence, ...] = ()
     other: MatrixUncertainty | None = None
 
     def __post_init__(self) -> None:

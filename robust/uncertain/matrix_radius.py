@@ -21,7 +21,7 @@ from robust.uncertain.evidence import matrix_evidence_of
 from robust.uncertain.forms import ADDITIVE, AUTO, ELEMENTS, INPUT, MATRIX_FORMS
 from robust.uncertain.joint import matrix_chance
 from robust.uncertain.matrix_model import MatrixUncertainty
-from robust.uncertain.radius import extrapolated, record_disc, slope, total_of, worded
+from robust.uncertain.radius import extrapolated, record_disc, slope, spread_over, total_of, worded
 
 __all__ = ["full_block", "matrix_uncertainty", "smoothed"]
 
@@ -32,7 +32,7 @@ FLAT = 1.06  # largest over smallest radius up to which a weight is a number
 
 
 def matrix_uncertainty(
-    frm: Frm,
+    frms: list[Frm],
     nominal: Any,
     *,
     form: str,
@@ -44,13 +44,13 @@ def matrix_uncertainty(
     above: str | float,
     perturbation: str,
 ) -> MatrixUncertainty:
-    """`uncertainty` of a measured matrix."""
+    """`uncertainty` of a measured matrix, or of one at several levels: the widest of what each of them asks for."""
     one_of("form", form, (*MATRIX_FORMS, AUTO))
     if form == AUTO:  # the price of looking at both: what may go wrong is shared between them
         each: dict[str, Any] = {"order": order, "confidence": (1 + probability("confidence", confidence)) / 2}
         each |= {"simultaneous": simultaneous, "even": even, "below": below, "above": above}
         both = [
-            matrix_uncertainty(frm, nominal, form=one, perturbation=perturbation, **each)
+            matrix_uncertainty(frms, nominal, form=one, perturbation=perturbation, **each)
             for one in (ELEMENTS, ADDITIVE)
         ]
         return replace(both[0], other=both[1])
@@ -59,29 +59,28 @@ def matrix_uncertainty(
     if isinstance(nominal, NominalFit):
         nominal = behind_delays(nominal.G, nominal.delays)
     nominal = multivariable("nominal", nominal)
+    frm = frms[0]
     if (nominal.noutputs, nominal.ninputs) != (frm.n_outputs, frm.n_inputs):
         raise ValueError(
             f"nominal must have {frm.n_outputs} outputs and {frm.n_inputs} inputs, as the record, "
             f"got {nominal.noutputs} and {nominal.ninputs}"
         )
     dt = timebase(nominal)
-    frm = behind_hold(frm, dt)
-    model = np.asarray(nominal(np.exp(1j * frm.omega * dt) if dt else 1j * frm.omega, squeeze=False))
-    discs = entry_discs(frm, model, p, simultaneous, even)
-    if form == ELEMENTS:
-        radius, split = np.concatenate([discs[:, i] for i in range(frm.n_inputs)]), 0
-    else:
-        left, right = full_block(frm, model, misfits(frm, model), p, simultaneous, even, form)
-        radius, split = np.concatenate([left, right]), len(left)
+    frms = [behind_hold(one, dt) for one in frms]
+    models = [np.asarray(nominal(np.exp(1j * one.omega * dt) if dt else 1j * one.omega, squeeze=False)) for one in frms]
+    pairs = list(zip(frms, models, strict=True))
+    split = 0 if form == ELEMENTS else nominal.noutputs if form == ADDITIVE else nominal.ninputs
+    radii = [asked_radii(one, model, p, simultaneous, even, form) for one, model in pairs]
+    omega, radius = widest(frms, radii, split)
     # what is assumed outside the band is said once, of W_l
     rules = [(below, above)] * (split or len(radius)) + [(0.0, 0.0)] * (len(radius) - split if split else 0)
-    weights = tuple(covering(frm.omega, one, order, *rule, dt) for one, rule in zip(radius, rules, strict=True))
+    weights = tuple(covering(omega, one, order, *rule, dt) for one, rule in zip(radius, rules, strict=True))
     made = MatrixUncertainty(
         nominal=nominal,
         form=form,
         left=weights[:split],
         right=weights[split:],
-        omega=frm.omega,
+        omega=omega,
         radius=radius,
         confidence=p,
         simultaneous=simultaneous,
@@ -89,15 +88,46 @@ def matrix_uncertainty(
         inputs=frm.inputs,
         outputs=frm.outputs,
         extrapolation=f"below the band {worded(below)}, above it {worded(above)}",
-        source=(
-            f"{frm.design} {frm.grid} multisine, {frm.f.size} lines {frm.f[0]:g} to {frm.f[-1]:g} Hz, "
-            f"{frm.n_realizations} sets of {frm.n_inputs} experiments x {frm.n_periods} periods, level from "
-            f"{frm.level_source}"
-        ),
-        measured=matrix_evidence_of(frm),
+        source="; ".join(map(matrix_measured_as, frms)),
+        measured=tuple(map(matrix_evidence_of, frms)),
     )
-    joint, joint_bla = matrix_chance(made, frm, model, misfits(frm, model))
-    return replace(made, joint=joint, joint_bla=joint_bla)
+    held = [matrix_chance(made, one, model, misfits(one, model)) for one, model in pairs]
+    joint, joint_bla = np.min(held, axis=0)
+    return replace(made, joint=float(joint), joint_bla=float(joint_bla))
+
+
+def matrix_measured_as(frm: Frm) -> str:
+    """What a matrix was measured with, in words."""
+    return (
+        f"{frm.design} {frm.grid} multisine, {frm.f.size} lines {frm.f[0]:g} to {frm.f[-1]:g} Hz, "
+        f"{frm.n_realizations} sets of {frm.n_inputs} experiments x {frm.n_periods} periods, level from "
+        f"{frm.level_source}"
+    )
+
+
+def asked_radii(frm: Frm, model: np.ndarray, p: float, simultaneous: bool, even: bool, form: str) -> np.ndarray:
+    """(n, F) radii that one record asks for: of the elements, or those of W_l before those of W_r."""
+    if form == ELEMENTS:
+        discs = entry_discs(frm, model, p, simultaneous, even)
+        return np.concatenate([discs[:, i] for i in range(frm.n_inputs)])
+    return np.concatenate(full_block(frm, model, misfits(frm, model), p, simultaneous, even, form))
+
+
+def widest(frms: list[Frm], each: list[np.ndarray], split: int) -> tuple[np.ndarray, np.ndarray]:
+    """All frequencies, and (n, W) the largest radius of all records there.
+
+    A block W_l D W_r lies in every one of larger diagonals. What stands left and what right of it is a matter of scale,
+    which a level of excitation changes: of several records each has W_r of mean square one.
+    """
+    if len(frms) == 1:
+        return frms[0].omega, each[0]
+    omega = np.unique(np.concatenate([frm.omega for frm in frms]))
+    spread = np.full((len(frms), len(each[0]), omega.size), np.nan)
+    for k, (frm, radius) in enumerate(zip(frms, each, strict=True)):
+        scale = np.sqrt(np.mean(radius[split:] ** 2, axis=0)) if split else 1.0
+        sides = np.concatenate([radius[:split] * scale, radius[split:] / scale])
+        spread[k] = [spread_over(omega, frm.omega, row) for row in sides]
+    return omega, np.nanmax(spread, axis=0)
 
 
 def behind_delays(G: control.StateSpace, delays: np.ndarray | None) -> control.StateSpace:

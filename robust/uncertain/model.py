@@ -24,6 +24,7 @@ from nlfrf import Bla, Frm
 from nlfrf.shared.arguments import generator, one_of, probability, real, real_array
 from nlfrf.shared.values import value
 from robust.modelling.design_warning import suspected
+from robust.modelling.matrix_nominal import as_matrices
 from robust.modelling.nominal import behind_hold
 from robust.modelling.weights import fit_weight
 from robust.systems.connections import in_series
@@ -235,9 +236,7 @@ class UncertaintyModel:
 
     def at(self, omega: np.ndarray) -> np.ndarray:
         """(.,) complex response of the nominal."""
-        if not self.measured_only:
-            return response(self.nominal, omega)
-        return frf_at(self.nominal, omega)
+        return frf_at(self.nominal, omega) if self.measured_only else response(self.nominal, omega)
 
     def contains(self, plant: Any) -> bool:
         """Whether an FRF (or a system, looked at on the lines) lies in the set at every one of its frequencies."""
@@ -250,7 +249,7 @@ class UncertaintyModel:
 
 @overload
 def uncertainty(
-    bla: Frm,
+    bla: Frm | Sequence[Frm],
     nominal: Any,
     *,
     form: str = ...,
@@ -310,9 +309,9 @@ def uncertainty(
     Parameters
     ----------
     bla : nlfrf.Bla or list of them
-        What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or an
-        nlfrf.Frm: the set is a `MatrixUncertainty`. Or a radius of your own: arrays (omega, radius), in rad/s and the
-        unit of the form, or a list of plants (FRFs, systems) that the set has to hold.
+        What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or
+        nlfrf.Frm, one or a list: the set is a `MatrixUncertainty`. Or a radius of your own: arrays (omega, radius), in
+        rad/s and the unit of the form, or a list of plants (FRFs, systems) that the set has to hold.
     nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
@@ -360,10 +359,10 @@ def uncertainty(
     ('multiplicative', 'statistical', True)
     """
     asked: dict[str, Any] = {"order": order, "simultaneous": bool(simultaneous), "perturbation": perturbation}
-    if isinstance(bla, Frm):
+    if frms := as_matrices(bla):
         asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
-        return matrix_uncertainty(bla, nominal, below=below, above=above, **asked)
-    many = list(bla) if isinstance(bla, Sequence) else [bla]
+        return matrix_uncertainty(frms, nominal, below=below, above=above, **asked)
+    many: list[Any] = list(bla) if isinstance(bla, Sequence) else [bla]
     row, p = FORMS[one_of("form", form, tuple(FORMS))], probability("confidence", confidence)
     nominal, delay, dt = as_nominal(nominal)
     if own := own_set(bla, nominal, row, (below, above), dt, asked | {"systematic": systematic}):

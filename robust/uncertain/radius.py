@@ -32,6 +32,7 @@ __all__ = [
     "record_disc",
     "scaled_by",
     "slope",
+    "spread_over",
     "total_of",
     "worded",
 ]

@@ -6,6 +6,7 @@ one alone is for a new set without measurement noise.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -138,7 +139,7 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
     distance = np.full(second.omega.size, np.nan)
     confidence, simultaneous, nominal = CONFIDENCE, False, None
     if isinstance(model, Frm):
-        first = on_lines(matrix_evidence_of(model), second.omega)
+        firsts = [on_lines(matrix_evidence_of(model), second.omega)]
     else:
         confidence, simultaneous, nominal = model.confidence, model.simultaneous, model.nominal
         if np.isnan(confidence):
@@ -148,9 +149,16 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
         G = np.moveaxis(np.asarray(nominal(at, squeeze=False)), 2, 0)
         distance = model.distances(second.omega, second.G - G, G)
         exact = MatrixEvidence(omega=second.omega, G=G, C=0 * second.C, gamma=second.gamma, dof=second.dof)
-        first = exact if model.measured is None else on_lines(model.measured, second.omega)
+        firsts = [on_lines(one, second.omega) for one in reaching(model.measured, second.omega)] or [exact]
     p = confidence ** (1 / second.omega.size) if simultaneous else confidence
-    return replace(compared(first, second, p), distance=distance, inputs=frm.inputs, outputs=frm.outputs)
+    tried = [compared(first, second, p) for first in firsts]
+    best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
+    return replace(best, distance=distance, inputs=frm.inputs, outputs=frm.outputs)
+
+
+def reaching(measured: Sequence[MatrixEvidence], omega: np.ndarray) -> list[MatrixEvidence]:
+    """The records behind a model, at several levels, that reach the lines of another one."""
+    return [one for one in measured if one.omega[0] <= omega[-1] and one.omega[-1] >= omega[0]]
 
 
 def on_lines(one: MatrixEvidence, omega: np.ndarray) -> MatrixEvidence:

@@ -231,9 +231,13 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
         code, _, err = robust_command(asked)
         assert code == 2
         assert "model must be of one input and output for this command, got m.json with 2 outputs by 2 inputs" in err
-    code, _, err = robust_command("model G.npz G.npz --poles 2 -o n.json")
+    code, _, err = robust_command("model G.npz G.npz --poles 2 --form elements -o n.json --picture n.png")
+    assert not code, err
+    assert load_model(tmp_path / "n.json").source.count("random-odd multisine") == 2
+    assert (tmp_path / "n.png").read_bytes().startswith(b"\x89PNG")
+    code, _, err = robust_command("model G.npz bla.npz --poles 2 -o n.json")
     assert code == 2
-    assert "bla must be one matrix, or one BLA or several, got G.npz with Frm" in err
+    assert "bla must be BLAs or matrices, all of one kind, got bla.npz with Bla" in err
 
 
 @pytest.mark.parametrize(
