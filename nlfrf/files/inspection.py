@@ -11,10 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nlfrf.excitation.multisine import Multisine
+from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.channels import Channels, read_channels
+from nlfrf.files.results import load
+from nlfrf.identification.bla import Bla
+from nlfrf.multivariable.frm import Frm
 from nlfrf.readers.clock import UNIT, is_time
 from nlfrf.records.detection import detect_lines
 from nlfrf.records.period import detect_period
+from nlfrf.records.record import Record
+from nlfrf.records.several import MultiRecord
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import counted
 
@@ -61,7 +68,7 @@ class FileContents:
     period : float
         Guess at the period of the input, in samples; 0 where it does not repeat.
     lines : str
-        The lines that are excited, in words.
+        The lines that are excited, in words; of a file of this package what it holds.
     schema : str
         What this package wrote, empty for a file of others.
 
@@ -106,15 +113,16 @@ class FileContents:
             for c in self.channels
         ]
         widths = [max(len(row[i]) for row in [head, *table]) for i in range(len(head))]
-        lines = [f"{Path(self.path).name}: {counted(len(self.channels), 'channel')}"]
-        for row in [head, *table]:
+        lines = [f"{Path(self.path).name}: {counted(len(self.channels), 'channel') if table else self.schema}"]
+        for row in [head, *table] if table else []:
             cells = [
                 cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append(("  " + "  ".join(cells)).rstrip())
         lines += [f"  {name}: {why}" for name, why in self.notes.items()]
         if self.schema:
-            return "\n".join([*lines, f"written by this package, as {self.schema}"])
+            lines += [self.lines, f"written by this package, as {self.schema}"]
+            return "\n".join([*lines, f"run:   {self.command}"] if table else lines)
         if self.u or self.y:
             lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}; {self.lines}")
             lines.append("add:   --hold zoh where the input is a command, --hold band-limited where it was measured")
@@ -157,23 +165,63 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
         file = read_channels(path)
+        schema = file.text("schema")
+        if schema:
+            return of_own(path, schema)
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(described(file, name, stream) for name, stream in streams.items())
     times = {name for name in streams if is_time(name)} | {clock for clock in file.clocks.values() if clock in streams}
     candidates = {name: stream for name, stream in streams.items() if name not in times and varies(stream)}
-    schema = file.text("schema")
-    u, period, lines = ("", 0.0, "") if schema else guessed_input(file, candidates)
+    u, period, lines = guessed_input(file, candidates)
     return FileContents(
         path=str(path),
         channels=channels,
         notes=dict(file.notes),
         u=u,
-        y="" if schema else guessed_output(u, candidates),
+        y=guessed_output(u, candidates),
         period=period,
         lines=lines,
+        schema="",
+    )
+
+
+def of_own(path: str | os.PathLike[str], schema: str) -> FileContents:
+    """What a file of this package holds: the channels of a record, anything else in words."""
+    content = load(path)
+    signals = signals_of(content) if isinstance(content, Record | MultiRecord) else []
+    return FileContents(
+        path=str(path),
+        channels=tuple(in_numbers(name, unit, content.fs, samples) for name, unit, samples in signals),
+        notes={},
+        u="",
+        y="",
+        period=0.0,
+        lines=str(content) if isinstance(content, Bla | Frm) else extent(content),
         schema=schema,
     )
+
+
+def signals_of(record: Record | MultiRecord) -> list[tuple[str, str, np.ndarray]]:
+    """Name, unit and samples of every channel."""
+    if isinstance(record, Record):
+        named = [(record.u_name or "u", record.u_unit, record.u), (record.y_name or "y", record.y_unit, record.y)]
+        return named if record.r is None else [*named, ("r", record.u_unit, record.r)]
+    sides = [(record.inputs, record.u), (record.outputs, record.y)]
+    sides += [] if record.r is None else [(tuple(f"r {name}" for name in record.inputs), record.r)]
+    return [(name, "", one) for names, signals in sides for name, one in zip(names, signals, strict=True)]
+
+
+def extent(content: Record | MultiRecord | Multisine | OrthogonalMultisine) -> str:
+    """How much of a signal there is, in words."""
+    if isinstance(content, MultiRecord | OrthogonalMultisine):
+        runs = counted(content.n_experiments, "experiment")
+    else:
+        runs = counted(content.n_realizations, "realisation")
+    periods = f"{counted(content.n_periods, 'period')} x " if isinstance(content, Record | MultiRecord) else ""
+    f = content.lines.excited * content.f0
+    said = f"{runs} x {periods}{content.n_samples} samples, {counted(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
+    return f"{said}, hold {content.hold}"
 
 
 def varies(stream: np.ndarray) -> bool:
@@ -187,10 +235,15 @@ def described(file: Channels, name: str, stream: np.ndarray) -> Channel:
         fs = file.sampling_frequency(None, (name,))
     except ValueError:
         fs = float("nan")
+    return in_numbers(name, file.unit(name), fs, stream)
+
+
+def in_numbers(name: str, unit: str, fs: float, stream: np.ndarray) -> Channel:
+    """A channel by its samples."""
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
     extremes = (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
-    return Channel(name, file.unit(name), stream.size, fs, *extremes)
+    return Channel(name, unit, stream.size, fs, *extremes)
 
 
 def guessed_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str]:

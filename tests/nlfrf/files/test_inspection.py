@@ -52,7 +52,27 @@ def test_what_this_package_wrote_is_called_so(tmp_path):
     nlfrf.save_record(record, tmp_path / "r.npz")
     found = nlfrf.inspect_file(tmp_path / "r.npz")
     assert found.schema == "nlfrf-record"
-    assert str(found).endswith("written by this package, as nlfrf-record")
+    assert [(channel.name, channel.n) for channel in found.channels] == [("u", P * N), ("y", P * N)]
+    assert f"1 realisation x {P} periods x {N} samples, " in str(found)
+    assert "written by this package, as nlfrf-record\nrun:   nlfrf identify" in str(found)
+    nlfrf.save_bla(nlfrf.identify(record), tmp_path / "bla.npz")
+    said = str(nlfrf.inspect_file(tmp_path / "bla.npz"))
+    assert said.startswith("bla.npz: nlfrf-bla\nBLA on ")
+    assert "run:" not in said
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_what_several_inputs_are_is_told(closed, tmp_path):
+    ms = nlfrf.multisine("random-odd", fs=256, n_samples=256, f_min=2, f_max=100, n_inputs=2, rng=1)
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    names = {"inputs": ("fx", "fy"), "outputs": ("x", "y")}
+    record = nlfrf.MultiRecord(u=u, y=u[::-1], r=u if closed else None, fs=256, lines=ms.lines, **names)
+    nlfrf.save_record(record, tmp_path / "r.npz")
+    nlfrf.save_multisine(ms, tmp_path / "ms.npz")
+    found = nlfrf.inspect_file(tmp_path / "r.npz")
+    assert [channel.name for channel in found.channels] == ["fx", "fy", "x", "y", *["r fx", "r fy"] * closed]
+    assert found.lines == "2 experiments x 2 periods x 256 samples, 37 lines from 3 to 99 Hz, hold unknown"
+    assert "2 experiments x 256 samples, 37 lines" in str(nlfrf.inspect_file(tmp_path / "ms.npz"))
 
 
 def test_from_inspect_to_identify_on_the_command_line(nlfrf_command, tmp_path):  # noqa: F811
