@@ -101,11 +101,10 @@ def design(
     if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
     nlfrf.save_multisine(ms, out)
+    several = f", {counted(ms.phase.shape[-2], 'experiment')} of {inputs} inputs" if inputs > 1 else ""
     print(
         f"{ms.kind} multisine, {ms.f.size} lines excited from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
-        f"period {ms.n_samples / ms.fs:g} s, rms {np.max(ms.rms):g}, crest factor {ms.crest_factor.max():.2f}"
-        + f", {ms.phase.shape[-2]} experiments of {inputs} inputs"
-        * (inputs > 1)
+        f"period {ms.n_samples / ms.fs:g} s, rms {np.max(ms.rms):g}, crest factor {ms.crest_factor.max():.2f}{several}"
     )
     print(f"wrote {out}")
 
