@@ -213,17 +213,17 @@ def identify(
     outputs = [name for one in output or ["y"] for name in names_of(one)]
     inputs, references = names_of(input or "u"), names_of(reference) if reference else []
     how: dict[str, Any] = {"transient": transient, "level_from": level_from, "n_detection": detection}
-    cut: dict[str, Any] = {"fs": fs, "n_samples": period, "n_discard": discard, "design": design, "hold": hold}
+    cut: dict[str, Any] = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
+    cut |= {"design": design, "hold": hold}
     if len(inputs) > 1 or (input is None and holds_multirecord(file[0])):
-        for option, given in (("resample", resample), ("opinion", opinion)):
-            if given:
-                raise ValueError(f"{option} must be left out for several inputs, got it with {input or file[0].name}")
+        if opinion:
+            raise ValueError(f"opinion must be left out for several inputs, got it with {input or file[0].name}")
         cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
         identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json)
         return
     say, targets = speaker(json), targets_of(out, outputs)
     named = references[0] if len(references) == 1 else reference
-    records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=named, resample=resample, **cut)
+    records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=named, **cut)
     blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
         nlfrf.save_bla(bla, target)

@@ -31,6 +31,7 @@ def load_multirecord(
     n_samples: int | None = None,
     lines: LineGrid | None = None,
     n_discard: int = 0,
+    resample: bool = False,
     design: Design | str | os.PathLike[str] | None = None,
     hold: str | None = None,
 ) -> MultiRecord:
@@ -52,6 +53,8 @@ def load_multirecord(
         Excited and detection lines; found from the inputs when not given.
     n_discard : int
         Periods to leave out at the start.
+    resample : bool
+        Cut the periods where the inputs show that they stand; see `multirecord_from_samples`.
     design : OrthogonalMultisine or path, optional
         What was played, or the file that `save_multisine` wrote; see `multirecord_from_samples`.
     hold : str, optional
@@ -90,7 +93,7 @@ def load_multirecord(
     if all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
         if r:
             raise ValueError(f"r must be left out for a record that has its own references or none, got {shown(r)}")
-        return stored_multirecord(files, u, y, fs, Asked(n_samples, lines, n_discard, False, design, hold))
+        return stored_multirecord(files, u, y, fs, Asked(n_samples, lines, n_discard, resample, design, hold))
     if isinstance(u, str) or isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
@@ -109,6 +112,7 @@ def load_multirecord(
         n_samples=n_samples,
         lines=lines,
         n_discard=n_discard,
+        resample=resample,
         inputs=tuple(u),
         outputs=tuple(y),
         design=design,

@@ -119,6 +119,7 @@ def records_from_streams(
     design: Multisine | None,
     hold: str | None,
     labels: Mapping[str, Any] | None = None,
+    named: bool = False,
 ) -> list[Record]:
     """`record_from_samples` for several outputs by name: a record each, all with the very same input, and its labels.
 
@@ -128,7 +129,7 @@ def records_from_streams(
     for name, given, kind in (("design", design, Multisine), ("lines", lines, LineGrid)):
         if given is not None:
             of_kind(name, given, kind)
-    streams = checked_streams(u, outputs, r)
+    streams = checked_streams(u, outputs, r, named)
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     del u, outputs, r  # long streams are held once
     excitation = streams.get("r", streams["u"])
@@ -230,11 +231,14 @@ def examine_outputs(
     return cured
 
 
-def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any) -> Streams:
-    """The streams of each signal, one per realisation, once they are known to belong together."""
+def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> Streams:
+    """The streams of each signal, one per realisation, once they are known to belong together.
+
+    Outputs that are named are called so in messages, others y.
+    """
     streams = {"u": as_streams("u", u)}
     for output, y in outputs.items():
-        name = f"y {output!r}" if len(outputs) > 1 else "y"
+        name = output if named else f"y {output!r}" if len(outputs) > 1 else "y"
         streams[name] = as_streams(name, y)
     if r is not None:
         streams["r"] = as_streams("r", r)

@@ -11,13 +11,16 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.records.detection import detect_lines
-from nlfrf.records.record import Record
 from nlfrf.records.reference import Design, played_period, played_references
-from nlfrf.records.samples import record_from_samples
+from nlfrf.records.samples import records_from_streams
 from nlfrf.shared.arguments import HOLDS, channel_names, of_kind, one_of, positive, real_array
+from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.values import value
 
 __all__ = ["MultiRecord", "multirecord_from_samples"]
+
+
+SHARED = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
 
 
 @value
@@ -154,6 +157,7 @@ def multirecord_from_samples(
     lines: LineGrid | None = None,
     r: np.ndarray | Sequence[np.ndarray] | None = None,
     n_discard: int = 0,
+    resample: bool = False,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
     design: Design | None = None,
@@ -175,6 +179,9 @@ def multirecord_from_samples(
         References.
     n_discard : int
         Periods to leave out at the start, where the transient is.
+    resample : bool
+        Cut the periods of all channels where the inputs together show that they stand, and bring each onto their clock;
+        see `record_from_samples`.
     inputs, outputs : sequence of str
         Names of the channels.
     design : OrthogonalMultisine, optional
@@ -215,19 +222,29 @@ def multirecord_from_samples(
         if lengths != wanted:
             raise ValueError(f"{name} must have the experiments and samples of u, {wanted}, got {lengths}")
     known = "r" if r is not None else "u"
-    together = [with_all_lines(one) for one in streams[known]]
-
-    def cut(name: str, i: int, period: int | None = n_samples) -> Record:
-        """One channel as the output beside known signals, which say where the periods stand."""
-        beside = [one[i] for one in streams[known]] if name == known else together
-        channel = [one[i] for one in streams[name]]
-        return record_from_samples(beside, channel, fs=fs, n_samples=period, n_discard=n_discard, lines=lines)
-
-    first = cut(known, 0)
-    size = first.n_samples
-    found: dict[str, Any] = {
-        name: np.stack([cut(name, i, period=size).y for i in range(signal[0].shape[0])])
+    beside = [with_all_lines(one) for one in streams[known]]
+    names = {"u": tuple(inputs), "y": tuple(outputs), "r": tuple(inputs)}
+    channels = {
+        called(name, i, names[name]): [one[i] for one in signal]
         for name, signal in streams.items()
+        for i in range(len(signal[0]))
+    }
+    cut = records_from_streams(  # all channels together: a period that one of them lost is lost to all
+        beside,
+        channels,
+        r=None,
+        fs=fs,
+        n_samples=n_samples,
+        lines=lines,
+        n_discard=n_discard,
+        resample=resample,
+        design=None,
+        hold=None,
+        named=True,
+    )
+    first, rows = cut[0], iter(cut)
+    found: dict[str, Any] = {
+        name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()
     }
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
@@ -238,11 +255,19 @@ def multirecord_from_samples(
     return MultiRecord(**found, fs=first.fs, lines=lines, hold="unknown" if hold is None else hold)
 
 
+def called(name: str, i: int, names: tuple[str, ...]) -> str:
+    """A channel in messages: "y2", or "y2 (position)" where it has a name."""
+    return f"{name}{i + 1} ({names[i]})" if i < len(names) else f"{name}{i + 1}"
+
+
 def with_all_lines(channels: np.ndarray) -> np.ndarray:
-    """(n,) all channels as one signal: zippered, each of them has no power on the lines of the others."""
-    size = np.sqrt(np.mean(channels**2, axis=1))
-    weights = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    return np.asarray(weights @ channels)
+    """(n,) one signal with the lines of all channels: the first, or where each has lines of its own their sum."""
+    power = squared(np.fft.rfft(channels - channels.mean(axis=1, keepdims=True), axis=1))
+    size = np.add.reduce(power, axis=1)
+    share = power[size > 0] / size[size > 0, None]
+    if len(share) < len(channels) or np.minimum(share, share[0]).sum(axis=1).min() > SHARED:
+        return np.asarray(channels[0])
+    return np.asarray((1 / np.sqrt(size)) @ channels)
 
 
 def experiments(name: str, signal: Any) -> list[np.ndarray]:

@@ -83,10 +83,18 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
     assert "FRM of 2 outputs by 2 inputs" in out
     assert out.count("wrote G.csv") == 1
     assert (tmp_path / "G.csv").read_text().startswith("f [Hz],Re x/fx,Im x/fx,bound x/fx,Re x/fy")
-    for option in ("--resample", "--opinion"):
-        code, _, err = nlfrf_command("identify", "run0.npz", "run1.npz", *asked, option, "-o", "H.npz")
-        assert code == 2
-        assert f"{option[2:]} must be left out for several inputs" in err
+    code, _, err = nlfrf_command("identify", "run0.npz", "run1.npz", *asked, "--opinion", "-o", "H.npz")
+    assert code == 2
+    assert "opinion must be left out for several inputs" in err
+    for m in range(2):  # a sample that one output lost
+        run = dict(np.load(tmp_path / f"run{m}.npz"))
+        run["y"] = np.append(np.delete(run["y"], 250), run["y"][-1]) if m else run["y"]
+        np.savez(tmp_path / f"lost{m}.npz", **run)
+    code, _, err = nlfrf_command("identify", "lost0.npz", "lost1.npz", *asked, "-o", "H.npz")
+    assert code == 2
+    assert "y2 (y), realisation 1 must stand still against u" in err
+    code, out, _ = nlfrf_command("identify", "lost0.npz", "lost1.npz", *asked, "--resample", "-o", "H.npz")
+    assert code == 0
     if suffix != ".csv":
         frm = load_frm(tmp_path / f"G{suffix}")
         assert frm.hold == "zoh"
@@ -129,7 +137,8 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         ("design --draws 3", "inputs must be 2 or more for draws, got 1"),
         ("simulate ms.npz --mass 2", "mass and stiffness must be left out for several inputs"),
         ("simulate run.npz", "file must be a multisine that 'nlfrf design' wrote, got 'run.npz'"),
-        ("identify run.npz --resample", "--resample must be left out for several inputs, got it with run.npz"),
+        ("identify run.npz --resample", "--resample must be left out for a record that is cut into periods already"),
+        ("identify run.npz --opinion", "opinion must be left out for several inputs, got it with run.npz"),
         ("identify run.npz --input u", "of several: take load_multirecord, or leave input out"),
     ],
 )

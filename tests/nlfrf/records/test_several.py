@@ -54,3 +54,60 @@ def test_refusals():
         nlfrf.multirecord_from_samples(u, [one[:, :-5] for one in y], fs=256)
     with pytest.raises(ValueError, match="u must have the same channels in every experiment"):
         nlfrf.multirecord_from_samples([u[0], u[1][:1]], y, fs=256)
+
+
+def disturbed(kind, fault, seed=0):
+    """Six periods of each experiment, with a fault in the last of them; what G is."""
+    ms = nlfrf.multisine("random-odd", fs=512, n_samples=1024, f_min=2, f_max=100, n_inputs=2, rng=1, design=kind)
+    rng, k, n = np.random.default_rng(seed), ms.lines.excited, 6 * 1024
+    period, clock = (1024.37, 1.0) if fault == "period" else (1024.0, 1 + 2e-5 * (fault == "clock"))
+    u, y = [], []
+    for m in range(ms.n_experiments):
+        turns = [np.exp(2j * np.pi * np.outer(k, np.arange(n) * pace) / period) for pace in (1.0, clock)]
+        played, seen = (np.real(ms.spectrum[:, m] @ turn) for turn in turns)
+        answer = np.stack([seen[0] + 0.5 * seen[1], seen[1] - 0.3 * seen[0]])
+        if m == ms.n_experiments - 1:
+            if fault == "output":
+                answer[1] = np.append(np.delete(answer[1], 3500), answer[1, -1])
+            if fault == "input":
+                played[1] = np.append(np.delete(played[1], 3500), played[1, -1])
+            if fault == "all":
+                lost = [3500, 3501]
+                played, answer = (np.append(np.delete(x, lost, axis=1), x[:, -2:], axis=1) for x in (played, answer))
+        u.append(played + 1e-3 * rng.standard_normal(played.shape))
+        y.append(answer + 1e-3 * rng.standard_normal(answer.shape))
+    return u, y, np.array([[1.0, 0.5], [-0.3, 1.0]])[:, :, None]
+
+
+@pytest.mark.filterwarnings("ignore:each line drives one input")
+@pytest.mark.parametrize("kind", ["orthogonal", "zippered"])
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("none", ""),
+        ("output", "y2.*must stand still against u .* samples of y were lost"),
+        ("input", "u2|n_samples must be the period of the input"),
+        ("all", "n_samples must be the period of the input, got 1024: samples were lost"),
+        ("period", "n_samples must be the period of the input, got 1024: the input repeats every 1024.3"),
+        ("clock", "y1.* must stand still against u .* the clock of y is off that of u by -20 ppm"),
+    ],
+)
+def test_a_fault_of_one_channel_is_told_and_cured(kind, fault, told):
+    u, y, G = disturbed(kind, fault)
+    if told:
+        with pytest.raises(ValueError, match=told):
+            nlfrf.multirecord_from_samples(u, y, fs=512, n_samples=1024)
+    if fault == "input" and kind == "zippered":
+        return  # one input against the other: nobody knows which of them is right
+    record = nlfrf.multirecord_from_samples(u, y, fs=512, n_samples=1024, resample=True)
+    assert record.n_periods >= 4
+    frm = nlfrf.identify(record)
+    assert np.abs(frm.G - G).max() < 2e-3
+    assert np.mean(np.abs(frm.G - G) <= frm.bound()) > 0.85
+
+
+def test_the_channel_is_called_by_its_name():
+    u, y, _ = disturbed("orthogonal", "output")
+    names = {"inputs": ["fx", "fy"], "outputs": ["x", "way"]}
+    with pytest.raises(ValueError, match=r"y2 \(way\), realisation 1 must stand still against u"):
+        nlfrf.multirecord_from_samples(u, y, fs=512, n_samples=1024, **names)
