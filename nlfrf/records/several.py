@@ -222,37 +222,35 @@ def multirecord_from_samples(
         if lengths != wanted:
             raise ValueError(f"{name} must have the experiments and samples of u, {wanted}, got {lengths}")
     known = "r" if r is not None else "u"
-    beside = [with_all_lines(one) for one in streams[known]]
     names = {"u": tuple(inputs), "y": tuple(outputs), "r": tuple(inputs)}
-    channels = {
-        called(name, i, names[name]): [one[i] for one in signal]
-        for name, signal in streams.items()
-        for i in range(len(signal[0]))
-    }
-    cut = records_from_streams(  # all channels together: a period that one of them lost is lost to all
-        beside,
-        channels,
-        r=None,
-        fs=fs,
-        n_samples=n_samples,
-        lines=lines,
-        n_discard=n_discard,
-        resample=resample,
-        design=None,
-        hold=None,
-        named=True,
-    )
-    first, rows = cut[0], iter(cut)
-    found: dict[str, Any] = {
-        name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()
-    }
+    cut: dict[str, Any] = {"fs": fs, "n_samples": n_samples, "lines": lines, "n_discard": n_discard}
+    found, fs = cut_together(streams, known, names, cut | {"resample": resample})
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
     if design is not None:
         found.setdefault("r", played_references(design, found["u"]))
     found |= {"inputs": inputs, "outputs": outputs}  # which the record makes tuples of
-    return MultiRecord(**found, fs=first.fs, lines=lines, hold="unknown" if hold is None else hold)
+    return MultiRecord(**found, fs=fs, lines=lines, hold="unknown" if hold is None else hold)
+
+
+def cut_together(
+    streams: dict[str, list[np.ndarray]], known: str, names: dict[str, tuple[str, ...]], asked: dict[str, Any]
+) -> tuple[dict[str, Any], float]:
+    """Every signal (channels, M, P, N) cut where the known ones show that the periods stand, and what fs is by them.
+
+    All channels at once: a period that one of them lost is lost to all.
+    """
+    channels = {
+        called(name, i, names[name]): [one[i] for one in signal]
+        for name, signal in streams.items()
+        for i in range(len(signal[0]))
+    }
+    beside = [with_all_lines(one) for one in streams[known]]
+    cut = records_from_streams(beside, channels, r=None, design=None, hold=None, named=True, **asked)
+    rows = iter(cut)
+    found = {name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()}
+    return found, cut[0].fs
 
 
 def called(name: str, i: int, names: tuple[str, ...]) -> str:
