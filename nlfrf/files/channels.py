@@ -99,8 +99,8 @@ class Channels:
             known for known in self.signals if known.startswith(f"{full}.") and known[len(full) + 1 :].isdigit()
         ]:
             data_warning(
-                f"{file!r} has {len(twins) + 1} channels called {full!r}: {parameter} is the first of them; "
-                f"{' or '.join(map(repr, twins))} names another"
+                f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, as channels of one name are told "
+                f"apart: {parameter} is {full!r}, the first of them"
             )
         return stream_of(array)
 

@@ -8,16 +8,16 @@ import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
-from nlfrf.files.channels import read_channels
 from nlfrf.files.stored_values import load_value, save_value
 from nlfrf.shared.arguments import integer, of_kind
 from nlfrf.shared.whole_files import path_of, save_mat, write_whole
 
-__all__ = ["MULTISINE_SCHEMA", "ORTHOGONAL_SCHEMA", "load_design", "load_multisine", "save_multisine"]
+__all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
 
 
 MULTISINE_SCHEMA = "nlfrf-multisine"
 ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
+DESIGNS = {MULTISINE_SCHEMA: Multisine, ORTHOGONAL_SCHEMA: OrthogonalMultisine}
 
 
 def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str]) -> None:
@@ -121,7 +121,5 @@ def load_multisine(path: str | os.PathLike[str]) -> Multisine:
 
 def load_design(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine:
     """The design that `save_multisine` wrote, of one input or of several."""
-    several = read_channels(path).text("schema") == ORTHOGONAL_SCHEMA
-    kind, schema = (OrthogonalMultisine, ORTHOGONAL_SCHEMA) if several else (Multisine, MULTISINE_SCHEMA)
-    ms: Multisine | OrthogonalMultisine = load_value(kind, schema, path)
+    ms: Multisine | OrthogonalMultisine = load_value(DESIGNS, path)
     return ms

@@ -14,7 +14,7 @@ import numpy as np
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.channels import Channels, read_channels
-from nlfrf.files.results import load
+from nlfrf.files.results import loaded
 from nlfrf.identification.bla import Bla
 from nlfrf.multivariable.frm import Frm
 from nlfrf.readers.clock import UNIT, is_time
@@ -165,9 +165,8 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
         file = read_channels(path)
-        schema = file.text("schema")
-        if schema:
-            return of_own(path, schema)
+        if file.text("schema"):
+            return of_own(file)
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
         channels = tuple(described(file, name, stream) for name, stream in streams.items())
@@ -186,19 +185,19 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     )
 
 
-def of_own(path: str | os.PathLike[str], schema: str) -> FileContents:
+def of_own(file: Channels) -> FileContents:
     """What a file of this package holds: the channels of a record, anything else in words."""
-    content = load(path)
+    content = loaded(file)
     signals = signals_of(content) if isinstance(content, Record | MultiRecord) else []
     return FileContents(
-        path=str(path),
+        path=file.path,
         channels=tuple(in_numbers(name, unit, content.fs, samples) for name, unit, samples in signals),
         notes={},
         u="",
         y="",
         period=0.0,
         lines=str(content) if isinstance(content, Bla | Frm) else extent(content),
-        schema=schema,
+        schema=file.text("schema"),
     )
 
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import itertools
 import os
-from typing import Any
 
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
-from nlfrf.files.channels import read_channels
-from nlfrf.files.designs import MULTISINE_SCHEMA, ORTHOGONAL_SCHEMA, load_design
-from nlfrf.files.multirecords import load_multirecord
-from nlfrf.files.records import load_record
-from nlfrf.files.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA
-from nlfrf.files.stored_values import load_value, save_value
+from nlfrf.files.channels import Channels, read_channels
+from nlfrf.files.designs import DESIGNS
+from nlfrf.files.stored_records import (
+    MULTIRECORD_SCHEMA,
+    RECORD_SCHEMA,
+    Asked,
+    stored_multirecord,
+    stored_records,
+)
+from nlfrf.files.stored_values import load_value, save_value, value_of
 from nlfrf.identification.bla import Bla
 from nlfrf.multivariable.frm import Frm
 from nlfrf.records.record import Record
@@ -23,10 +26,12 @@ from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.whole_files import write_whole
 
-__all__ = ["export_csv", "load", "load_bla", "load_frm", "save_bla", "save_frm"]
+__all__ = ["export_csv", "load", "load_bla", "load_frm", "loaded", "save_bla", "save_frm"]
 
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"
+RESULTS = {BLA_SCHEMA: Bla, FRM_SCHEMA: Frm}
+Kept = Multisine | OrthogonalMultisine | Record | MultiRecord | Bla | Frm
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
@@ -185,7 +190,7 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
-    bla: Bla = load_value(Bla, BLA_SCHEMA, path)
+    bla: Bla = load_value({BLA_SCHEMA: Bla}, path)
     return bla
 
 
@@ -215,11 +220,11 @@ def load_frm(path: str | os.PathLike[str]) -> Frm:
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
-    frm: Frm = load_value(Frm, FRM_SCHEMA, path)
+    frm: Frm = load_value({FRM_SCHEMA: Frm}, path)
     return frm
 
 
-def load(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine | Record | MultiRecord | Bla | Frm:
+def load(path: str | os.PathLike[str]) -> Kept:
     """Read whatever this package wrote: a multisine, a record, a BLA or a matrix, of one input or of several.
 
     Parameters
@@ -245,17 +250,17 @@ def load(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine | Reco
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
-    readers = {
-        RECORD_SCHEMA: load_record,
-        BLA_SCHEMA: load_bla,
-        FRM_SCHEMA: load_frm,
-        MULTIRECORD_SCHEMA: load_multirecord,
-        MULTISINE_SCHEMA: load_design,
-        ORTHOGONAL_SCHEMA: load_design,
-    }
-    schema = read_channels(path).text("schema")
-    if schema not in readers:
-        raise ValueError(f"path must be a multisine, record, BLA or FRM that this package wrote, got {str(path)!r}")
-    reader: Any = readers[schema]
-    content: Multisine | OrthogonalMultisine | Record | MultiRecord | Bla | Frm = reader(path)
+    return loaded(read_channels(path))
+
+
+def loaded(file: Channels) -> Kept:
+    """The same of a file that was read."""
+    schema = file.text("schema")
+    if schema == RECORD_SCHEMA:
+        return stored_records([file], {"u": "u"}, ["y"], None, Asked())[0]
+    if schema == MULTIRECORD_SCHEMA:
+        return stored_multirecord([file], None, None, None, Asked())
+    if schema not in RESULTS | DESIGNS:
+        raise ValueError(f"path must be a multisine, record, BLA or FRM that this package wrote, got {file.path!r}")
+    content: Kept = value_of(RESULTS | DESIGNS, file)
     return content

@@ -34,12 +34,12 @@ SEVERAL_AXES = f"channel {AXES}"
 class Asked(NamedTuple):
     """How the samples are to be cut, as `load_record` was asked."""
 
-    n_samples: int | None
-    lines: LineGrid | None
-    n_discard: int
-    resample: bool
-    design: Any  # a Multisine, or an OrthogonalMultisine of several inputs
-    hold: str | None
+    n_samples: int | None = None
+    lines: LineGrid | None = None
+    n_discard: int = 0
+    resample: bool = False
+    design: Any = None  # a Multisine, or an OrthogonalMultisine of several inputs
+    hold: str | None = None
 
 
 def save_record(record: Record | MultiRecord, path: str | os.PathLike[str]) -> None:

@@ -16,7 +16,7 @@ from nlfrf.identification.bla import DistortionLevels
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, path_of, write_arrays
 
-__all__ = ["AXES", "load_value", "names_of", "refuse_newer", "save_value"]
+__all__ = ["AXES", "load_value", "names_of", "refuse_newer", "save_value", "value_of"]
 
 
 PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla; of an Frm one an output
@@ -44,14 +44,19 @@ def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np
     write_arrays(path_of(path), content)
 
 
-def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
-    """The value of one kind that `save_value` wrote."""
-    channels = read_channels(path)
-    found = channels.text("schema")
-    if found != schema:
-        raise ValueError(f"path must be a file of the schema {schema}, got {found or 'none'} in {str(path)!r}")
-    refuse_newer(channels, schema, AXES)
-    content = channels.arrays
+def load_value(kinds: Mapping[str, Any], path: str | os.PathLike[str]) -> Any:
+    """The value of one of these kinds, by its schema, that `save_value` wrote."""
+    return value_of(kinds, read_channels(path))
+
+
+def value_of(kinds: Mapping[str, Any], file: Channels) -> Any:
+    """The same of a file that was read."""
+    schema = file.text("schema")
+    if schema not in kinds:
+        asked = " or ".join(kinds)
+        raise ValueError(f"path must be a file of the schema {asked}, got {schema or 'none'} in {file.path!r}")
+    refuse_newer(file, schema, AXES)
+    kind, content = kinds[schema], file.arrays
     try:
         return kind(
             **{
@@ -61,7 +66,7 @@ def load_value(kind: Any, schema: str, path: str | os.PathLike[str]) -> Any:
             }
         )
     except KeyError as missing:
-        raise ValueError(f"path must hold a whole {schema}, got {str(path)!r} without {missing}") from None
+        raise ValueError(f"path must hold a whole {schema}, got {file.path!r} without {missing}") from None
 
 
 def stored(name: str, content: Mapping[str, np.ndarray]) -> Any:

@@ -441,7 +441,7 @@ def test_of_channels_with_one_name_the_one_that_is_taken_is_told(tmp_path):
     table = np.stack([np.arange(u.size) / 100, u, 2 * u, 5 * u], axis=1)
     np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t [s],u,y,y", comments="")
     with pytest.warns(
-        nlfrf.DataWarning, match=r"has 2 channels called 'y': y is the first of them; 'y\.4' names another"
+        nlfrf.DataWarning, match=r"has 'y' beside 'y\.4', as channels of one name are told apart: y is 'y', the first"
     ):
         record = nlfrf.load_record(tmp_path / "run.csv")
     np.testing.assert_allclose(record.y, 2 * record.u)

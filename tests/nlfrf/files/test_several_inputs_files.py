@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import nlfrf
+from nlfrf.files import channels
 from nlfrf.shared.whole_files import write_arrays
 from tests.support.measurement_files import damaged
 
@@ -200,3 +201,17 @@ def test_damaged_files_are_refused_or_read(what, tmp_path):
         else:
             refused += 1
     assert refused == 60  # in one line, or read: nothing else
+
+
+def test_a_file_of_ours_is_read_once(tmp_path, monkeypatch):
+    ms = design()
+    nlfrf.save_record(played(ms), tmp_path / "record.npz")
+    nlfrf.save_multisine(ms, tmp_path / "design.npz")
+    nlfrf.save_frm(nlfrf.identify(played(ms)), tmp_path / "frm.npz")
+    reader, reads = channels.READERS[".npz"], []
+    counting = reader._replace(contents=lambda path: reads.append(path.stem) or reader.contents(path))
+    monkeypatch.setitem(channels.READERS, ".npz", counting)
+    for name in ("record", "design", "frm"):
+        nlfrf.load(tmp_path / f"{name}.npz")
+        nlfrf.inspect_file(tmp_path / f"{name}.npz")
+    assert reads == [name for name in ("record", "design", "frm") for _ in range(2)]
