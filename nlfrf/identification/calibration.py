@@ -170,13 +170,15 @@ def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
     """
     if lines.size > ALIKE:
         return 1.0
-    n = fast_length(4 * int(lines[-1]))
+    n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines mirror themselves
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
     spectrum[:, lines] = U / 2
     u = np.fft.irfft(spectrum, n, norm="forward")
+    if (lines % 2).all():
+        u = u[:, : n // 2]  # the other half mirrors it
     square = u * u
     cube = square * u
-    second, fourth, sixth = (np.vecdot(x, x) / n for x in (u, square, cube))
+    second, fourth, sixth = (np.vecdot(x, x) / u.shape[1] for x in (u, square, cube))
     found = float(np.add.reduce(sixth - fourth * fourth / second)) / len(U)
     A2 = np.add.reduce(squared(U)) / len(U)
     # cumulants of A cos(phi): A^2 / 2, -3 A^4 / 8, 5 A^6 / 4

@@ -14,6 +14,7 @@ __all__ = ["Answer", "detected_power", "nonlinear_answer"]
 
 SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
 FEWEST = 4
+SCORED = 3  # steps of scoring: a fourth changes nothing unless noise is nearly all that is read
 
 
 @value(copy=False)
@@ -116,7 +117,7 @@ def detected_power(
     n_used = np.add.reduce(used)
     weighted, weight = sums = np.empty((2, *used.shape))  # (2, n, k, F)
     weight[...] = used  # as without noise
-    for _ in range(5):  # q_j / |G_j|^2 = d + floor_j: the weights are those of (P_j - N_j) / |G_j|^2
+    for _ in range(SCORED):  # q_j / |G_j|^2 = d + floor_j: the weights are those of (P_j - N_j) / |G_j|^2
         np.multiply(weight, excess, out=weighted)
         over, under = np.add.reduce(sums, axis=1)
         d = np.maximum(over / under, 0.0)
@@ -135,10 +136,10 @@ def narrowed(gain: np.ndarray) -> np.ndarray:
 
     Gains are relative to the excited line.
     """
-    highest, lowest = np.maximum(gain, 1.0), np.minimum(gain, 1.0)
-    np.maximum.accumulate(highest, out=highest)
-    np.minimum.accumulate(lowest, out=lowest)
-    lowest *= 10 ** (SHARP / 10)
-    used = highest < lowest
-    used[:FEWEST] = True
+    used = np.ones(gain.shape, dtype=bool)
+    highest, lowest = (over.reduce(gain[:FEWEST], initial=1.0) for over in (np.maximum, np.minimum))
+    for here, one in zip(used[FEWEST:], gain[FEWEST:], strict=True):
+        np.maximum(highest, one, out=highest)
+        np.minimum(lowest, one, out=lowest)
+        np.less(highest, 10 ** (SHARP / 10) * lowest, out=here)
     return used

@@ -57,7 +57,7 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     windows, reference = (
         (x[:, : n_windows * WINDOW].reshape(x.shape[0], -1, WINDOW)[:, ::step]) for x in (first, last)
     )
-    windows = windows - reference
+    windows = (windows - reference).reshape(-1, WINDOW)
     total = power(windows)
     if total.sum() <= 1e-20 * np.vdot(reference, reference).real:
         return False
