@@ -3,5 +3,6 @@
 lines       harmonic grids: excited lines, detection lines, which grid a set of lines is
 multisine   the design of a random-phase multisine
 orthogonal  several inputs: orthogonal sets of experiments, zippered lines
+phases      what random phases have in common by chance
 crest       peaks: crest factors lowered or drawn low, and what random phases are expected to have
 """

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.crest import expected_peaks, is_improbable, most_peaks
+from nlfrf.excitation.phases import in_common
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
@@ -172,8 +173,7 @@ def equal_steps(where: Places) -> np.ndarray:
 def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     """(M, m) bool: whether rows of x (M, n) agree with the first m more than chance has it, by their products squared.
 
-    Unit vectors of n random phases have more than c of their power in common with probability (1 - c)^(n - 1). Whether
-    what they have in common is the whole of them is left to `aligned`.
+    Whether what they have in common is the whole of them is left to `aligned`.
     """
     if x.shape[1] < FEWEST:
         return np.eye(*common.shape, dtype=bool)
@@ -186,11 +186,6 @@ def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     if n < FEWEST:
         return np.eye(*common.shape, dtype=bool)
     return np.asarray(common > in_common(chance, n) * whole)
-
-
-def in_common(chance: float, n: float) -> float:
-    """The share of power that unit vectors of n random phases have in common, but for so small a chance."""
-    return float(1 - chance ** (1 / (n - 1)))
 
 
 def aligned(U: np.ndarray, other: np.ndarray, where: Places) -> tuple[float, float]:

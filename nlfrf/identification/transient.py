@@ -8,10 +8,9 @@ polynomial (LPM) where noise leaves the denominator undetermined (Pintelon & Sch
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
+from nlfrf.records.ringing import N_POLYNOMIAL, WINDOW, is_transient
 from nlfrf.shared.leastsquares import least_squares, power
 from nlfrf.shared.transforms import rfft_at
 
@@ -22,10 +21,7 @@ TREATMENTS = ("auto", "none", "discard", "local")  # of what has not died away w
 
 
 SIDE = 6  # lines on either side of a harmonic used for one fit
-N_POLYNOMIAL = 3
-ENOUGH = 1000  # windows that decide whether there is a transient; more would only take time
 EARNED = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
-WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
 
 
 def find_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
@@ -44,31 +40,6 @@ def find_treatment(Y: np.ndarray, y: np.ndarray, lines: np.ndarray) -> str:
     return "discard" if n_periods > 2 and settled(1) else "local"
 
 
-def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
-    """Whether two periods differ by more than noise: noise is rough over frequency, a transient is smooth.
-
-    Parameters
-    ----------
-    first, last : (M, K) complex ndarray
-        Spectra of two periods on neighbouring lines.
-    """
-    n_windows = first.shape[1] // WINDOW
-    step = max(1, first.shape[0] * n_windows // ENOUGH)
-    windows, reference = (
-        (x[:, : n_windows * WINDOW].reshape(x.shape[0], -1, WINDOW)[:, ::step]) for x in (first, last)
-    )
-    windows = (windows - reference).reshape(-1, WINDOW)
-    total = power(windows)
-    if total.sum() <= 1e-20 * np.vdot(reference, reference).real:
-        return False
-    explained = power(windows @ smooth_part())
-    rest = np.maximum(total - explained, 1e-12 * total)
-    # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
-    ratio = explained / np.maximum(rest, np.finfo(float).tiny)
-    ratio *= (WINDOW - N_POLYNOMIAL) / N_POLYNOMIAL
-    return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
-
-
 def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.ndarray) -> bool:
     """Whether the signal drifts by more than noise: each period leaks the same ramp onto its lines, so they agree.
 
@@ -85,12 +56,6 @@ def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.n
     noise, whole = np.vdot(apart, apart).real / apart.size / 2, np.vdot(last, last).real / last.size
     leaked = np.vdot(slope, slope) / slope.size / (np.pi * lines[0]) ** 2
     return bool(leaked > max(noise, 1e-20 * whole))
-
-
-@cache
-def smooth_part() -> np.ndarray:
-    """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
-    return np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
 def local_fit(x: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,10 +6,16 @@ delay: one that jumps by whole samples is a gap in y, one that grows evenly is a
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 
+from nlfrf.excitation.phases import in_common
 from nlfrf.records.coarse import coarse, common_step
 from nlfrf.records.faults import MOST, SEVERE, between, likeliest_lag, nonzero
+from nlfrf.records.ringing import is_transient
+from nlfrf.shared.leastsquares import power
 from nlfrf.shared.transforms import BLOCK, equal, rfft_at
 from nlfrf.shared.values import value
 
@@ -24,6 +30,8 @@ WANDER = 0.15  # change of the operating point over the record that is named, in
 CLOCKS = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
 LEVEL = 0.25  # how far the gain of a period may be from that of the others
 UNSOUND = 1e-3  # share of the power of a period that may not repeat before it is looked at
+MOVED = 0.01  # share of what is apart that may be left where a piece of y was moved
+BY_CHANCE = 1e-3  # probability with which noise may pass for a period that is late or early
 FEW = 4  # periods from which a drift is told from a transient
 
 
@@ -139,6 +147,8 @@ def line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
 def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
     """Follow the periods of an output against those of its input.
 
+    Periods in which y still rings are left aside: a transient has a phase and a gain of its own on every line.
+
     Parameters
     ----------
     u, y : (P, N) ndarray
@@ -146,23 +156,98 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
     lines : (F,) int ndarray
         Excited lines.
     """
-    n_periods, n_samples = y.shape
+    n_samples = y.shape[1]
     step = common_step([u[0], y[0]], n_samples) if n_samples > BLOCK else 1
     u, y = coarse(u, step), coarse(y, step)
     lines = lines[2 * lines < y.shape[1]]
+    lag = followed(u, y, lines, step)
+    if lag.fault or lag.drift:
+        first = settled_from(y, int(lines[-1]))
+        if first > len(y) - 2:
+            return nothing_told(len(y), n_samples)
+        if first:
+            lag = with_ringing(followed(u[first:], y[first:], lines, step), first)
+    return lag
+
+
+def settled_from(y: np.ndarray, last: int) -> int:
+    """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
+
+    A transient dies away: what grows within a period, as behind a gap, is none.
+    """
+    at, first = np.arange(1, last + 1), 0
+    for one, following in itertools.pairwise(y):
+        apart = np.add.accumulate((one - following) ** 2)
+        half = int(np.searchsorted(apart, apart[-1] / 2)) + 1
+        dies = half <= one.size / 2 and not moved(one[:half], following, float(apart[half - 1]))
+        if not (dies and is_transient(rfft_at(one, at)[None], rfft_at(following, at)[None])):
+            break
+        first += 1
+    return first
+
+
+def moved(x: np.ndarray, period: np.ndarray, apart: float) -> bool:
+    """Whether x (n,) is a piece of a period (N,) from somewhere else: what lies before a gap, not a transient."""
+    before = np.add.accumulate(np.tile(period**2, 2))
+    power = before[np.arange(period.size) + x.size - 1] - before[: period.size] + period**2
+    together = np.fft.irfft(np.fft.rfft(x, period.size).conj() * np.fft.rfft(period), period.size)
+    return bool((np.vdot(x, x) + power - 2 * together).min() < MOVED * apart)
+
+
+def nothing_told(n_periods: int, n_samples: int) -> Lag:
+    """Where the periods tell nothing of a fault."""
+    zeros, ones = np.zeros(n_periods), np.ones(n_periods)
+    return Lag(
+        n_samples=n_samples,
+        delay=zeros,
+        jumps=zeros,
+        sound=ones > 0,
+        noise=np.inf,
+        misplaced=0.0,
+        explained=0.0,
+        gain=ones,
+        gain_noise=np.inf,
+        offset=zeros,
+    )
+
+
+def with_ringing(lag: Lag, n: int) -> Lag:
+    """The same with n periods before it, of which nothing is told."""
+
+    def after(x: np.ndarray, before: float | bool) -> np.ndarray:
+        return np.insert(x, 0, np.full(n, before))
+
+    return replace(
+        lag,
+        delay=after(lag.delay, 0.0),
+        jumps=after(lag.jumps, lag.jumps[0]),
+        sound=after(lag.sound, True),
+        gain=after(lag.gain, lag.gain[0]),
+        offset=after(lag.offset, lag.offset[0]),
+    )
+
+
+def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int) -> Lag:
+    """`follow` for signals of which one sample in so many is left, whatever else is in them."""
+    n_samples = step * y.shape[1]
     if lines.size > MOST:
         lines = np.sort(np.random.default_rng(0).choice(lines, MOST, replace=False))
     input_side, output = aligned(u, lines), aligned(y, lines)
+    if np.count_nonzero(output.placed) <= len(y) / 2:
+        return nothing_told(len(y), n_samples)
     delay = step * (output.delay - input_side.delay)
+    delay = held(delay, output.placed)
     slope = 2 * np.pi * lines / n_samples
     weight = np.abs(output.mean) ** 2
     total = float(weight.sum())
     lever = float(np.sum(slope**2 * weight))
     typical = float(np.median(output.rest))
-    noise = float(np.sqrt(typical / lines.size / 2 / lever))
+    noise, gain_noise = (
+        spread(weight * by, by, typical / lines.size, len(y)) for by in (slope**2, np.ones(lines.size))
+    )
     sound = output.rest < max(UNSOUND * total, 10 * typical)
-    sound &= np.abs(output.gain / np.median(output.gain) - 1) < LEVEL
-    if n_periods == 2:
+    sound &= np.abs(output.gain / np.median(output.gain) - 1) < LEVEL + SURE * gain_noise
+    if len(y) == 2:
         sound = np.ones(2, dtype=bool)
     sound, jumps = gaps_in(delay, sound, noise, n_samples)
     shift = delay[sound] - delay[sound].mean()
@@ -177,9 +262,24 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
         misplaced=float(np.mean(shift**2)) * lever / total,
         explained=1 - float(np.sum(output.rest[sound])) / before if before > 0 else 0.0,
         gain=output.gain / np.where(input_side.gain != 0, input_side.gain, np.inf),
-        gain_noise=float(np.sqrt(typical / lines.size / 2 / total)),
+        gain_noise=gain_noise,
         offset=y.mean(axis=1) / (float(np.std(y[-1])) or np.inf),
     )
+
+
+def spread(seen: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) -> float:
+    """Standard deviation of a delay, or of a gain, by noise: lines (F,) tell of it by their power in the mean.
+
+    The mean of the periods has noise in it too, which tells nothing.
+    """
+    told = seen.sum() - of_noise / n_periods * by.sum()
+    return float(np.sqrt(of_noise / 2 * seen.sum()) / told) if told > 0 else np.inf
+
+
+def held(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
+    """The delays, where they are not known that of the period before, or of the first that is."""
+    at = np.flatnonzero(placed)
+    return delay[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
 
 
 def gaps_in(delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -195,8 +295,7 @@ def gaps_in(delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int) 
     if not whole[at].any():
         return sound, nothing
     sound = sound & (np.abs(left - whole) < max(0.1, SURE * noise))
-    at = np.flatnonzero(sound)
-    return sound, whole[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
+    return sound, held(whole, sound) if sound.any() else nothing
 
 
 def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -228,12 +327,13 @@ def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> t
 class Aligned:
     """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,).
 
-    And the spectra (P, F) as they were.
+    Whether each has more in common with the others than noise has (P,), and the spectra (P, F) as they were.
     """
 
     delay: np.ndarray
     gain: np.ndarray
     rest: np.ndarray
+    placed: np.ndarray
     mean: np.ndarray
     spectra: np.ndarray
 
@@ -258,4 +358,8 @@ def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     size = np.sum(np.abs(reference) ** 2)
     gain = np.sum(turned * reference.conj(), axis=1).real / size
     rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
-    return Aligned(delay=delay, gain=gain / gain[-1], rest=rest, mean=reference, spectra=X)
+    others = reference - turned / len(x)  # what a period has in common with itself says nothing
+    shared = np.abs(np.sum(turned * others.conj(), axis=1)) ** 2
+    least = in_common(BY_CHANCE / n_samples, lines.size) if lines.size > 1 else 0.0
+    placed = shared >= least * power(turned) * power(others)
+    return Aligned(delay=delay, gain=gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)

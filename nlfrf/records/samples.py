@@ -219,6 +219,8 @@ def examine_outputs(
                 streams[name][m], good = on_the_clock_of_the_input(streams[name][m], lag, periods)
                 sound = where.sound.copy()
                 sound[periods[~good]] = False
+                if not sound.any():
+                    raise ValueError(f"{told} must hold a sound period, got none: {lag.fault}")
                 tracks[m] = replace(where, sound=sound)
                 cured = True
             elif lag.fault and lag.severe:
