@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.identification.calibration import COMMON, LARGEST, read_grid, variance_ratio
+from nlfrf.identification.calibration import COMMON, LARGEST, common_distortion, read_grid, variance_ratio
 from nlfrf.identification.detection_lines import Answer, detected_power
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
@@ -27,6 +27,7 @@ __all__ = [
     "pool_levels",
     "read_level",
     "smooth_frf",
+    "unseen_share",
     "widened",
 ]
 
@@ -45,6 +46,7 @@ DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands
 MANY = 20  # lines over which roughness shows most of the distortion
 SHOWN = 3  # windows over which a band shows how its level varies
 TAIL = 0.05  # of a bound at 95 %
+ALLOWED = 1.5  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
 
 
@@ -199,13 +201,24 @@ def mean_around(x: np.ndarray, n: int) -> np.ndarray:
     return means.take(np.arange(-(n // 2), size - n // 2), axis=-1, mode="clip")
 
 
-def pool_levels(frf: Frf, level: Level, n: int) -> tuple[np.ndarray, np.ndarray]:
+def unseen_share(excited: Spectra) -> float:
+    """What no level shows of the distortion, as it is one gain on all lines, over what it shows.
+
+    Of few lines of one realisation their peaks tell it, of more lines it is next to nothing.
+    """
+    n, n_lines = excited.U.shape
+    if n > 1 or n_lines >= SHOWN * SIDE:
+        return COMMON / n_lines
+    return ALLOWED * common_distortion(excited.U, excited.lines)
+
+
+def pool_levels(frf: Frf, level: Level, n: int, unseen: float) -> tuple[np.ndarray, np.ndarray]:
     """The variance behind the bound (F,) and its complex degrees of freedom: scatter over n realisations, and level.
 
     A level is worth what its calibration is. Where it reads something else than the scatter, over nine lines, or by
     far too little on one, it has no say.
     """
-    few = 1 + COMMON / frf.G.size
+    few = 1 + unseen
     if n == 1:
         variance = few * level.cautious
         if np.any(level.doubt):

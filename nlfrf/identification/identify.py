@@ -14,7 +14,14 @@ import numpy as np
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.calibration import typical_distortion
 from nlfrf.identification.detection_lines import Answer, nonlinear_answer
-from nlfrf.identification.distortion_level import Level, choose_source, pool_levels, read_level, smooth_frf
+from nlfrf.identification.distortion_level import (
+    Level,
+    choose_source,
+    pool_levels,
+    read_level,
+    smooth_frf,
+    unseen_share,
+)
 from nlfrf.identification.frf import Frf, average_frf, warn_of_jumps
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
@@ -138,7 +145,7 @@ def assemble_bla(
 ) -> Bla:
     """What was found, with the level weighed against the scatter of the realisations."""
     grid, n = record.lines, excited.U.shape[0]
-    var_bound, dof = pool_levels(frf, level, n)
+    var_bound, dof = pool_levels(frf, level, n, unseen_share(excited))
     var_total = level.variance if n == 1 else frf.var_total
     if n > 1 and source != "realizations":
         source = f"realizations and {source}"

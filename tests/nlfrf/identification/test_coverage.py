@@ -6,6 +6,7 @@ import pytest
 from benchmarks.coverage import measure_hard
 from benchmarks.plants import mode, spring
 from nlfrf import LineGrid, multisine
+from nlfrf.identification.calibration import COMMON
 from nlfrf.identification.distortion_level import Level, doubt_at_ends, pool_levels, widened
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import fit_locally
@@ -121,10 +122,10 @@ def test_a_level_that_reads_too_little_does_not_outvote_the_scatter(lines):
     ones = np.ones(n_lines)
     level = Level(variance=blind, cautious=blind, dof=6.0 * n * ones, grid_factor=ones, even=ones)
     frf = Frf(each=ones[None], noise=ones[None], G=ones, var_noise=ones, var_total=var_total)
-    variance, dof = pool_levels(frf, level, n)
+    variance, dof = pool_levels(frf, level, n, COMMON / frf.G.size)
     told = np.mean(n * variance[lines])
     assert told > 0.6  # it was 0.31
     assert np.all(dof[lines] < n - 1 + 12)
     good = Level(variance=ones, cautious=ones, dof=6.0 * n * ones, grid_factor=ones, even=ones)
-    _, dof = pool_levels(frf, good, n)
+    _, dof = pool_levels(frf, good, n, COMMON / frf.G.size)
     assert np.median(dof) > n - 1 + 10
