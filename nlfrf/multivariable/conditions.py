@@ -89,7 +89,8 @@ def warn_of_chosen_phases(record: MultiRecord, spectra: ChannelSpectra) -> None:
 def refuse_other_sets(power: np.ndarray, names: tuple[str, ...], zippered: bool = False) -> None:
     """Refuse sets that were played louder or softer than the others, by the powers (n, R, F) of their inputs."""
     if power.shape[1] > 1:
-        owner = power.sum(axis=1).argmax(axis=0) if zippered else None
+        total = power.sum(axis=1)
+        owner = (total / total.max(axis=1, keepdims=True)).argmax(axis=0) if zippered else None
         for i, (one, name) in enumerate(zip(power, names, strict=True)):
             refuse_strangers(one if owner is None else one[:, owner == i], f"set of {name}", first_number=1)
 
