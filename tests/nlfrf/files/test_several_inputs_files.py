@@ -170,6 +170,22 @@ def test_the_design_tells_what_a_distorting_actuator_hides(by_file, tmp_path):
     assert inside.mean() > 0.85  # 4 x 37 entries of 95 %, which neighbouring lines share a level of
 
 
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+def test_a_zippered_record_takes_its_design(tmp_path):
+    """Its lines and its hold, and no references: with those it was refused, measured or saved."""
+    ms = design(design="zippered", hold="zoh")
+    record = played(ms, n_periods=3)
+    nlfrf.save_record(record, tmp_path / "run.npz")
+    stored = nlfrf.load_multirecord(tmp_path / "run.npz", design=ms)
+    streams = [one[:, 0].reshape(len(one), -1) for one in (record.u, record.y)]
+    measured = nlfrf.multirecord_from_samples(*streams, fs=256, design=ms)
+    for found in (stored, measured):
+        assert (found.r, found.hold) == (None, "zoh")
+        np.testing.assert_allclose(nlfrf.identify(found).G, nlfrf.identify(record).G, rtol=1e-12)
+    with pytest.raises(ValueError, match="design must be what was played"):
+        nlfrf.multirecord_from_samples(*streams, fs=256, design=design(design="zippered", rng=2))
+
+
 def test_a_design_that_was_not_played_is_refused():
     ms = design(rms=1.0)
     u, y = streams(ms, seed=2)
