@@ -113,7 +113,7 @@ def warned_of_condition(spectra: ChannelSpectra) -> bool:
     U = spectra.U[..., spectra.excited]
     n_u, _M, F = U.shape
     one = U.reshape(n_u, -1, n_u, F).transpose(1, 3, 0, 2)
-    scaled = one / np.sqrt(np.mean(np.abs(U) ** 2, axis=(1, 2)))[:, None]
+    scaled = one / rms(np.moveaxis(U, 1, 0)).T[:, :, None]  # each input over its size on the line: it may be shaped
     sizes = np.linalg.svd(scaled, compute_uv=False)
     condition = sizes[..., 0] / np.maximum(sizes[..., -1], 1e-300)
     worst = float(condition.max())

@@ -93,7 +93,7 @@ def played_references(design: Design, u: np.ndarray) -> np.ndarray:
         if not likeness[best] > ALIKE:
             raise ValueError(
                 f"design must be what was played, got a correlation of {likeness[best]:.2g} with the input of "
-                f"{'realisation' if len(u) == 1 else 'experiment'} {m} at best"
+                f"{f'realisation {m}' if len(u) == 1 else f'experiment {m + 1}'} at best"
             )
         delay = found[best, 0, 1]
         spectrum[:, m, k] = D[:, best] * np.exp(-2j * np.pi * k * delay / n_samples) * (n_samples / 2)

@@ -130,7 +130,7 @@ def test_what_a_generator_plays(tmp_path):
     table = np.loadtxt(tmp_path / "play.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(table[:, 1:], np.stack([ms.u[0, 0], ms.u[1, 0], ms.u[0, 1], ms.u[1, 1]], axis=1))
     header = (tmp_path / "play.csv").read_text().splitlines()[0]
-    assert header == "t [s],u1 experiment 0,u2 experiment 0,u1 experiment 1,u2 experiment 1"
+    assert header == "t [s],u1 experiment 1,u2 experiment 1,u1 experiment 2,u2 experiment 2"
 
 
 def streams(ms, seed, limit=np.inf):
