@@ -177,14 +177,15 @@ def identify(
     ],
     out: Out,
     input: Annotated[
-        str | None,
-        typer.Option("--input", help="Name of the input in the file, u when not given; several, with commas between."),
+        list[str] | None,
+        typer.Option("--input", help="Name of the input, u when not given; may be repeated, or have commas between."),
     ] = None,
     output: Annotated[
         list[str] | None, typer.Option("--output", help="Name of the output; may be repeated, or have commas between.")
     ] = None,
     reference: Annotated[
-        str | None, typer.Option(help="Name of the reference, for closed loop or noisy input.")
+        list[str] | None,
+        typer.Option(help="Name of the reference, for closed loop or noisy input; as many as inputs, given like them."),
     ] = None,
     design: Annotated[
         Path | None, typer.Option(help="What was played, as 'nlfrf design' wrote it (.npz, .h5).")
@@ -210,20 +211,19 @@ def identify(
     With several outputs the files are named after them: bla.npz becomes bla-OUTPUT.npz. Several inputs make a matrix
     in one file, or a table of it (.csv); each file that is read is then one experiment.
     """
-    outputs = [name for one in output or ["y"] for name in names_of(one)]
-    inputs, references = names_of(input or "u"), names_of(reference) if reference else []
+    inputs, outputs, references = names_of(input or ["u"]), names_of(output or ["y"]), names_of(reference or [])
     how: dict[str, Any] = {"transient": transient, "level_from": level_from, "n_detection": detection}
     cut: dict[str, Any] = {"fs": fs, "n_samples": period, "n_discard": discard, "resample": resample}
     cut |= {"design": design, "hold": hold}
     if len(inputs) > 1 or (input is None and holds_multirecord(file[0])):
         if opinion:
-            raise ValueError(f"opinion must be left out for several inputs, got it with {input or file[0].name}")
+            of = ", ".join(inputs) if input else file[0].name
+            raise ValueError(f"opinion must be left out for several inputs, got it with {of}")
         cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
         identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json)
         return
     say, targets = speaker(json), targets_of(out, outputs)
-    named = references[0] if len(references) == 1 else reference
-    records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=named, **cut)
+    records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
         nlfrf.save_bla(bla, target)
@@ -321,9 +321,9 @@ def targets_of(out: Path, outputs: list[str]) -> list[Path]:
     return targets
 
 
-def names_of(text: str) -> list[str]:
-    """Names with commas between them; one that has a comma itself stands in quotes, as in a table."""
-    return next(csv_reader([text], skipinitialspace=True)) or [text]
+def names_of(given: list[str]) -> list[str]:
+    """Names with commas between them, or one by one; one that has a comma itself stands in quotes, as in a table."""
+    return [name for text in given for name in next(csv_reader([text], skipinitialspace=True)) or [text]]
 
 
 def slug(name: str) -> str:

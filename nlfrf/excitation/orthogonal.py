@@ -169,6 +169,8 @@ def orthogonal_multisine(
     one_of("transform", transform, TRANSFORMS)
     n_inputs = len(amplitude)
     if design == "zippered":
+        if mixing is not None:
+            raise ValueError(f"mixing must be left out for a zippered design: a line drives one input, got {mixing}")
         amplitude = amplitude * shared_out(kind, grid, n_inputs, rng)
         T = None
     else:

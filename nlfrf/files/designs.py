@@ -82,7 +82,7 @@ def played_names(ms: Multisine | OrthogonalMultisine) -> list[str]:
     """Names of those periods: u0, u1 of realisations; of several inputs first the input, then the experiment."""
     if isinstance(ms, Multisine):
         return [f"u{m}" for m in range(ms.n_realizations)]
-    return [f"u{i + 1} experiment {m}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)]
+    return [f"u{i + 1} experiment {m + 1}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)]
 
 
 def load_multisine(path: str | os.PathLike[str]) -> Multisine:

@@ -14,7 +14,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.files.channels import Channels
 from nlfrf.files.stored_values import AXES, names_of, refuse_newer
 from nlfrf.records.record import Record, join_records, joined
-from nlfrf.records.reference import played_reference, played_references
+from nlfrf.records.reference import fill_reference, played_reference
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import integer, of_kind
 from nlfrf.shared.values import field_names
@@ -173,8 +173,7 @@ def stored_experiments(
     found = periods_of(file, signals, asked)
     if y is not None:
         found["y"] = found["y"][[outputs.index(name) for name in y]]
-    if asked.design is not None:
-        found.setdefault("r", played_references(asked.design, found["u"]))
+    fill_reference(found, asked.design)
     outputs = outputs if y is None else tuple(y)
     return MultiRecord(**found, fs=file.sampling_frequency(fs), inputs=inputs, outputs=outputs)
 

@@ -89,7 +89,8 @@ def warn_of_chosen_phases(record: MultiRecord, spectra: ChannelSpectra) -> None:
 def refuse_other_sets(power: np.ndarray, names: tuple[str, ...], zippered: bool = False) -> None:
     """Refuse sets that were played louder or softer than the others, by the powers (n, R, F) of their inputs."""
     if power.shape[1] > 1:
-        owner = power.sum(axis=1).argmax(axis=0) if zippered else None
+        total = power.sum(axis=1)
+        owner = (total / total.max(axis=1, keepdims=True)).argmax(axis=0) if zippered else None
         for i, (one, name) in enumerate(zip(power, names, strict=True)):
             refuse_strangers(one if owner is None else one[:, owner == i], f"set of {name}", first_number=1)
 
@@ -112,7 +113,7 @@ def warned_of_condition(spectra: ChannelSpectra) -> bool:
     U = spectra.U[..., spectra.excited]
     n_u, _M, F = U.shape
     one = U.reshape(n_u, -1, n_u, F).transpose(1, 3, 0, 2)
-    scaled = one / np.sqrt(np.mean(np.abs(U) ** 2, axis=(1, 2)))[:, None]
+    scaled = one / rms(np.moveaxis(U, 1, 0)).T[:, :, None]  # each input over its size on the line: it may be shaped
     sizes = np.linalg.svd(scaled, compute_uv=False)
     condition = sizes[..., 0] / np.maximum(sizes[..., -1], 1e-300)
     worst = float(condition.max())

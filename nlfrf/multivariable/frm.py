@@ -13,13 +13,13 @@ from nlfrf.shared.cards import Sketch
 from nlfrf.shared.roy import roy_quantile
 from nlfrf.shared.values import value
 
-__all__ = ["Frm", "positive_part", "root"]
+__all__ = ["Frm", "excess", "in_own_units"]
 
 
 #: Share of the distortion that bends the FRF smoothly, so that its roughness does not show it (as in `Bla`).
 SMOOTH = 0.3
 COVARIANCES = ("cov_noise", "cov_total", "cov_distortion", "cov_even", "cov_bound")
-FLOOR = 1e-8  # of the largest eigenvalue: one nonlinearity alone makes a covariance of rank one
+FLOOR = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
 
 
 @value
@@ -183,7 +183,7 @@ class Frm:
         if of == "bla":
             return self.cov_bound
         noise = np.nan_to_num(self.cov_noise)
-        scatter = self.n_realizations * positive_part(self.cov_bound - noise)
+        scatter = self.n_realizations * excess(self.cov_bound, noise)
         return self.cov_bound + (1 + SMOOTH * ("roughness" in self.level_source)) * scatter
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
@@ -225,13 +225,13 @@ class Frm:
         Returns
         -------
         left, right : (n_y, n_y, F), (n_u, n_u, F) complex ndarray
-            sqrt(x_p) C^1/2 and gamma^1/2, Hermitian.
+            With left left^H = x_p C and right^H right = gamma.
         """
         p = probability("confidence", confidence)
         if simultaneous:
             p = p ** (1 / self.f.size)
         x = np.array([roy_quantile(p, self.n_outputs, self.n_inputs, float(L)) for L in self.dof])
-        return np.sqrt(x) * root(self.covariance_of(of)), root(self.gamma)
+        return np.sqrt(x) * root(self.covariance_of(of)), np.swapaxes(root(self.gamma), 0, 1).conj()
 
     def entry(self, output: int, input: int) -> Bla:
         """One entry as a `Bla`: whatever takes one input and one output takes it."""
@@ -322,14 +322,28 @@ def middle(share: np.ndarray) -> np.ndarray:
     return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))
 
 
-def positive_part(cov: np.ndarray) -> np.ndarray:
-    """(n, n, F) Hermitian matrices without their negative eigenvalues."""
-    values, vectors = np.linalg.eigh(np.moveaxis(cov, 2, 0))
-    return np.moveaxis((vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2).conj(), 0, 2)
+def excess(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """(n, n, F) Hermitian matrices less a part of them, without negative eigenvalues in the units of the first."""
+    _, size = in_own_units(cov)
+    values, vectors = np.linalg.eigh(np.moveaxis((cov - part) / (size[:, None] * size), 2, 0))
+    left = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
+    return np.asarray(np.moveaxis(left, 0, 2) * size[:, None] * size)
+
+
+def in_own_units(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The correlation (n, n, F) of a covariance and the sizes (n, F) of its channels.
+
+    What floors or cuts eigenvalues does it there: those of a covariance are of sums of metres and newtons.
+    """
+    size = np.sqrt(np.einsum("jjk->jk", cov).real)
+    size = np.where(size > 0, size, 1.0)
+    return cov / (size[:, None] * size), size
 
 
 def root(cov: np.ndarray) -> np.ndarray:
-    """(n, n, F) Hermitian square roots, with eigenvalues floored so that they can be divided by."""
-    values, vectors = np.linalg.eigh(np.moveaxis(cov, 2, 0))
+    """(n, n, F) roots L with L L^H = cov, with eigenvalues floored so that they can be divided by."""
+    correlation, size = in_own_units(cov)
+    values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
     values = np.maximum(values, FLOOR * values[:, -1:])
-    return np.moveaxis((vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj(), 0, 2)
+    half = (vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
+    return np.asarray(size[:, None] * np.moveaxis(half, 0, 2))

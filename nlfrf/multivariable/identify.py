@@ -20,7 +20,7 @@ from nlfrf.multivariable.conditions import (
     is_zippered,
     warn_of_loud,
 )
-from nlfrf.multivariable.frm import Frm, positive_part
+from nlfrf.multivariable.frm import Frm, excess
 from nlfrf.multivariable.local_matrix import LEAST, LocalMatrix, fit_matrix
 from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf
 from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
@@ -131,7 +131,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
             "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, "
             f"got a {grid.kind} grid: between its own lines a column is fitted, and says nothing of its roughness"
         )
-    fit = None if grid.excited.size < LEAST or R >= ENOUGH else fit_matrix(frf.G, grid)
+    fit = None if grid.excited.size < LEAST or R >= ENOUGH else fit_matrix(frf.G, grid, frf.gamma)
     part = linear_part(spectra, frf.G if fit is None else fit.G)
     independent = independent_experiments(spectra)
     level = {
@@ -169,7 +169,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         gamma=gamma,
         cov_noise=frf.cov_noise,
         cov_total=total,
-        cov_distortion=positive_part(total - np.nan_to_num(frf.cov_noise)),
+        cov_distortion=excess(total, np.nan_to_num(frf.cov_noise)),
         cov_even=even,
         cov_bound=pooled,
         dof=dof,

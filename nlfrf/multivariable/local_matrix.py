@@ -50,8 +50,11 @@ class LocalMatrix:
     dof: np.ndarray
 
 
-def fit_matrix(G: np.ndarray, grid: LineGrid) -> LocalMatrix:
-    """Fit (n_y, n_u, F) on each of the excited lines of a grid over the nine around it."""
+def fit_matrix(G: np.ndarray, grid: LineGrid, gamma: np.ndarray) -> LocalMatrix:
+    """Fit (n_y, n_u, F) on each of the excited lines of a grid over the nine around it.
+
+    Columns weigh by how well they were measured, gamma (n_u, n_u, F): whatever the units of the inputs.
+    """
     lines = grid.excited
     n_y, n_u, F = G.shape
     if lines.size < LEAST:
@@ -63,9 +66,10 @@ def fit_matrix(G: np.ndarray, grid: LineGrid) -> LocalMatrix:
     Q, T = np.linalg.qr(r[..., None] ** np.arange(ORDER + 1))  # (F, n, 3)
     at_zero = Q @ np.linalg.solve(np.swapaxes(T, 1, 2), np.eye(ORDER + 1)[0][:, None])  # row of the fit at r = 0
     near = np.moveaxis(G[..., window], 2, 0)  # (F, n_y, n_u, n)
+    known = np.sqrt(np.einsum("iif->fi", gamma).real)[:, None, :, None]
     value_at_zero = (near.reshape(F, -1, n) @ at_zero)[..., 0]
     # rows of one size, so that an output in other units weighs the same
-    size = np.sqrt(np.mean(squared(near), axis=(2, 3), keepdims=True)) + np.finfo(float).tiny
+    size = known * (np.sqrt(np.mean(squared(near / known), axis=(2, 3), keepdims=True)) + np.finfo(float).tiny)
     powers = np.stack([np.ones(r.shape), -r, -(r**2)], axis=1)[:, :, None]  # (F, 3, 1, n)
     rows = (near / size).reshape(F, 1, -1, n) * powers[:, : 3 if n >= 2 * ORDER + 4 else 1]
     rows = (rows - (rows @ Q[:, None]) @ np.swapaxes(Q, 1, 2)[:, None]).reshape(F, rows.shape[1], -1)

@@ -6,9 +6,11 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_places
+from nlfrf.multivariable.conditions import is_zippered
 from nlfrf.multivariable.counts import cross_factor
 from nlfrf.multivariable.local_matrix import fit_matrix, interpolate_matrix
 from nlfrf.multivariable.matrix_frf import MatrixFrf, hermitian_mean
+from nlfrf.shared.leastsquares import power
 from nlfrf.shared.values import value
 
 __all__ = ["MatrixLevel", "level_from_fit", "level_from_lines", "linear_part"]
@@ -83,20 +85,20 @@ def level_from_lines(
     rho = hermitian_mean(np.moveaxis(x, 2, 0), 1) / (n_used * Yc.shape[1])[:, None, None]
     factor = np.ones(here.size)
     if kind == "odd":
-        sizes = np.sqrt(
-            np.concatenate([np.mean(np.abs(U) ** 2, axis=1), np.mean(np.abs(spectra.Y[..., here]) ** 2, 1)])
-        )
-        factor = cross_factor(driving(sizes, len(U)), grid.excited, grid.odd, near)
+        factor = cross_factor(driving(spectra), grid.excited, grid.odd, near)
     s = np.sqrt(factor * d * gain[:, here] + noise[:, here]).T  # (F, n_y)
     cov = np.moveaxis(s[:, :, None] * rho * s[:, None, :], 0, 2)
     return MatrixLevel(cov=cov, dof=n_used * n_independent, factor=factor)
 
 
-def driving(sizes: np.ndarray, n_u: int) -> np.ndarray:
-    """Amplitude spectra that may drive a nonlinearity; zippered inputs share their lines out, and act together."""
-    inputs, outputs = sizes[:n_u], sizes[n_u:]
-    if np.any(inputs < 1e-3 * inputs.max(axis=0)):
-        inputs = np.sqrt(np.sum(inputs**2, axis=0, keepdims=True))
+def driving(spectra: ChannelSpectra) -> np.ndarray:
+    """(n, F) amplitude spectra that may drive a nonlinearity; zippered inputs share lines out, and act together.
+
+    Each over its own size: of the sum of inputs in their units one alone would be left.
+    """
+    inputs, outputs = (np.sqrt(np.mean(np.abs(x[..., spectra.excited]) ** 2, axis=1)) for x in (spectra.U, spectra.Y))
+    if is_zippered(spectra):
+        inputs = np.sqrt(np.sum(inputs**2 / power(inputs)[:, None], axis=0, keepdims=True))
     return np.concatenate([inputs, outputs])
 
 
@@ -124,7 +126,7 @@ def level_from_fit(frf: MatrixFrf, grid: LineGrid) -> MatrixLevel:
     n_y, n_u, F = frf.G.shape
     cov, dof = np.zeros((n_y, n_y, F), dtype=complex), np.zeros(F)
     for G, gamma in zip(frf.each, frf.gamma_each, strict=True):
-        fit = fit_matrix(G, grid)
+        fit = fit_matrix(G, grid, gamma)
         inverse = np.linalg.inv(np.moveaxis(gamma, 2, 0))
         E = np.moveaxis(fit.residual, 3, 1)  # (F, n, n_y, n_u)
         weighted = E @ inverse[fit.window]

@@ -74,9 +74,10 @@ def repeats(spectra: ChannelSpectra) -> list[tuple[list[int], list[float]]]:
         for members, delays in groups:
             if np.all(labels[:, m] == labels[:, members[0]]):
                 product = known[:, members[0]] * known[:, m].conj()
+                product /= np.sqrt(power(known[:, members[0]]) * power(known[:, m]))[:, None]  # inputs of one size
                 delay, _ = aligned(np.ones(lines.size), product.sum(axis=0), places)
                 turned = (product * np.exp(-2j * np.pi * lines * delay)).real.sum(axis=1)
-                if np.all(turned > ALIKE * np.sqrt(power(known[:, members[0]]) * power(known[:, m]))):
+                if np.all(turned > ALIKE):
                     members.append(m)
                     delays.append(delay)
                     break

@@ -15,6 +15,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import local_mean
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_lines
+from nlfrf.multivariable.frm import in_own_units
 from nlfrf.multivariable.local_matrix import EARNED, ORDER, POOLED, WIDTH
 from nlfrf.multivariable.matrix_frf import MatrixFrf, adjoint, lines_last, noise_covariance
 from nlfrf.shared.leastsquares import two_unknowns
@@ -55,7 +56,7 @@ def zippered_frf(spectra: ChannelSpectra) -> tuple[MatrixFrf, Between]:
     U, Y = spectra.U[..., at], spectra.Y[..., at]
     (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(at.size)
     size = np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
-    owner = size.argmax(axis=0)
+    owner = (size / size.max(axis=1, keepdims=True)).argmax(axis=0)
     measured = Y / U[owner, :, k].T  # (n_y, M, F) of the column that the line drives
     column = measured.mean(axis=1)
     G, between = fitted_between(column, lines, owner, 1 / (M * size[owner, k] ** 2))
@@ -92,7 +93,8 @@ def fitted_between(
     r = (lines[window] - lines[:, None, None]).astype(float)
     r /= np.abs(r).max(axis=(1, 2), keepdims=True)  # (F, n_u, n)
     g = np.moveaxis(column[:, window], 0, 2)  # (F, n_u, n_y, n)
-    size = np.sqrt(np.mean(np.abs(g) ** 2, axis=(1, 3), keepdims=True)) + np.finfo(float).tiny  # of each row
+    known = np.sqrt(np.mean(own[window], axis=2))[:, :, None, None]  # of each column, in the units of its input
+    size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + np.finfo(float).tiny)
     D = denominator(r, g, size)
     plain, rational = (power_left(r, g, one, size) for one in (np.ones(D.shape), D))
     dof = n_y * n_u * (width - ORDER - 1)
@@ -184,10 +186,11 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets:
     lines = between.own[:, None, None] * C  # of the column that each line drives
     around = lines[between.window]  # (F, n_u, n, n_y, n_y)
     columns = np.einsum("fijanl,fanlm,fipanm->fijp", between.weights, around, between.weights.conj(), optimize=True)
-    values, vectors = np.linalg.eigh(C)
+    correlation, scale = (np.moveaxis(part, -1, 0) for part in in_own_units(cov))
+    values, vectors = np.linalg.eigh(correlation)
     values = np.maximum(values, 1e-8 * values[:, -1:] + np.finfo(float).tiny)
-    root = (vectors * np.sqrt(values)[:, None]) @ adjoint(vectors)
-    inverse = (vectors / np.sqrt(values)[:, None]) @ adjoint(vectors)
+    root = scale[:, :, None] * ((vectors * np.sqrt(values)[:, None]) @ adjoint(vectors))
+    inverse = ((vectors / np.sqrt(values)[:, None]) @ adjoint(vectors)) / scale[:, None]
     gamma, more = gamma.copy(), np.zeros((F, n_y, n_y), dtype=complex)
     for i in range(columns.shape[1]):
         fitted = between.owner != i
@@ -196,8 +199,8 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets:
         # a fit scatters less than a line, but a new set may have measured where this one fitted: its share in
         # bound(of="realization") is n_sets times one
         gamma[i, i] = np.where(fitted, np.maximum(smooth, (smooth + n_sets * own) / (1 + n_sets)), between.own)
-        T = inverse @ columns[:, i] @ inverse / gamma[i, i].real[:, None, None]
+        T = inverse @ columns[:, i] @ adjoint(inverse) / gamma[i, i].real[:, None, None]
         beyond, along = np.linalg.eigh(T)
         part = (along * np.maximum(beyond - 1, 0.0)[:, None]) @ adjoint(along)
         more = more + np.where(fitted[:, None, None], part, 0.0)
-    return gamma, np.moveaxis(root @ (np.eye(n_y) + more) @ root, 0, 2)
+    return gamma, np.moveaxis(root @ (np.eye(n_y) + more) @ adjoint(root), 0, 2)

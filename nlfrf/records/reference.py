@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from nlfrf.excitation.multisine import Multisine
@@ -9,7 +11,7 @@ from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.shared.arguments import of_kind, positive
 from nlfrf.shared.transforms import rfft_at
 
-__all__ = ["Design", "played_period", "played_reference", "played_references"]
+__all__ = ["Design", "fill_reference", "played_period", "played_reference", "played_references"]
 
 
 Design = Multisine | OrthogonalMultisine
@@ -38,6 +40,17 @@ def played_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
     of_kind("design", design, Multisine)
     played: np.ndarray = played_references(design, u[None])[0]
     return played
+
+
+def fill_reference(found: dict[str, Any], design: Design | None) -> None:
+    """Put what was played into the signals of a record as their references, where there are none and they may be.
+
+    A zippered record is identified in open loop and takes none; that it shows the design is looked at all the same.
+    """
+    if design is not None and "r" not in found:
+        played = played_references(design, found["u"])
+        if not (isinstance(design, OrthogonalMultisine) and design.design == "zippered"):
+            found["r"] = played
 
 
 def played_references(design: Design, u: np.ndarray) -> np.ndarray:
@@ -80,7 +93,7 @@ def played_references(design: Design, u: np.ndarray) -> np.ndarray:
         if not likeness[best] > ALIKE:
             raise ValueError(
                 f"design must be what was played, got a correlation of {likeness[best]:.2g} with the input of "
-                f"{'realisation' if len(u) == 1 else 'experiment'} {m} at best"
+                f"{f'realisation {m}' if len(u) == 1 else f'experiment {m + 1}'} at best"
             )
         delay = found[best, 0, 1]
         spectrum[:, m, k] = D[:, best] * np.exp(-2j * np.pi * k * delay / n_samples) * (n_samples / 2)

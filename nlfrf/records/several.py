@@ -11,7 +11,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.records.detection import detect_lines
-from nlfrf.records.reference import Design, played_period, played_references
+from nlfrf.records.reference import Design, fill_reference, played_period
 from nlfrf.records.samples import records_from_streams
 from nlfrf.shared.arguments import HOLDS, channel_names, of_kind, one_of, positive, real_array
 from nlfrf.shared.leastsquares import squared
@@ -186,7 +186,8 @@ def multirecord_from_samples(
         Names of the channels.
     design : OrthogonalMultisine, optional
         What was played: its period and lines are taken and not looked for, and where no `r` is given its phases are
-        the references. The inputs must show it, behind any trigger; the experiments of a set lie side by side.
+        the references, but for a zippered one, which is for open loop. The inputs must show it, behind any trigger; the
+        experiments of a set lie side by side.
     hold : str, optional
         How all inputs run between their samples, see `MultiRecord`; from the design, or unknown, when not given.
 
@@ -228,8 +229,7 @@ def multirecord_from_samples(
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
-    if design is not None:
-        found.setdefault("r", played_references(design, found["u"]))
+    fill_reference(found, design)
     found |= {"inputs": inputs, "outputs": outputs}  # which the record makes tuples of
     return MultiRecord(**found, fs=fs, lines=lines, hold="unknown" if hold is None else hold)
 

@@ -156,4 +156,8 @@ def design_frf(
     }
     if isinstance(plant, (Frm, MatrixUncertainty)):
         return close_in_turn(plant, structure, asked)
+    if isinstance(plant, list | tuple) and any(isinstance(one, (Frm, MatrixUncertainty)) for one in plant):
+        raise ValueError(
+            "plant must be one Frm (or MatrixUncertainty) or a list of single loops, got a list of matrices"
+        )
     return design_loop(plant, structure, **asked)

@@ -128,6 +128,7 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
             f"bla must have {shape[0]} outputs and {shape[1]} inputs, as the model, got {frm.n_outputs} and "
             f"{frm.n_inputs}"
         )
+    refuse_other_channels(model, frm)
     inside = (frm.omega >= model.omega[0] * (1 - 1e-9)) & (frm.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
@@ -154,6 +155,17 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
     tried = [compared(first, second, p) for first in firsts]
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
     return replace(best, distance=distance, inputs=frm.inputs, outputs=frm.outputs)
+
+
+def refuse_other_channels(model: MatrixUncertainty | Frm, frm: Frm) -> None:
+    """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
+    for name, letter in (("inputs", "u"), ("outputs", "y")):
+        first, second = tuple(getattr(model, name)), tuple(getattr(frm, name))
+        unnamed = tuple(f"{letter}{i + 1}" for i in range(len(first)))
+        if first != second and unnamed not in (first, second):
+            raise ValueError(
+                f"bla must be a matrix of the same {name} as the model, {', '.join(first)}, got {', '.join(second)}"
+            )
 
 
 def reaching(measured: Sequence[MatrixEvidence], omega: np.ndarray) -> list[MatrixEvidence]:

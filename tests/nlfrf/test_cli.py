@@ -10,6 +10,7 @@ from nlfrf import (
     MultiRecord,
     __version__,
     cli,
+    load,
     load_bla,
     load_frm,
     load_multisine,
@@ -103,6 +104,40 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
         code, out, _ = nlfrf_command("plot", f"G{suffix}", "-o", "G.png")
         assert code == 0
         assert (tmp_path / "G.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_inputs_one_by_one_are_as_many_as_with_commas(nlfrf_command, tmp_path):
+    """The last alone was kept, without a word."""
+    ms = multisine("random-odd", fs=100, n_samples=200, f_min=1, f_max=30, n_inputs=2, rng=1)
+    rng = np.random.default_rng(1)
+    for m in range(2):
+        r = np.tile(ms.u[:, m], 3)
+        u = r + 0.01 * rng.standard_normal(r.shape)
+        table = {"rx": r[0], "ry": r[1], "f,x": u[0], "fy": u[1], "x": u[0] + 0.1 * u[0] ** 3 - u[1]}
+        np.savez(tmp_path / f"run{m}.npz", fs=100.0, **table)
+    asked = ["identify", "run0.npz", "run1.npz", "--output", "x", "--period", "200"]
+    several = ["--input", '"f,x"', "--input", "fy", "--reference", "rx", "--reference", "ry", "-o", "G.npz"]
+    commas = ["--input", '"f,x",fy', "--reference", "rx,ry", "-o", "H.npz"]
+    for how in (several, commas):
+        assert nlfrf_command(*asked, *how)[0] == 0
+    one, other = load_frm(tmp_path / "G.npz"), load_frm(tmp_path / "H.npz")
+    assert one.inputs == other.inputs == ("f,x", "fy")
+    np.testing.assert_array_equal(one.cov_bound, other.cov_bound)
+    code, _, err = nlfrf_command(*asked, "--input", "fy", "--reference", "rx", "--reference", "ry", "-o", "b.npz")
+    assert code == 2
+    assert "--reference must name a signal of 'run0.npz'" in err
+
+
+def test_a_zippered_record_beside_its_design(nlfrf_command, tmp_path):
+    """The design was put in as references, which a zippered record does not take."""
+    asked = "--kind random-odd --fs 256 --period 256 --f-min 1 --f-max 100 --inputs 2 --zippered --seed 1"
+    assert nlfrf_command("design", *asked.split(), "-o", "ms.npz")[0] == 0
+    fx, fy = np.tile(load(tmp_path / "ms.npz").u[:, 0], 3)
+    np.savez(tmp_path / "run.npz", fx=fx, fy=fy, x=fx + 0.1 * fx**3 - fy, fs=256.0)
+    names = ["--input", "fx,fy", "--output", "x"]
+    code, _, err = nlfrf_command("identify", "run.npz", *names, "--design", "ms.npz", "-o", "G.npz")
+    assert (code, "r must be left out" in err) == (0, False)
+    assert load_frm(tmp_path / "G.npz").design == "zippered"
 
 
 def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):

@@ -76,6 +76,7 @@ def test_zippered_lines_are_shared_out_at_random_and_keep_the_rms():
         ({"rms": (1.0, -1.0)}, r"rms\[1\] must be positive"),
         ({"amplitude": np.ones((3, 50))}, r"amplitude must have one row per input \(2\), got 3"),
         ({"mixing": np.ones((2, 2))}, "mixing must have full rank"),
+        ({"mixing": np.eye(2), "design": "zippered"}, "mixing must be left out for a zippered design"),
         ({"mixing": np.eye(3)}, r"mixing must have shape \(2, 2\)"),
         ({"design": "serial"}, "design must be one of 'orthogonal', 'zippered'"),
         ({"n_inputs": 6, "transform": "hadamard"}, 'n_inputs must be 1, 2, 4, 8, 12, ... for transform="hadamard"'),

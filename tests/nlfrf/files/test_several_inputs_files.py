@@ -130,7 +130,7 @@ def test_what_a_generator_plays(tmp_path):
     table = np.loadtxt(tmp_path / "play.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(table[:, 1:], np.stack([ms.u[0, 0], ms.u[1, 0], ms.u[0, 1], ms.u[1, 1]], axis=1))
     header = (tmp_path / "play.csv").read_text().splitlines()[0]
-    assert header == "t [s],u1 experiment 0,u2 experiment 0,u1 experiment 1,u2 experiment 1"
+    assert header == "t [s],u1 experiment 1,u2 experiment 1,u1 experiment 2,u2 experiment 2"
 
 
 def streams(ms, seed, limit=np.inf):
@@ -168,6 +168,22 @@ def test_the_design_tells_what_a_distorting_actuator_hides(by_file, tmp_path):
     frm = nlfrf.identify(record)
     inside = np.abs(frm.G - np.array([[1.0, 0.5], [-1.0, 1.0]])[:, :, None]) <= frm.bound()
     assert inside.mean() > 0.85  # 4 x 37 entries of 95 %, which neighbouring lines share a level of
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+def test_a_zippered_record_takes_its_design(tmp_path):
+    """Its lines and its hold, and no references: with those it was refused, measured or saved."""
+    ms = design(design="zippered", hold="zoh")
+    record = played(ms, n_periods=3)
+    nlfrf.save_record(record, tmp_path / "run.npz")
+    stored = nlfrf.load_multirecord(tmp_path / "run.npz", design=ms)
+    streams = [one[:, 0].reshape(len(one), -1) for one in (record.u, record.y)]
+    measured = nlfrf.multirecord_from_samples(*streams, fs=256, design=ms)
+    for found in (stored, measured):
+        assert (found.r, found.hold) == (None, "zoh")
+        np.testing.assert_allclose(nlfrf.identify(found).G, nlfrf.identify(record).G, rtol=1e-12)
+    with pytest.raises(ValueError, match="design must be what was played"):
+        nlfrf.multirecord_from_samples(*streams, fs=256, design=design(design="zippered", rng=2))
 
 
 def test_a_design_that_was_not_played_is_refused():

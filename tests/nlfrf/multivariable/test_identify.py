@@ -137,6 +137,15 @@ def test_a_transient_is_taken_off():
     assert cured < 1e-2 * raw
 
 
+def test_inputs_of_other_spectra_are_told_apart_as_well(recwarn):
+    """Of f and 1/f the ratio over all lines was taken for a condition, 18, though each line is orthogonal."""
+    ms = nlfrf.multisine(
+        "random-odd", **BAND, n_inputs=2, rng=7, amplitude=lambda f: np.stack([f / 50, 50 / f])
+    )  # fmt: skip
+    nlfrf.identify(linear(ms, noise=1e-3))
+    assert not [one for one in recwarn if "badly" in str(one.message)]
+
+
 def test_warnings_and_refusals():
     ms = nlfrf.multisine(**BAND, n_inputs=2, rng=7)
     record = linear(ms)

@@ -144,6 +144,13 @@ def test_refusals(G, options, message):
         design_frf(set_of(G, "input", (0.1, 0.1), (1.0, 1.0)), "PI", **options)
 
 
+def test_a_list_of_matrices_is_refused_as_one():
+    """An Frm in a list was said to be no plant, which an Frm alone is."""
+    one = set_of(STAGE, "input", (0.1, 0.1), (1.0, 1.0))
+    with pytest.raises(ValueError, match=r"plant must be one Frm .* got a list of matrices"):
+        design_frf([one, one], "PI", M_S=2.0)
+
+
 def test_a_plant_that_is_not_square_is_refused():
     G = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]])
     with pytest.raises(ValueError, match="plant must have as many inputs as outputs for a diagonal controller, got 2"):

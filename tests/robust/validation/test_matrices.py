@@ -116,6 +116,19 @@ def test_a_record_held_against_a_set():
     assert exact.p_value > 1e-3
 
 
+def test_channels_in_another_order_are_refused():
+    """They were compared by their places: 70 of 114 lines outside, of the same machine."""
+    frm = replace(matrix(1), inputs=("fx", "fy"), outputs=("x", "y"))
+    lag = control.tf2ss([1.0], [1 / (2 * np.pi * 50), 1.0])
+    both = control.append(lag, lag)
+    model = robust.uncertainty(frm, control.ss(both.A, both.B, G0 @ both.C, np.zeros((2, 2))), form="elements", order=2)
+    for first in (frm, model):
+        robust.validate(first, replace(matrix(2), inputs=("fx", "fy")))  # outputs without names of their own
+        for name, now in (("inputs", ("fy", "fx")), ("outputs", ("y", "x"))):
+            with pytest.raises(ValueError, match=f"bla must be a matrix of the same {name} as the model, "):
+                robust.validate(first, replace(frm, **{name: now}))
+
+
 def test_refusals():
     frm = matrix(1)
     with pytest.raises(ValueError, match=r"bla must be an nlfrf\.Frm, as the model, got"):
