@@ -8,6 +8,7 @@ bristle_multipliers  the same for bristles that creep, by a cone program
 bristle_dissipation  the inequality of creeping bristles
 linear_uncertainty   the class beside an LTI error of the linear part: a test at frequencies, no proof
 certify              from weights to a certificate, and how far it reaches
+passivity            every passive friction: what damping a loop leaves at its port
 levels               machine and class read from measured levels
 port_levels          what is left of them as a spring and a damper, the machine taken off
 flexible             machine and class read around a nominal model, damped and undamped

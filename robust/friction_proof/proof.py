@@ -9,15 +9,15 @@ import numpy as np
 
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz, shown
+from nlfrf.shared.wording import shown
 from robust.friction_proof.certify import certify, proved_limits
 from robust.friction_proof.classes import AnyFriction
+from robust.friction_proof.passivity import passive_verdict
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.verify import verify_friction
 from robust.sliding.bounded import hunting_bound, sure_kick
 from robust.sliding.loop import SlidingLoop, sliding_loop
 from robust.sliding.machine import SlidingMachine
-from robust.sliding.passive import damping_left
 from robust.sliding.springs import unstable_spring
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
@@ -26,6 +26,8 @@ from robust.verification.claim import Matrices, as_given
 __all__ = ["OTHER", "FrictionProof", "claimed", "matrices_of", "prove_friction", "reference_rate"]
 
 CLASS = ("K0", "stiction", "bristle_time", "microdamping")
+#: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
+ROUNDING = 1e-9
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
 OTHER = {
     "bristle": "rigid stiction, another damping of the bristles, ",
@@ -57,11 +59,11 @@ class FrictionProof:
         Largest presliding stiffness [N/m] and largest ratio of a slider for which the proof was found too, one at a
         time; nan unless asked for.
     error_bound : float
-        How far from rest the position stays in the end with any friction of at most Fs [m]; nan where no Fs was given
-        or the sliding loop is unstable.
+        How far from rest the position stays in the end with any friction of at most Fs [m]; nan where no Fs was given,
+        the sliding loop is not stable, or its fastest mode is too fast for its clock or its slowest one to follow.
     kick_sure : float
         Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
-        given or the sliding loop is stable.
+        given, the sliding loop is stable, or none was found.
     certificate : Certificate or None
         What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
     multipliers : (2, J) ndarray
@@ -185,9 +187,9 @@ def prove_friction(
     elif friction.kind in ("Maxwell slip", "bristle"):
         found |= certified(machine, K, delay, loop, friction, limits)
     elif friction.kind == "bounded":
-        found |= {"verdict": "proved", "reason": ""}
+        found |= bounded_verdict(loop, found["error_bound"])
     else:
-        found |= passive(machine, K, loop)
+        found |= dict(zip(("verdict", "reason"), passive_verdict(machine, K, delay, loop), strict=True))
     found["claim"] = claim(machine, friction, K, delay, found) if found["verdict"] == "proved" else ""
     return FrictionProof(
         machine=machine,
@@ -212,7 +214,23 @@ def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict
         least = sure_kick(loop, hit, Fs)
         kick = least if np.isfinite(least) else np.nan
     bound = Fs * hunting_bound(loop) if np.isfinite(Fs) and stable else np.nan
-    return {"kick_sure": kick, "error_bound": bound}
+    return {"kick_sure": kick, "error_bound": bound if np.isfinite(bound) else np.nan}
+
+
+def bounded_verdict(loop: SlidingLoop, error_bound: float) -> dict[str, str]:
+    """Proved where there is a bound; nothing is said at the stability boundary, or where it takes too long."""
+    if np.isfinite(error_bound):
+        return {"verdict": "proved", "reason": ""}
+    growth = loop.growth() + 0.0
+    size = f"|z| = {beside_one(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
+    what = (
+        "is on the stability boundary" if growth >= -ROUNDING else "takes too long to follow, as far as its modes lie"
+    )
+    return {
+        "verdict": "not decided",
+        "reason": f"no bound was found: the sliding loop, with all states of its controller, {what} (without friction "
+        f"it has a pole of {size})",
+    }
 
 
 def certified(
@@ -271,22 +289,10 @@ def reference_rate(machine: SlidingMachine, loop: SlidingLoop) -> float:
     return float(np.clip(np.median(rates), 1.0, 1e3))
 
 
-def passive(machine: SlidingMachine, K: Any, loop: SlidingLoop) -> dict[str, Any]:
-    """The verdict on every passive friction, by a frequency test."""
-    left, omega, words = damping_left(machine, K, loop)
-    if np.isnan(left):
-        return {"verdict": "not decided", "reason": words}
-    where = f"{words} at {hertz(omega)} (tested at the frequencies of a grid)"
-    return {
-        "verdict": "proved" if left > 0 else "not decided",
-        "reason": where if left > 0 else f"not shown that {where}",
-    }
-
-
 def refutation(spring: tuple[float, complex], loop: SlidingLoop, friction: AnyFriction) -> str:
     """Which member of the class makes the loop unstable."""
     kappa, pole = spring
-    size = f"|z| = {abs(pole):.6g}" if loop.T else f"real part {pole.real:.4g} rad/s"
+    size = f"|z| = {beside_one(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
     if kappa == 0:
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
     still = "a bristle" if friction.kind == "bristle" else "a spring"
@@ -294,6 +300,12 @@ def refutation(spring: tuple[float, complex], loop: SlidingLoop, friction: AnyFr
         f"not every friction of the class: with {still} of {kappa / 1e3:.4g} kN/m that does not slip, its rests are "
         f"unstable ({size}); yours may be another member"
     )
+
+
+def beside_one(size: float) -> str:
+    """The size of a pole, with as many digits as tell it from one."""
+    digits = 6 if size == 1 else int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
+    return f"{size:.{digits}g}"
 
 
 def claim(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any]) -> str:

@@ -5,5 +5,4 @@ loop         the sliding loop: flows between samples, jumps at them
 response     its response from the friction to the velocity
 springs      refutation: a friction that never slips is a spring
 bounded      friction that is only known to be bounded: sure run-away, hunting
-passive      every passive friction
 """

@@ -120,6 +120,8 @@ def from_model(model: Any, port: bool) -> SlidingMachine:
     if (G.ninputs, G.noutputs) != (wanted, wanted):
         hint = "(force, port force) to (measured, port displacement)" if port else "force to position"
         raise ValueError(f"mass must be a model from {hint}, got {G.ninputs} inputs and {G.noutputs} outputs")
+    if not G.nstates:
+        raise ValueError("mass must be a model that moves, from force to position, got a gain without states")
     if timebase(G):
         raise ValueError(f"mass must be a continuous model, got one sampled at dt = {G.dt:g} s. Fit it with dt=0")
     if np.any(G.D != 0):
