@@ -40,7 +40,7 @@ def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:
         if model.measured_only:
             w, D, W = (response(X, model.omega) for X in (model.weight, Delta, model.shaping))
             deviated = FORMS[model.form].perturbed(W * model.at(model.omega), w, D) / W
-            plant: Any = control.FrequencyResponseData(deviated, model.omega)
+            plant: Any = control.FrequencyResponseData(deviated, model.omega, model.nominal.dt)
         else:
             plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
         # rounding in the realisation must not carry a plant out of the set it is said to be from
