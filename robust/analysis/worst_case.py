@@ -14,7 +14,7 @@ from robust.systems.connections import in_series
 from robust.systems.lti import response, timebase
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
-from robust.uncertain.perturbations import perturbed, with_phase
+from robust.uncertain.perturbations import perturbed, with_phase, within
 
 __all__ = ["WorstCase", "worst_case"]
 
@@ -117,6 +117,8 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     # the weight brings its own phase, which the perturbation is relative to
     Delta = with_phase(where, delta / turn, timebase(model.weight))
     plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
+    if not within(model, plant):
+        raise ValueError("model must have a worst plant that floating point can tell, got one outside the set of it")
     seen = in_loop(plant, loop, delay)
     at, omega = np.array([where]), np.unique(np.append(omega, where))
     S = sensitivity(plant, seen, loop, at)
