@@ -36,10 +36,12 @@ def perturbed(
 def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:
     """n plants of an `UncertaintyModel`, each |Delta| = 1 somewhere or everywhere; FRFs where its nominal is one."""
     plants: list[Any] = []
+    # a gain as the weight need not state a clock, nor has one as the nominal to
+    dt = timebase(model.weight) or (0.0 if model.measured_only else timebase(model.nominal))
     for _ in range(20 * integer("n", n, least=0)):
         if len(plants) == n:
             break
-        Delta = random_perturbation(rng, model.omega[0], model.omega[-1], timebase(model.weight))
+        Delta = random_perturbation(rng, model.omega[0], model.omega[-1], dt)
         if model.measured_only:
             w, D, W = (response(X, model.omega) for X in (model.weight, Delta, model.shaping))
             deviated = FORMS[model.form].perturbed(W * model.at(model.omega), w, D) / W

@@ -89,3 +89,10 @@ def test_a_matrix_set_has_one_clock():
     assert matrix_set(G).perturbed(Delta).dt == 0
     with pytest.raises(ValueError, match="w_P must be continuous as the model"):
         matrix_set(G).loop(np.eye(2), w_P=robust.discretize(control.tf([1], [1, 1]), DT))
+
+
+def test_a_weight_without_a_clock_leaves_the_plants_theirs():
+    model = robust.UncertaintyModel(SAMPLED, control.tf([0.3], [1]), "multiplicative", LINES, np.full(20, 0.3))
+    made = [*model.sample(6, rng=0), robust.worst_case(model, PI_SAMPLED).plant]
+    assert {plant.dt for plant in made} == {DT}
+    assert all(model.contains(plant) for plant in made)
