@@ -11,7 +11,7 @@ from nlfrf.shared.wording import hertz
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_lines_only, probability_of
-from robust.systems.lti import response, timebase
+from robust.systems.lti import clock_of, refuse_other_clock, response, timebase
 from robust.systems.nyquist import unstable_poles, winding
 from robust.systems.realisation import state_space
 from robust.uncertain.measured import as_seen, on_lines, sampling_time
@@ -22,11 +22,14 @@ __all__ = ["check_lines"]
 def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) -> RobustnessReport:
     """Stability by the winding number of 1 + L, and the curves, all on the lines of the FRF."""
     K = state_space("K", K)
-    w_P = None if w_P is None else state_space("w_P", w_P)
     delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation, W = on_lines(model)
-    dt = timebase(K)
-    refuse_misfit(omega, G, dt, sampling_time(model))
+    dt, sampled_frf = timebase(K), sampling_time(model) or None
+    refuse_misfit(omega, G, dt)
+    refuse_other_clock("K", K, "the FRF", sampled_frf)
+    w_P = None if w_P is None else state_space("w_P", w_P)
+    if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
+        refuse_other_clock("w_P", w_P, "the loop", sampled_frf or clock_of(K))
     measured, G = G, as_seen(model, omega, G, dt, delay)
     W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
     encirclements, clear = winding(omega, G, K, dt)
@@ -49,8 +52,8 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
 
-def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float, sampled_frf: float) -> None:
-    """Refuse an FRF that has no finite value somewhere, or that does not fit the sampling time of the controller."""
+def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
+    """Refuse an FRF that has no finite value somewhere, or lines that the controller is too slow for."""
     if not np.all(omega > 0):
         raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
     if not np.isfinite(G).all():
@@ -58,5 +61,3 @@ def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float, sampled_frf: floa
         raise ValueError(f"model must have a finite FRF on every line, got {G[~np.isfinite(G)][0]} at {where}")
     if dt and omega[-1] * dt >= np.pi:
         raise ValueError(f"K must be sampled fast enough for the lines up to {hertz(omega[-1])}, got dt = {dt:g} s")
-    if sampled_frf and dt and abs(sampled_frf / dt - 1) > 1e-9:
-        raise ValueError(f"K must have the sampling time of the FRF, {sampled_frf:g} s, got {dt:g} s")

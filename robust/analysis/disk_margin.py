@@ -26,7 +26,7 @@ from robust.mu.upper import mu_upper, refined
 from robust.systems.closed_loop import refuse_shape
 from robust.systems.grids import structure_grid
 from robust.systems.lft import joined, lower
-from robust.systems.lti import along, constant, timebase
+from robust.systems.lti import along, clock_of, constant, refuse_other_clock, timebase
 from robust.systems.nyquist import winding
 from robust.systems.realisation import multivariable
 from robust.uncertain.matrix_model import MatrixUncertainty
@@ -264,6 +264,7 @@ def around(G: Any, K: control.StateSpace) -> Any:
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
         omega = np.asarray(G.omega, dtype=float)
+        refuse_other_clock("K", K, "G", clock_of(G))
         dt = timebase(K)
         L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
         if dt and omega[-1] * dt > np.pi * (1 + 1e-9):

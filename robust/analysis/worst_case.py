@@ -14,7 +14,7 @@ from robust.systems.connections import in_series
 from robust.systems.lti import response, timebase
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
-from robust.uncertain.perturbations import perturbed, with_phase
+from robust.uncertain.perturbations import perturbed, with_phase, within
 
 __all__ = ["WorstCase", "worst_case"]
 
@@ -115,8 +115,10 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     delta *= np.exp(1j * where * lead_of(loop, delay)) / max(1.0, abs(delta))
     turn = FORMS[model.form].turn(in_series(model.nominal, model.shaping), model.weight, where)
     # the weight brings its own phase, which the perturbation is relative to
-    Delta = with_phase(where, delta / turn, timebase(model.weight))
+    Delta = with_phase(where, delta / turn, timebase(model.nominal) or timebase(model.weight))
     plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
+    if FORMS[model.form].scaled and not within(model, plant):  # other forms need no factors: they are made as they are
+        raise ValueError("model must have a worst plant that floating point can tell, got one outside the set of it")
     seen = in_loop(plant, loop, delay)
     at, omega = np.array([where]), np.unique(np.append(omega, where))
     S = sensitivity(plant, seen, loop, at)

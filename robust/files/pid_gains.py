@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf.shared.arguments import of_kind, positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import inverse_unit
+from robust.systems.bilinear import continuous_image
 from robust.systems.lti import poles, response, timebase
 from robust.systems.realisation import state_space
 
@@ -19,6 +20,7 @@ __all__ = ["PidGains", "pid_gains", "told_gains"]
 
 INTEGRATOR = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
 EXACT = 1e-6
+ROUNDING = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
 
 
 @value
@@ -118,7 +120,8 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
     Returns
     -------
     PidGains
-        Printed, it shows the parallel form, the ideal form, and the difference equation.
+        Printed, it shows the parallel form, the ideal form, and the difference equation. A gain below some 1e-14 of the
+        numbers that hold it (of Kp: Ki dt/2, Kd/Tf and Kd/dt) is lost in K already, and zero here.
 
     Raises
     ------
@@ -144,29 +147,8 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
     K = state_space("K", K)
     sampled = timebase(K)
     integrates, filter_time = parts_of(K, sampled)
-    # three numbers, linear in the response
-    size = 1 / filter_time if filter_time else 1.0
-    middle = min(size, 1 / sampled) if sampled else size
-    omega = middle * np.geomspace(1e-3, 1.0, 24)
-    s = 2j / sampled * np.tan(omega * sampled / 2) if sampled else 1j * omega
-    columns = [np.ones(s.size, complex)]
-    columns += [1 / s] if integrates else []
-    columns += [s / (filter_time * s + 1)] if filter_time else []
-    wanted = response(K, omega)
-    weighted = np.column_stack(columns) / np.abs(wanted)[:, None]
-    scale = np.linalg.norm(weighted, axis=0)
-    right = wanted / np.abs(wanted)
-    solved = np.linalg.lstsq(
-        np.vstack([weighted.real, weighted.imag]) / scale, np.concatenate([right.real, right.imag]), rcond=None
-    )[0]
-    error = np.abs(weighted @ (solved / scale) - right).max()
-    if not error < EXACT:
-        raise ValueError(f"K must be a PID, got one that differs from the nearest by {error:.2g} of its size")
-    gains = [float(g) if abs(g) > EXACT / 10 else 0.0 for g in solved]
-    gains = [g / float(size) for g, size in zip(gains, scale, strict=True)]
-    kp, rest = gains[0], gains[1:]
-    ki = rest.pop(0) if integrates else 0.0
-    kd = rest.pop(0) if filter_time else 0.0
+    kp, ki, kd = gains_of(K, sampled, integrates, filter_time)
+    refuse_misfit(K, sampled, kp, ki, kd, filter_time)
     step = sampled if sampled else 0.0 if dt is None else positive("dt", dt)
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
         raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
@@ -180,6 +162,40 @@ def told_gains(K: Any, unit: str) -> str:
     with suppress(ValueError):
         return "".join(f"\nPID {row}" for row in str(pid_gains(K, unit=unit)).splitlines())
     return ""
+
+
+def gains_of(K: control.StateSpace, dt: float, integrates: bool, filter_time: float) -> tuple[float, float, float]:
+    """Kp, Ki and Kd: the value at infinity and the residues at the poles. What is rounding of its own terms is none.
+
+    K = Kp + Kd/Tf + Ki/s - Kd/Tf^2/(s + 1/Tf), in the s of the trapezoidal rule where K is sampled.
+    """
+    unit = 2 / dt if dt else 1.0
+    A, B, C, D = continuous_image(K) if K.nstates else (K.A, K.B, K.C, K.D)
+    p, V = np.linalg.eig(A) if K.nstates else (np.zeros(0), np.zeros((0, 0)))
+    left, right = C @ V, np.linalg.solve(V, B)
+    residues = unit * (left[0] * right[:, 0]).real
+    sure = ROUNDING * unit * (np.abs(C) @ np.abs(V))[0] * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
+    residues = np.where(np.abs(residues) > sure, residues, 0.0)
+    slow = np.argsort(np.abs(p))  # the integrator first
+    ki = float(residues[slow[0]]) if integrates else 0.0
+    kd = float(-residues[slow[-1]] * filter_time**2) if filter_time else 0.0
+    # of a sampled one D is the value at z = -1, from that at infinity and the rest
+    terms = abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
+    terms += abs(kd) / dt if dt else 0.0  # a slow filter in a fast clock is told by 1 - z alone
+    kp = float(D[0, 0] - (kd / filter_time if filter_time else 0.0))
+    return kp if abs(kp) > ROUNDING * terms else 0.0, ki, kd
+
+
+def refuse_misfit(K: control.StateSpace, dt: float, kp: float, ki: float, kd: float, filter_time: float) -> None:
+    """Refuse a controller that the gains do not make: one that leaks where an integrator is said to be."""
+    size = 1 / filter_time if filter_time else abs(ki / kp) if kp and ki else 1.0
+    omega = (min(size, 1 / dt) if dt else size) * np.geomspace(1e-3, 1.0, 24)
+    s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
+    wanted = response(K, omega)
+    error = np.abs(kp + ki / s + kd * s / (filter_time * s + 1) - wanted)
+    if not np.all(error <= EXACT * np.abs(wanted)):
+        worst = np.max(error / np.abs(wanted))
+        raise ValueError(f"K must be a PID, got one that differs from the nearest by {worst:.2g} of its size")
 
 
 def parts_of(K: control.StateSpace, dt: float) -> tuple[bool, float]:

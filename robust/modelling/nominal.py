@@ -26,6 +26,7 @@ from robust.modelling.rational import (
     zpk_response,
 )
 from robust.modelling.refinement import refine
+from robust.systems.lti import SAME_CLOCK
 from robust.systems.realisation import from_roots, in_order
 from robust.systems.sampling import delay_samples, hold_between
 
@@ -286,6 +287,8 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
     if isinstance(bla, control.FrequencyResponseData):
         if (bla.ninputs, bla.noutputs) != (1, 1):
             raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
+        if bla.dt and abs(bla.dt - dt) > SAME_CLOCK * bla.dt:
+            raise ValueError(f"dt must be that of bla, a sampled FRF at {bla.dt:g} s, got {dt:g} s")
         G = np.asarray(bla.frdata[0, 0], dtype=complex)
         if std is None:
             if np.any(G) and not np.all(G):

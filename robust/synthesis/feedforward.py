@@ -18,11 +18,13 @@ import numpy as np
 
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
+from robust.analysis.loop import Loop
 from robust.synthesis.hinfsyn import hinfsyn
-from robust.synthesis.prefilter import errors, fewest_states, following, matching, on_time_base
+from robust.synthesis.prefilter import fewest_states, following, matching, on_time_base
 from robust.systems.lti import response
 from robust.systems.realisation import least_stable
 from robust.systems.stability import stable
+from robust.uncertain.forms import numerator
 
 __all__ = ["Feedforward", "feedforward"]
 
@@ -117,10 +119,8 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
         raise ValueError(f"reference must be one that a feedforward can be found for: {found.reason}")
     omega = loop.grid(model.omega)
     F = fewest_states(found.K, loop.G, omega, loop.dt)
-    k, wanted = response(loop.K, omega), response(T_ref, omega)
-    # y = T_p (F/K + T_ref) r: as a prefilter would make it
-    with np.errstate(all="ignore"):
-        error, worst = errors(loop, response(F, omega) / k + wanted, wanted, omega)
+    wanted = response(T_ref, omega)
+    error, worst = missed(loop, response(F, omega), wanted, omega)
     return Feedforward(
         F=F,
         gamma=found.gamma,
@@ -128,5 +128,19 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
         omega=omega,
         error=error,
         error_worst=worst,
-        error_without=errors(loop, wanted, wanted, omega)[1],
+        error_without=missed(loop, np.zeros_like(wanted), wanted, omega)[1],
     )
+
+
+def missed(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.
+
+    S_p (T_ref - G_p F) = S (p + q Delta)/(1 + b Delta) fills a disc; inf where |b| reaches one.
+    """
+    curves = loop.curves(omega)
+    S, a, b = curves.S, curves.a, curves.b
+    g = numerator(loop.form, curves.w, curves.G, curves.W)
+    p, q = wanted - curves.G * f, a * wanted - g * f
+    with np.errstate(all="ignore"):
+        worst = np.abs(S) * (np.abs(p - q * b.conj()) + np.abs(q - p * b)) / (1 - np.abs(b) ** 2)
+    return np.abs(S * p), np.where(np.abs(b) < 1, worst, np.inf)

@@ -27,7 +27,7 @@ from robust.systems.realisation import stable_weight
 from robust.systems.sampling import discretize
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["Prefilter", "errors", "fewest_states", "following", "matching", "on_time_base", "prefilter"]
+__all__ = ["Prefilter", "fewest_states", "following", "matching", "on_time_base", "prefilter"]
 
 
 SMALL = 0.01  # what leaving out states of F may change of T F

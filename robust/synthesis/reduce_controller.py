@@ -132,7 +132,7 @@ def reduce_controller(
     for method, n, small in candidates(K, model, w_P, delay):
         if order in (None, n) and n < K.nstates:
             by_order.setdefault(n, []).append((method, small))
-    n_tried, reason = 0, "no controller of lower order keeps what was proved"
+    n_tried, reason = 0, "no controller of lower order keeps what was proved" if K.nstates else "a gain has no states"
     for n in sorted(by_order):
         if time.monotonic() > deadline:
             reason = f"the time cap was reached below order {n}"
@@ -160,6 +160,8 @@ def candidates(
     K: control.StateSpace, model: Any, w_P: Any, delay: float
 ) -> Iterator[tuple[str, int, control.StateSpace]]:
     """(method, order, controller) by every way that works on this controller."""
+    if not K.nstates:
+        return
     dt = timebase(K)
     image = continuous_image(K)
     ways = [lambda: balanced(image), lambda: of_factors(image)]

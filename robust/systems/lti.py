@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import control
 import numpy as np
@@ -12,8 +13,10 @@ from scipy.linalg import eig, matrix_balance, schur
 from robust.systems.pickles import make_picklable
 
 __all__ = [
+    "SAME_CLOCK",
     "Matrices",
     "along",
+    "clock_of",
     "constant",
     "evaluate",
     "evened",
@@ -22,6 +25,7 @@ __all__ = [
     "on_axis",
     "over_frequency",
     "poles",
+    "refuse_other_clock",
     "responder",
     "response",
     "scaled_states",
@@ -31,6 +35,7 @@ __all__ = [
 #: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
 AT_A_POLE = 1e140
 MANY_STATES = 40
+SAME_CLOCK = 1e-9  # of a sampling time: two that differ by less are one
 AT_ONCE = 8000  # numbers of the matrices that are solved together: they stay in the cache
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 make_picklable()  # here, as every room that makes or takes a system stands on this one
@@ -44,6 +49,30 @@ def timebase(system: control.StateSpace) -> float:
 def constant(system: control.StateSpace) -> bool:
     """Whether the system is a gain that fits any sampling time."""
     return system.nstates == 0
+
+
+def clock_of(*systems: Any) -> float | None:
+    """Sampling time [s] of the first system that states one, 0 for continuous; None where each goes with any.
+
+    Those are gains, systems without a dt, and FRFs that are not said to be sampled: numbers at frequencies have dt = 0
+    in python-control, wherever they are from.
+    """
+    for system in systems:
+        frf = isinstance(system, control.FrequencyResponseData)
+        if system.dt is not None and (bool(system.dt) if frf else not constant(system)):
+            return float(system.dt)
+    return None
+
+
+def refuse_other_clock(name: str, system: Any, beside: str, wanted: float | None) -> None:
+    """Refuse a system that states another sampling time than the one wanted; None goes with any."""
+    mine = clock_of(system)
+    if mine is None or wanted is None or abs(mine - wanted) <= SAME_CLOCK * max(mine, wanted):
+        return
+    got = f"{mine:g} s" if mine else "a continuous one"
+    if wanted:
+        raise ValueError(f"{name} must have the sampling time of {beside}, {wanted:g} s, got {got}")
+    raise ValueError(f"{name} must be continuous as {beside}, got one sampled at {got}")
 
 
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:

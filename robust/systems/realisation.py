@@ -12,7 +12,7 @@ from scipy.linalg import matrix_balance
 from nlfrf.shared.wording import shown
 from robust.systems.connections import in_series
 from robust.systems.lft import joined
-from robust.systems.lti import constant, poles, response, scaled_states, timebase
+from robust.systems.lti import clock_of, constant, poles, refuse_other_clock, response, scaled_states, timebase
 from robust.systems.stability import stable
 
 __all__ = [
@@ -221,13 +221,24 @@ def least_stable(system: control.StateSpace) -> complex:
     return complex(p[np.argmax(np.abs(p) if timebase(system) else p.real)])
 
 
-def frequency_response(name: str, plant: Any, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and complex response of an FRF, or of a system on omega."""
+def frequency_response(
+    name: str, plant: Any, omega: np.ndarray, beside: tuple[Any, ...] = ()
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `beside`.
+
+    A system without a dt takes that clock.
+    """
+    if not isinstance(plant, control.FrequencyResponseData):
+        plant = state_space(name, plant)
+    dt = clock_of(*beside)
+    refuse_other_clock(name, plant, "the nominal", dt)
     if isinstance(plant, control.FrequencyResponseData):
         if (plant.ninputs, plant.noutputs) != (1, 1):
             raise ValueError(f"{name} must have one input and one output, got {plant.ninputs} and {plant.noutputs}")
         return np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata[0, 0], dtype=complex)
-    return omega, response(state_space(name, plant), omega)
+    if plant.dt is None and dt:
+        plant = control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt)
+    return omega, response(plant, omega)
 
 
 def in_order(roots: np.ndarray) -> np.ndarray:

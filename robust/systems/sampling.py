@@ -71,12 +71,18 @@ def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
     def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
         both = np.zeros((n + m, n + m))
         both[:n, :n], both[:n, n:] = A, B
-        both = expm(both * duration)
+        with np.errstate(all="ignore"):  # judged below
+            both = expm(both * duration)
         return both[:n, :n], both[:n, n:]
 
     Phi, _ = held(dt)
     after, late = held(dt - rest)
     _, early = held(rest)
+    if not all(np.isfinite(part).all() for part in (Phi, after, late, early)):
+        fastest = np.linalg.eigvals(A).real.max()
+        raise ValueError(
+            f"dt must leave numbers within floating point, got {dt:g} s with a pole at {fastest:.4g} rad/s"
+        )
     n_memory = whole + (rest > 0)
     if n_memory == 0:
         return control.StateSpace(Phi, late, C, D, dt)

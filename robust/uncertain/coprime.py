@@ -14,9 +14,10 @@ from typing import Any
 
 import control
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
 
 from robust.systems.bilinear import continuous_image, to_discrete
-from robust.systems.lti import Matrices, constant, response, scaled_states, timebase
+from robust.systems.lti import Matrices, constant, evaluate, evened, finite, response, timebase
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import state_space
 from robust.systems.riccati import stabilising
@@ -25,6 +26,7 @@ from robust.systems.stability import stable
 __all__ = [
     "as_shaping",
     "chord",
+    "complement",
     "coprime_factors",
     "factor_systems",
     "other_plant",
@@ -33,6 +35,10 @@ __all__ = [
     "tangent_system",
     "turned",
 ]
+
+
+HIDDEN = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
+INEXACT = 1e-8  # chordal distance that the quotient of the factors may have from the plant
 
 
 def as_shaping(name: str, W: Any, nominal: Any) -> control.StateSpace:
@@ -81,7 +87,7 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
 
     Of several inputs and outputs G = N M^-1; the left factors are the transposed ones of the transposed plant.
     """
-    A, B, C, D = well_scaled(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
+    A, B, C, D = scaled_apart(G)
     R = np.eye(G.ninputs) + D.T @ D
     X = stabilising(A, B, C.T @ C, R, C.T @ D)
     if X is None:
@@ -94,14 +100,27 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
     return (A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])), X
 
 
+def scaled_apart(G: control.StateSpace) -> Matrices:
+    """The plant in continuous time and well scaled."""
+    return well_scaled(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
+
+
 def well_scaled(matrices: Matrices) -> Matrices:
     """The same system with its states scaled: in those of a companion form the Riccati equation may be hopeless."""
     A, B, C, D = matrices
     if not A.size:
         return matrices
-    A, B, C = scaled_states(A, B, C)
+    weights = evened(bordered(A, B, C))[1]  # an entry at rounding level says nothing of the size of its state
+    units = weights[: len(A)] / weights[-1]
+    A, B, C = A * units / units[:, None], B / units[:, None], C * units
     size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
     return A, B * size, C / size, D
+
+
+def bordered(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """[A b; c 0], b and c the sizes of the rows of B and of the columns of C."""
+    b, c = np.linalg.norm(B, axis=1, keepdims=True), np.linalg.norm(C, axis=0, keepdims=True)
+    return np.block([[A, b], [c, np.zeros((1, 1))]])
 
 
 def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.StateSpace]:
@@ -114,10 +133,52 @@ def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.S
 
 
 def complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
-    """[N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass."""
-    (A, B, C, D), X = coprime_factors("nominal", G)
-    across = np.array([[D[1, 0]], [-D[0, 0]]])
-    return (A, B, C, D), -np.linalg.pinv(X, rcond=1e-12, hermitian=True) @ C.T @ across, across
+    """[N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass.
+
+    In states whose Gramian X is one, where that needs A + A' + C'C = 0 and B = -C'D and no inverse of X: they are met
+    to the last bit, and what rounding is left shows in N/M, which is held against the plant.
+    """
+    factors, X = coprime_factors("nominal", G)
+    A, C = output_normal(factors, X)
+    D = np.array([[factors[3][0, 0], factors[3][1, 0]], [factors[3][1, 0], -factors[3][0, 0]]])
+    A, B = (A - A.T - C.T @ C) / 2, -C.T @ D
+    made = (A, B[:, :1], C, D[:, :1])
+    refuse_inexact(G, made, np.linalg.eigvals(factors[0]))
+    return made, B[:, 1:], D[:, 1:]
+
+
+def output_normal(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A and C of the factors in states whose Gramian is one, by way of balanced ones; without modes that hide."""
+    A, B, C, _ = factors
+    if not A.size:
+        return A, C
+    reached, seen = root_of(solve_continuous_lyapunov(A, -B @ B.T)), root_of(X)
+    U, sizes, V = np.linalg.svd(seen.T @ reached)
+    kept = int(np.sum(sizes > HIDDEN * sizes.max(initial=0.0)))
+    forth, back = U[:, :kept].T @ seen.T, reached @ V[:kept].T / sizes[:kept]
+    return forth @ A @ back, C @ back
+
+
+def root_of(gramian: np.ndarray) -> np.ndarray:
+    """L with L L' the positive part of a Gramian."""
+    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def refuse_inexact(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
+    """Refuse factors whose quotient is not the plant: what would be made of them lies outside of its set."""
+    if not poles.size:
+        return
+    fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
+    x = np.geomspace(1e-2 * slow, 1e2 * fast, 200)
+    plant = finite(evaluate(*scaled_apart(G), 1j * x)[:, 0, 0])
+    N, M = np.moveaxis(evaluate(*factors, 1j * x)[:, :, 0], 0, 1)
+    off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
+    if not off <= INEXACT:
+        raise ValueError(
+            f"nominal must be one whose coprime factors floating point can tell, got factors off by {off:.2g} "
+            "(numerical failure). Other units or fewer states may help"
+        )
 
 
 def other_plant(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:

@@ -35,6 +35,7 @@ __all__ = [
     "RELATIVE",
     "Form",
     "loop_discs",
+    "numerator",
     "relative",
     "worst_terms",
 ]
@@ -282,6 +283,13 @@ def worst_terms(form: str, w: Array, G: Array, K: Array, W: Array | float = 1.0)
         S = 1 / (1 + G * K)
         G, K = (W * G, K / W) if row.scaled else (G, K)
         return S, row.a(w, G, K, S), row.b(w, G, K, S)
+
+
+def numerator(form: str, w: Array, G: Array, W: Array | float = 1.0) -> Array:
+    """(W,) g of G_p = (G + g Delta)/(1 + a Delta), from responses; of a G scaled by W the form, G and g themselves."""
+    row, one = FORMS[form], np.ones_like(G)
+    G, K = (W * G, one / W) if row.scaled else (G, one)
+    return row.b(w, G, K, one) - row.a(w, G, K, one)  # b - a S = g K S, and no K is needed to tell it
 
 
 def loop_discs(form: str, w: Array, G: Array, K: Array, W: Array | float = 1.0) -> tuple[Array, Array]:

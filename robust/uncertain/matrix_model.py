@@ -29,7 +29,7 @@ from nlfrf.shared.arguments import one_of, real_array
 from nlfrf.shared.values import value
 from robust.systems.closed_loop import refuse_shape, weighted_plant
 from robust.systems.lft import joined, lower
-from robust.systems.lti import along, timebase
+from robust.systems.lti import along, clock_of, refuse_other_clock, timebase
 from robust.systems.realisation import multivariable, over_channels
 from robust.systems.stability import stable
 from robust.uncertain.evidence import MatrixEvidence
@@ -242,6 +242,7 @@ class MatrixUncertainty:
         Delta : control.StateSpace from what it reads to what it drives, or a real matrix; of "elements" diagonal.
         """
         P, Delta = self.open_loop(), multivariable("Delta", Delta)
+        refuse_other_clock("Delta", Delta, "the model", clock_of(P))
         n, m = Delta.ninputs, Delta.noutputs
         if (P.noutputs - self.n_outputs, P.ninputs - self.n_inputs) != (n, m):
             raise ValueError(
@@ -269,6 +270,8 @@ class MatrixUncertainty:
         P = self.open_loop()
         n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
         weights = [] if w_P is None else [("e", over_channels("w_P", w_P, n_y))]
+        for _, weight in weights:
+            refuse_other_clock("w_P", weight, "the model", clock_of(P))
         N = lower(weighted_plant(P, n_y, n_u, weights, reference=bool(weights)), K)
         same = N.noutputs - n_z == n_y
         return UncertainSystem(

@@ -224,7 +224,8 @@ class UncertaintyModel:
 
         plant : control.FrequencyResponseData, or a system, which is then taken at `omega`.
         """
-        omega, G = frequency_response("plant", plant, self.omega)
+        clocks = (self.nominal,) if self.measured_only else (self.nominal, self.weight)
+        omega, G = frequency_response("plant", plant, self.omega, clocks)
         return self.deviations(omega, G, self.at(omega)) / np.abs(response(self.weight, omega))
 
     def deviations(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:

@@ -13,7 +13,10 @@ from robust.systems.lti import response, timebase
 from robust.systems.realisation import from_roots
 from robust.uncertain.forms import FORMS
 
-__all__ = ["perturbed", "random_perturbation", "random_plants", "with_phase"]
+__all__ = ["perturbed", "random_perturbation", "random_plants", "with_phase", "within"]
+
+
+ROUNDING = 1e-7  # by which a plant may be farther from the nominal than its set lets it
 
 
 def perturbed(
@@ -33,22 +36,38 @@ def perturbed(
 def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:
     """n plants of an `UncertaintyModel`, each |Delta| = 1 somewhere or everywhere; FRFs where its nominal is one."""
     plants: list[Any] = []
+    # a gain as the weight need not state a clock, nor has one as the nominal to
+    dt = timebase(model.weight) or (0.0 if model.measured_only else timebase(model.nominal))
     for _ in range(20 * integer("n", n, least=0)):
         if len(plants) == n:
             break
-        Delta = random_perturbation(rng, model.omega[0], model.omega[-1], timebase(model.weight))
+        Delta = random_perturbation(rng, model.omega[0], model.omega[-1], dt)
         if model.measured_only:
             w, D, W = (response(X, model.omega) for X in (model.weight, Delta, model.shaping))
             deviated = FORMS[model.form].perturbed(W * model.at(model.omega), w, D) / W
-            plant: Any = control.FrequencyResponseData(deviated, model.omega)
+            plant: Any = control.FrequencyResponseData(deviated, model.omega, model.nominal.dt)
         else:
             plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
-        # rounding in the realisation must not carry a plant out of the set it is said to be from
-        if np.all(model.distance(plant) <= 1 + 1e-7):
+        if within(model, plant):
             plants.append(plant)
     if len(plants) < n:
         raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
     return plants
+
+
+def within(model: Any, plant: Any) -> bool:
+    """Whether rounding in the realisation has left a plant in the set that it is said to be from.
+
+    On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
+    """
+    if not np.all(model.distance(plant) <= 1 + ROUNDING):
+        return False
+    if model.measured_only or not FORMS[model.form].scaled:
+        return True
+    dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
+    omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
+    away = model.deviations(omega, response(plant, omega), model.at(omega)) / np.abs(response(model.weight, omega))
+    return bool(np.all(away <= 1 + 10 * ROUNDING))
 
 
 def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:

@@ -276,7 +276,7 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
     lines = plant_lines(many, nominal)
     each, differs = [], False
     for plant in many:
-        omega, G = frequency_response("bla", plant, lines)
+        omega, G = frequency_response("bla", plant, lines, (nominal, *many))
         centre = nominal_response(nominal, omega)
         differs |= bool(np.any(np.abs(G - centre) > 1e-12 * np.abs(centre)))
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -107,3 +107,37 @@ def test_a_design_is_a_pid_and_the_commands_print_it(tmp_path, monkeypatch, caps
     said = capsys.readouterr().out
     assert f"PID {str(seen).splitlines()[0]}" in said
     assert "once a sample, at 100 Hz" in said
+
+
+def anywhere(n):
+    """PIDs of any size on any clock."""
+    rng = np.random.default_rng(12)
+    for k in range(n):
+        dt = 0.0 if k % 3 == 0 else 10 ** rng.uniform(-9, 1)
+        kp, ki, kd = (rng.choice([0, 1, 1, -1]) * 10 ** rng.uniform(-12, 12) for _ in range(3))
+        if kp or ki or kd:
+            yield kp, ki, kd, (dt or 1.0) * 10 ** rng.uniform(-0.3, 4) if kd else 0.0, dt
+
+
+def test_every_gain_comes_back_from_any_scale_and_clock():
+    """To 1e-9, Kp but for the rounding of what stands in D with it."""
+    for kp, ki, kd, tau, dt in anywhere(600):
+        found = pid_gains(pid(kp, ki, kd, filter_time=tau, dt=dt) if kd else pid(kp, ki, dt=dt))
+        assert found.ki == pytest.approx(ki, rel=1e-9, abs=0)
+        assert found.kd == pytest.approx(kd, rel=1e-9, abs=0)
+        beside = abs(ki) * dt / 2 + (abs(kd) / tau + (abs(kd) / dt if dt else 0.0) if kd else 0.0)
+        assert abs(found.kp - kp) <= 1e-9 * abs(kp) + 3e-14 * beside
+        assert kp or not found.kp
+
+
+def test_small_gains_are_not_lost():
+    for kp, dt in ((1e-8, 1e-6), (1e-9, 1e-9)):
+        assert pid_gains(pid(kp, 1.0, dt=dt)).kp == pytest.approx(kp, rel=1e-9)
+    assert pid_gains(pid(-8.04e-6, -538.5, dt=1.02e-6)).kp == pytest.approx(-8.04e-6, rel=1e-9)
+    assert pid_gains(control.tf([-71.7, 1.4e-9], [1, 0])).ki == pytest.approx(1.4e-9, rel=1e-9)
+
+
+@pytest.mark.parametrize("K", [0.0, pid(0.0, dt=1e-3), control.tf([0.0], [1, 0])])
+def test_a_controller_that_is_zero(K):
+    found = pid_gains(K)
+    assert (found.kp, found.ki, found.kd) == (0.0, 0.0, 0.0)

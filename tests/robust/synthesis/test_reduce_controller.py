@@ -188,3 +188,14 @@ def test_the_demo_needs_one_state_of_five():
     assert again.margin_rs > 0.9 * before.margin_rs
     # and no lower: a static K loses the demand
     assert not reduce_controller(K, model, w_P, order=0).report.robust_performance
+
+
+@pytest.mark.parametrize("K", [1.0, control.ss([], [], [], [[2.0]])])
+def test_a_gain_has_nothing_to_reduce(K):
+    model = UncertaintyModel(
+        control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", np.array([1.0]), np.array([0.2])
+    )
+    found = reduce_controller(K, model)
+    assert (found.order, found.kept, found.n_tried, found.reason) == (0, True, 0, "a gain has no states")
+    with pytest.raises(ValueError, match="order must be below the 0 states of K"):
+        reduce_controller(K, model, order=0)

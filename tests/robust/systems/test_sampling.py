@@ -72,3 +72,9 @@ def test_riccati_equations():
     X = stabilising(np.array([[2.0]]), np.ones((1, 1)), np.array([[5.0]]), np.ones((1, 1)), np.zeros((1, 1)))
     assert pytest.approx(5.0) == X
     assert stabilising(np.array([[1.0]]), np.zeros((1, 1)), np.eye(1), np.eye(1), np.zeros((1, 1))) is None
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+def test_a_pole_beyond_floating_point_is_refused(delay):
+    with pytest.raises(ValueError, match=r"dt must leave numbers within floating point, got 1 s with a pole at 1e\+06"):
+        sampled(control.tf([1], [1, -1e6]), 1.0, delay)
