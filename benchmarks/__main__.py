@@ -32,6 +32,7 @@ COMMANDS = (
     "soundness 100",
     "soundness_matrix 100 300",
     "faults",
+    "sound_records --records 15",
     "fuzz_loaders --files 100",
     "fuzz_readers --files 200",
     "fuzz_commands",

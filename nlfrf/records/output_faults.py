@@ -76,8 +76,12 @@ class Lag:
 
     @property
     def broken(self) -> bool:
-        """Whether a period does not repeat the others, after the first that do: before, there may be a transient."""
-        return not self.sound[int(np.argmax(self.sound)) :].all()
+        """Whether a period does not repeat the others, after the first that do: before, there may be a transient.
+
+        Or a gap, behind which all that is sound stands elsewhere against the input.
+        """
+        first = int(np.argmax(self.sound))
+        return not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
 
     @property
     def clock(self) -> float:
@@ -166,8 +170,11 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
         if first > len(y) - 2:
             return nothing_told(len(y), n_samples)
         if first:
-            lag = with_ringing(followed(u[first:], y[first:], lines, step), first)
-    return lag
+            return with_ringing(followed(u[first:], y[first:], lines, step), first)
+    first = int(np.argmax(lag.sound))
+    noise = float(np.mean((y[-1] - y[-2]) ** 2)) if first < len(y) - 1 else 0.0
+    shift = step * moved(y[first - 1], y[first], noise) if first else 0
+    return replace(lag, jumps=lag.jumps + np.where(np.arange(len(y)) < first, 0, shift)) if shift else lag
 
 
 def settled_from(y: np.ndarray, last: int) -> int:
@@ -179,19 +186,30 @@ def settled_from(y: np.ndarray, last: int) -> int:
     for one, following in itertools.pairwise(y):
         apart = np.add.accumulate((one - following) ** 2)
         half = int(np.searchsorted(apart, apart[-1] / 2)) + 1
-        dies = half <= one.size / 2 and not moved(one[:half], following, float(apart[half - 1]))
+        dies = half <= one.size / 2 and not moved(one, following)
         if not (dies and is_transient(rfft_at(one, at)[None], rfft_at(following, at)[None])):
             break
         first += 1
     return first
 
 
-def moved(x: np.ndarray, period: np.ndarray, apart: float) -> bool:
-    """Whether x (n,) is a piece of a period (N,) from somewhere else: what lies before a gap, not a transient."""
-    before = np.add.accumulate(np.tile(period**2, 2))
-    power = before[np.arange(period.size) + x.size - 1] - before[: period.size] + period**2
-    together = np.fft.irfft(np.fft.rfft(x, period.size).conj() * np.fft.rfft(period), period.size)
-    return bool((np.vdot(x, x) + power - 2 * together).min() < MOVED * apart)
+def moved(one: np.ndarray, following: np.ndarray, noise: float = 0.0) -> int:
+    """By how many samples a period begins elsewhere than the next one, as before a gap; 0 where that is not what it is.
+
+    Its first part, where half of what they differ by lies, is held against the next period from everywhere; what sound
+    periods differ by in a sample, squared, is left there too.
+    """
+    apart = np.add.accumulate((one - following) ** 2)
+    half = int(np.searchsorted(apart, apart[-1] / 2)) + 1
+    x, n = one[:half], one.size
+    before = np.concatenate([[0.0], np.add.accumulate(np.tile(following**2, 2))])
+    power = before[half : half + n] - before[:n]
+    together = np.fft.irfft(np.fft.rfft(x, n).conj() * np.fft.rfft(following), n)
+    left = np.vdot(x, x) + power - 2 * together
+    shift = int(np.argmin(left))
+    most = max(MOVED * apart[half - 1], min(1.5 * noise * half, apart[half - 1] / 2))
+    found = left[shift] < most and min(shift, n - shift) <= n // 8
+    return (shift if shift <= n // 2 else shift - n) if found else 0
 
 
 def nothing_told(n_periods: int, n_samples: int) -> Lag:
@@ -290,12 +308,17 @@ def gaps_in(delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int) 
         return sound, nothing
     pace = float(np.median(np.diff(delay[at]) / np.diff(at)))
     pace = 0.0 if abs(pace) > CLOCKS * n_samples else pace
-    left = delay - delay[at[0]] - pace * (np.arange(delay.size) - at[0])
+    left = delay - pace * np.arange(delay.size)
+    apart = left[at] - left[at, None]
+    agree = np.abs(apart - np.round(apart)) < max(0.1, SURE * noise)
+    left -= left[
+        at[np.argmax(np.count_nonzero(agree, axis=1))]
+    ]  # with which most agree: the first may have a gap inside
     whole = np.round(left)
     if not whole[at].any():
         return sound, nothing
     sound = sound & (np.abs(left - whole) < max(0.1, SURE * noise))
-    return sound, held(whole, sound) if sound.any() else nothing
+    return sound, held(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
 
 
 def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -83,3 +83,17 @@ def test_noise_of_a_delay_is_that_of_the_lines_that_carry_signal():
         delays.append(lag.delay[1:] - lag.delay[1:].mean())
         said.append(lag.noise)
     assert np.std(delays) == pytest.approx(np.median(said), rel=0.25)
+
+
+@pytest.mark.parametrize(("lost", "at"), [(1, 769), (5, 530), (5, 963), (7, 700)])
+@pytest.mark.parametrize("noise", [1e-3, 0.1])
+def test_a_gap_in_the_first_period_is_told_and_cured(lost, at, noise):
+    # the first period was taken for a transient: all that follows is early against u, and the bound held 0 %
+    _, u, y, truth = played(0.1, 8, 23, settled=True, noise=noise)
+    y = np.concatenate([y[:at], y[at + lost :], y[-N : -N + lost]])
+    with pytest.raises(ValueError, match=f"{lost} lost before period 2"):
+        nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
+    record = nlfrf.record_from_samples(u, y, fs=FS, n_samples=N, resample=True)
+    bla = nlfrf.identify(record)
+    assert record.n_periods == 7
+    assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.85
