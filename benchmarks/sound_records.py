@@ -19,8 +19,8 @@ import nlfrf
 FS, N = 512, 1024
 
 
-def played(damping, n_periods, seed, *, settled, noise):
-    """Input, output and the true FRF as a function of frequency."""
+def played(damping, n_periods, seed, *, settled, noise=1e-3):
+    """Design, input, output and the true FRF as a function of frequency."""
     rng = np.random.default_rng(seed)
     ms = nlfrf.multisine(fs=FS, n_samples=N, f_min=0.5, f_max=100, rng=rng)
     w = 2 * np.pi * 20
@@ -29,11 +29,8 @@ def played(damping, n_periods, seed, *, settled, noise):
     y = signal.lfilter(b[0], a, u)
     if settled:
         y = np.tile(signal.lfilter(b[0], a, np.tile(ms.u[0], 60))[-N:], n_periods)
-    return (
-        u,
-        y + noise * np.std(y) * rng.standard_normal(y.size),
-        lambda f: signal.freqz(b[0], a, 2 * np.pi * f / FS)[1],
-    )
+    y = y + noise * np.std(y) * rng.standard_normal(y.size)
+    return ms, u, y, lambda f: signal.freqz(b[0], a, 2 * np.pi * f / FS)[1]
 
 
 def without(y, n, seed):
@@ -78,7 +75,7 @@ def main() -> None:
     for name, damping, n_periods, settled, noise, lost in cases:
         found = []
         for seed in range(n):
-            u, y, truth = played(damping, n_periods, seed, settled=settled, noise=noise)
+            _, u, y, truth = played(damping, n_periods, seed, settled=settled, noise=noise)
             found.append(outcome(u, without(y, lost, seed) if lost else y, truth))
         words, shares = [word for word, _ in found], [share for _, share in found if share == share]
         held = f"{100 * np.mean(shares):.1f} %" if shares else "-"

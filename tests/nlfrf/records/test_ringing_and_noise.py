@@ -4,26 +4,10 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy import signal
 
 import nlfrf
+from benchmarks.sound_records import FS, N, played, without
 from nlfrf.records.output_faults import follow
-
-FS, N = 512, 1024
-
-
-def played(damping, n_periods, seed, *, settled, noise=1e-3, kind="special-odd"):
-    """A resonance at 20 Hz, from rest or settled, and the true FRF as a function of frequency."""
-    rng = np.random.default_rng(seed)
-    ms = nlfrf.multisine(kind, fs=FS, n_samples=N, f_min=0.5, f_max=100, rng=rng)
-    w = 2 * np.pi * 20
-    b, a, _ = signal.cont2discrete(([w * w], [1, 2 * damping * w, w * w]), 1 / FS)
-    u = np.tile(ms.u[0], n_periods)
-    y = signal.lfilter(b[0], a, u)
-    if settled:
-        y = np.tile(signal.lfilter(b[0], a, np.tile(ms.u[0], 60))[-N:], n_periods)
-    y += noise * np.std(y) * rng.standard_normal(y.size)
-    return ms, u, y, lambda f: signal.freqz(b[0], a, 2 * np.pi * f / FS)[1]
 
 
 def held(u, y, truth):
@@ -55,8 +39,7 @@ def test_an_output_that_is_mostly_noise_is_not_refused_for_it(n_periods, noise):
 def test_a_gap_is_still_told(lost, n_periods):
     for seed in range(8):
         _, u, y, _ = played(0.1, n_periods, seed, settled=True)
-        at = int(np.random.default_rng(seed).integers(N // 2, y.size - N // 2))
-        y = np.concatenate([y[:at], y[at + lost :], y[-N : -N + lost]])
+        y = without(y, lost, seed)
         with pytest.raises(ValueError, match="y must stand still against u from period to period"):
             nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
 
