@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
+from nlfrf.identification.calibration import FEW
 from nlfrf.identification.localfit import LEAST, fit_locally
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.shared.arguments import one_of, probability, real
@@ -20,6 +21,7 @@ __all__ = ["Bla", "DistortionLevels"]
 
 #: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
 #: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
+#: Of few lines the peaks of the input tell it (`common_distortion`), and `var_bound` holds it.
 UNSEEN = {"roughness": 0.5, "detection": 0.25}
 VARIANCES = ("var_noise", "var_total", "var_distortion", "var_even", "var_bound")
 AROUND = 9  # lines over which noise and distortion are told apart
@@ -73,8 +75,9 @@ class Bla:
         The variance of G behind `bound`: the scatter over realisations pooled with the level, each for what it is
         worth; of one realisation the largest that its level can be read as.
     typical : float
-        How much more a realisation of random phases distorts than those at hand, by the cube of their input; at least
-        1 and at most 3. Low peaks distort less, whether they are chance or were chosen.
+        How much more a realisation of random phases distorts than those at hand, by the cube of their input, from 1 to
+        3. Low peaks distort less, whether they are chance or were chosen. Of fewer than 27 lines by the square of that,
+        as a fifth power asks for it, from 0.6 to 6.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.
@@ -173,7 +176,7 @@ class Bla:
         one_of("of", of, ("bla", "realization"))
         variance = self.var_bound
         if of == "realization":
-            missing = UNSEEN.get(self.level_source.split()[-1], 0.0)
+            missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
             scatter = (self.n_realizations + missing) * self.typical * self.distorted_share()
             variance = variance * (1 + scatter)
         return np.sqrt(quantile * variance)

@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.transforms import dct_even, fast_length
 
-__all__ = ["COMMON", "LARGEST", "common_distortion", "read_grid", "typical_distortion", "variance_ratio"]
+__all__ = ["COMMON", "FEW", "LARGEST", "common_distortion", "read_grid", "typical_distortion", "variance_ratio"]
 
 
 LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
@@ -22,7 +22,9 @@ LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
 #: the middle lines by 3/2 (of a fifth power the share is 6 / n).
 COMMON = 8 / 3
 FILLED = 0.1  # of the mean count: other orders fill the lines that a cubic leaves
+FEW = 27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
 MOST = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
+LEAST_OF_FEW, MOST_OF_FEW = 0.6, 6.0
 ALIKE = 500  # lines from which all realisations distort alike: within 17 %
 
 
@@ -146,12 +148,12 @@ def read_grid(
 
 
 def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
-    """How much more random phases distort than those at hand, at least one: told by the cube of the input.
+    """How much more random phases distort than those at hand: told by the cube of the input.
 
     Low peaks make little distortion, and which peaks a realisation has is chance where there are few lines, or was
-    chosen. What the cube of a signal holds beside its linear part is a matter of its moments; those of a sum of cosines
-    of independent phases are known exactly. At most `MOST`: what is more was chosen, and said to be; behind dynamics
-    the peaks are others, and an input all but square would ask for a factor without end.
+    chosen. Of fewer than `FEW` lines a fifth power is allowed for, which changes about as the square, and peaks that
+    are higher than usual count too; of more lines at least one, and at most `MOST`: what is more was chosen, and said
+    to be; behind dynamics the peaks are others, and an input all but square would ask for a factor without end.
 
     Parameters
     ----------
@@ -166,15 +168,14 @@ def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
 
     >>> k = np.arange(1, 9)
     >>> float(typical_distortion(np.ones((1, 8)), k)), typical_distortion(np.exp(-1j * np.pi * k**2 / 8)[None], k) > 2
-    (1.0, True)
+    (0.6, True)
     """
     if lines.size > ALIKE:
         return 1.0
-    second, fourth, sixth = moments(U, lines)
-    found = float(np.add.reduce(sixth - fourth * fourth / second)) / len(U)
-    k2, k4, k6 = cumulants(U)
-    expected = k6 + 15 * k4 * k2 + 15 * k2**3 - (k4 + 3 * k2**2) ** 2 / k2
-    return min(max(expected / max(found, np.finfo(float).tiny), 1.0), MOST)
+    ratio, _ = cube_of(U, lines)
+    if lines.size < FEW:
+        return min(max(ratio * ratio, LEAST_OF_FEW), MOST_OF_FEW)
+    return min(max(ratio, 1.0), MOST)
 
 
 def common_distortion(U: np.ndarray, lines: np.ndarray) -> float:
@@ -198,14 +199,26 @@ def common_distortion(U: np.ndarray, lines: np.ndarray) -> float:
     >>> [round(common_distortion(U, k), 1) for U in (np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None])]
     [3.9, 4.6]
     """
-    second, fourth, sixth = (float(moment[0]) for moment in moments(U, lines))
-    k2, k4, k6 = cumulants(U)
-    gap = fourth / second - (k4 + 3 * k2**2) / k2
-    found = max(sixth - fourth * fourth / second, np.finfo(float).tiny)
-    expected = k6 + 15 * k4 * k2 + 15 * k2**3 - (k4 + 3 * k2**2) ** 2 / k2
+    ratio, gap = cube_of(U, lines)
     amplitude = np.abs(U[0])
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / amplitude**2))
-    return gap * gap * (1 + COMMON / lines.size) / whole * expected / found
+    return gap * gap * (1 + COMMON / lines.size) / whole * ratio
+
+
+def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
+    """What random phases leave of the cube of an input (M, F) beside its linear part, over what those at hand leave.
+
+    And by how much the gain of that linear part, mean u^4 over mean u^2, differs. Those of a sum of cosines of
+    independent phases are known exactly, by its cumulants: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 of each.
+    """
+    second, fourth, sixth = moments(U, lines)
+    gain = fourth / second
+    left = float(np.add.reduce(sixth - fourth * gain)) / len(U)
+    A2 = np.add.reduce(squared(U)) / len(U)
+    k2, k4, k6 = float(A2.sum() / 2), float(-0.375 * (A2 @ A2)), float(1.25 * (A2 * A2 @ A2))
+    expected_gain = (k4 + 3 * k2**2) / k2
+    expected = k6 + 15 * k4 * k2 + 15 * k2**3 - expected_gain**2 * k2
+    return expected / max(left, np.finfo(float).tiny), float(np.add.reduce(gain)) / len(U) - expected_gain
 
 
 def moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -218,9 +231,3 @@ def moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
         u = u[:, : n // 2]  # the other half mirrors it
     square = u * u
     return np.array([np.vecdot(x, x) for x in (u, square, square * u)]) / u.shape[1]
-
-
-def cumulants(U: np.ndarray) -> tuple[float, float, float]:
-    """Second, fourth and sixth of a sum of cosines of independent phases: A^2 / 2, -3 A^4 / 8, 5 A^6 / 4 of each."""
-    A2 = np.add.reduce(squared(U)) / len(U)
-    return float(A2.sum() / 2), float(-0.375 * (A2 @ A2)), float(1.25 * (A2 * A2 @ A2))

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.identification.calibration import COMMON, LARGEST, common_distortion, read_grid, variance_ratio
+from nlfrf.identification.calibration import COMMON, FEW, LARGEST, common_distortion, read_grid, variance_ratio
 from nlfrf.identification.detection_lines import Answer, detected_power
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
@@ -44,9 +44,8 @@ RARE = np.log(4.0)  # for how many of the others it counts where the lines do no
 BENT = 3.0  # how far a roughness above a reading speaks against it: beyond that it is G that bends
 DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands for: 1.1 dB, as calibrations are good
 MANY = 20  # lines over which roughness shows most of the distortion
-SHOWN = 3  # windows over which a band shows how its level varies
 TAIL = 0.05  # of a bound at 95 %
-ALLOWED = 1.5  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
+ALLOWED = 1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
 
 
@@ -89,7 +88,7 @@ def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | No
         return Level(variance=nothing, cautious=nothing, dof=nothing, grid_factor=np.ones(even.size), even=even)
     else:
         level = level_from_roughness(fit, even_variance(excited, answer))
-    if excited.lines.size < SHOWN * SIDE:
+    if excited.lines.size < FEW:
         return level
     gain = squared(answer.G.take(excited.where.excited))
     return replace(level, doubt=doubt_at_ends(level, gain, excited.where, source == "detection"))
@@ -207,7 +206,7 @@ def unseen_share(excited: Spectra) -> float:
     Of few lines of one realisation their peaks tell it, of more lines it is next to nothing.
     """
     n, n_lines = excited.U.shape
-    if n > 1 or n_lines >= SHOWN * SIDE:
+    if n > 1 or n_lines >= FEW:
         return COMMON / n_lines
     return ALLOWED * common_distortion(excited.U, excited.lines)
 

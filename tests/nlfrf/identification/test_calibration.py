@@ -100,10 +100,25 @@ def test_the_moments_of_a_sum_of_cosines_are_those_of_many_draws():
     rng = np.random.default_rng(2)
     k, amplitude = np.array([3, 5, 9, 10, 15]), np.array([1.0, 0.5, 2.0, 1.5, 1.0])
     U = amplitude * np.exp(2j * np.pi * rng.random((20000, 5)))
-    assert abs(typical_distortion(U, k) - 1) < 0.03
-    high, low = np.ones((1, 20)), np.exp(1j * np.pi * np.arange(20) ** 2 / 20)[None]
-    assert typical_distortion(high, np.arange(1, 21)) == 1
-    assert typical_distortion(low, np.arange(1, 21)) == 3  # at most
+    assert typical_distortion(U, k) == pytest.approx(1, abs=0.06)  # the square of a ratio
+
+
+@pytest.mark.parametrize(("n", "least", "most"), [(20, 0.6, 6.0), (26, 0.6, 6.0), (27, 1.0, 3.0), (100, 1.0, 3.0)])
+def test_high_peaks_are_the_most_distorted_and_low_ones_the_least(n, least, most):
+    """Of few lines high peaks are chance as low ones are, and a fifth power is allowed for."""
+    k = np.arange(n)
+    high, low = np.ones((1, n)), np.exp(1j * np.pi * k**2 / n)[None]
+    assert typical_distortion(high, k + 1) == least
+    assert typical_distortion(low, k + 1) == most
+
+
+def test_of_few_lines_the_square_is_asked_for():
+    k, rng = np.arange(1, 27), np.random.default_rng(4)
+    U = np.exp(2j * np.pi * rng.random((1, 26)))
+    more = np.append(U, [[1e-9]], axis=1)  # a line of no weight makes them 27
+    few, many = typical_distortion(U, k), typical_distortion(more, np.arange(1, 28))
+    assert 1 < many < 2
+    assert few == pytest.approx(many**2)
 
 
 @pytest.mark.parametrize("at", [[1, 3, 9], [40, 41], [100]])
