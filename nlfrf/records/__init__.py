@@ -9,6 +9,7 @@ coarse         long signals looked at coarsely, where they are smooth
 regular_grids  the grid that was played, where the actuator distorts
 reference      the design that was played, laid under what was measured
 faults         faults of one signal: drifting clocks, lost samples, standstills, clipping, dead channels
+gaps           samples lost or repeated inside a period
 ringing        a transient between periods: it is smooth over frequency
 output_faults  faults of the output against the input: gains that drift, clocks apart, a wandering operating point
 """

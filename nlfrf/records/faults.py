@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf.records.coarse import coarse, common_step
+from nlfrf.records.gaps import gaps_inside
 from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.transforms import BLOCK, blocks, equal, rfft, rfft_at
 from nlfrf.shared.values import value
@@ -35,6 +36,8 @@ SEVERE = 1e-4  # share of the input's power that a misplaced period may turn int
 VISIBLE = 1e-7
 HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
 MOST = 1 << 14  # lines that tell delays well enough
+FEW = 8  # steps of which one or two may be jumps, and the median halfway into them
+SLOW = 0.02  # how much a pace of one sample counts against one of none that explains as much
 DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
 BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
 
@@ -50,7 +53,9 @@ class Track:
     delay : (P,) ndarray
         Delay of each period against j n_samples, that of the first one that is not empty being zero [samples].
     sound : (P,) bool ndarray
-        Periods that repeat the others but for that delay.
+        Periods that repeat the others but for that delay, with no gap inside.
+    gaps : (P,) ndarray
+        Samples lost (negative) or repeated inside each period.
     noise : float
         Standard deviation of the delays by noise [samples].
     misplaced : float
@@ -62,6 +67,7 @@ class Track:
     n_samples: int
     delay: np.ndarray
     sound: np.ndarray
+    gaps: np.ndarray
     noise: float
     misplaced: float
     unexplained: float
@@ -72,8 +78,9 @@ class Track:
         j = np.flatnonzero(self.sound)
         if j.size < 2:
             return np.zeros(self.sound.size)
-        steps, apart = np.diff(self.delay[j]), np.diff(j)
-        whole = np.round(steps - np.median(steps / apart) * apart)
+        known = np.add.reduceat(self.gaps, j)[:-1]
+        steps, apart = np.diff(self.delay[j]) - known, np.diff(j)
+        whole = known + np.round(steps - even_pace(steps, apart) * apart)
         sums = np.concatenate([[0.0], np.cumsum(whole)])
         return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
 
@@ -138,6 +145,17 @@ class Track:
         )
 
 
+def even_pace(steps: np.ndarray, apart: np.ndarray) -> float:
+    """The pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
+    if steps.size > FEW:
+        return float(np.median(steps / apart))
+    paces = np.append(steps / apart, 0.0)
+    left = steps - paces[:, None] * apart
+    jumps = np.round(left)
+    beside = np.abs(left - jumps).sum(axis=1) + SLOW * np.abs(paces)
+    return float(paces[np.lexsort((beside, np.count_nonzero(jumps, axis=1)))[0]])
+
+
 def nonzero(steps: np.ndarray) -> list[tuple[int, float]]:
     """The first few jumps: after which period, and by how much."""
     return [(int(j), float(steps[j])) for j in np.flatnonzero(steps)[:4]]
@@ -157,17 +175,27 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
     if all(equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
         nothing = np.zeros(n_periods)
-        return Track(n_samples=n_samples, delay=nothing, sound=nothing == 0, noise=0.0, misplaced=0.0, unexplained=0.0)
+        return Track(
+            n_samples=n_samples,
+            delay=nothing,
+            sound=nothing == 0,
+            gaps=nothing,
+            noise=0.0,
+            misplaced=0.0,
+            unexplained=0.0,
+        )
     step = common_step([u], n_samples) if n_samples > BLOCK else 1
     found = track_periods(coarse(periods, step))
-    return replace(found, n_samples=n_samples, delay=step * found.delay, noise=step * found.noise)
+    found = replace(found, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise)
+    return replace(found, n_samples=n_samples)
 
 
 def track_periods(periods: np.ndarray) -> Track:
     """`track` of periods (P, N) that are cut evenly; one is transformed at a time."""
     n_samples = periods.shape[1]
     power = np.array([np.vdot(one, one) - np.add.reduce(one) ** 2 / n_samples for one in periods])
-    first = int(np.argmax(power > 0.9 * np.median(power)))  # of those that are not empty, or half empty
+    steady = power > 0.9 * np.median(power)  # not empty, or half empty
+    first = int(np.argmax(steady))
     weight = squared(rfft(periods[first]))
     weight[0] = 0.0
     weight[weight < 1e-6 * weight.max()] = 0.0
@@ -177,6 +205,9 @@ def track_periods(periods: np.ndarray) -> Track:
         used = np.sort(np.argpartition(weight, -MOST)[-MOST:])
     weight = weight[used]
     spectra = np.array([rfft_at(one, used) for one in periods])
+    gaps = gaps_inside(periods, int(used[-1]))
+    if gaps[first]:
+        first = int(np.argmax(steady & (gaps == 0)))
     reference = spectra[first]
     whole = -np.array([likeliest_lag(one * reference.conj(), used, n_samples) for one in spectra])
     cross, slope = spectra * reference.conj(), 2 * np.pi * used / n_samples
@@ -188,8 +219,9 @@ def track_periods(periods: np.ndarray) -> Track:
     turned = spectra * np.exp(-1j * slope * delay[:, None])
     rest = np.sum(np.abs(turned - reference) ** 2, axis=1) / np.sum(weight)
     delay = -delay  # a period that stands later has a positive delay
-    typical = float(np.median(np.delete(rest, first)))
-    sound = rest < max(1e-3, 10 * typical)
+    whole_ones = np.delete(rest, first)[np.delete(gaps, first) == 0]
+    typical = float(np.median(whole_ones)) if whole_ones.size else 0.0
+    sound = (rest < max(1e-3, 10 * typical)) & (gaps == 0)
     noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size)))
     shift = delay[sound] - delay[sound].mean()
     misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
@@ -197,6 +229,7 @@ def track_periods(periods: np.ndarray) -> Track:
         n_samples=n_samples,
         delay=delay - delay[first],
         sound=sound,
+        gaps=gaps,
         noise=noise,
         misplaced=misplaced,
         unexplained=typical,

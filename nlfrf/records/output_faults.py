@@ -14,6 +14,7 @@ import numpy as np
 from nlfrf.excitation.phases import in_common
 from nlfrf.records.coarse import coarse, common_step
 from nlfrf.records.faults import MOST, SEVERE, between, likeliest_lag, nonzero
+from nlfrf.records.gaps import gaps_inside
 from nlfrf.records.ringing import is_transient
 from nlfrf.shared.leastsquares import power
 from nlfrf.shared.transforms import BLOCK, equal, rfft_at
@@ -30,7 +31,6 @@ WANDER = 0.15  # change of the operating point over the record that is named, in
 CLOCKS = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
 LEVEL = 0.25  # how far the gain of a period may be from that of the others
 UNSOUND = 1e-3  # share of the power of a period that may not repeat before it is looked at
-MOVED = 0.01  # share of what is apart that may be left where a piece of y was moved
 BY_CHANCE = 1e-3  # probability with which noise may pass for a period that is late or early
 FEW = 4  # periods from which a drift is told from a transient
 
@@ -164,52 +164,31 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
     step = common_step([u[0], y[0]], n_samples) if n_samples > BLOCK else 1
     u, y = coarse(u, step), coarse(y, step)
     lines = lines[2 * lines < y.shape[1]]
-    lag = followed(u, y, lines, step)
+    gaps = step * gaps_inside(y, int(lines[-1]))
+    lag = followed(u, y, lines, step, gaps)
     if lag.fault or lag.drift:
-        first = settled_from(y, int(lines[-1]))
+        first = settled_from(y, int(lines[-1]), gaps)
         if first > len(y) - 2:
             return nothing_told(len(y), n_samples)
         if first:
-            return with_ringing(followed(u[first:], y[first:], lines, step), first)
-    first = int(np.argmax(lag.sound))
-    noise = float(np.mean((y[-1] - y[-2]) ** 2)) if first < len(y) - 1 else 0.0
-    shift = step * moved(y[first - 1], y[first], noise) if first else 0
-    return replace(lag, jumps=lag.jumps + np.where(np.arange(len(y)) < first, 0, shift)) if shift else lag
+            return with_ringing(followed(u[first:], y[first:], lines, step, gaps[first:]), first)
+    # a gap before all that is sound: that is where the rest stands
+    gaps[int(np.argmax(lag.sound)) :] = 0.0
+    return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
 
 
-def settled_from(y: np.ndarray, last: int) -> int:
+def settled_from(y: np.ndarray, last: int, gaps: np.ndarray) -> int:
     """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
 
-    A transient dies away: what grows within a period, as behind a gap, is none.
+    A transient dies away: what grows within a period, as behind a gap, is none, nor is a gap itself.
     """
-    at, first = np.arange(1, last + 1), 0
-    for one, following in itertools.pairwise(y):
-        apart = np.add.accumulate((one - following) ** 2)
-        half = int(np.searchsorted(apart, apart[-1] / 2)) + 1
-        dies = half <= one.size / 2 and not moved(one, following)
-        if not (dies and is_transient(rfft_at(one, at)[None], rfft_at(following, at)[None])):
-            break
-        first += 1
-    return first
-
-
-def moved(one: np.ndarray, following: np.ndarray, noise: float = 0.0) -> int:
-    """By how many samples a period begins elsewhere than the next one, as before a gap; 0 where that is not what it is.
-
-    Its first part, where half of what they differ by lies, is held against the next period from everywhere; what sound
-    periods differ by in a sample, squared, is left there too.
-    """
-    apart = np.add.accumulate((one - following) ** 2)
-    half = int(np.searchsorted(apart, apart[-1] / 2)) + 1
-    x, n = one[:half], one.size
-    before = np.concatenate([[0.0], np.add.accumulate(np.tile(following**2, 2))])
-    power = before[half : half + n] - before[:n]
-    together = np.fft.irfft(np.fft.rfft(x, n).conj() * np.fft.rfft(following), n)
-    left = np.vdot(x, x) + power - 2 * together
-    shift = int(np.argmin(left))
-    most = max(MOVED * apart[half - 1], min(1.5 * noise * half, apart[half - 1] / 2))
-    found = left[shift] < most and min(shift, n - shift) <= n // 8
-    return (shift if shift <= n // 2 else shift - n) if found else 0
+    Y = rfft_at(y, np.arange(1, last + 1))[:, None]
+    for j, (one, following) in enumerate(itertools.pairwise(y)):
+        early, late = np.array_split(one - following, 2)
+        dies = power(early) >= power(late)
+        if gaps[j] or not (dies and is_transient(Y[j], Y[j + 1])):
+            return j
+    return len(y) - 1
 
 
 def nothing_told(n_periods: int, n_samples: int) -> Lag:
@@ -245,8 +224,8 @@ def with_ringing(lag: Lag, n: int) -> Lag:
     )
 
 
-def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int) -> Lag:
-    """`follow` for signals of which one sample in so many is left, whatever else is in them."""
+def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray) -> Lag:
+    """`follow` for signals of which one sample in so many is left, and in whose periods there are such gaps (P,)."""
     n_samples = step * y.shape[1]
     if lines.size > MOST:
         lines = np.sort(np.random.default_rng(0).choice(lines, MOST, replace=False))
@@ -267,6 +246,8 @@ def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int) -> Lag:
     sound &= np.abs(output.gain / np.median(output.gain) - 1) < LEVEL + SURE * gain_noise
     if len(y) == 2:
         sound = np.ones(2, dtype=bool)
+    if (gaps == 0).any():
+        sound &= gaps == 0
     sound, jumps = gaps_in(delay, sound, noise, n_samples)
     shift = delay[sound] - delay[sound].mean()
     Y = output.spectra[sound]
@@ -311,9 +292,8 @@ def gaps_in(delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int) 
     left = delay - pace * np.arange(delay.size)
     apart = left[at] - left[at, None]
     agree = np.abs(apart - np.round(apart)) < max(0.1, SURE * noise)
-    left -= left[
-        at[np.argmax(np.count_nonzero(agree, axis=1))]
-    ]  # with which most agree: the first may have a gap inside
+    most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # with which most agree: the first may have a gap inside
+    left -= left[most]
     whole = np.round(left)
     if not whole[at].any():
         return sound, nothing

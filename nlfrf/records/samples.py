@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.records.detection import line_powers, lines_in
 from nlfrf.records.faults import SEVERE, Track, clipped, longest_standstill, recut, track
+from nlfrf.records.gaps import gaps_inside
 from nlfrf.records.output_faults import follow, on_the_clock_of_the_input
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, refuse_constant
@@ -205,12 +207,13 @@ def examine_outputs(
     streams: Streams, cut: dict[str, np.ndarray], tracks: list[Track | None], lines: LineGrid, resample: bool
 ) -> bool:
     """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
+    cured, outputs = False, [name for name in cut if name not in ("u", "r")]
+    for name, (m, where) in product(outputs, enumerate(tracks)):
+        if where is not None:
+            refuse_unlike_gap(name, streams[name][m], where)
     if cut["u"].shape[1] < 2:
         return False
-    cured = False
-    for name in cut:
-        if name in ("u", "r"):
-            continue
+    for name in outputs:
         for m, where in enumerate(tracks):
             lag = follow(cut["u"][m], cut[name][m], lines.excited)
             told = name if len(tracks) == 1 else f"{name}, realisation {m}"
@@ -231,6 +234,21 @@ def examine_outputs(
             if lag.drift:
                 data_warning(f"{told}: {lag.drift}")
     return cured
+
+
+def refuse_unlike_gap(name: str, y: np.ndarray, where: Track) -> None:
+    """Refuse an output without the gap that its input has before all sound periods: what follows may stand anywhere."""
+    first = int(np.argmax(where.sound))
+    lost = where.gaps[:first].sum()
+    if not lost:
+        return
+    periods = y[: (first + 1) * where.n_samples].reshape(first + 1, where.n_samples)
+    if gaps_inside(periods, where.n_samples // 2)[:first].sum() != lost:
+        how = "lost" if lost < 0 else "repeated"
+        raise ValueError(
+            f"{name} must have the gap of u in period {first} ({abs(lost):g} samples {how}), got none: how they stand "
+            "against each other behind it is not known; measure again"
+        )
 
 
 def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> Streams:

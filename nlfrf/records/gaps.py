@@ -1,0 +1,120 @@
+"""Samples lost or repeated inside a period: up to the gap it stands elsewhere than the next period has it.
+
+Where the gap is short, or near an end, the period as a whole looks like one with a little noise; but all that follows
+is early or late, and the FRF with it.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from nlfrf.shared.leastsquares import power, squared
+from nlfrf.shared.transforms import rfft
+
+__all__ = ["gaps_inside"]
+
+
+SURE = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
+UNEVEN = 10.0  # log of the likelihood that they differ more in one part than in the other, from which shifts are tried
+LEFT = 1e-3  # share of what they differ by before the gap that may be left
+WHOLE = 0.2  # how far from it a quarter may be: a spike asks for nothing of the kind, a transient for anything
+ROUNDING = 1e-9  # share of the power of y that is no difference
+ENOUGH = 16  # samples of the noise that tell its variance
+STEEP = 8.0  # times as much before a gap as behind it: no resonance that then still rings dies so fast
+PEAKED = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
+SHORT = 8  # samples of the gaps that are tried wherever they are
+
+
+def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
+    """(P,) the samples by which what follows is late (early: negative) behind a gap inside each period; 0 without one.
+
+    In the last period the part behind the gap is held against the period before.
+
+    Parameters
+    ----------
+    y : (P, N) ndarray
+        Periods of one output.
+    last : int
+        Last excited line: of so many lines is noise made that looks like a gap.
+
+    Examples
+    --------
+    >>> y = np.random.default_rng(1).standard_normal((1, 100)).repeat(3, axis=0).ravel()
+    >>> gaps_inside(np.delete(np.append(y, y[0]), 130).reshape(3, 100), 50)
+    array([ 0., -1.,  0.])
+    """
+    n = y.shape[1]
+    quarters = [np.add.reduceat((one - following) ** 2, np.arange(4) * n // 4) for one, following in pairwise(y)]
+    noise = max(4 * float(np.min(quarters)), ROUNDING * float(power(y[-1]))) / n
+    found = np.array([shift_before_gap(*two, noise, last) for two in pairwise(y)] + [0])
+    if not found[-2]:
+        found[-1] = -shift_before_gap(y[-1, ::-1], y[-2, ::-1], noise, last)
+    return found.astype(float)
+
+
+def shift_before_gap(one: np.ndarray, following: np.ndarray, noise: float, last: int) -> int:
+    """The samples by which the first part of a period is found elsewhere in the next one; 0 where it is no such thing.
+
+    In its place the rest must be, and both parts then differ by noise alone. A transient is elsewhere in no place.
+    """
+    n, apart = one.size, summed(one - following)
+    blur = max(n / (2 * last), 1.0)  # samples of noise that tell one thing
+    if not is_uneven(apart, ROUNDING * float(power(following)) / n, blur):
+        return 0
+    found, most = 0, 0.0
+    for shift in shifts(one, following, apart):
+        there = np.roll(following, -shift)
+        left, step = summed(one - there), summed(there - following)
+        gap = int(np.argmax(apart - left))
+        end = max(gap - SHORT, 0)  # what was put into the gap is nowhere else, and a spike that is moved past it is
+        explained, behind = apart[end] - left[end], apart[-1] - apart[gap]
+        least = min(noise, behind / (n - gap)) if n - gap > ENOUGH * blur else noise
+        sure = SURE * blur * max((left[end] + behind) / n, least)
+        if min(explained, left[-1] - left[gap] - behind) < sure or left[end] > max(LEFT * apart[end], 2 * end * least):
+            continue
+        # how much of that shift each quarter of the part asks for: all of it, where it is a gap
+        parts = np.arange(5) * end // 4
+        before, after, size = (np.diff(x[parts]) for x in (apart, left, step))
+        whole = np.abs(before - after - size) < 2 * WHOLE * size + 6 * np.sqrt(noise * blur * size)
+        if whole.all() and explained > most and not rings(one - following, gap):
+            found, most = shift, explained
+    return found
+
+
+def rings(apart: np.ndarray, gap: int) -> bool:
+    """Whether what periods differ by (N,) goes on behind a gap on one frequency, as a resonance that rings for long."""
+    before, behind = power(apart[:gap]) / gap, power(apart[gap:]) / (apart.size - gap)
+    if before > STEEP * behind:
+        return False
+    spectrum = squared(rfft(apart[gap:] * np.hanning(apart.size - gap)))
+    peak = int(np.argmax(spectrum))
+    return bool(spectrum[max(peak - 2, 0) : peak + 3].sum() > PEAKED * spectrum.sum())
+
+
+def summed(x: np.ndarray) -> np.ndarray:
+    """(N + 1,) power of x (N,) up to each sample."""
+    return np.append(0.0, np.add.accumulate(x * x))
+
+
+def is_uneven(apart: np.ndarray, floor: float, blur: float) -> bool:
+    """Whether two variances, one up to some sample and one from there on, make a difference far likelier than one."""
+    n = apart.size - 1
+    at = np.arange(1, 64) * n // 64
+    before, whole = np.maximum(apart[at] / at, floor), max(apart[-1] / n, floor)
+    behind = np.maximum((apart[-1] - apart[at]) / (n - at), floor)
+    gain = n * np.log(whole) - at * np.log(before) - (n - at) * np.log(behind)
+    return bool(gain.max() > 2 * UNEVEN * blur)
+
+
+def shifts(one: np.ndarray, following: np.ndarray, apart: np.ndarray) -> list[int]:
+    """Those that are tried: the one that lays the part with half of the difference best, and all short ones."""
+    n = one.size
+    half = int(np.searchsorted(apart, apart[-1] / 2))
+    size = summed(np.tile(following, 2))
+    together = np.fft.irfft(np.fft.rfft(one[:half], n).conj() * np.fft.rfft(following), n)
+    likeliest = int(np.argmin((size[half : half + n] - size[:n]) - 2 * together))
+    likeliest -= n if likeliest > n // 2 else 0
+    short = [sign * k for k in range(1, SHORT + 1) for sign in (-1, 1)]
+    return short if abs(likeliest) <= SHORT or abs(likeliest) > n // 8 else [likeliest, *short]
