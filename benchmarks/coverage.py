@@ -145,7 +145,7 @@ def hard_cases():
         for kind in ("special-odd", "random-odd", "odd", "full"):
             yield "ends", plant, kind, 1, 1, None, dict(f_min=10), 0
     for M in (1, 7):
-        for plant in ("cubic", "saturation", "Wiener"):
+        for plant in ("cubic", "saturation", "Wiener", "fifth", "jump"):
             yield "crest", plant, "special-odd", M, 1, None, {}, 0
     yield from fresh_cases()
 

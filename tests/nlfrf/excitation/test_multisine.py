@@ -118,7 +118,7 @@ def test_by_default_the_best_of_a_few_random_draws_is_taken(n_realizations):
         assert np.all(better.crest_factor <= ms.crest_factor + 0.05)
         assert better.crest_factor.min() > 2.4
         assert np.unique(better.phase[:, 0]).size == n_realizations  # the same seed, and no draw twice
-        assert better.crest_factor.max() < {1: 3.0, 2: 3.2, 7: 3.9}[n_realizations]
+        assert better.crest_factor.max() < {1: 3.2, 2: 3.7, 7: 3.9}[n_realizations]
     one = reduce_crest(ms, n_draws=1)
     np.testing.assert_array_equal(one.phase, ms.phase)
 
