@@ -11,7 +11,7 @@ import numpy as np
 from scipy.io import savemat
 
 from nlfrf.shared.whole_files import path_of, write_text, write_whole
-from robust.files.biquads import controller_sections, roots_and_gain
+from robust.files.biquads import controller_sections, polynomials
 from robust.files.json_files import PathLike
 from robust.files.matrix_models import MATRIX_SCHEMA
 from robust.files.models import CONTROLLER_SCHEMA, MODEL_SCHEMA, controller
@@ -147,12 +147,11 @@ def factors(model: UncertaintyModel) -> dict[str, Any]:
 
 
 def matlab_system(system: control.StateSpace) -> dict[str, Any]:
-    """A system as a struct: A, B, C, D, Ts; of one input and output num and den too."""
+    """A system as a struct: A, B, C, D, Ts; of one input and output num and den, where they hold it."""
     struct: dict[str, Any] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
     struct["Ts"] = timebase(system)
     if system.ninputs == system.noutputs == 1:
-        z, p, gain = roots_and_gain(system)
-        struct |= {"num": gain * np.poly(z).real, "den": np.poly(p).real}
+        struct |= polynomials(system)
     return struct
 
 

@@ -15,6 +15,7 @@ __all__ = ["EPS", "crossings", "hinf_norm", "largest_gain", "modal", "sign_chang
 
 
 EPS = np.finfo(float).eps
+BESIDE = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singular value of D
 
 
 def well_conditioned(matrices: Matrices) -> Matrices:
@@ -169,17 +170,28 @@ def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[f
     gains = largest_gain(matrices, starts)
     peak, norm = float(starts[gains.argmax()]), float(gains.max())
     for _ in range(30):
-        if norm == 0:
+        higher = above(matrices, norm, tolerance) if norm else None
+        if higher is None:
             break
-        found = crossings(matrices, norm * (1 + tolerance))
-        if found is None:
-            break
-        omega = np.unique(found[0])
-        middle = np.concatenate([omega, (omega[1:] + omega[:-1]) / 2])
-        if middle.size == 0:
-            break
-        gains = largest_gain(matrices, middle)
-        if gains.max() <= norm * (1 + tolerance):
-            break
-        peak, norm = float(middle[gains.argmax()]), float(gains.max())
+        norm, peak = higher
     return norm, 2 / dt * float(np.arctan(peak)) if dt else peak
+
+
+def above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, float] | None:
+    """A gain above a norm by more than a tolerance, and where [rad/s]; None where there is none.
+
+    Beside a singular value of D (a norm that is reached at infinity, or at the Nyquist frequency) the Hamiltonian says
+    nothing for rounding: peaks that are well above it are looked for first.
+    """
+    sizes = np.linalg.svd(matrices[3], compute_uv=False)
+    beside = np.any(np.abs(sizes - norm) < BESIDE[0] * norm)
+    for step in (*BESIDE, tolerance) if beside else (tolerance,):
+        found = crossings(matrices, norm * (1 + step))
+        if found is None or not found[0].size:
+            continue
+        omega = np.unique(found[0])
+        middle = np.concatenate([omega, (omega[1:] + omega[:-1]) / 2, np.sqrt(omega[1:] * omega[:-1])])
+        gains = largest_gain(matrices, middle)
+        if gains.max() > norm * (1 + tolerance):
+            return float(gains.max()), float(middle[gains.argmax()])
+    return None

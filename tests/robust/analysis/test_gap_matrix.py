@@ -164,3 +164,19 @@ def test_of_a_measured_set_its_nominal_counts():
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_gap_that_is_nearly_reached_at_the_nyquist_frequency_is_that_of_its_peak():
+    """The norm starts from there, and finds what is a little higher: never less than line by line."""
+    omega = np.linspace(0, np.pi, 300)
+    for seed in (*range(40, 60), 81, 120, 191, 213):
+        rng = np.random.default_rng(seed)
+        n, n_u = rng.integers(1, 5), rng.integers(1, 4)
+        A = rng.standard_normal((n, n))
+        A *= rng.uniform(0.3, 1.1) / np.abs(np.linalg.eigvals(A)).max()
+        B, C, D = rng.standard_normal((n, n_u)), rng.standard_normal((2, n)), rng.standard_normal((2, n_u))
+        first = control.StateSpace(A, B, C, D, 1.0)
+        moved = A + 0.1 * rng.standard_normal((n, n))
+        second = control.StateSpace(moved, B, C + 0.2 * rng.standard_normal((2, n)), D, 1.0)
+        g1, g2 = along(first, omega), along(second, omega)
+        assert nu_gap(first, second) >= chord(g1, g2).max() - 1e-9

@@ -2,6 +2,7 @@
 
 import json
 import re
+from fractions import Fraction
 
 import control
 import numpy as np
@@ -12,11 +13,13 @@ from scipy.signal import sosfilt
 from robust import (
     UncertaintyModel,
     controller_sections,
+    discretize,
     export_matlab,
     fit_nominal,
     frd,
     load_controller,
     load_model,
+    pid,
     save_controller,
     save_model,
     uncertainty,
@@ -190,6 +193,64 @@ def test_sections_run_like_the_controller():
     assert controller_sections(control.ss([], [], [], [[3.0]], 0.1)).tolist() == [[3, 0, 0, 1, 0, 0]]
     with pytest.raises(ValueError, match="K must be discrete to have sections"):
         controller_sections(control.tf([1], [1, 1]))
+
+
+def run(sections, z):
+    """Response of sections from their own coefficients, added up without rounding; z is z^-1 - 1."""
+    w = [Fraction(z.real), Fraction(z.imag)]
+    out = 1.0 + 0j
+    for row in sections:
+        b, a = ([Fraction(float(c)) for c in part] for part in (row[:3], row[3:]))
+        square = (w[0] ** 2 - w[1] ** 2, 2 * w[0] * w[1])  # of z^-1 - 1
+        top, bottom = (
+            complex(
+                c[0] + c[1] + c[2] + (c[1] + 2 * c[2]) * w[0] + c[2] * square[0],
+                (c[1] + 2 * c[2]) * w[1] + c[2] * square[1],
+            )
+            for c in (b, a)
+        )
+        out *= top / bottom
+    return out
+
+
+@pytest.mark.parametrize("dt", [1e-3, 1e-4, 1e-5])
+def test_sections_keep_what_is_slow(dt):
+    """An integrator, and poles and zeros a million samples long, far below 1e-2 rad."""
+    K = discretize(pid(2.0, 3.0, 0.1, filter_time=0.01), dt)
+    for omega in np.geomspace(1e-3, 1.0, 7):
+        wanted = response(K, np.array([omega]))[0]
+        assert abs(run(controller_sections(K), np.expm1(-1j * omega * dt)) / wanted - 1) < 1e-8 * max(1, 1e-4 / dt)
+    slow = np.array([1.0, 3.0, 10.0]) * dt * 1e-2
+    chain = control.ss([], [], [], 1.0, dt)
+    for p in (*slow, 0.3):
+        chain = control.ss([[1 - p]], [[1.0]], [[p]], [[0.0]], dt) * chain
+    sections = controller_sections(chain)
+    assert len(sections) == 2
+    gain = np.prod([row[:3].sum() / row[3:].sum() for row in sections])
+    assert gain == pytest.approx(1.0, rel=1e-3)
+
+
+def test_sections_that_lose_what_is_slow_are_refused():
+    """A resonance at 1e-8 rad a sample: the sum of its coefficients, 2e-16, is rounding."""
+    q = 1e-8
+    K = control.ss([[1 - q, q], [-q, 1 - q]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], 1e-4)
+    with pytest.raises(ValueError, match="K must be a system whose roots make sections of it, got an error of"):
+        controller_sections(K)
+
+
+@pytest.mark.parametrize("dt", [0.0, 1e-2, 1e-4, 1e-6])
+def test_matlab_gets_polynomials_only_where_they_hold_the_system(dt, tmp_path):
+    """Of a chain of slow lags in a fast clock numerator and denominator were up to 100 % wrong."""
+    K = control.ss(control.zpk([-1.5, -0.1], [-1e-3, -20.0, -0.05], 4.0))
+    K = discretize(K, dt) if dt else K
+    export_matlab(K, tmp_path / "K.mat")
+    written = loadmat(tmp_path / "K.mat", simplify_cells=True)["content"]["K"]
+    assert ("num" in written) == ("den" in written) == (dt in (0.0, 1e-2))
+    if "num" in written:
+        omega = np.geomspace(1e-3, 30, 50)
+        s = np.exp(1j * omega * dt) if dt else 1j * omega
+        ratio = np.polyval(written["num"], s) / np.polyval(written["den"], s)
+        assert ratio == pytest.approx(response(K, omega), rel=1e-3)
 
 
 @pytest.mark.parametrize("name", MODELS)
