@@ -229,7 +229,7 @@ def examine_outputs(
                 continue
             if lag.fault and lag.severe:
                 raise ValueError(f"{told} must stand still against u from period to period, got: {lag.fault}")
-            elif lag.fault:
+            if lag.fault:
                 said = f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {told} is out of place"
                 data_warning(said)
             if lag.drift:

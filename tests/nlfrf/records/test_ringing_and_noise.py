@@ -141,7 +141,7 @@ def test_a_gap_and_a_clock_are_cured_together(n_periods, at, ppm):
     _, u, y, truth = played(0.1, n_periods + 1, 3, settled=True)
     y = np.delete(between(y, np.arange(y.size) * (1 + 1e-6 * ppm)), [at, at + 1])[: n_periods * N]
     u = u[: y.size]
-    with pytest.raises(ValueError, match="2 lost before period|does not repeat in period"):
+    with pytest.raises(ValueError, match=r"2 lost before period|does not repeat in period"):
         nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
     bla = nlfrf.identify(nlfrf.record_from_samples(u, y, fs=FS, n_samples=N, resample=True))
     assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.85
