@@ -87,9 +87,9 @@ class Lag:
     def clock(self) -> float:
         """Samples that y falls behind u in a period because of its clock; zero where that is not sure."""
         at = np.flatnonzero(self.sound)
-        if at.size < 2 or self.jumps.any():
+        if at.size < 2:
             return 0.0
-        pace, bend = line(at, self.delay[at])
+        pace, bend = line(at, (self.delay - self.jumps)[at])
         spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
         straight = at.size < FEW or bend < 0.3 * abs(pace) * np.ptp(at)
         likely = self.explained > (0.9 if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SURE * self.noise
@@ -314,7 +314,7 @@ def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> t
         Which periods of the stream those are.
     """
     turns = np.arange(y.size) / lag.n_samples
-    at = np.arange(y.size) + lag.clock * (turns - periods[0])
+    at = np.arange(y.size) + lag.clock * turns  # one trigger started both clocks
     row = np.clip(np.searchsorted(periods, turns.astype(int), side="right") - 1, 0, periods.size - 1)
     at += lag.jumps[row]
     first = int(np.argmax(lag.sound))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ __all__ = ["record_from_samples", "records_from_streams"]
 
 REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
 CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+CURES = 3  # times that outputs are brought onto the clock of the input, and looked at again
 Streams = dict[str, list[np.ndarray]]
 
 
@@ -155,7 +155,10 @@ def records_from_streams(
     refuse_wrong_period(cut.get("r", cut["u"]), stream)
     if lines is None:
         lines = grid_of(cut.get("r", cut["u"])) if design is None else design.lines
-    if examine_outputs(kept, cut, tracks, lines, resample):
+    refuse_gaps_of_u_alone(kept, tracks)
+    for _ in range(CURES):  # a gap in one period hides that the clock of y is off, too
+        if not examine_outputs(kept, cut, tracks, lines, resample):
+            break
         cut = {name: cut_stream(signal, tracks, n_periods, n_samples) for name, signal in kept.items()}
     if resample and all(tracks):  # so that f0 is what the input repeats at
         fs /= float(np.mean([where.spacing for where in tracks if where]))
@@ -207,13 +210,10 @@ def examine_outputs(
     streams: Streams, cut: dict[str, np.ndarray], tracks: list[Track | None], lines: LineGrid, resample: bool
 ) -> bool:
     """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
-    cured, outputs = False, [name for name in cut if name not in ("u", "r")]
-    for name, (m, where) in product(outputs, enumerate(tracks)):
-        if where is not None:
-            refuse_unlike_gap(name, streams[name][m], where)
+    cured = False
     if cut["u"].shape[1] < 2:
         return False
-    for name in outputs:
+    for name in outputs_of(cut):
         for m, where in enumerate(tracks):
             lag = follow(cut["u"][m], cut[name][m], lines.excited)
             told = name if len(tracks) == 1 else f"{name}, realisation {m}"
@@ -226,14 +226,28 @@ def examine_outputs(
                     raise ValueError(f"{told} must hold a sound period, got none: {lag.fault}")
                 tracks[m] = replace(where, sound=sound)
                 cured = True
-            elif lag.fault and lag.severe:
+                continue
+            if lag.fault and lag.severe:
                 raise ValueError(f"{told} must stand still against u from period to period, got: {lag.fault}")
-            elif lag.fault:
+            if lag.fault:
                 said = f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {told} is out of place"
                 data_warning(said)
             if lag.drift:
                 data_warning(f"{told}: {lag.drift}")
     return cured
+
+
+def outputs_of(signals: Mapping[str, Any]) -> list[str]:
+    """The names of those that are neither input nor reference."""
+    return [name for name in signals if name not in ("u", "r")]
+
+
+def refuse_gaps_of_u_alone(streams: Streams, tracks: list[Track | None]) -> None:
+    """`refuse_unlike_gap` for every output that is cut where its input stands."""
+    for m, where in enumerate(tracks):
+        if where is not None:
+            for name in outputs_of(streams):
+                refuse_unlike_gap(name, streams[name][m], where)
 
 
 def refuse_unlike_gap(name: str, y: np.ndarray, where: Track) -> None:

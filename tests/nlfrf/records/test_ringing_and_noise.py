@@ -7,6 +7,7 @@ import pytest
 
 import nlfrf
 from benchmarks.sound_records import FS, N, played, without
+from nlfrf.records.faults import between
 from nlfrf.records.gaps import gaps_inside
 from nlfrf.records.output_faults import follow
 
@@ -130,4 +131,17 @@ def test_a_gap_in_the_first_period_is_told_and_cured(lost, at, noise):
     record = nlfrf.record_from_samples(u, y, fs=FS, n_samples=N, resample=True)
     bla = nlfrf.identify(record)
     assert record.n_periods == 7
+    assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.85
+
+
+@pytest.mark.parametrize(("n_periods", "at"), [(4, 3600), (4, 930), (7, 1536), (8, 4730)])
+@pytest.mark.parametrize("ppm", [30, -30])
+def test_a_gap_and_a_clock_are_cured_together(n_periods, at, ppm):
+    """The gap was cured and the clock left: the bound held 0 to 4 % of the record that `resample` gave back."""
+    _, u, y, truth = played(0.1, n_periods + 1, 3, settled=True)
+    y = np.delete(between(y, np.arange(y.size) * (1 + 1e-6 * ppm)), [at, at + 1])[: n_periods * N]
+    u = u[: y.size]
+    with pytest.raises(ValueError, match=r"2 lost before period|does not repeat in period"):
+        nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)
+    bla = nlfrf.identify(nlfrf.record_from_samples(u, y, fs=FS, n_samples=N, resample=True))
     assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.85
