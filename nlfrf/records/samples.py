@@ -160,6 +160,8 @@ def records_from_streams(
         if not examine_outputs(kept, cut, tracks, lines, resample):
             break
         cut = {name: cut_stream(signal, tracks, n_periods, n_samples) for name, signal in kept.items()}
+    else:
+        examine_outputs(kept, cut, tracks, lines, resample=False)  # what is left after all cures is refused
     if resample and all(tracks):  # so that f0 is what the input repeats at
         fs /= float(np.mean([where.spacing for where in tracks if where]))
     if design is not None:

@@ -7,10 +7,11 @@ from typing import Any
 import control
 import numpy as np
 
+from nlfrf.shared.arguments import data_warning
 from robust.systems.lti import on_axis, poles, response, timebase, zeros
 from robust.systems.realisation import in_order, paired, state_space
 
-__all__ = ["controller_sections", "polynomials", "roots_and_gain"]
+__all__ = ["controller_sections", "polynomials", "roots_and_gain", "told_sections"]
 
 SLOW = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
 EXACT, EXACT_SLOW = 1e-6, 1e-3
@@ -57,6 +58,20 @@ def controller_sections(K: Any) -> np.ndarray:
             f"{angles[k] / dt:.3g} rad/s"
         )
     return sections
+
+
+def told_sections(K: control.StateSpace) -> dict[str, np.ndarray]:
+    """The sections of a discrete controller of one input and output by name; left out, with a warning, where none hold.
+
+    Its matrices say what it is: a file without sections is whole.
+    """
+    if not K.dt or K.ninputs != 1 or K.noutputs != 1:
+        return {}
+    try:
+        return {"sections": controller_sections(K)}
+    except ValueError as error:
+        data_warning(f"sections were left out of the file, which holds A, B, C and D: {error}")
+        return {}
 
 
 def told_at(roots: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.io import savemat
 
 from nlfrf.shared.whole_files import path_of, write_text, write_whole
-from robust.files.biquads import controller_sections, polynomials
+from robust.files.biquads import polynomials, told_sections
 from robust.files.json_files import PathLike
 from robust.files.matrix_models import MATRIX_SCHEMA
 from robust.files.models import CONTROLLER_SCHEMA, MODEL_SCHEMA, controller
@@ -64,9 +64,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
         struct, loader = matrix_struct(content), MATRIX_LOADER
     else:
         K = controller("content", content)
-        struct, loader = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K)}, CONTROLLER_LOADER
-        if K.dt and K.ninputs == K.noutputs == 1:
-            struct["sections"] = controller_sections(K)
+        struct, loader = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **told_sections(K)}, CONTROLLER_LOADER
 
     def write_mat(beside: Path) -> None:
         savemat(beside, {"content": struct}, oned_as="column")

@@ -9,7 +9,7 @@ import control
 import numpy as np
 
 from nlfrf.shared.wording import shown
-from robust.files.biquads import controller_sections
+from robust.files.biquads import told_sections
 from robust.files.json_files import (
     VERSION,
     PathLike,
@@ -195,8 +195,7 @@ def save_controller(K: Any, path: PathLike) -> None:
         "feedback": "negative: u = K (r - y)",
         "K": encoded_system(K),
     }
-    if K.dt and K.ninputs == K.noutputs == 1:
-        content["sections"] = encoded(controller_sections(K))
+    content |= {name: encoded(rows) for name, rows in told_sections(K).items()}
     written(content, path)
 
 

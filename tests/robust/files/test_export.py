@@ -10,6 +10,7 @@ import pytest
 from scipy.io import loadmat
 from scipy.signal import sosfilt
 
+from nlfrf import DataWarning
 from robust import (
     UncertaintyModel,
     controller_sections,
@@ -236,6 +237,17 @@ def test_sections_that_lose_what_is_slow_are_refused():
     K = control.ss([[1 - q, q], [-q, 1 - q]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]], 1e-4)
     with pytest.raises(ValueError, match="K must be a system whose roots make sections of it, got an error of"):
         controller_sections(K)
+
+
+def test_a_controller_whose_sections_do_not_hold_is_kept_all_the_same(tmp_path):
+    q = 1e-8
+    K = control.ss([[1 - q, q], [-q, 1 - q]], [[0], [1]], [[1, 0]], [[0]], 1e-4)
+    with pytest.warns(DataWarning, match="sections were left out of the file"):
+        save_controller(K, tmp_path / "K.json")
+    with pytest.warns(DataWarning, match="sections were left out of the file"):
+        export_matlab(K, tmp_path / "K.mat")
+    assert same(load_controller(tmp_path / "K.json").A, K.A)
+    assert "sections" not in json.loads((tmp_path / "K.json").read_text())
 
 
 @pytest.mark.parametrize("dt", [0.0, 1e-2, 1e-4, 1e-6])
