@@ -18,12 +18,14 @@ __all__ = ["gaps_inside"]
 
 SURE = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
 UNEVEN = 10.0  # log of the likelihood that they differ more in one part than in the other, from which shifts are tried
+PARTS = 64  # of a period, between which it is tried
 LEFT = 1e-3  # share of what they differ by before the gap that may be left
 WHOLE = 0.2  # how far from it a quarter may be: a spike asks for nothing of the kind, a transient for anything
 ROUNDING = 1e-9  # share of the power of y that is no difference
 ENOUGH = 16  # samples of the noise that tell its variance
 STEEP = 8.0  # times as much before a gap as behind it: no resonance that then still rings dies so fast
 PEAKED = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
+TINY = np.finfo(float).tiny
 SHORT = 8  # samples of the gaps that are tried wherever they are
 
 
@@ -61,7 +63,7 @@ def shift_before_gap(one: np.ndarray, following: np.ndarray, noise: float, last:
     """
     n, apart = one.size, summed(one - following)
     blur = max(n / (2 * last), 1.0)  # samples of noise that tell one thing
-    if not is_uneven(apart, ROUNDING * float(power(following)) / n, blur):
+    if not is_uneven(apart, max(ROUNDING * float(power(following)) / n, TINY), blur):
         return 0
     found, most = 0, 0.0
     for shift in shifts(one, following, apart):
@@ -101,7 +103,8 @@ def summed(x: np.ndarray) -> np.ndarray:
 def is_uneven(apart: np.ndarray, floor: float, blur: float) -> bool:
     """Whether two variances, one up to some sample and one from there on, make a difference far likelier than one."""
     n = apart.size - 1
-    at = np.arange(1, 64) * n // 64
+    parts = min(PARTS, n)
+    at = np.arange(1, parts) * n // parts
     before, whole = np.maximum(apart[at] / at, floor), max(apart[-1] / n, floor)
     behind = np.maximum((apart[-1] - apart[at]) / (n - at), floor)
     gain = n * np.log(whole) - at * np.log(before) - (n - at) * np.log(behind)

@@ -82,6 +82,16 @@ def test_a_gap_of_u_alone_between_sound_periods_is_cured():
     assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.85
 
 
+@pytest.mark.parametrize("n", [4, 5, 16, 40, 64, 65])
+@pytest.mark.parametrize("n_periods", [2, 3])
+@pytest.mark.parametrize("size", [0.0, 1e-160, 1.0, 1e150])
+def test_short_and_silent_periods_have_no_gap(n, n_periods, size):
+    one = size * np.random.default_rng(n).standard_normal(n)
+    y = one * (1 + 1e-3 * np.random.default_rng(1).standard_normal((n_periods, n)))
+    for signal in (np.tile(one, (n_periods, 1)), np.full((n_periods, n), size), y):
+        assert not gaps_inside(signal, max(1, n // 4)).any()
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_spikes_and_coloured_noise_and_drifts_are_no_gaps(seed):
     rng = np.random.default_rng(seed)
