@@ -3,8 +3,8 @@
 python -m benchmarks.sound_records [--records 40]
 
 A resonance at 20 Hz that starts from rest and rings on, or settled behind much noise; then the same with samples of the
-input, the output or both lost or repeated at a place drawn by chance, which has to be told. Within the first sixteen
-samples nothing can tell it.
+input, the output or both lost or repeated at a place drawn by chance, which has to be told: anywhere but among the
+first sixteen, where what stands before the gap is too short to be found again.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def main() -> None:
     for name, damping, n_periods, settled, noise in cases:
         runs = (played(damping, n_periods, seed, settled=settled, noise=noise) for seed in range(n))
         tell(f"{name:<20} {n_periods:>7} {noise:>6g}", [outcome(*run[1:]) for run in runs])
-    print("\nsamples lost, or repeated; then the same with resample=True")
+    print("\nsamples lost (+) or repeated (-): refused, warned, the bound holds; then the same with resample=True")
     for where in ("y", "u", "both"):
         for lost in (1, 5, -3):
             for n_periods in (2, 3, 4, 8):

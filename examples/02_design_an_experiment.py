@@ -37,7 +37,8 @@ band = dict(fs=FS, n_samples=N, f_min=BAND[0], f_max=BAND[1])
 ms = nlfrf.multisine("special-odd", **band, rms=0.25, rng=2)
 print(f"\nrms {ms.rms:g} N peaks at {ms.rms * ms.crest_factor[0]:.2f} N: crest factor {ms.crest_factor[0]:.2f}")
 
-# 3. Crest factor. Where the actuator limits, take the best of some random draws: still random, so the bound holds.
+# 3. Crest factor. Where the actuator limits, take the best of some random draws: still random, so the bound holds,
+#    but for laws as steep as a fifth power.
 #    (With target= the phases are optimised, no longer random: for plants that are nearly linear, and with a warning.)
 drawn = nlfrf.reduce_crest(ms, rng=1)
 for name, signal in (("as drawn", ms), ("best of some draws", drawn)):

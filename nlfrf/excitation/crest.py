@@ -37,7 +37,8 @@ def reduce_crest(
     """Choose phases that keep the peaks of a multisine low; its amplitude spectrum stays as it is.
 
     A lower crest factor puts more power under the same actuator limit. Without a target the best of a few random draws
-    is taken, as few as leave the bound of `identify` what it says. With a target the signal is clipped in time and
+    is taken, as few as leave the bound of `identify` nearly what it says: of a steep law, a fifth power, on some fifty
+    lines it holds a new realisation 90 % of the time instead of 95. With a target the signal is clipped in time and
     its amplitude spectrum put back in frequency, in turn, with the clipping level lowered as it succeeds: those phases
     are no longer random, and neither the distortion level nor the BLA is that of random phases.
 

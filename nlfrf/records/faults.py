@@ -186,8 +186,9 @@ def track(u: np.ndarray, n_samples: int) -> Track:
         )
     step = common_step([u], n_samples) if n_samples > BLOCK else 1
     found = track_periods(coarse(periods, step))
-    found = replace(found, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise)
-    return replace(found, n_samples=n_samples)
+    return replace(
+        found, n_samples=n_samples, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise
+    )
 
 
 def track_periods(periods: np.ndarray) -> Track:

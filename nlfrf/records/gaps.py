@@ -48,20 +48,25 @@ def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
     array([ 0., -1.,  0.])
     """
     n = y.shape[1]
-    quarters = [np.add.reduceat((one - following) ** 2, np.arange(4) * n // 4) for one, following in pairwise(y)]
-    noise = max(4 * float(np.min(quarters)), ROUNDING * float(power(y[-1]))) / n
-    found = np.array([shift_before_gap(*two, noise, last) for two in pairwise(y)] + [0])
+    apart = [summed(one - following) for one, following in pairwise(y)]
+    quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in apart)
+    noise = max(4 * quarter, ROUNDING * float(power(y[-1]))) / n
+    found = np.zeros(len(y))
+    for j, up_to in enumerate(apart):
+        found[j] = shift_before_gap(y[j], y[j + 1], up_to, noise, last)
     if not found[-2]:
-        found[-1] = -shift_before_gap(y[-1, ::-1], y[-2, ::-1], noise, last)
-    return found.astype(float)
+        backwards = apart[-1][-1] - apart[-1][::-1]
+        found[-1] = -shift_before_gap(y[-1, ::-1], y[-2, ::-1], backwards, noise, last)
+    return found
 
 
-def shift_before_gap(one: np.ndarray, following: np.ndarray, noise: float, last: int) -> int:
+def shift_before_gap(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int) -> int:
     """The samples by which the first part of a period is found elsewhere in the next one; 0 where it is no such thing.
 
     In its place the rest must be, and both parts then differ by noise alone. A transient is elsewhere in no place.
+    What the two differ by is given, `summed`.
     """
-    n, apart = one.size, summed(one - following)
+    n = one.size
     blur = max(n / (2 * last), 1.0)  # samples of noise that tell one thing
     if not is_uneven(apart, max(ROUNDING * float(power(following)) / n, TINY), blur):
         return 0

@@ -212,13 +212,13 @@ def examine_outputs(
     streams: Streams, cut: dict[str, np.ndarray], tracks: list[Track | None], lines: LineGrid, resample: bool
 ) -> bool:
     """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
-    cured = False
     if cut["u"].shape[1] < 2:
         return False
+    cured, drifts = False, []
     for name in outputs_of(cut):
         for m, where in enumerate(tracks):
             lag = follow(cut["u"][m], cut[name][m], lines.excited)
-            told = name if len(tracks) == 1 else f"{name}, realisation {m}"
+            told = told_as(name, m, tracks)
             if lag.fault and resample and where is not None:
                 periods = recut(streams["u"][m], where)[1][: len(lag.sound)]
                 streams[name][m], good = on_the_clock_of_the_input(streams[name][m], lag, periods)
@@ -235,8 +235,16 @@ def examine_outputs(
                 said = f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {told} is out of place"
                 data_warning(said)
             if lag.drift:
-                data_warning(f"{told}: {lag.drift}")
+                drifts.append(f"{told}: {lag.drift}")
+    if not cured:  # what was cured is looked at again, and the others with it
+        for drift in drifts:
+            data_warning(drift)
     return cured
+
+
+def told_as(name: str, m: int, tracks: Sequence[Track | None]) -> str:
+    """How an output is called in messages, of realisation m of several."""
+    return name if len(tracks) == 1 else f"{name}, realisation {m}"
 
 
 def outputs_of(signals: Mapping[str, Any]) -> list[str]:
@@ -249,7 +257,7 @@ def refuse_gaps_of_u_alone(streams: Streams, tracks: list[Track | None]) -> None
     for m, where in enumerate(tracks):
         if where is not None:
             for name in outputs_of(streams):
-                refuse_unlike_gap(name, streams[name][m], where)
+                refuse_unlike_gap(told_as(name, m, tracks), streams[name][m], where)
 
 
 def refuse_unlike_gap(name: str, y: np.ndarray, where: Track) -> None:
@@ -259,11 +267,12 @@ def refuse_unlike_gap(name: str, y: np.ndarray, where: Track) -> None:
     if not lost:
         return
     periods = y[: (first + 1) * where.n_samples].reshape(first + 1, where.n_samples)
-    if gaps_inside(periods, where.n_samples // 2)[:first].sum() != lost:
-        how = "lost" if lost < 0 else "repeated"
+    found = gaps_inside(periods, where.n_samples // 2)[:first].sum()
+    if found != lost:
+        of_u, of_y = (f"{abs(n):g} samples {'lost' if n < 0 else 'repeated'}" if n else "none" for n in (lost, found))
         raise ValueError(
-            f"{name} must have the gap of u in period {first} ({abs(lost):g} samples {how}), got none: how they stand "
-            "against each other behind it is not known; measure again"
+            f"{name} must have the gap of u before period {first + 1} ({of_u}), got {of_y}: how they stand against "
+            "each other behind it is not known; measure again"
         )
 
 
