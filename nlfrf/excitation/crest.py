@@ -1,8 +1,9 @@
 """Lower crest factors at an unchanged amplitude spectrum, and what they cost.
 
 The theory of the distortion level is for random phases, and the BLA belongs to their distribution of amplitudes. A
-signal with low peaks has another one: on 100 special-odd lines a cubic's 95 % bound from one record covers 95 % of the
-time for the best of a hundred draws (crest factor 2.8), 91 % where clipping brought it to 2.3, 57 % at 2.0.
+signal with low peaks has another one, and its peaks tell by how much: of a cubic. On 100 special-odd lines the 95 %
+bound from one record then covers 97 % of the time for the best of a hundred draws (crest factor 2.6) and where clipping
+brought it to 2.0; that of a fifth power 94 % and 40 %.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from nlfrf.excitation.multisine import Multisine, Rng
 from nlfrf.shared.arguments import DataWarning, generator, integer, of_kind, positive
 
-__all__ = ["expected_peaks", "is_improbable", "most_peaks", "reduce_crest"]
+__all__ = ["expected_peaks", "is_improbable", "reduce_crest"]
 
 
 CHANCE = 1e-5  # with which random phases have peaks as low as those that are warned of
@@ -38,7 +39,7 @@ def reduce_crest(
 
     A lower crest factor puts more power under the same actuator limit. Without a target the best of a few random draws
     is taken, as few as leave the bound of `identify` nearly what it says: of a steep law, a fifth power, on some fifty
-    lines it holds a new realisation 90 % of the time instead of 95. With a target the signal is clipped in time and
+    lines it holds a new realisation 93 % of the time instead of 95. With a target the signal is clipped in time and
     its amplitude spectrum put back in frequency, in turn, with the clipping level lowered as it succeeds: those phases
     are no longer random, and neither the distortion level nor the BLA is that of random phases.
 
@@ -115,19 +116,16 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, 
     half of them where the second half of the period mirrors the first. The largest peak of random phases makes it a
     number of exponential distribution of mean one, near enough.
     """
-    share = amplitude**2 / np.sum(amplitude**2)
-    mean, square = float(share @ lines), float(share @ lines.astype(float) ** 2)
+    power, k = amplitude * amplitude, lines.astype(float)
+    moment = power * k
+    total = np.add.reduce(power)
+    mean, square = float(np.add.reduce(moment) / total), float(moment @ k / total)
     tail = np.exp(-(crest**2) / 2)
     crossings = 2 * math.sqrt(square) * tail
     envelope = math.sqrt(2 * math.pi * max(square - mean**2, 0.0)) * crest * tail
     samples = n_samples * np.array([math.erfc(c / math.sqrt(2)) for c in crest])
-    mirrored = 2 if np.all(lines % 2 == 1) else 1
+    mirrored = 2 if np.bitwise_and.reduce(lines) & 1 else 1
     return np.asarray(np.minimum(np.minimum(crossings, envelope), samples) / mirrored)
-
-
-def most_peaks(crest: np.ndarray, last: int) -> np.ndarray:
-    """(M,) what `expected_peaks` gives at most for lines up to `last`: the crossings of that line alone."""
-    return np.asarray(2 * last * np.exp(-(crest**2) / 2))
 
 
 def is_improbable(peaks: np.ndarray) -> bool:

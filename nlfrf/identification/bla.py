@@ -21,7 +21,7 @@ __all__ = ["Bla", "DistortionLevels"]
 
 #: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
 #: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
-#: Of few lines the peaks of the input tell it (`common_distortion`), and `var_bound` holds it.
+#: Of few lines the peaks of the input tell it (`read_peaks`), and `var_bound` holds it.
 UNSEEN = {"roughness": 0.5, "detection": 0.25}
 VARIANCES = ("var_noise", "var_total", "var_distortion", "var_even", "var_bound")
 AROUND = 9  # lines over which noise and distortion are told apart
@@ -76,8 +76,8 @@ class Bla:
         worth; of one realisation the largest that its level can be read as.
     typical : float
         How much more a realisation of random phases distorts than those at hand, by the cube of their input, from 1 to
-        3. Low peaks distort less, whether they are chance or were chosen. Of fewer than 27 lines by the square of that,
-        as a fifth power asks for it, from 0.6 to 6.
+        3. Low peaks distort less, whether they are chance or were chosen: where they are lower than usual by the square
+        of that, as a fifth power asks for it. Of fewer than 27 lines always by the square, from 0.6 to 6.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.

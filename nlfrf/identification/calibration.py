@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.shared.leastsquares import squared
+from nlfrf.shared.leastsquares import rms, squared
 from nlfrf.shared.transforms import dct_even, fast_length
 
-__all__ = ["COMMON", "FEW", "LARGEST", "common_distortion", "read_grid", "typical_distortion", "variance_ratio"]
+__all__ = ["COMMON", "FEW", "LARGEST", "read_grid", "read_peaks", "variance_ratio"]
 
 
 LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
@@ -25,7 +25,8 @@ FILLED = 0.1  # of the mean count: other orders fill the lines that a cubic leav
 FEW = 27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
 MOST = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
 LEAST_OF_FEW, MOST_OF_FEW = 0.6, 6.0
-ALIKE = 500  # lines from which all realisations distort alike: within 17 %
+ALLOWED = 1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
+ALIKE = 500  # lines of all realisations past which they distort alike, within 17 %, unless their peaks are low
 
 
 def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -147,13 +148,13 @@ def read_grid(
     return profile, factor
 
 
-def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
-    """How much more random phases distort than those at hand: told by the cube of the input.
+def read_peaks(U: np.ndarray, lines: np.ndarray, peaks: np.ndarray) -> tuple[float, float]:
+    """What the peaks of the inputs tell of their distortion: how typical it is, and how much of it no level shows.
 
-    Low peaks make little distortion, and which peaks a realisation has is chance where there are few lines, or was
-    chosen. Of fewer than `FEW` lines a fifth power is allowed for, which changes about as the square, and peaks that
-    are higher than usual count too; of more lines at least one, and at most `MOST`: what is more was chosen, and said
-    to be; behind dynamics the peaks are others, and an input all but square would ask for a factor without end.
+    Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. Where there are
+    few lines, and where they are lower than usual, a fifth power is allowed for, which changes about as the square of
+    what a cubic tells. What is more than `MOST` was chosen, and said to be; behind dynamics the peaks are others, and
+    an input all but square would ask for a factor without end.
 
     Parameters
     ----------
@@ -161,48 +162,41 @@ def typical_distortion(U: np.ndarray, lines: np.ndarray) -> float:
         Input of each realisation.
     lines : (F,) int ndarray
         Excited lines.
+    peaks : (M,) ndarray
+        How many peaks above its own random phases would have (`expected_peaks`), on average one.
+
+    Returns
+    -------
+    typical : float
+        How much more random phases distort than those at hand: at least one, as powers; of fewer than `FEW` lines,
+        where high peaks are chance too, also less.
+    common : float
+        The distortion that is one gain on all lines, over what scatters about it, as powers.
 
     Examples
     --------
-    Eight lines in phase are one high peak; Schroeder's phases have none.
-
-    >>> k = np.arange(1, 9)
-    >>> float(typical_distortion(np.ones((1, 8)), k)), typical_distortion(np.exp(-1j * np.pi * k**2 / 8)[None], k) > 2
-    (0.6, True)
-    """
-    if lines.size > ALIKE:
-        return 1.0
-    ratio, _ = cube_of(U, lines)
-    if lines.size < FEW:
-        return min(max(ratio * ratio, LEAST_OF_FEW), MOST_OF_FEW)
-    return min(max(ratio, 1.0), MOST)
-
-
-def common_distortion(U: np.ndarray, lines: np.ndarray) -> float:
-    """The part of one realisation's distortion that is one gain on all lines, over what scatters about it, as powers.
-
-    Neither roughness nor detection lines show it, but the peaks of the input tell it, of a cubic: how far the gain at
-    hand, mean u^4 over mean u^2, is from that of random phases. Of a fifth power it is some 9/4 times as much.
-
-    Parameters
-    ----------
-    U : (1, F) complex ndarray
-        Input.
-    lines : (F,) int ndarray
-        Excited lines.
-
-    Examples
-    --------
-    Thirteen lines in phase are one high peak; Schroeder's phases have none, and little distortion beside that gain.
+    Thirteen lines in phase are one high peak; Schroeder's phases have none. Either gain is far from the usual.
 
     >>> k = np.arange(1, 14)
-    >>> [round(common_distortion(U, k), 1) for U in (np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None])]
-    [3.9, 4.6]
+    >>> high, low = np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None]
+    >>> np.round([read_peaks(high, k, np.zeros(1)), read_peaks(low, k, np.full(1, 9.0))], 1)
+    array([[0.6, 4.9],
+           [6. , 5.8]])
     """
+    n, n_lines = U.shape
+    chance, few = COMMON / n_lines, n_lines < FEW
+    low = np.add.reduce(peaks) >= n + n**0.5
+    if U.size > ALIKE and not low:
+        return 1.0, chance
     ratio, gap = cube_of(U, lines)
-    amplitude = np.abs(U[0])
-    whole = float(np.mean(cubic_variance(amplitude, lines, lines) / amplitude**2))
-    return gap * gap * (1 + COMMON / lines.size) / whole * ratio
+    typical = ratio * ratio if few or low else ratio
+    typical = min(max(typical, LEAST_OF_FEW), MOST_OF_FEW) if few else min(max(typical, 1.0), MOST)
+    if not (low or (few and n == 1)):
+        return typical, chance
+    amplitude = rms(U)
+    whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
+    common = ALLOWED * gap * gap * (1 + chance) / whole * ratio
+    return typical, common if few and n == 1 else max(common, chance)
 
 
 def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:

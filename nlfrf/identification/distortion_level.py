@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.identification.calibration import COMMON, FEW, LARGEST, common_distortion, read_grid, variance_ratio
+from nlfrf.identification.calibration import COMMON, FEW, LARGEST, read_grid, variance_ratio
 from nlfrf.identification.detection_lines import Answer, detected_power
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
@@ -27,7 +27,6 @@ __all__ = [
     "pool_levels",
     "read_level",
     "smooth_frf",
-    "unseen_share",
     "widened",
 ]
 
@@ -45,7 +44,6 @@ BENT = 3.0  # how far a roughness above a reading speaks against it: beyond that
 DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands for: 1.1 dB, as calibrations are good
 MANY = 20  # lines over which roughness shows most of the distortion
 TAIL = 0.05  # of a bound at 95 %
-ALLOWED = 1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
 ENOUGH = 7  # realisations whose scatter alone is worth more than a roughness that may read too high
 
 
@@ -200,42 +198,32 @@ def mean_around(x: np.ndarray, n: int) -> np.ndarray:
     return means.take(np.arange(-(n // 2), size - n // 2), axis=-1, mode="clip")
 
 
-def unseen_share(excited: Spectra) -> float:
-    """What no level shows of the distortion, as it is one gain on all lines, over what it shows.
-
-    Of few lines of one realisation their peaks tell it, of more lines it is next to nothing.
-    """
-    n, n_lines = excited.U.shape
-    if n > 1 or n_lines >= FEW:
-        return COMMON / n_lines
-    return ALLOWED * common_distortion(excited.U, excited.lines)
-
-
-def pool_levels(frf: Frf, level: Level, n: int, unseen: float) -> tuple[np.ndarray, np.ndarray]:
+def pool_levels(frf: Frf, level: Level, n: int, common: float) -> tuple[np.ndarray, np.ndarray]:
     """The variance behind the bound (F,) and its complex degrees of freedom: scatter over n realisations, and level.
 
     A level is worth what its calibration is. Where it reads something else than the scatter, over nine lines, or by
     far too little on one, it has no say.
     """
-    few = 1 + unseen
     if n == 1:
-        variance = few * level.cautious
+        variance = (1 + common) * level.cautious
         if np.any(level.doubt):
             variance = variance * widened(level.dof, level.doubt)
         return variance, level.dof
+    chance = 1 + COMMON / frf.G.size  # as far as the scatter shows it
+    beyond = (1 + common) / chance
     if not level.dof.any():
-        return frf.var_total, np.full(frf.G.size, n - 1.0)
+        return beyond * frf.var_total, np.full(frf.G.size, n - 1.0)
     scatter = n * frf.var_total
     tiny = np.finfo(float).tiny
-    ratio = (scatter + tiny) / (few * level.cautious + tiny)
+    ratio = (scatter + tiny) / (chance * level.cautious + tiny)
     alone, around = np.maximum(np.log(ratio), 0.0), np.log(local_mean(ratio, SIDE))
-    chance = 1 / (n - 1) + 1 / level.dof
+    spread = 1 / (n - 1) + 1 / level.dof
     doubt = (
-        DOUBT + level.doubt + np.maximum(alone**2 - 4 * chance, 0.0) + np.maximum(around**2 - 4 * chance / SIDE, 0.0)
+        DOUBT + level.doubt + np.maximum(alone**2 - 4 * spread, 0.0) + np.maximum(around**2 - 4 * spread / SIDE, 0.0)
     )
     dof_level = 1 / (1 / level.dof + doubt)
     dof = n - 1 + dof_level
-    return ((n - 1) * frf.var_total + dof_level * few * level.cautious / n) / dof, dof
+    return beyond * ((n - 1) * frf.var_total + dof_level * chance * level.cautious / n) / dof, dof
 
 
 def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import overload
 import numpy as np
 
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.identification.calibration import typical_distortion
+from nlfrf.identification.calibration import read_peaks
 from nlfrf.identification.detection_lines import Answer, nonlinear_answer
 from nlfrf.identification.distortion_level import (
     Level,
@@ -20,7 +20,6 @@ from nlfrf.identification.distortion_level import (
     pool_levels,
     read_level,
     smooth_frf,
-    unseen_share,
 )
 from nlfrf.identification.frf import Frf, average_frf, warn_of_jumps
 from nlfrf.identification.neighbours import place_lines
@@ -122,7 +121,8 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
     periodic, known = (record.u, spectra.U) if spectra.R is None else (record.r, spectra.R)
     refuse_wrong_lines(periodic, record.lines, known.take(spectra.where.excited, axis=1))
-    spectra, excited, n_periods = check_realizations(spectra, periodic, record.n_periods - (treatment == "discard"))
+    n_periods = record.n_periods - (treatment == "discard")
+    spectra, excited, n_periods, peaks = check_realizations(spectra, periodic, n_periods)
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
@@ -130,7 +130,8 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     level = read_level(source, excited, answer, fit)
     if source == "detection" and fit is not None:
         warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
-    return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level)
+    told = read_peaks(excited.U, excited.lines, peaks)
+    return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
 
 
 def assemble_bla(
@@ -142,10 +143,12 @@ def assemble_bla(
     frf: Frf,
     answer: Answer,
     level: Level,
+    told: tuple[float, float],
 ) -> Bla:
     """What was found, with the level weighed against the scatter of the realisations."""
     grid, n = record.lines, excited.U.shape[0]
-    var_bound, dof = pool_levels(frf, level, n, unseen_share(excited))
+    typical, common = told
+    var_bound, dof = pool_levels(frf, level, n, common)
     var_total = level.variance if n == 1 else frf.var_total
     if n > 1 and source != "realizations":
         source = f"realizations and {source}"
@@ -169,7 +172,7 @@ def assemble_bla(
         grid_factor=level.grid_factor if n == 1 else np.ones(grid.excited.size),
         levels=output_levels(record, excited, answer),
         var_bound=var_bound,
-        typical=typical_distortion(excited.U, excited.lines),
+        typical=typical,
         hold=record.hold,
         u_name=record.u_name,
         y_name=record.y_name,

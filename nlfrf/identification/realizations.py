@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.excitation.crest import expected_peaks, is_improbable, most_peaks
+from nlfrf.excitation.crest import expected_peaks, is_improbable
 from nlfrf.excitation.phases import in_common
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
@@ -42,7 +42,9 @@ PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -> tuple[Spectra, Spectra, int]:
+def check_realizations(
+    spectra: Spectra, periodic: np.ndarray, n_periods: int
+) -> tuple[Spectra, Spectra, int, np.ndarray]:
     """Realisations that can be averaged: with input on every line, of one excitation, each with phases of its own.
 
     Parameters
@@ -55,8 +57,8 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
 
     Returns
     -------
-    The spectra, with realisations that repeat another one as periods of it, the same on the excited lines alone, and
-    the periods behind each.
+    The spectra, with realisations that repeat another one as periods of it, the same on the excited lines alone, the
+    periods behind each, and how many peaks above its own random phases would have (`expected_peaks`).
 
     Warns
     -----
@@ -74,8 +76,8 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
             warn_of_repeats(groups, n)
             distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
     amplitude = excited.amplitude if excited.R is None else rms(excited.R)
-    warn_of_low_peaks(periodic[distinct, 0], amplitude, excited.lines)
-    return spectra, (excited if isinstance(distinct, slice) else spectra.on_excited()), n_periods
+    peaks = warn_of_low_peaks(periodic[distinct, 0], amplitude, excited.lines)
+    return spectra, (excited if isinstance(distinct, slice) else spectra.on_excited()), n_periods, peaks
 
 
 def warn_of_repeats(groups: list[list[int]], n: int) -> None:
@@ -88,18 +90,21 @@ def warn_of_repeats(groups: list[list[int]], n: int) -> None:
     )
 
 
-def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> bool:
-    """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped."""
+def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> np.ndarray:
+    """Warn of inputs (M, N) whose peaks are lower than random phases have them: they were chosen, or clipped.
+
+    Returns
+    -------
+    (M,) ndarray
+        How many peaks above its own random phases would have, on average one; zeros where lines are too few to tell.
+    """
     if amplitude.size < FEWEST_SUMMED:
-        return False
+        return np.zeros(len(u))
     middle = np.add.reduce(u, axis=1) / u.shape[1]
     peak = np.maximum(u.max(axis=1) - middle, middle - u.min(axis=1))
     crest = peak / np.sqrt(power(amplitude) / 2)
-    # no more than the highest line would have: where these are probable there is no need to look closer
-    if not is_improbable(most_peaks(crest, int(lines[-1]))):
-        return False
-    chosen = is_improbable(expected_peaks(crest, lines, amplitude, u.shape[1]))
-    if chosen:
+    peaks = expected_peaks(crest, lines, amplitude, u.shape[1])
+    if is_improbable(peaks):
         data_warning(
             f"{name} must have random phases for its distortion to be told: its crest factor is {crest.mean():.2f}, "
             "lower than random phases of its spectrum have it but once in 100000 experiments. Where the phases were "
@@ -107,7 +112,7 @@ def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, n
             "bound may hold half the time; play random phases, or the best of a few draws (reduce_crest without a "
             "target)"
         )
-    return chosen
+    return peaks
 
 
 def join_repeats(spectra: Spectra, n_periods: int, excited: Spectra) -> tuple[Spectra, list[list[int]]]:

@@ -127,7 +127,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     grid = record.lines
     where = place_lines(grid, n_detection)
     spectra, treatment = period_spectra(record, where, transient)
-    spectra, excited, _ = check_realizations(spectra, record.u, record.n_periods - (treatment == "discard"))
+    spectra, excited, *_ = check_realizations(spectra, record.u, record.n_periods - (treatment == "discard"))
     frf = average_frf(excited)
     fit = fit_each(frf, excited)
     rough = fit.variance.mean(axis=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from nlfrf.excitation.crest import is_improbable
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.calibration import LARGEST, variance_ratio
 from nlfrf.identification.realizations import refuse_strangers, warn_of_low_peaks
@@ -82,7 +83,7 @@ def warn_of_chosen_phases(record: MultiRecord, spectra: ChannelSpectra) -> None:
     for i, name in enumerate(record.inputs):
         size = rms(known_inputs(spectra)[i])
         own = size > APART * size.max()
-        if warn_of_low_peaks(played[i, :, 0], size[own], lines[own], name):
+        if is_improbable(warn_of_low_peaks(played[i, :, 0], size[own], lines[own], name)):
             return
 
 

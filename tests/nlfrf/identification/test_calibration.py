@@ -8,10 +8,11 @@ import pytest
 from benchmarks.plants import played, wiener
 from nlfrf import LineGrid, multisine
 from nlfrf.identification.calibration import (
+    COMMON,
     cubic_bla,
     cubic_variance,
     read_grid,
-    typical_distortion,
+    read_peaks,
     variance_ratio,
 )
 from nlfrf.identification.neighbours import nearest_lines, place_lines
@@ -100,7 +101,7 @@ def test_the_moments_of_a_sum_of_cosines_are_those_of_many_draws():
     rng = np.random.default_rng(2)
     k, amplitude = np.array([3, 5, 9, 10, 15]), np.array([1.0, 0.5, 2.0, 1.5, 1.0])
     U = amplitude * np.exp(2j * np.pi * rng.random((20000, 5)))
-    assert typical_distortion(U, k) == pytest.approx(1, abs=0.06)  # the square of a ratio
+    assert read_peaks(U, k, np.full(20000, 2.0))[0] == pytest.approx(1, abs=0.06)  # the square of a ratio
 
 
 @pytest.mark.parametrize(("n", "least", "most"), [(20, 0.6, 6.0), (26, 0.6, 6.0), (27, 1.0, 3.0), (500, 1.0, 3.0)])
@@ -108,8 +109,8 @@ def test_high_peaks_are_the_most_distorted_and_low_ones_the_least(n, least, most
     """Of few lines high peaks are chance as low ones are, and a fifth power is allowed for."""
     k = np.arange(n)
     high, low = np.ones((1, n)), np.exp(1j * np.pi * k**2 / n)[None]
-    assert typical_distortion(high, k + 1) == least
-    assert typical_distortion(low, k + 1) == most
+    assert read_peaks(high, k + 1, np.zeros(1))[0] == least
+    assert read_peaks(low, k + 1, np.full(1, 9.0))[0] == most
 
 
 def test_of_few_lines_a_fifth_power_asks_for_what_is_allowed():
@@ -123,9 +124,41 @@ def test_of_few_lines_a_fifth_power_asks_for_what_is_allowed():
 
     phases = rng.uniform(0, 2 * np.pi, (400, 26))
     distorts = np.log([left(phase) for phase in phases])
-    told = np.log([typical_distortion(np.exp(1j * phase)[None], k) for phase in phases])
+    told = np.log([read_peaks(np.exp(1j * phase)[None], k, np.ones(1))[0] for phase in phases])
     inside = np.abs(told) < 0.5  # away from the limits
     assert np.polyfit(told[inside], distorts[inside], 1)[0] == pytest.approx(-1, abs=0.1)
+
+
+def test_of_many_lines_the_square_is_taken_where_peaks_are_low_and_nothing_where_they_are_usual():
+    k = np.arange(1, 101)
+    U = np.exp(1j * np.pi * k**2 / 100 + 0.5j * np.random.default_rng(0).standard_normal((7, 100)))
+    usual, low, one = np.ones(7), np.full(7, 2.0), np.ones(1)
+    chance = COMMON / 100
+    assert read_peaks(U, k, usual) == (1.0, chance)
+    typical, common = read_peaks(U, k, low)
+    assert common > chance
+    assert typical > 1
+    for phases in U:  # alone they are looked at whatever their peaks, as a cubic asks for it
+        once, nothing = read_peaks(phases[None], k, one)
+        assert nothing == chance
+        assert min(once**2, 3) == pytest.approx(read_peaks(phases[None], k, 2 * one)[0])
+
+
+def test_the_common_gain_of_many_realisations_is_that_of_a_cube():
+    """The gain that phases at hand give a cube on all lines, about that of random phases, told for their mean."""
+    rng, k, n = np.random.default_rng(3), np.arange(1, 33), 512
+    t = 2 * np.pi * np.outer(np.arange(n) / n, k)
+    drawn = [rng.uniform(0, 2 * np.pi, (40, 32)) for _ in range(7)]
+    phase = np.array([min(one, key=lambda x: np.abs(np.cos(t + x).sum(axis=1)).max()) for one in drawn])
+    U = np.exp(1j * phase)
+    u = np.cos(t + phase[:, None]).sum(axis=2)
+    gap = np.mean(np.mean(u**4, axis=1) / np.mean(u**2, axis=1)) - np.mean(cubic_bla(np.ones(32)))
+    G = 2 / n * np.fft.rfft(u**3)[:, k] / U
+    scatter = np.mean(np.abs(G - G.mean(axis=1, keepdims=True)) ** 2)
+    _typical, common = read_peaks(U, k, np.full(7, 3.0))
+    told = common * scatter / 7 / 1.25  # of the mean; a quarter more is allowed
+    assert gap < 0
+    assert told == pytest.approx(gap**2, rel=0.25)
 
 
 @pytest.mark.parametrize("at", [[1, 3, 9], [40, 41], [100]])

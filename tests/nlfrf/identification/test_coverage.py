@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.coverage import measure_hard
-from benchmarks.plants import mode, spring
-from nlfrf import LineGrid, multisine
+from benchmarks.coverage import frfs, measure_hard, subset_of
+from benchmarks.plants import cubic, fifth_power, mode, played, spring
+from nlfrf import LineGrid, Record, identify, multisine, reduce_crest
 from nlfrf.identification.calibration import COMMON
 from nlfrf.identification.distortion_level import Level, doubt_at_ends, pool_levels, widened
 from nlfrf.identification.frf import Frf
@@ -57,6 +57,29 @@ def test_a_realisation_of_low_peaks_does_not_stand_for_others():
     assert scores[0] > 91.5
     assert scores[4] > 91
     assert np.all(scores[[1, 2, 5, 6]] > 88)
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")  # of chosen phases
+@pytest.mark.parametrize(
+    ("plant", "f_max", "options", "least"),
+    [
+        (cubic, 400, {"target": 2.0}, 92),  # it was 57 %
+        (fifth_power, 120, {"n_draws": 97}, 86),  # it was 78
+    ],
+    ids=["cubic, clipped to 2", "fifth power, best of 97"],
+)
+def test_low_peaks_tell_the_gain_they_put_on_all_lines(plant, f_max, options, least):
+    """Phases that were chosen distort less than random ones, all in one direction: no scatter shows it."""
+    rng = np.random.default_rng(3)
+    ms = multisine(fs=1024, n_samples=1024, f_min=1, f_max=f_max, rng=rng)
+    k = ms.lines.excited
+    truth = frfs(*played(ms, plant, 1000, rng), k).mean(axis=0)
+    low = [reduce_crest(subset_of(ms, 1, rng), oversampling=1, rng=rng, **options).u for _ in range(80)]
+    held = []
+    for u in low:
+        bla = identify(Record(u=u[:, None], y=plant(u, 1024)[:, None], fs=1024, lines=ms.lines))
+        held.append(np.abs(bla.G - truth) < bla.bound())
+    assert 100 * np.mean(held) > least
 
 
 @pytest.mark.parametrize("detection", [True, False], ids=["detection", "roughness"])
