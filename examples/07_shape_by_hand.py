@@ -22,9 +22,9 @@ out = parser.parse_args().out
 out.mkdir(parents=True, exist_ok=True)
 
 # 1. The set of plants: the friction rig at two levels, between which its resonance moves; and what is asked of it.
-#    Two realisations a level: from one, some records leave no room for integral action at the lowest lines.
+#    Four realisations a level: from fewer, some records leave no room for integral action at the lowest lines.
 levels, band = (0.25, 0.5), dict(fs=2048, n_samples=8192, f_min=0.25, f_max=150)  # N rms
-ms = [nlfrf.multisine(**band, rms=rms, n_realizations=2, rng=1) for rms in levels]
+ms = [nlfrf.multisine(**band, rms=rms, n_realizations=4, rng=1) for rms in levels]
 blas = [nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), m, n_periods=2)) for m in ms]
 model = robust.uncertainty(blas, robust.fit_nominal(blas, n_poles=3), order=6)
 w_P = robust.performance_weight(2 * np.pi * 1.0, M_S=4, A=0.1)

@@ -20,7 +20,7 @@ parser.add_argument("--out", type=Path, default=Path("demo/09"), help="folder fo
 (out := parser.parse_args().out).mkdir(parents=True, exist_ok=True)
 
 # 1. One record of the friction rig, two periods of a special-odd multisine at the level the machine will work at.
-ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
+ms = nlfrf.multisine(fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
 bla = nlfrf.identify(nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2))
 print(bla)
 

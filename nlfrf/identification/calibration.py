@@ -23,7 +23,7 @@ LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
 COMMON = 8 / 3
 FILLED = 0.1  # of the mean count: other orders fill the lines that a cubic leaves
 FEW = 27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
-MOST = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
+MOST, GAIN = 3.0, 1.0  # of thirty lines one realisation of a hundred is as far from typical by chance
 LEAST_OF_FEW, MOST_OF_FEW = 0.6, 6.0
 ALLOWED = 1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
 ALIKE = 500  # lines of all realisations past which they distort alike, within 17 %, unless their peaks are low
@@ -153,8 +153,8 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, peaks: np.ndarray) -> tuple[flo
 
     Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. Where there are
     few lines, and where they are lower than usual, a fifth power is allowed for, which changes about as the square of
-    what a cubic tells. What is more than `MOST` was chosen, and said to be; behind dynamics the peaks are others, and
-    an input all but square would ask for a factor without end.
+    what a cubic tells. What is more than `MOST` and `GAIN` was chosen, and said to be; behind dynamics the peaks are
+    others, and an input all but square would ask for a factor without end.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, peaks: np.ndarray) -> tuple[flo
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
     common = ALLOWED * gap * gap * (1 + chance) / whole * ratio
-    return typical, common if few and n == 1 else max(common, chance)
+    return typical, common if few and n == 1 else min(max(common, chance), GAIN)
 
 
 def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
