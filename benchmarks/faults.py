@@ -124,6 +124,11 @@ def growing(share: float) -> Callable[[np.ndarray], np.ndarray]:
     return lambda x: x * (1 + share * np.arange(x.size) / (P * N))
 
 
+def from_the_middle(factor: float) -> Callable[[np.ndarray], np.ndarray]:
+    """A gain that is another one from the middle of the record on."""
+    return lambda x: x * np.where(np.arange(x.size) < P * N // 2, 1.0, factor)
+
+
 def wandering(share: float) -> Callable[[np.ndarray], np.ndarray]:
     """An operating point that wanders by a share of the rms over the record."""
     return lambda x: x + share * np.std(x) * np.arange(x.size) / (P * N)
@@ -310,6 +315,37 @@ FAULTS = [
         "gain drifts by -3 %",
         on_y(growing(-0.03)),
         r"the gain from u to y drifts by -2\.\d % over the record",
+        None,
+        refused=False,
+    ),
+    Fault(
+        "y",
+        "gain steps by 10 % after half of it",
+        on_y(from_the_middle(1.1)),
+        r"the gain from u to y steps by \+10 % before period 5",
+        None,
+        refused=False,
+    ),
+    Fault(
+        "y",
+        "sign turns after half of it",
+        on_y(from_the_middle(-1.0)),
+        r"y must stand still .* y changes its sign before period 5",
+        None,
+    ),
+    Fault(
+        "y",
+        "sampled at half the rate and held",
+        lambda ms, u, y: cut(u, y) | {"y": np.repeat(noisy(y)[: P * N : 2], 2)},
+        r"y changes at every 2nd sample only: it was sampled at 500 Hz and held",
+        None,
+        refused=False,
+    ),
+    Fault(
+        "both",
+        "u and y swapped",
+        lambda ms, u, y: cut(noisy(y), u) | {"y": u[: P * N]},
+        r"y repeats exactly and u does not: are they swapped\?",
         None,
         refused=False,
     ),

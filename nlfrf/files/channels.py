@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from nlfrf.files import npz
+from nlfrf.files.moments import hold_moments
 from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
 from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, hertz_of, is_time, seconds_of, unit_of
 from nlfrf.shared.arguments import data_warning, positive
@@ -39,7 +40,8 @@ class Channels:
     path : str
         Where they come from.
     arrays : dict of str to ndarray
-        Numeric arrays and texts; members of structs as ``struct.member``, columns of matrices as ``matrix.2``.
+        Numeric arrays and texts; members of structs as ``struct.member``, columns of matrices as ``matrix.2``, the
+        start of a channel [s] as ``channel.start``.
     time : str
         Name of the time channel, empty where there is none.
     units : dict of str to str
@@ -150,6 +152,9 @@ class Channels:
                 "record_from_samples"
             )
         fs, where = next(iter(found.values()), (0.0, ""))
+        axes = {name: axis for name in told if (axis := self.moments_of(name)) is not None}
+        if axes:
+            hold_moments(file, axes, positive("fs", given) if given is not None else fs)
         if given is None:
             if not fs > 0:
                 raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel")
@@ -185,6 +190,16 @@ class Channels:
                 "first is used, give fs if it is not the one"
             )
         return {"": scalar}
+
+    def moments_of(self, name: str) -> Any:
+        """The time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
+        time, home = self.clocks.get(name), name.rpartition(".")[0]
+        if isinstance(time, float):
+            return float(self.arrays.get(f"{name}.start", 0.0))
+        if time is None and home and name in self.arrays:
+            beside = (one for one in self.times if one.rpartition(".")[0] == home)
+            time = next((one for one in beside if self.arrays[one].size == self.arrays[name].size), None)
+        return (self.second_of(time) or np.nan) * np.ravel(self.arrays[time]) if isinstance(time, str) else None
 
     @property
     def times(self) -> list[str]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import zlib
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,10 @@ from nlfrf.shared.whole_files import path_of
 from nlfrf.shared.wording import shown
 
 __all__ = ["holds_multirecord", "load_multirecord"]
+
+
+HEAD = 1 << 16  # bytes in which the schema of a file of this package stands: as NumPy has texts, or as HDF5 has them
+FIRST = 128 + 8  # bytes of a MATLAB file before its first variable
 
 
 def load_multirecord(
@@ -121,9 +127,16 @@ def load_multirecord(
 
 
 def holds_multirecord(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is a record of several inputs that `save_record` wrote."""
-    kept = path_of(path).suffix.lower() in (".npz", ".mat", ".h5", ".hdf5")
-    return kept and read_channels(path).text("schema") == MULTIRECORD_SCHEMA
+    """Whether a file is a record of several inputs that `save_record` wrote: its schema stands in front."""
+    path = path_of(path)
+    if path.suffix.lower() not in (".npz", ".mat", ".h5", ".hdf5") or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        head = stream.read(HEAD)
+    if head.startswith(b"MATLAB 5.0"):
+        with suppress(zlib.error):  # of variables that are not compressed
+            head = zlib.decompressobj().decompress(head[FIRST:], HEAD)
+    return any(MULTIRECORD_SCHEMA.encode(code) in head for code in ("utf-8", "utf-32-le"))
 
 
 def together(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:

@@ -76,7 +76,9 @@ def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
     return np.maximum(variance, 0.0)
 
 
-def warn_of_jumps(rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G") -> bool:
+def warn_of_jumps(
+    rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G", share: float = SHARE
+) -> bool:
     """Warn where an FRF jumps from line to line by more than its distortion can make it.
 
     Parameters
@@ -85,14 +87,16 @@ def warn_of_jumps(rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: 
         Variance of an FRF about its neighbours, the one that detection lines tell, and |G|^2.
     what : str
         What the FRF is called.
+    share : float
+        Roughness over |G|^2 past which it is no bend.
     """
-    jumps = (rough > JUMPING * level) & (rough > SHARE * size)
+    jumps = (rough > JUMPING * level) & (rough > share * size)
     strange = np.count_nonzero(jumps) > jumps.size / 2 + SPARE
     if strange:
         tiny = np.finfo(float).tiny
-        share, above = (float(np.median(rough / np.maximum(one, tiny))) for one in (size, level))
+        of_size, above = (float(np.median(rough / np.maximum(one, tiny))) for one in (size, level))
         data_warning(
-            f"{what} jumps from line to line by {100 * share**0.5:.0f} % of its size, {10 * np.log10(above):.0f} dB "
+            f"{what} jumps from line to line by {100 * of_size**0.5:.0f} % of its size, {10 * np.log10(above):.0f} dB "
             "more than its detection lines tell of distortion and noise: do u and y belong to the same runs, in the "
             "same order, with one trigger and one sign? If they do it bends within a few lines: record a longer period"
         )

@@ -36,6 +36,7 @@ STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong togeth
 SIGMAS = 5.0  # how many times its scatter it may be apart
 BY_CHANCE = 1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
 ALIKE = 0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
+LOST, MANY = 4.0, 0.1  # power over that of its noise below which an input is lost, and the share of lines that may be
 FEWEST = 4  # lines that can tell phases apart
 FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
 PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
@@ -63,7 +64,8 @@ def check_realizations(
     Warns
     -----
     DataWarning
-        Realisations with the phases of another one; peaks that are lower than random phases have them.
+        Realisations with the phases of another one; a reference whose lines the input does not have; peaks that are
+        lower than random phases have them.
     """
     excited = spectra.on_excited()
     refuse_unexcited(excited)
@@ -75,9 +77,22 @@ def check_realizations(
         if len(groups) < n:
             warn_of_repeats(groups, n)
             distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
+    if excited.R is not None:
+        warn_of_lost_input(excited, excited.R)
     amplitude = excited.amplitude if excited.R is None else rms(excited.R)
     peaks = warn_of_low_peaks(periodic[distinct, 0], amplitude, excited.lines)
     return spectra, (excited if isinstance(distinct, slice) else spectra.on_excited()), n_periods, peaks
+
+
+def warn_of_lost_input(excited: Spectra, R: np.ndarray) -> None:
+    """Warn of lines of a reference R on which the input, over all realisations, is no more than its noise."""
+    U = np.add.reduce(excited.U * (R.conj() / np.abs(R)))
+    lost = np.count_nonzero(squared(U) < LOST * np.add.reduce(np.broadcast_to(excited.var_U, excited.U.shape)))
+    if lost > MANY * U.size:
+        data_warning(
+            f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played in this record? Off "
+            "the excitation G is one piece of noise over another"
+        )
 
 
 def warn_of_repeats(groups: list[list[int]], n: int) -> None:

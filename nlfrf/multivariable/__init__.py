@@ -14,5 +14,6 @@ matrix_level     the covariance of one experiment's distortion, from detection l
 counts           what two inputs together send to detection and to excited lines, exactly
 local_matrix     the matrix fitted over its neighbouring lines, with one denominator for all entries
 repeats          experiments that were played again: periods of one
+unequal          a channel that differs in one experiment from the others
 conditions       dead and dependent inputs, phases that are copies of one another
 """

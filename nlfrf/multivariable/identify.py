@@ -21,10 +21,11 @@ from nlfrf.multivariable.conditions import (
     warn_of_loud,
 )
 from nlfrf.multivariable.frm import Frm, excess
-from nlfrf.multivariable.local_matrix import LEAST, LocalMatrix, fit_matrix
+from nlfrf.multivariable.local_matrix import LEAST, WIDTH, LocalMatrix, fit_matrix
 from nlfrf.multivariable.matrix_frf import MatrixFrf, matrix_frf
 from nlfrf.multivariable.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part
 from nlfrf.multivariable.repeats import join_repeats
+from nlfrf.multivariable.unequal import warn_of_unequal
 from nlfrf.multivariable.zippered import spread_between, zippered_frf
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
@@ -34,6 +35,9 @@ __all__ = ["identify"]
 
 
 ENOUGH = 7  # sets whose scatter alone is worth more than a roughness that may read too high
+#: Roughness of a row over its size where outputs of other experiments were taken, 0.3 and more; a sound matrix that
+#: bends within a few lines has up to 0.3, and one experiment that differs from the others is told before.
+MIXED = 0.2
 
 
 @overload
@@ -91,7 +95,7 @@ def identify(
     DataWarning
         The grid has no detection lines that can be calibrated, and the level comes from the roughness. Of several
         inputs: phases that are copies of each other, inputs that are nearly dependent, one experiment much noisier
-        than the others, one period only.
+        than the others, or with a channel of another gain or delay, one period only.
 
     References
     ----------
@@ -139,8 +143,8 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         "roughness": lambda: level_from_fit(frf, grid),
         "realizations": lambda: nothing(frf),
     }[source]()
-    if source == "detection" and fit is not None and between is None:
-        warn_of_jumping_outputs(record, frf, fit, level)
+    if source == "detection" and grid.excited.size > 2 * WIDTH:  # of fewer a bend looks like anything
+        warn_of_other_machines(record, spectra, frf, fit, part, level)
     even = np.full_like(level.cov, np.nan)
     if grid.even.size:
         even = level_from_lines(spectra, grid, part, "even", n_detection, independent).cov
@@ -179,13 +183,34 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     )
 
 
+def warn_of_other_machines(
+    record: MultiRecord,
+    spectra: ChannelSpectra,
+    frf: MatrixFrf,
+    fit: LocalMatrix | None,
+    part: tuple[np.ndarray, np.ndarray, np.ndarray],
+    level: MatrixLevel,
+) -> None:
+    """Warn of a channel that differs in one experiment, or where there is none of an output of other experiments."""
+    zippered = is_zippered(spectra)
+    own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WIDTH  # of a line in its own fit
+    n_sets = spectra.U.shape[1] / record.n_inputs
+    left = 1.0 if zippered else 1 - own / n_sets  # zippered: what experiments differ by does not jump
+    if left > 0 and warn_of_unequal(record, spectra, part, level, left):
+        return
+    if fit is not None and not zippered:
+        warn_of_jumping_outputs(record, frf, fit, level)
+
+
 def warn_of_jumping_outputs(record: MultiRecord, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> None:
     """Warn of the first output whose row jumps from line to line: it belongs to other inputs."""
     gamma = np.einsum("iik->ik", frf.gamma).real
     rough = np.sum(np.abs(fit.residual) ** 2, axis=3).transpose(1, 2, 0) / fit.dof  # (n_y, n_u, F)
     for j, name in enumerate(record.outputs):
         size = np.abs(frf.G[j]) ** 2 / gamma
-        if warn_of_jumps(np.mean(rough[j] / gamma, axis=0), level.cov[j, j].real, size.mean(axis=0), f"G of {name}"):
+        if warn_of_jumps(
+            np.mean(rough[j] / gamma, axis=0), level.cov[j, j].real, size.mean(axis=0), f"G of {name}", MIXED
+        ):
             return
 
 

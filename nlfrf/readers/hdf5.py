@@ -12,6 +12,9 @@ __all__ = ["contents"]
 UNITS = ("unit", "units", "unit_string", "einheit")
 RATES = ("fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "samplingfrequency", "rate")
 STEPS = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
+START = "wf_start_offset"
+#: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
+SCALINGS = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
 NAMES = ("columns", "channels", "channel_names", "names", "labels")
 
 
@@ -27,6 +30,7 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     units: dict[str, str] = {}
     clocks: dict[str, Any] = {}
     notes: dict[str, str] = {}
+    starts: dict[str, np.ndarray] = {}
 
     def add(place: str, node: Any) -> None:
         attributes = plain(node)
@@ -49,27 +53,54 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
             dt = next((float(said[key]) for key in STEPS if number(said.get(key))), 0.0)
             if fs > 0 or dt > 0:
                 clocks[name] = fs if fs > 0 else 1 / dt
+                if finite(said.get(START)) and said[START]:
+                    starts[f"{name}.start"] = np.array(float(said[START]))
 
     file = h5py.File(path, "r")
     add("", file)
     file.visititems(add)
-    return arrays, units, clocks, notes
+    return arrays | starts, units, clocks, notes
 
 
 class Unread:
-    """A stream in a dataset: all of it, a field of a table, or a column; read where it is cut."""
+    """A stream in a dataset: all of it, a field of a table, or a column; read where it is cut, and then scaled."""
 
-    def __init__(self, node: Any, *, field: str | None = None, column: int | None = None, axis: int = 1) -> None:
+    def __init__(
+        self,
+        node: Any,
+        *,
+        field: str | None = None,
+        column: int | None = None,
+        axis: int = 1,
+        scaling: tuple[float, float, Any] | None = None,
+    ) -> None:
         self.source, self.column, self.axis = node if field is None else node.fields(field), column, axis
         kind = node.dtype if field is None else node.dtype[field]  # which may be of several numbers
-        self.dtype = kind.base
+        self.scaling = scaling
+        self.dtype = kind.base if scaling is None else np.dtype(float)
         self.shape = node.shape + kind.shape if column is None else (node.shape[1 - axis],)
         self.rows = 1 if node.chunks is None else node.chunks[0 if column is None else 1 - axis]
 
     def __getitem__(self, where: Any) -> np.ndarray:
         if self.column is not None:
             where = (where, self.column) if self.axis else (self.column, where)
-        return np.asarray(self.source[where])
+        part = np.asarray(self.source[where])
+        if self.scaling is None:
+            return part
+        scale, offset, missing = self.scaling
+        scaled = part.astype(float) * scale + offset
+        return scaled if missing is None else np.where(part == missing, np.nan, scaled)
+
+
+def scaling_of(node: Any, said: dict[str, Any]) -> tuple[float, float, Any] | None:
+    """What numbers are multiplied by, moved by, and which one stands for none; None where they stay as they are."""
+    scale, offset = 1.0, 0.0
+    for by, beside in reversed(SCALINGS if node.dtype.kind in "iu" else SCALINGS[:1]):
+        if number(said.get(by)) or (by == "scale_factor" and finite(said.get(beside))):
+            scale, offset = float(said.get(by, 1.0)), float(said.get(beside, 0.0))
+    missing = said.get("_fillvalue")
+    missing = missing if finite(missing) else None
+    return None if (scale, offset, missing) == (1.0, 0.0, None) else (scale, offset, missing)
 
 
 def columns(name: str, node: Any, said: dict[str, Any]) -> dict[str, Any]:
@@ -84,10 +115,11 @@ def columns(name: str, node: Any, said: dict[str, Any]) -> dict[str, Any]:
     if said.get("matlab_class") == "char":
         return {name: np.array("".join(map(chr, np.ravel(node[()]).tolist())))}
     names: list[str] = next((said[key] for key in NAMES if isinstance(said.get(key), list)), [])
+    scaling = scaling_of(node, said) if node.dtype.kind in "fiu" else None
     if node.ndim == 2 and names and len(names) in node.shape:
         axis = 1 if node.shape[1] == len(names) else 0
-        return {f"{name}.{key}": Unread(node, column=i, axis=axis) for i, key in enumerate(names)}
-    return {name: Unread(node)}
+        return {f"{name}.{key}": Unread(node, column=i, axis=axis, scaling=scaling) for i, key in enumerate(names)}
+    return {name: Unread(node, scaling=scaling)}
 
 
 def plain(node: Any) -> dict[str, Any]:
@@ -110,4 +142,9 @@ def plain(node: Any) -> dict[str, Any]:
 
 def number(held: Any) -> bool:
     """Whether an attribute is a number above zero."""
-    return isinstance(held, int | float) and not isinstance(held, bool) and held > 0
+    return finite(held) and held > 0
+
+
+def finite(held: Any) -> bool:
+    """Whether an attribute is a finite number."""
+    return isinstance(held, int | float) and not isinstance(held, bool) and bool(np.isfinite(held))

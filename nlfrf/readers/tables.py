@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.readers.clock import is_time, told_clock
+from nlfrf.readers.clock import is_time, told_clock, unit_of
 from nlfrf.readers.layout import EMPTY, MARKS, Layout, decoded, layout_of
 from nlfrf.shared.own_process import Found
 
@@ -19,6 +19,7 @@ __all__ = ["contents", "table"]
 
 START = 1 << 17  # bytes in which the layout is looked for
 ROWS = 1 << 16  # rows of a long table that are read together: pandas holds several times as much beside them
+NUMBERED = re.compile(r"\.\d+$")  # how columns that share a name are told apart
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
@@ -56,7 +57,31 @@ def table(start: bytes, path: Path | None = None) -> Found:
     if last and layout.names[last] == f"col{last + 1}" and np.isnan(arrays.get(layout.names[last], [0])).all():
         del arrays[layout.names[last]]  # behind a separator that ends every line
     clock = told_clock(layout.preamble, layout.delimiter, layout.decimal)
-    return arrays, units, {"": clock} if clock and not any(map(is_time, arrays)) else {}, notes
+    if clock and not any(map(is_time, arrays)):
+        return arrays, units, {"": clock}, notes
+    axes, more = own_axes(list(arrays))
+    return arrays, more | units, axes, notes
+
+
+def own_axes(names: list[str]) -> tuple[dict[str, str], dict[str, str]]:
+    """The time column of each channel where there is one before each, all of one name; and their units.
+
+    >>> own_axes(["time (ms)", "u", "time (ms).3", "y"])
+    ({'u': 'time (ms)', 'y': 'time (ms).3'}, {'time (ms).3': 'ms'})
+    >>> own_axes(["time", "u", "y"])
+    ({}, {})
+    """
+    first = names[0] if names and is_time(names[0]) else None
+    axes: dict[str, str] = {}
+    units: dict[str, str] = {}
+    time = first
+    for name in names[1:] if first else ():
+        if NUMBERED.sub("", name) == first:
+            time, unit = name, unit_of(first)
+            units |= {name: unit} if unit else {}
+        else:
+            axes[name] = str(time)
+    return (axes, units) if len(set(axes.values())) > 1 else ({}, {})
 
 
 def rows_in(start: bytes, path: Path | None) -> int:

@@ -36,4 +36,6 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
                 units[name] = unit
             if isinstance(step, float) and step > 0 and channel.properties.get("wf_xname", "Time") in ("Time", ""):
                 clocks[name] = 1 / step
+                if start := channel.properties.get("wf_start_offset"):
+                    arrays[f"{name}.start"] = np.array(float(start))
     return arrays, units, clocks, notes

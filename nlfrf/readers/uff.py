@@ -36,6 +36,8 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
         x = np.asarray(one.get("x", ()), dtype=float)
         if step > 0 and int(one.get("abscissa_spacing", 1)) == 1:
             clocks[name] = 1 / step
+            if start := float(one.get("abscissa_min") or 0.0):
+                arrays[f"{name}.start"] = np.array(start)
         elif x.shape == data.shape:
             arrays[f"{name}.time"], units[f"{name}.time"], clocks[name] = x, "s", f"{name}.time"
         unit = str(one.get("ordinate_axis_units_lab") or "").strip()

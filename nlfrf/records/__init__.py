@@ -11,5 +11,6 @@ reference      the design that was played, laid under what was measured
 faults         faults of one signal: drifting clocks, lost samples, standstills, clipping, dead channels
 gaps           samples lost or repeated inside a period
 ringing        a transient between periods: it is smooth over frequency
-output_faults  faults of the output against the input: gains that drift, clocks apart, a wandering operating point
+output_faults  faults of the output against the input: lost samples, clocks apart, another sign
+changes        what changes over the periods: the gain, evenly or at once, and the operating point
 """

@@ -14,6 +14,7 @@ import numpy as np
 
 from nlfrf.records.coarse import coarse, common_step
 from nlfrf.records.gaps import gaps_inside
+from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.transforms import BLOCK, blocks, equal, rfft, rfft_at
 from nlfrf.shared.values import value
@@ -24,11 +25,13 @@ __all__ = [
     "Track",
     "between",
     "clipped",
+    "held_over",
     "likeliest_lag",
     "longest_standstill",
     "nonzero",
     "recut",
     "track",
+    "warn_about_channel",
 ]
 
 
@@ -37,6 +40,8 @@ VISIBLE = 1e-7
 HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
 MOST = 1 << 14  # lines that tell delays well enough
 FEW = 8  # steps of which one or two may be jumps, and the median halfway into them
+CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+PART, FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
 SLOW = 0.02  # how much a pace of one sample counts against one of none that explains as much
 DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
 BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
@@ -333,3 +338,27 @@ def longest_standstill(x: np.ndarray) -> tuple[int, int]:
         if lengths.size and lengths.max() > length:
             begin, length = int(edges[np.argmax(lengths)]), int(lengths.max())
     return begin, length
+
+
+def held_over(x: np.ndarray) -> int:
+    """Over how many samples each number of a stream stands, where it changes at every n-th place only; else one."""
+    part = x[:PART]
+    at = np.flatnonzero(part[1:] != part[:-1])
+    n = int(np.gcd.reduce(at - at[0])) if at.size > FEWEST_CHANGES else 1
+    return n if n > 1 and at.size * n > part.size / 2 else 1
+
+
+def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
+    """Warn of a signal that is clipped or that stands still: both would read as distortion."""
+    begin, length = longest_standstill(signal)
+    share = clipped(signal) if length > 2 else 0.0
+    if share > CLIPPED:
+        data_warning(
+            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
+            "lower the level or widen the range"
+        )
+    if length > n_samples // 4:
+        data_warning(
+            f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
+            "was the channel alive?"
+        )

@@ -1,4 +1,4 @@
-"""Faults of the output against the input: lost samples, another clock, a drifting gain, a wandering operating point.
+"""Faults of the output against the input: lost samples, another clock, another sign, and what changes over its periods.
 
 In a sound record the phase of Y/U on the excited lines is the same in every period. A slope of it over frequency is a
 delay: one that jumps by whole samples is a gap in y, one that grows evenly is a clock of y that is off that of u.
@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf.excitation.phases import in_common
+from nlfrf.records.changes import ALONE, FEW, gain_told, line, point_told
 from nlfrf.records.coarse import coarse, common_step
 from nlfrf.records.faults import MOST, SEVERE, between, likeliest_lag, nonzero
 from nlfrf.records.gaps import gaps_inside
@@ -26,13 +27,11 @@ __all__ = ["Lag", "follow", "on_the_clock_of_the_input"]
 SURE = 6.0  # standard deviations past which a fault is believed
 EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
 VISIBLE = 1e-6  # share of the power of y out of place from which it is said
-DRIFT = 0.02  # change of gain over the record that is named
-WANDER = 0.15  # change of the operating point over the record that is named, in rms of the output
 CLOCKS = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
 LEVEL = 0.25  # how far the gain of a period may be from that of the others
 UNSOUND = 1e-3  # share of the power of a period that may not repeat before it is looked at
 BY_CHANCE = 1e-3  # probability with which noise may pass for a period that is late or early
-FEW = 4  # periods from which a drift is told from a transient
+OPPOSITE = 0.9  # of what two periods could have in common, from which one is the other with its sign turned
 
 
 @value(copy=False)
@@ -92,12 +91,15 @@ class Lag:
         pace, bend = line(at, (self.delay - self.jumps)[at])
         spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
         straight = at.size < FEW or bend < 0.3 * abs(pace) * np.ptp(at)
-        likely = self.explained > (0.9 if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SURE * self.noise
+        likely = self.explained > (ALONE if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SURE * self.noise
         return pace if abs(pace) * spread > SURE * self.noise and straight and likely else 0.0
 
     @property
     def fault(self) -> str:
-        """What is wrong with the timing of y, with its numbers and its cure; empty where nothing is."""
+        """What is wrong with the timing of y, or its sign, with its numbers and its cure; empty where nothing is."""
+        turned = np.flatnonzero(self.turns)
+        if turned.size:
+            return f"y changes its sign before period {', '.join(str(j + 2) for j in turned[:6])}; was it rewired?"
         gaps = np.diff(self.jumps)
         if gaps.any():
             found = ", ".join(
@@ -116,36 +118,21 @@ class Lag:
         return ""
 
     @property
+    def turns(self) -> np.ndarray:
+        """(P - 1,) whether the sign of y changes between one period and the next."""
+        return (self.gain[1:] < 0) != (self.gain[:-1] < 0)
+
+    @property
     def severe(self) -> bool:
         """Whether that would read as distortion, beyond what is noise anyhow."""
-        return (self.misplaced > SEVERE and self.explained > EXPLAINED) or self.broken
+        return (self.misplaced > SEVERE and self.explained > EXPLAINED) or self.broken or bool(self.turns.any())
 
     @property
     def drift(self) -> str:
         """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
         at = np.flatnonzero(self.sound)
-        if at.size < FEW:
-            return ""
-        slope, rest = line(at, self.gain[at])
-        change = slope * np.ptp(at)
-        if abs(change) > max(DRIFT, SURE * self.gain_noise) and rest < 0.3 * abs(change):
-            return (
-                f"the gain from u to y drifts by {100 * change:+.2g} % over the record: G is that of no moment of it; "
-                "let it settle, or cut the record into shorter ones (n_discard)"
-            )
-        change = np.ptp(self.offset[at])
-        if change > WANDER:
-            return (
-                f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is that of "
-                "all these points; hold it by a slow loop, or cut the record into shorter ones (n_discard)"
-            )
-        return ""
-
-
-def line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
-    """Slope of the straight line through x, and the largest departure from it."""
-    fit = np.polyfit(at, x, 1)
-    return float(fit[0]), float(np.abs(x - np.polyval(fit, at)).max())
+        changed = gain_told(at, self.gain[at], SURE * self.gain_noise, self.explained)
+        return changed if changed or at.size < FEW else point_told(self.offset[at])
 
 
 def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
@@ -243,7 +230,8 @@ def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: n
         spread(weight * by, by, typical / lines.size, len(y)) for by in (slope**2, np.ones(lines.size))
     )
     sound = output.rest < max(UNSOUND * total, 10 * typical)
-    sound &= np.abs(output.gain / np.median(output.gain) - 1) < LEVEL + SURE * gain_noise
+    size = np.abs(output.gain)
+    sound &= np.abs(size / np.median(size) - 1) < LEVEL + SURE * gain_noise
     if len(y) == 2:
         sound = np.ones(2, dtype=bool)
     if (gaps == 0).any():
@@ -349,6 +337,9 @@ def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     X = np.repeat(X, len(x), axis=0) if repeats else X
     slope = 2 * np.pi * lines / n_samples
     reference = X[-1]
+    # of either sign: what is turned round looks like a period that is late on every line
+    sign = np.where((X @ reference.conj()).real < -OPPOSITE * np.sqrt(power(X) * power(reference)), -1.0, 1.0)
+    X = X * sign[:, None]
     delay = np.zeros(len(x))
     if not repeats:
         delay += [likeliest_lag(one * reference.conj(), lines, n_samples) for one in X]
@@ -365,4 +356,4 @@ def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     shared = np.abs(np.sum(turned * others.conj(), axis=1)) ** 2
     least = in_common(BY_CHANCE / n_samples, lines.size) if lines.size > 1 else 0.0
     placed = shared >= least * power(turned) * power(others)
-    return Aligned(delay=delay, gain=gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)
+    return Aligned(delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)

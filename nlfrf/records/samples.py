@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.records.detection import line_powers, lines_in
-from nlfrf.records.faults import SEVERE, Track, clipped, longest_standstill, recut, track
+from nlfrf.records.faults import SEVERE, Track, held_over, recut, track, warn_about_channel
 from nlfrf.records.gaps import gaps_inside
 from nlfrf.records.output_faults import follow, on_the_clock_of_the_input
 from nlfrf.records.period import detect_period
@@ -25,7 +25,6 @@ __all__ = ["record_from_samples", "records_from_streams"]
 
 
 REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
-CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
 CURES = 3  # times that outputs are brought onto the clock of the input, and looked at again
 Streams = dict[str, list[np.ndarray]]
 
@@ -141,6 +140,7 @@ def records_from_streams(
     for name, signal in streams.items():
         for one in signal:
             warn_about_channel(name, one, n_samples)
+    warn_of_other_rates(streams, fs)
     refuse_too_short(min(one.size for one in excitation), n_samples, n_discard)
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     stream = excitation[0]
@@ -153,6 +153,7 @@ def records_from_streams(
         for name in list(kept)
     }
     refuse_wrong_period(cut.get("r", cut["u"]), stream)
+    warn_of_swapped(cut)
     if lines is None:
         lines = grid_of(cut.get("r", cut["u"])) if design is None else design.lines
     refuse_gaps_of_u_alone(kept, tracks)
@@ -300,6 +301,32 @@ def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> 
     return streams
 
 
+def warn_of_other_rates(streams: Streams, fs: float) -> None:
+    """Warn of an output that was sampled more slowly than the input, and held."""
+    for name in outputs_of(streams):
+        n, n_u = held_over(streams[name][0]), held_over(streams["u"][0])
+        if n > 1 and n != n_u:
+            nth = {2: "2nd", 3: "3rd"}.get(n, f"{n}th")
+            data_warning(
+                f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and held, and G has that "
+                "hold in it, and what folds down; record u and y at one rate"
+            )
+
+
+def warn_of_swapped(cut: dict[str, np.ndarray]) -> None:
+    """Warn of an output that repeats to the last digit where the input does not: no sensor does."""
+    if "r" in cut or cut["u"].shape[1] < 2:
+        return
+    for name in outputs_of(cut):
+        if repeats(cut[name]) and not repeats(cut["u"]):
+            data_warning(f"{name} repeats exactly and u does not: are they swapped? u is what was played")
+
+
+def repeats(periods: np.ndarray) -> bool:
+    """Whether the periods (M, P, N) of each realisation are the same, number by number."""
+    return all(equal(one[0], period) for one in periods for period in one[1:])
+
+
 def grid_of(periodic: np.ndarray) -> LineGrid:
     """The lines found in an input or reference, with a warning where they look like the actuator's distortion."""
     power, noise = line_powers(periodic)
@@ -320,22 +347,6 @@ def refuse_fault(where: Track) -> None:
         raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
     if fault:
         data_warning(f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place")
-
-
-def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
-    """Warn of a signal that is clipped or that stands still: both would read as distortion."""
-    begin, length = longest_standstill(signal)
-    share = clipped(signal) if length > 2 else 0.0
-    if share > CLIPPED:
-        data_warning(
-            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
-            "lower the level or widen the range"
-        )
-    if length > n_samples // 4:
-        data_warning(
-            f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
-            "was the channel alive?"
-        )
 
 
 def as_streams(name: str, signal: Any) -> list[np.ndarray]:

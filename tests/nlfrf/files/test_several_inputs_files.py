@@ -8,6 +8,7 @@ import pytest
 
 import nlfrf
 from nlfrf.files import channels
+from nlfrf.files.multirecords import holds_multirecord
 from nlfrf.shared.whole_files import write_arrays
 from tests.support.measurement_files import damaged
 
@@ -48,6 +49,19 @@ def test_a_record_comes_back_as_it_was(suffix, closed, kind, tmp_path):
     one = nlfrf.load_multirecord(path, y=["z"], n_discard=1, hold="band-limited")
     np.testing.assert_array_equal(one.y, record.y[2:, :, 1:])
     assert (one.outputs, one.hold) == (("z",), "band-limited")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat"])
+def test_its_kind_is_told_by_the_head_of_a_file(suffix, tmp_path):
+    """A large file was read whole for it, and then again."""
+    record = played(design())
+    one = nlfrf.Record(u=record.u[0], y=record.y[0], fs=record.fs, lines=record.lines)
+    for content, several in ((record, True), (one, False)):
+        path = tmp_path / f"run{several}{suffix}"
+        nlfrf.save_record(content, path)
+        path.write_bytes(path.read_bytes()[:4096])
+        assert holds_multirecord(path) is several
+    assert not holds_multirecord(tmp_path / f"none{suffix}")
 
 
 def test_a_record_of_a_single_period_keeps_its_axes_in_matlab(tmp_path):

@@ -127,3 +127,19 @@ def test_an_output_of_another_run_is_told(n_files):
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message=".*jumps from line to line")
         identify(one)
+
+
+def test_a_reference_of_another_run_is_told():
+    """Of lines that the input does not have G is one piece of noise over another, without a word."""
+    rng = np.random.default_rng(0)
+    band = {"fs": FS, "n_samples": N, "f_min": 1, "f_max": 300}
+    ms = multisine("special-odd", **band, rng=1)
+    other = multisine("random-odd", **band, rng=2)
+    u = np.repeat(ms.u[:, None], 3, axis=1) + 0.3 * rng.standard_normal((1, 3, N))
+    y = 2 * u + 0.1 * rng.standard_normal(u.shape)
+    for played, told in ((ms, False), (other, True)):
+        r = np.repeat(played.u[:, None], 3, axis=1)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            identify(Record(u=u, y=y, r=r, fs=FS, lines=played.lines))
+        assert any("is r what was played in this record?" in str(w.message) for w in caught) == told
