@@ -13,6 +13,7 @@ from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.modelling.nominal import behind_hold
+from robust.systems.grids import interpolated
 from robust.systems.lti import timebase
 from robust.uncertain.evidence import LEVEL_DOF, Evidence, evidence_of
 from robust.uncertain.matrix_model import MatrixUncertainty
@@ -187,9 +188,8 @@ def on_lines(one: Evidence, omega: np.ndarray) -> Evidence:
     """A record on other lines, interpolated in log magnitude and phase; exact where the lines are its own."""
     if omega.size == one.omega.size and np.allclose(omega, one.omega, rtol=1e-9, atol=0):
         return one
-    log = np.log(np.maximum(np.abs(one.G), 1e-300)) + 1j * np.unwrap(np.angle(one.G))
     variance, scatter = (np.interp(omega, one.omega, part) for part in (one.variance, one.scatter))
-    return replace(one, omega=omega, G=np.exp(np.interp(omega, one.omega, log)), variance=variance, scatter=scatter)
+    return replace(one, omega=omega, G=interpolated(omega, one.omega, one.G), variance=variance, scatter=scatter)
 
 
 def compared(model: UncertaintyModel, first: Evidence, second: Evidence) -> Validation:
