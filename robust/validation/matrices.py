@@ -16,6 +16,7 @@ from nlfrf import Frm
 from nlfrf.shared.roy import roy_quantile
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.modelling.matrix_nominal import refuse_other_channels
 from robust.modelling.nominal import behind_hold
 from robust.systems.lti import timebase
 from robust.uncertain.evidence import MatrixEvidence, matrix_evidence_of
@@ -129,7 +130,7 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
             f"bla must have {shape[0]} outputs and {shape[1]} inputs, as the model, got {frm.n_outputs} and "
             f"{frm.n_inputs}"
         )
-    refuse_other_channels(model, frm)
+    refuse_other_channels(frm, model, "the model")
     inside = (frm.omega >= model.omega[0] * (1 - 1e-9)) & (frm.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
@@ -160,17 +161,6 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
     best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
     return replace(best, inputs=frm.inputs, outputs=frm.outputs)
-
-
-def refuse_other_channels(model: MatrixUncertainty | Frm, frm: Frm) -> None:
-    """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
-    for name, letter in (("inputs", "u"), ("outputs", "y")):
-        first, second = tuple(getattr(model, name)), tuple(getattr(frm, name))
-        unnamed = tuple(f"{letter}{i + 1}" for i in range(len(first)))
-        if first != second and unnamed not in (first, second):
-            raise ValueError(
-                f"bla must be a matrix of the same {name} as the model, {', '.join(first)}, got {', '.join(second)}"
-            )
 
 
 def reaching(measured: Sequence[MatrixEvidence], omega: np.ndarray) -> list[MatrixEvidence]:
