@@ -4,6 +4,7 @@ import control
 import numpy as np
 import pytest
 
+from benchmarks.attack_design_frf import judged
 from robust import ControllerStructure, check, design_frf, performance_weight
 from robust.systems.grids import beside_modes
 from robust.systems.nyquist import winding
@@ -95,6 +96,13 @@ def test_limits_hold_up_to_the_nyquist_frequency():
     assert design.met
     assert np.abs(1 / (1 + L)).max() < 1.7 * 1.01
     assert np.abs(design.K(z) / (1 + L)).max() < 100 * 1.01
+
+
+@pytest.mark.parametrize("i", [0, 3, 17, 43, 45])
+@pytest.mark.filterwarnings("ignore")
+def test_designs_are_what_they_say(i):
+    """Of the attack: gamma or a limit was missed by more than 1 % above or between the frequencies of the design."""
+    assert judged(np.random.default_rng([1, i])) == ""
 
 
 def test_a_crossover_that_a_notch_could_meet():
