@@ -33,6 +33,7 @@ COMMANDS = (
     "soundness_matrix 100 300",
     "faults",
     "sound_records --records 15",
+    "attack_design_frf --designs 60",
     "fuzz_loaders --files 100",
     "fuzz_readers --files 200",
     "fuzz_commands",

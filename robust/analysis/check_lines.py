@@ -11,6 +11,7 @@ from nlfrf.shared.wording import hertz
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import on_lines_only, probability_of
+from robust.systems.grids import beside_modes, interpolated
 from robust.systems.lti import clock_of, refuse_other_clock, response, timebase
 from robust.systems.nyquist import unstable_poles, winding
 from robust.systems.realisation import state_space
@@ -20,7 +21,10 @@ __all__ = ["check_lines"]
 
 
 def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) -> RobustnessReport:
-    """Stability by the winding number of 1 + L, and the curves, all on the lines of the FRF."""
+    """Stability by the winding number of 1 + L, and the curves, all on the lines of the FRF.
+
+    And on what lies between them where the controller, which is known there, has modes.
+    """
     K = state_space("K", K)
     delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation, W = on_lines(model)
@@ -30,12 +34,14 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
         refuse_other_clock("w_P", w_P, "the loop", sampled_frf or clock_of(K))
-    measured, G = G, as_seen(model, omega, G, dt, delay)
+    encirclements, clear = winding(omega, as_seen(model, omega, G, dt, delay), K, dt)
+    at, lines = np.union1d(omega, beside_modes(K, (omega[0], omega[-1]))), omega
+    measured, w, W = (interpolated(at, lines, part) for part in (G, w, W))
+    G = as_seen(model, at, measured, dt, delay)
     W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
-    encirclements, clear = winding(omega, G, K, dt)
     wanted = n_unstable + unstable_poles(K, dt)
     stable, has_set = clear and encirclements == wanted, bool(np.isfinite(w).all())
-    curves = loop_curves(form, omega, G, response(K, omega), w, None if w_P is None else response(w_P, omega), W)
+    curves = loop_curves(form, at, G, response(K, at), w, None if w_P is None else response(w_P, at), W)
     peaks = peaks_on_lines(curves) if stable else Peaks()
     hold = " with zero-order hold" if dt and not sampling_time(model) else ""
     words = on_lines_only(

@@ -178,6 +178,11 @@ def save_controller(K: Any, path: PathLike) -> None:
     FileNotFoundError
         A folder that does not exist.
 
+    Warns
+    -----
+    DataWarning
+        A sampled controller whose second-order sections do not hold it to 0.1 %: they are left out, A, B, C and D kept.
+
     Examples
     --------
     >>> import tempfile

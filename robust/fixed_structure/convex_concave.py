@@ -20,7 +20,7 @@ from robust.fixed_structure.starts import loops_stable
 from robust.fixed_structure.structures import Basis
 from robust.systems.nyquist import unstable_poles
 
-__all__ = ["DesignTask", "iterate"]
+__all__ = ["DesignTask", "better", "iterate"]
 
 
 WORKING_LINES = 80
@@ -36,12 +36,18 @@ class DesignTask:
     basis: Basis
     seen: list[SeenPlant]
     at: SeenPlant
+    aim: str
     rows: list[Demand]
-    objective: Demand | None
+    gamma: Demand | None
     stable: bool
     n_unstable: int
     Y: np.ndarray
     X: np.ndarray
+
+    @property
+    def objective(self) -> Demand | None:
+        """What is minimised, where that is gamma."""
+        return self.gamma if self.aim == "gamma" else None
 
     def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(W,) Y and F X; by sums, as threads of a matrix product cost more than they bring here."""
@@ -96,6 +102,7 @@ def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     else:
         Y = np.ones((1, n_y), complex)  # at infinite frequency: proper
     old = Y @ theta[:n_y]
+    Y, old = Y[old != 0], old[old != 0]  # a pole right on the circle: on which side is seen afterwards, by the poles
     rows = [np.hstack([(Y / old[:, None]).real, np.zeros((Y.shape[0], basis.n_x))])]
     if shape.real:
         for part, before in ((slice(0, n_y), 0), (slice(n_y, None), n_y)):
@@ -124,7 +131,7 @@ def working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
         return np.ones(W, dtype=bool)
     log = np.log(task.at.omega)
     mask = np.zeros(W, dtype=bool)
-    for target in np.linspace(log.min(), log.max(), WORKING_LINES):
+    for target in np.linspace(log.min(), np.log(task.at.highest), WORKING_LINES):
         mask[int(np.argmin(np.abs(log - target)))] = True
     return mask | peaks(task, theta, 8)
 

@@ -51,12 +51,12 @@ def design_frf(
     Parameters
     ----------
     plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them; Frm, MatrixUncertainty
-        An FRF is known on its lines only; below the first one it is taken to go on as its slope says (flat, or as
-        integrators). A list is a family: one controller for all. Discs of a Bla or model are part of every demand: it
-        holds for each plant in them. Of a matrix, as many inputs as outputs, the controller is diagonal: input k by
-        output k, one loop after the other with those before it closed. Then each is judged with all others closed, and
-        designed again where it misses a demand; the whole is checked in the end. Of whatever follows a list gives one a
-        loop.
+        An FRF is known on its lines only, and interpolated between two of them where the controller has a mode; below
+        the first one it is taken to go on as its slope says (flat, or as integrators). A list is a family: one
+        controller for all. Discs of a Bla or model are part of every demand: it holds for each plant in them. Of a
+        matrix, as many inputs as outputs, the controller is diagonal: input k by output k, one loop after the other
+        with those before it closed. Then each is judged with all others closed, and designed again where it misses a
+        demand; the whole is checked in the end. Of whatever follows a list gives one a loop.
     structure : str, int or ControllerStructure
         "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n ("order-n"); or one of
         your own, with a denominator that is given.

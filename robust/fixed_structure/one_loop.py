@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import control
@@ -12,8 +13,8 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf.shared.arguments import integer, nonnegative, one_of, positive, real
 from nlfrf.shared.wording import hertz, shown
-from robust.fixed_structure.convex_concave import DesignTask, iterate
-from robust.fixed_structure.demands import Demand, end_row, limit_rows, objective_row, weight_rows
+from robust.fixed_structure.convex_concave import DesignTask, better, iterate
+from robust.fixed_structure.demands import end_row, limit_rows, objective_row, weight_rows
 from robust.fixed_structure.plants import DiscsOnLines, SeenPlant, see, stacked_plants
 from robust.fixed_structure.proved import largest_proved_gain, machines_of
 from robust.fixed_structure.starts import find_start, given_start, loops_stable
@@ -25,6 +26,12 @@ from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["design_loop"]
+
+#: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
+#: be missed by for that to be done from where it is.
+LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1
+#: What a demand may be missed by, recomputed on those lines.
+MISSED = 1e-3
 
 
 def design_loop(
@@ -69,31 +76,53 @@ def design_loop(
     dt = time_base(plants, dt)
     named = [*pair("omega_c", omega_c), *(pair("gain", gain)[:1] if gain is not None else [])]
     wanted = tuple(real("omega_c", w) for w in named)
-    seen = [see(p, dt, delay, wanted, (w_P, w_T, w_u, M_S, M_T, M_u)) for p in plants]
-    at = stacked_plants(seen)
+    look = partial(see, dt=dt, delay=delay, extra=wanted, weights=(w_P, w_T, w_u, M_S, M_T, M_u))
     weights = {"w_P": w_P, "w_T": w_T, "w_u": w_u}
     limits = {"M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
-    aim, rows = asked(at, aim, weights, limits)
-    rows += end_row(seen, at, positive("end_gain", end_gain))
-    objective = objective_row(at, **weights)
-    basis = basis_for(shape, at, dt, fixed)
-    Y, X = basis.columns(at.omega)
-    task = DesignTask(
-        basis=basis,
-        seen=seen,
-        at=at,
-        rows=rows,
-        objective=objective if aim == "gamma" else None,
-        stable=bool(stable),
-        n_unstable=n_unstable,
-        Y=Y,
-        X=X,
-    )
+    ask = partial(asked, aim=aim, weights=weights, limits=limits, end_gain=positive("end_gain", end_gain))
+    seen = [look(p) for p in plants]
+    basis = basis_for(shape, stacked_plants(seen), dt, fixed)
+
+    def closer(K: list[control.StateSpace]) -> DesignTask:
+        """The task on the lines too that controllers, or their loops, have features on."""
+        own = [look(p, K=K) for p in plants]
+        at = stacked_plants(own)
+        of_lines = {"at": at, **ask(own, at), **basis.on_lines(at.omega)}
+        return DesignTask(basis=basis, seen=seen, stable=bool(stable), n_unstable=n_unstable, **of_lines)
+
+    task = closer([basis.known_modes()])
     starts = [checked_start(task, start)] if start is not None else found_starts(task, n_starts)
-    theta, history, why = iterate(task, starts, n_iterations, began + time_cap, progress)
+    theta, history, why = settled(task, starts, closer, n_iterations, began + time_cap, progress)
     if prove is not None:
         theta, why = proved_parameters(task, theta, prove, delay, why)
-    return judged_design(task, theta, history, why, objective)
+    return judged_design(closer([basis.controller(theta)]), theta, history, why)
+
+
+def settled(
+    task: DesignTask,
+    starts: list[np.ndarray],
+    closer: Callable[[list[control.StateSpace]], DesignTask],
+    n_iterations: int,
+    deadline: float,
+    progress: Callable[[int, float], Any] | None,
+) -> tuple[np.ndarray, tuple[float, ...], str]:
+    """Parameters, history and why it ended, begun again where the lines of the loop found show it worse than it was.
+
+    From where it was, if it is nearly what was asked for; else from the start, now that the lines are known.
+    """
+    tried, found, history = [], [], tuple[float, ...]()
+    begin = starts
+    for _ in range(1 + LOOKS):
+        theta, more, why = iterate(task, begin, n_iterations, deadline, progress)
+        history += more
+        tried.append(task.basis.controller(theta))
+        finer = closer(tried)
+        found.append((finer.merit(theta), theta, why))
+        if not n_iterations or not better(task.merit(theta), finer.merit(theta), LOOKED):
+            break
+        task, begin = finer, [theta] if finer.hard(theta) < NEARLY else starts
+    _, theta, why = min(found, key=lambda one: one[0])
+    return theta, history, why
 
 
 def proved_parameters(
@@ -112,8 +141,10 @@ def proved_parameters(
     return lowered, f"{why}; {said}"
 
 
-def asked(at: SeenPlant, aim: str, weights: dict[str, Any], limits: dict[str, Any]) -> tuple[str, list[Demand]]:
-    """What is to be made as good as possible, "gamma" or "gain", and what must be met."""
+def asked(
+    seen: list[SeenPlant], at: SeenPlant, *, aim: str, weights: dict[str, Any], limits: dict[str, Any], end_gain: float
+) -> dict[str, Any]:
+    """What is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
     weighted = any(w is not None for w in weights.values())
     aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
     if aim == "gamma" and not weighted:
@@ -123,7 +154,7 @@ def asked(at: SeenPlant, aim: str, weights: dict[str, Any], limits: dict[str, An
         rows += weight_rows(at, **weights)
         if not rows:
             raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
-    return aim, rows
+    return {"aim": aim, "gamma": objective_row(at, **weights), "rows": rows + end_row(seen, at, end_gain)}
 
 
 def checked_start(task: DesignTask, start: Any) -> np.ndarray:
@@ -193,7 +224,7 @@ def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
     if not constant(F) and timebase(F) != dt:
         raise ValueError(f"fixed must have the sampling time of the controller, {dt:g} s, got {timebase(F):g} s")
     F = control.StateSpace(F.A, F.B, F.C, F.D, dt)
-    omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9))]
+    omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]
     s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
     low, high = float(s.min()), float(s.max())
     top = min(FASTEST * high, FASTEST_SAMPLED * 2 / dt) if dt else FASTEST * high
@@ -202,23 +233,21 @@ def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
-def judged_design(
-    task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str, objective: Demand | None
-) -> Design:
+def judged_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""
     K = task.basis.controller(theta)
     good, trouble = loops_stable(K, task.seen, task.n_unstable)
     k = response(K, task.at.omega)
     ones = np.ones(k.size, complex)
     gamma = np.nan
-    if objective is not None:
-        gamma = float(objective.measure(ones, k).max()) if good else np.inf if "unstable" in trouble else np.nan
+    if task.gamma is not None:
+        gamma = float(task.gamma.measure(ones, k).max()) if good else np.inf if "unstable" in trouble else np.nan
     if not good:
         return Design(K=K, gamma=gamma, met=False, reason=f"not found: {trouble}", history=history)
     failed = []
     for row in task.rows:
         v = row.measure(ones, k)
-        if v.max() > 1 + 1e-4:
+        if v.max() > 1 + MISSED:
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
     if failed:
         failed.sort(reverse=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +14,7 @@ from nlfrf import Bla
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
 from robust.analysis.loop import Loop, assemble
-from robust.systems.grids import plant_lines
+from robust.systems.grids import beside_modes, interpolated, plant_lines
 from robust.systems.lti import response, timebase
 from robust.systems.nyquist import continued, integrators, slope_at_start
 from robust.systems.realisation import state_space
@@ -26,6 +27,8 @@ __all__ = ["DiscsOnLines", "SeenPlant", "see", "stacked_plants"]
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
 LARGEST_DISC = 0.98
+#: How far above its features a parametric plant is looked at, where a controller of great gain ends; and frequencies.
+FAR, N_FAR = 1e5, 31
 
 
 @value
@@ -69,8 +72,9 @@ class SeenPlant:
         Integrators of the plant; of an FRF by the slope of its first lines.
     known : (W,) ndarray of bool
         False on frequencies above the last line of an FRF, where it is taken to be no larger than there.
-    lowest : float
-        First measured line [rad/s]: an FRF is carried on below it as its integrators.
+    lowest, highest : float
+        First measured line [rad/s]: an FRF is carried on below it as its integrators; and the last one. Of a parametric
+        plant all but those far above.
     """
 
     omega: np.ndarray
@@ -83,10 +87,16 @@ class SeenPlant:
     n_integrators: int
     known: np.ndarray
     lowest: float
+    highest: float
 
 
-def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...]) -> SeenPlant:
-    """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere."""
+def see(
+    plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any] = ()
+) -> SeenPlant:
+    """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
+
+    K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
+    """
     given = isinstance(plant, DiscsOnLines)
     if given or isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
         omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else on_lines(plant)
@@ -94,7 +104,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         if dt and omega[-1] * dt >= np.pi:
             raise ValueError(f"dt must put Nyquist above the lines, up to {hertz(omega[-1])}, got {dt:g} s")
         G = G if given else as_seen(plant, omega, G, dt, delay)
-        loop, n_integrators, lowest = None, slope_at_start(omega, G), float(omega[0])
+        loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
         n = omega.size
         omega, G = continued(omega, G, n_integrators, decades=3.0, points=60)
         below = np.ones(omega.size - n) if FORMS[form].through else np.abs(G[:-n] / G[-n])
@@ -104,6 +114,7 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         known = np.arange(omega.size + above.size) < omega.size
         omega = np.concatenate([omega, above])
         G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
+        omega, G, w, known = with_modes(K, omega, G, w, known)
     else:
         if not isinstance(plant, UncertaintyModel):
             G_ss = state_space("plant", plant)
@@ -116,9 +127,12 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
             warn_of_unknown_hold(plant, dt)
         loop = assemble(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
         lines, form = plant.omega, plant.form
-        omega = design_grid(loop, lines, extra, weights)
+        omega = design_grid(loop, lines, extra, weights, K)
+        lowest, highest = float(omega[0]), float(omega[-1])
+        above = np.geomspace(1, FAR, N_FAR)[1:] * highest
+        omega = np.concatenate([omega, above[above < loop.top * (1 - 1e-9)]])
         G, w = loop.plant(omega), np.abs(response(loop.weight, omega))
-        n_integrators, lowest = integrators(loop.G, loop.dt), float(omega[0])
+        n_integrators = integrators(loop.G, loop.dt)
         known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)
     inverse, w = FORMS[form].inverse, relative(form, w, size)
@@ -137,19 +151,35 @@ def see(plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: 
         n_integrators=n_integrators,
         known=known,
         lowest=lowest,
+        highest=highest,
     )
 
 
-def design_grid(loop: Loop, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...]) -> np.ndarray:
-    """Frequencies [rad/s] to look at a parametric plant: where it, its weight or a demand has features."""
+def with_modes(
+    K: Sequence[Any], omega: np.ndarray, G: np.ndarray, w: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Lines, FRF, weight and what is known of it, with the lines that controllers have modes on."""
+    modes = [beside_modes(one, (omega[0], omega[-1])) for one in K]
+    if not any(one.size for one in modes):
+        return omega, G, w, known
+    both, last = np.unique(np.concatenate([omega, *modes])), omega[known][-1]
+    return both, interpolated(both, omega, G), np.interp(both, omega, w), both <= last
+
+
+def design_grid(
+    loop: Loop, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any]
+) -> np.ndarray:
+    """Frequencies [rad/s] to look at a parametric plant: where it, its weight, demands or controllers have features."""
     lines = lines if lines.size else plant_lines(loop.G, loop.dt, extra)
     grids = [np.array(extra)]
     for w in (None, *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction)))):
         w = None if w is None else state_space("weight", w)
         grids.append(replace(loop, w_P=w).grid(lines) if w is None or w.nstates else np.zeros(0))
+    grids += [replace(loop, K=one).grid(lines) for one in K]
     omega = np.unique(np.concatenate(grids))
     omega = omega[(omega > 0) & (omega < loop.top * (1 - 1e-9))]
-    return omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])]
+    apart = np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])
+    return omega[apart | np.isin(omega, extra)]
 
 
 def stacked_plants(seen: list[SeenPlant]) -> SeenPlant:
@@ -158,4 +188,5 @@ def stacked_plants(seen: list[SeenPlant]) -> SeenPlant:
         name: np.concatenate([getattr(s, name) for s in seen])
         for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
     }
-    return SeenPlant(**parts, loop=None, n_integrators=0, lowest=max(s.lowest for s in seen))
+    lowest, highest = max(s.lowest for s in seen), max(s.highest for s in seen)
+    return SeenPlant(**parts, loop=None, n_integrators=0, lowest=lowest, highest=highest)

@@ -24,7 +24,7 @@ from robust.analysis.check import check
 from robust.fixed_structure.one_loop import design_loop
 from robust.fixed_structure.plants import DiscsOnLines
 from robust.synthesis.design import Design
-from robust.systems.grids import structure_grid
+from robust.systems.grids import beside_modes, interpolated, structure_grid
 from robust.systems.lft import joined
 from robust.systems.lti import over_frequency, response, timebase
 from robust.systems.nyquist import outside, unstable_poles, winding
@@ -82,6 +82,18 @@ class MatrixOnLines:
             column[:, C] = -(H @ G[:, C][:, :, [k]])[:, :, 0]
             inner = inner + np.einsum("wj,wj->w", row[:, C], G[:, C, k])
         return DiscsOnLines(omega=self.omega, G=inner, radius=wider * self.spread(row, column))
+
+    def with_modes(self, K: list[Any]) -> MatrixOnLines:
+        """The same on the lines too that controllers have modes on, where it is interpolated."""
+        modes = [beside_modes(one, (self.omega[0], self.omega[-1])) for one in K]
+        omega = np.unique(np.concatenate([self.omega, *modes]))
+
+        def between(x: np.ndarray) -> np.ndarray:
+            entries = [interpolated(omega, self.omega, one) for one in x.reshape(self.omega.size, -1).T]
+            return np.array(entries).T.reshape(omega.size, *x.shape[1:])
+
+        parts = {name: between(getattr(self, name)) for name in ("G", "left", "right")}
+        return MatrixOnLines(omega=omega, radius=np.abs(between(self.radius)), **parts)
 
     def spread(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
         """(W,) largest |row dG column| over the set."""
@@ -269,17 +281,26 @@ def checked(
             return f"the whole cannot be checked: {error}", np.nan
         good = report.robustly_stable
         return "" if good else f"the whole set is not stable: {report.reason}", float(report.margin_rs)
-    # det(1 + G K) is the product of what each loop closes with those before it closed
-    closed: list[Any] = [None] * len(K)
-    for k in order:
-        loop = seen.seen_by(k, closed, 1.0)
-        turns, clear = winding(loop.omega, loop.G, K[k], dt)
-        if not clear or turns != unstable_poles(K[k], dt):
-            return f"the whole is not known to be stable: {named(plant, k)} winds {turns} times about zero", np.nan
-        closed[k] = K[k]
+    finer = seen.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
+    for lines in (seen, finer):
+        if why := unstable_in_turn(plant, lines, K, order, dt):
+            return why, np.nan
+    seen = finer
     gains = diagonal(np.array([response(one, seen.omega) for one in K]))
     N = seen.right @ gains @ np.linalg.inv(np.eye(len(K)) + seen.G @ gains) @ seen.left
     size = np.linalg.norm(N, 2, axis=(1, 2))
     worst = int(size.argmax())
     margin = float(1 / size[worst])
     return "" if margin > 1 else f"the whole set is not stable at {hertz(seen.omega[worst])}", margin
+
+
+def unstable_in_turn(plant: Frm, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
+    """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
+    closed: list[Any] = [None] * len(K)
+    for k in order:
+        loop = seen.seen_by(k, closed, 1.0)
+        turns, clear = winding(loop.omega, loop.G, K[k], dt)
+        if not clear or turns != unstable_poles(K[k], dt):
+            return f"the whole is not known to be stable: {named(plant, k)} winds {turns} times about zero"
+        closed[k] = K[k]
+    return ""

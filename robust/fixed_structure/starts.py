@@ -29,7 +29,7 @@ MOST_LINES = 60
 def simple_controllers(basis: Basis, at: SeenPlant) -> tuple[np.ndarray, np.ndarray]:
     """(N, n) parameters and (N,) crossovers of PI-like, lead and mixed shapes with |L| = 1 all over the band."""
     shape = basis.structure
-    sizes = np.abs(basis.plane(at.omega[at.known]))
+    sizes = np.abs(basis.plane(at.omega[at.known & (at.omega <= at.highest)]))
     n_pi = min(shape.n_zeros, shape.n_integrators)
     most = 0.5 * basis.fastest
     leaks = (0.0, *LEAKS) if shape.free and shape.n_zeros > n_pi else (0.0,)
@@ -179,9 +179,10 @@ def given_start(basis: Basis, start: Any, at: SeenPlant) -> np.ndarray:
     K0 = state_space("start", start)
     if K0.nstates and timebase(K0) != basis.dt:
         raise ValueError(f"start must have the sampling time of the design, {basis.dt:g} s, got {timebase(K0):g} s")
-    theta = in_structure(basis, K0, at.omega)
-    K, k = basis.controller(theta), response(K0, at.omega)
-    error = float(np.max(np.abs(response(K, at.omega) - k) / np.abs(k)))
+    omega = at.omega[at.omega <= at.highest * (1 + 1e-9)]
+    theta = in_structure(basis, K0, omega)
+    K, k = basis.controller(theta), response(K0, omega)
+    error = float(np.max(np.abs(response(K, omega) - k) / np.abs(k)))
     if not error < 0.1:
         raise ValueError(
             f"start must have the structure {basis.structure.name!r}, got one that the structure misses by "

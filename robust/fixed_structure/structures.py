@@ -210,6 +210,10 @@ class Basis:
         Y, X = self.Y(s) * self.integrals(s)[:, None], self.X(s) * response(self.fixed, omega)[:, None]
         return np.hstack([Y, np.zeros_like(X)]), np.hstack([np.zeros_like(Y), X])
 
+    def on_lines(self, omega: np.ndarray) -> dict[str, np.ndarray]:
+        """The same by name."""
+        return dict(zip("YX", self.columns(omega), strict=True))
+
     def powers(self, s: np.ndarray, degree: int) -> np.ndarray:
         """(W, degree + 1) powers of q = (s - a)/(s + a): of modulus one on the axis, so no column is lost."""
         return np.power(((s - self.a) / (s + self.a))[:, None], np.arange(degree + 1))
@@ -249,6 +253,12 @@ class Basis:
         far = np.abs(1 - found) < 1e-7
         s = self.a * (1 + found[~far]) / (1 - found[~far])
         return np.concatenate([s, np.full(missing, -self.a)])
+
+    def known_modes(self) -> control.StateSpace:
+        """A system with the poles that every controller of the structure has, but for its integrators."""
+        y = np.array(self.structure.poles, dtype=complex)
+        y = (1 + y * self.dt / 2) / (1 - y * self.dt / 2)
+        return in_series(from_roots(np.zeros(0), conjugated(y), 1.0, self.dt), self.fixed, dt=self.dt)
 
     def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Zeros and poles of K without its known factor, in the s plane."""

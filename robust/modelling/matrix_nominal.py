@@ -14,7 +14,7 @@ from nlfrf.shared.wording import shown
 from robust.modelling.shared_poles import SharedPoles, fit_shared_poles, improve, rough_fit, tangents, whitening
 from robust.systems.sampling import delay_samples, discretize
 
-__all__ = ["MAX_POLES", "as_matrices", "fit_matrix"]
+__all__ = ["MAX_POLES", "as_matrices", "fit_matrix", "refuse_other_channels"]
 
 
 MAX_POLES = 40
@@ -73,6 +73,17 @@ def as_matrices(bla: Any) -> list[Frm]:
     return many
 
 
+def refuse_other_channels(frm: Frm, known: Any, of: str) -> None:
+    """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
+    for name, letter in (("inputs", "u"), ("outputs", "y")):
+        first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))
+        unnamed = (), tuple(f"{letter}{i + 1}" for i in range(len(second)))
+        if first != second and first not in unnamed and second not in unnamed:
+            raise ValueError(
+                f"bla must be a matrix of the same {name} as {of}, {', '.join(first)}, got {', '.join(second)}"
+            )
+
+
 def fit_matrix(
     frms: list[Frm], n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
 ) -> dict[str, Any]:
@@ -125,6 +136,8 @@ def fit_matrix(
         expected_cost=float(expected * (1 - n_parameters / (2 * measured.size))),
         n_parameters=n_parameters,
         hold=frm.hold if len({one.hold for one in frms}) == 1 else "unknown",
+        inputs=frm.inputs,
+        outputs=frm.outputs,
     )
 
 

@@ -68,8 +68,8 @@ class NominalFit:
     hold : str
         What is known of the hold in the record: "zoh" or "band-limited" where it was accounted for (a continuous model
         is then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" where it was not.
-    unit : str
-        Unit of the response, where the record says it.
+    unit, inputs, outputs : str, tuple of str, tuple of str
+        Unit of the response, where the record says it; of a matrix the names of its channels.
 
     References
     ----------
@@ -97,6 +97,8 @@ class NominalFit:
     hold: str = "unknown"
     unit: str = ""
     delays: np.ndarray | None = None
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         ratio = self.cost / self.expected_cost

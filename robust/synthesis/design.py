@@ -22,7 +22,8 @@ class Design:
     gamma_min : float
         Smallest norm any controller could reach; nan where it is not known.
     met : bool
-        Whether every demand that had to be met is met by K, recomputed.
+        Whether every demand that had to be met is met by K, recomputed (of `design_frf` to 0.1 %, on the lines and
+        wherever the controller or its loop has features between them).
     reason : str
         Why the design ended, or which demand is in the way and where.
     history : tuple of float

@@ -9,7 +9,16 @@ import numpy as np
 
 from robust.systems.lti import in_s, poles, timebase, zeros
 
-__all__ = ["climb", "highest", "loop_grid", "plant_lines", "reaching", "structure_grid"]
+__all__ = [
+    "beside_modes",
+    "climb",
+    "highest",
+    "interpolated",
+    "loop_grid",
+    "plant_lines",
+    "reaching",
+    "structure_grid",
+]
 
 #: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
 FARTHEST_MODE = 1e9
@@ -19,6 +28,8 @@ BESIDE = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
 RIPPLES, POINTS = 150, 8
 #: Maxima that are looked at closer: all within this factor of the largest, and no more than so many.
 NEARLY, MOST_MAXIMA = 0.9, 40
+#: Half widths of a mode from its peak on, as far as it is wide: points a decade, and the narrowest [of its frequency].
+FROM_PEAK, A_DECADE, NARROWEST = 0.1, 8, 1e-12
 #: How often the brackets of maxima close in, to a fourth each time or more.
 CLOSER = 5
 
@@ -70,6 +81,29 @@ def structure_grid(N: control.StateSpace) -> np.ndarray:
 def around(sharp: np.ndarray, n: int) -> np.ndarray:
     """n frequencies [rad/s] around each lightly damped root of the upper half plane, a half width apart at its peak."""
     return (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.tan(np.linspace(-1.4, 1.4, n))).ravel()
+
+
+def beside_modes(K: control.StateSpace, band: tuple[float, float]) -> np.ndarray:
+    """Frequencies [rad/s] of a band around every lightly damped pole of a controller, from its peak to where it fades.
+
+    An FRF says nothing between its lines, a controller is known there: a resonance of its own must not fall between.
+    """
+    s = in_s(poles(K), timebase(K))
+    s = s[np.isfinite(s) & (np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
+    found = [np.zeros(0)]
+    for mode in s:
+        half = max(abs(mode.real), NARROWEST * abs(mode))
+        n = int(np.ceil(A_DECADE * np.log10(mode.imag / (FROM_PEAK * half)))) + 1
+        away = np.geomspace(FROM_PEAK * half, 0.9 * mode.imag, max(n, 2))
+        found += [mode.imag - away, mode.imag + away]
+    omega = np.unique(np.concatenate(found))
+    return np.asarray(omega[(omega > band[0]) & (omega < band[1])])
+
+
+def interpolated(omega: np.ndarray, known: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """(W,) an FRF between its lines, in log magnitude and phase; its end values outside them."""
+    log = np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G))
+    return np.exp(np.interp(omega, known, log))
 
 
 def plant_lines(G: control.StateSpace, dt: float, otherwise: tuple[float, ...]) -> np.ndarray:

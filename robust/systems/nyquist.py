@@ -5,6 +5,7 @@ from __future__ import annotations
 import control
 import numpy as np
 
+from robust.systems.grids import beside_modes, interpolated
 from robust.systems.lti import in_s, poles, response
 
 __all__ = ["continued", "half_turns", "integrators", "outside", "slope_at_start", "unstable_poles", "winding"]
@@ -38,7 +39,11 @@ def winding(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) 
     # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
     seen &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
     seen &= bool(np.all(np.abs(in_s(outside(K, dt), dt)) < omega[-1]))
+    beyond = beside_modes(K, (omega[-1], np.pi / dt if dt else np.inf))  # where the plant is no larger than at the end
+    seen &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
     omega, G = continued(omega, G, n)
+    more = np.union1d(omega, beside_modes(K, (omega[0], omega[-1])))
+    omega, G = more, interpolated(more, omega, G)
     F = 1 + G * response(K, omega)
     turns, clear = half_turns(F, n + integrators(K, dt))
     return round(float(turns)), bool(clear and seen and resolved(F, np.log(omega)))

@@ -10,6 +10,7 @@ import numpy as np
 
 from nlfrf import Frm
 from nlfrf.shared.arguments import integer, one_of, probability
+from robust.modelling.matrix_nominal import refuse_other_channels
 from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.weights import fit_weight
 from robust.systems.connections import in_series
@@ -57,6 +58,7 @@ def matrix_uncertainty(
     below, above = slope("below", below), slope("above", above)
     p, order = probability("confidence", confidence), integer("order", order, least=0)
     if isinstance(nominal, NominalFit):
+        refuse_other_channels(frms[0], nominal, "its nominal")
         nominal = behind_delays(nominal.G, nominal.delays)
     nominal = multivariable("nominal", nominal)
     frm = frms[0]

@@ -13,6 +13,7 @@ from nlfrf.shared.wording import counted, shown
 from robust.modelling.design_warning import suspected
 from robust.modelling.nominal import NominalFit
 from robust.modelling.weights import fit_weight
+from robust.systems.grids import interpolated
 from robust.systems.lti import response, timebase
 from robust.systems.realisation import frequency_response, state_space
 from robust.systems.sampling import delayed
@@ -54,8 +55,7 @@ def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
     known, G = frequency_response("nominal", nominal, omega)
     if omega[0] < known[0] * (1 - 1e-6) or omega[-1] > known[-1] * (1 + 1e-6):
         raise ValueError("nominal must be an FRF over the whole band of bla, got one that is shorter")
-    log = np.interp(omega, known, np.log(np.abs(G))) + 1j * np.interp(omega, known, np.unwrap(np.angle(G)))
-    return np.exp(log)
+    return interpolated(omega, known, G)
 
 
 def family(

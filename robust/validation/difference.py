@@ -15,13 +15,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import gammaincc, ndtr
 
-__all__ = ["local_slope", "shape_and_level"]
+__all__ = ["local_slope", "shape_and_level", "shared_lines"]
 
 
 WINDOW = 9  # lines over which the slope of an FRF is taken
 FEWEST = 8  # lines below which no shape is told
 #: Lines: over their number, the variance of the log power of the residual of two records of one machine.
 LEVEL_LINES = 2.0
+SAME = 1e-9  # relative: one line
 
 
 def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> dict[str, float]:
@@ -43,6 +44,26 @@ def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: in
         "level": float(np.sqrt(square)),
         "p_level": float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(LEVEL_LINES / n_lines))),
     }
+
+
+def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n,) frequencies at which two records on lines (F,) of their own are compared.
+
+    Lines of the one that has fewer in the band of both, so that no line of the other is read twice between its own:
+    what scatters there would count as often, and the difference would not be white.
+    """
+    low, high = max(first[0], second[0]) * (1 - SAME), min(first[-1], second[-1]) * (1 + SAME)
+    inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
+    fewer, other = (
+        (inside[0], second) if 0 < inside[0].size < inside[1].size or not inside[1].size else (inside[1], first)
+    )
+    last = np.clip(np.searchsorted(other, fewer * (1 - SAME)), 0, other.size - 1)
+    begin = np.where(np.abs(other[last] - fewer) <= SAME * fewer, last, last - 1)
+    keep, read = np.zeros(fewer.size, dtype=bool), -1
+    for k in range(fewer.size):
+        keep[k] = begin[k] > read
+        read = last[k] if keep[k] else read
+    return np.asarray(fewer[keep])
 
 
 def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -16,12 +16,13 @@ from nlfrf import Frm
 from nlfrf.shared.roy import roy_quantile
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.modelling.matrix_nominal import refuse_other_channels
 from robust.modelling.nominal import behind_hold
 from robust.systems.lti import timebase
 from robust.uncertain.evidence import MatrixEvidence, matrix_evidence_of
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.matrix_radius import smoothed
-from robust.validation.difference import local_slope, shape_and_level
+from robust.validation.difference import local_slope, shape_and_level, shared_lines
 
 __all__ = ["MatrixValidation", "validate_matrix"]
 
@@ -48,10 +49,11 @@ class MatrixValidation:
     p_values : (n_y, n_u) ndarray
         The same of each entry by itself.
     n_lines : int
-        Lines compared; those outside the band of the first record are left out.
+        Lines of the record; those outside the band of the first record are left out. Where the two have other lines
+        they are compared on fewer, of which `n_expected` tells the number.
     omega, distance : (n_lines,) ndarray
-        The lines compared [rad/s], and how far each matrix lies from the nominal in units of the set; nan where a
-        record is held against a record.
+        Those lines [rad/s], and how far each matrix lies from the nominal in units of the set; nan where a record is
+        held against a record.
     gain, frequency, delay : float
         The change that fits best, relative and [s].
     level, p_level : float
@@ -128,7 +130,7 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
             f"bla must have {shape[0]} outputs and {shape[1]} inputs, as the model, got {frm.n_outputs} and "
             f"{frm.n_inputs}"
         )
-    refuse_other_channels(model, frm)
+    refuse_other_channels(frm, model, "the model")
     inside = (frm.omega >= model.omega[0] * (1 - 1e-9)) & (frm.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
@@ -140,7 +142,7 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
     distance = np.full(second.omega.size, np.nan)
     confidence, simultaneous, nominal = CONFIDENCE, False, None
     if isinstance(model, Frm):
-        firsts = [on_lines(matrix_evidence_of(model), second.omega)]
+        firsts = [matrix_evidence_of(model)]
     else:
         confidence, simultaneous, nominal = model.confidence, model.simultaneous, model.nominal
         if np.isnan(confidence):
@@ -150,22 +152,15 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
         G = np.moveaxis(np.asarray(nominal(at, squeeze=False)), 2, 0)
         distance = model.distances(second.omega, second.G - G, G)
         exact = MatrixEvidence(omega=second.omega, G=G, C=0 * second.C, gamma=second.gamma, dof=second.dof)
-        firsts = [on_lines(one, second.omega) for one in reaching(model.measured, second.omega)] or [exact]
-    p = confidence ** (1 / second.omega.size) if simultaneous else confidence
-    tried = [compared(first, second, p) for first in firsts]
+        firsts = reaching(model.measured, second.omega) or [exact]
+    tried = []
+    for first in firsts:
+        lines = shared_lines(first.omega, second.omega)
+        p = confidence ** (1 / lines.size) if simultaneous else confidence
+        tried.append(compared(on_lines(first, lines), on_lines(second, lines), p))
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
-    return replace(best, distance=distance, inputs=frm.inputs, outputs=frm.outputs)
-
-
-def refuse_other_channels(model: MatrixUncertainty | Frm, frm: Frm) -> None:
-    """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
-    for name, letter in (("inputs", "u"), ("outputs", "y")):
-        first, second = tuple(getattr(model, name)), tuple(getattr(frm, name))
-        unnamed = tuple(f"{letter}{i + 1}" for i in range(len(first)))
-        if first != second and unnamed not in (first, second):
-            raise ValueError(
-                f"bla must be a matrix of the same {name} as the model, {', '.join(first)}, got {', '.join(second)}"
-            )
+    best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
+    return replace(best, inputs=frm.inputs, outputs=frm.outputs)
 
 
 def reaching(measured: Sequence[MatrixEvidence], omega: np.ndarray) -> list[MatrixEvidence]:

@@ -13,18 +13,21 @@ from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, shown
 from robust.modelling.nominal import behind_hold
+from robust.systems.grids import interpolated
 from robust.systems.lti import timebase
+from robust.systems.sampling import hold_between
 from robust.uncertain.evidence import LEVEL_DOF, Evidence, evidence_of
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 from robust.uncertain.radius import nominal_response
-from robust.validation.difference import local_slope, shape_and_level
+from robust.validation.difference import local_slope, shape_and_level, shared_lines
 from robust.validation.matrices import MatrixValidation, validate_matrix
 
 __all__ = ["Validation", "validate"]
 
 
 STEP = 1e-5
+LINE = 1e-6  # relative: a line of the FRF that a model is made around
 
 
 @value
@@ -45,9 +48,10 @@ class Validation:
     omega_outside : (n_outside,) ndarray
         Where they are [rad/s].
     n_lines : int
-        Lines compared; those outside the band of the model are left out.
+        Lines of the record; those outside the band of the model are left out. Where the two records have other lines
+        they are compared on fewer, of which `n_expected` tells the number.
     omega, distance : (n_lines,) ndarray
-        The lines compared [rad/s], and how far each lies from the nominal, in units of the weight.
+        Those lines [rad/s], and how far each lies from the nominal, in units of the weight.
     gain, frequency : float
         The change that fits best, relative: a resonance that went up by 1 % has a frequency of 0.01.
     delay : float
@@ -114,10 +118,11 @@ def validate(model: MatrixUncertainty | Frm, bla: Frm) -> MatrixValidation: ...
 def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) -> Validation | MatrixValidation:
     """Hold a second record (another day, another level, closed loop) against a model.
 
-    The record is compared with the one that the model was made of, line by line (between lines that one is
-    interpolated); of several levels with the one that it resembles most. A model without a record is taken as exact.
-    p-values are as good as the distortion is white over the lines: they are on the rig with friction, a static cubic
-    bends all lines of one realisation together, which looks like a small change of gain (see the guide on bounds).
+    The record is compared with the one that the model was made of, line by line (of other lines those of the one that
+    has fewer, the other one interpolated); of several levels with the one that it resembles most. A model without a
+    record is taken as exact. p-values are as good as the distortion is white over the lines: they are on the rig with
+    friction, a static cubic bends all lines of one realisation together, which looks like a small change of gain (see
+    the guide on bounds).
 
     Parameters
     ----------
@@ -133,7 +138,8 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) 
     Raises
     ------
     ValueError
-        No line inside the band of the model, a model that claims no probability, a record of other inputs and outputs.
+        No line inside the band of the model, lines between those of an FRF that the model is made around, a model that
+        claims no probability, a record of other inputs and outputs.
 
     References
     ----------
@@ -164,13 +170,31 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) 
         raise ValueError("bla must have lines inside the band of the model, got none")
     if np.isnan(model.confidence):
         raise ValueError("model must state a confidence to be validated against, got none")
-    if not model.measured_only:
-        bla = behind_hold(bla, timebase(model.nominal))
+    bla = (
+        bla.times(as_recorded(model, bla, inside)) if model.measured_only else behind_hold(bla, timebase(model.nominal))
+    )
     second = on_lines(evidence_of(bla), bla.omega[inside])
     distance = model.distance(control.FrequencyResponseData(second.G, second.omega))
-    tried = [compared(model, on_lines(one, second.omega), second) for one in known(model, second)]
+    tried = []
+    for one in known(model, second):
+        lines = shared_lines(one.omega, second.omega)
+        tried.append(compared(model, on_lines(one, lines), on_lines(second, lines)))
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
-    return replace(best, distance=distance)
+    return replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
+
+
+def as_recorded(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
+    """(F,) factor from a record to the hold of the FRF that a model is made around; one where a hold is not known."""
+    at = np.asarray(model.nominal.omega)
+    if np.abs(np.log(bla.omega[inside, None] / at[at > 0])).min(axis=1).max() > LINE:
+        raise ValueError(
+            "bla must have lines of the FRF that the model is made around, got others: between its lines it is not "
+            "known. A model around a fit (fit_nominal) takes any"
+        )
+    if "unknown" in (model.hold, bla.hold):
+        return np.ones(bla.omega.size)
+    own, other = (hold_between(bla.omega, one.hold, one.fs, 0.0) for one in (bla, model))
+    return np.asarray(own / other)
 
 
 def known(model: UncertaintyModel, second: Evidence) -> tuple[Evidence, ...]:
@@ -187,9 +211,8 @@ def on_lines(one: Evidence, omega: np.ndarray) -> Evidence:
     """A record on other lines, interpolated in log magnitude and phase; exact where the lines are its own."""
     if omega.size == one.omega.size and np.allclose(omega, one.omega, rtol=1e-9, atol=0):
         return one
-    log = np.log(np.maximum(np.abs(one.G), 1e-300)) + 1j * np.unwrap(np.angle(one.G))
     variance, scatter = (np.interp(omega, one.omega, part) for part in (one.variance, one.scatter))
-    return replace(one, omega=omega, G=np.exp(np.interp(omega, one.omega, log)), variance=variance, scatter=scatter)
+    return replace(one, omega=omega, G=interpolated(omega, one.omega, one.G), variance=variance, scatter=scatter)
 
 
 def compared(model: UncertaintyModel, first: Evidence, second: Evidence) -> Validation:

@@ -129,6 +129,17 @@ def test_channels_in_another_order_are_refused():
                 robust.validate(first, replace(frm, **{name: now}))
 
 
+def test_the_fit_of_channels_in_another_order_is_refused():
+    """The nominal of one input stood under the record of another, and the set was as wide as both differ."""
+    frm = replace(matrix(1), inputs=("fx", "fy"), outputs=("x", "y"))
+    fit = robust.fit_nominal(frm, n_poles=2)
+    assert (fit.inputs, fit.outputs) == (("fx", "fy"), ("x", "y"))
+    robust.uncertainty(matrix(2), fit, form="elements", order=1)
+    for name, now in (("inputs", ("fy", "fx")), ("outputs", ("y", "x"))):
+        with pytest.raises(ValueError, match=f"bla must be a matrix of the same {name} as its nominal, "):
+            robust.uncertainty(replace(frm, **{name: now}), fit, form="elements", order=1)
+
+
 def test_refusals():
     frm = matrix(1)
     with pytest.raises(ValueError, match=r"bla must be an nlfrf\.Frm, as the model, got"):

@@ -12,7 +12,7 @@ import robust
 from benchmarks import validation as harness
 from robust import uncertainty, validate
 from robust.uncertain.evidence import Evidence
-from robust.validation.difference import local_slope, shape_and_level
+from robust.validation.difference import local_slope, shape_and_level, shared_lines
 from robust.validation.records import on_lines
 from tests.support.bla import make_bla
 
@@ -140,6 +140,48 @@ def test_other_lines_are_interpolated_and_models_without_a_record_are_exact():
     few = validate(uncertainty(record(0), NOMINAL, order=1), record(12, f=F[::20]))
     assert few.n_lines == 6
     assert np.isnan(few.p_value)
+
+
+@pytest.mark.parametrize("step", [2, 4, 8])
+def test_a_record_on_finer_lines_is_no_other_machine(step):
+    """Read at eight lines between two of its own, the first record scattered as one: p < 0.05 in 90 % of nulls."""
+    seen = []
+    for seed in range(80):
+        first = record(2 * seed, f=np.arange(1 + step / 2, 480, step) * 0.25)
+        model = harness.model_of(first, NOMINAL)
+        seen.append(validate(model, record(2 * seed + 1, f=np.arange(1, 481) * 0.25)))
+    p = np.array([one.p_value for one in seen])
+    assert kstest(p, "uniform").pvalue > 0.01
+    assert np.mean(p < 0.05) < 0.13
+    assert seen[0].n_expected == pytest.approx(0.05 * 480 / step, rel=0.05)
+    assert seen[0].n_lines == seen[0].distance.size == seen[0].omega.size
+    changed = record(1000, f=np.arange(1, 481) * 0.25, gain=1.1)
+    assert validate(model, changed).p_value < 1e-3
+
+
+def test_each_line_is_read_once():
+    fine, coarse = np.arange(1.0, 50), np.arange(2.0, 50, 7)
+    np.testing.assert_array_equal(shared_lines(fine, coarse), coarse)
+    np.testing.assert_array_equal(shared_lines(coarse, fine), coarse)
+    np.testing.assert_array_equal(shared_lines(fine, fine), fine)
+    between = fine[:-1] + 0.5
+    np.testing.assert_array_equal(shared_lines(fine, between), fine[1::2])
+    np.testing.assert_array_equal(shared_lines(fine, np.array([3.2, 3.4, 3.6])), [3.2])
+    np.testing.assert_array_equal(shared_lines(np.array([3.2, 3.4, 3.6]), np.array([3.0, 10.0])), [3.2])
+    np.testing.assert_array_equal(shared_lines(np.array([1.0, 5.0]), np.array([2.0, 3.0, 9.0])), [5.0])
+
+
+def test_around_an_frf_the_holds_of_two_records_are_held_together():
+    """The hold in the second record was a delay of half a sample that the machine had got since."""
+    at = np.sinc(F / 1024) * np.exp(-1j * np.pi * F / 1024)
+    hold = {"f0": 0.25, "sigma_distortion": 0.01 * SIZE, "fs": 1024.0}
+    first = make_bla(plant, F, rng=1, hold="band-limited", **hold)
+    second = make_bla(plant(2j * np.pi * F) * at, F, rng=2, hold="zoh", **hold)
+    model = uncertainty(first, robust.frd(first), order=1)
+    assert abs(validate(model, second).delay) < 5e-5
+    assert validate(model, second).p_value > 0.01
+    with pytest.raises(ValueError, match="bla must have lines of the FRF that the model is made around"):
+        validate(model, record(3, f=np.arange(10, 400) * 0.3))
 
 
 def test_interpolation_and_slopes_are_exact_where_they_should_be():
