@@ -18,7 +18,7 @@ import numpy as np
 from nlfrf.excitation.multisine import Multisine, Rng
 from nlfrf.shared.arguments import DataWarning, generator, integer, of_kind, positive
 
-__all__ = ["expected_peaks", "is_improbable", "reduce_crest"]
+__all__ = ["are_low", "expected_peaks", "is_improbable", "reduce_crest"]
 
 
 CHANCE = 1e-5  # with which random phases have peaks as low as those that are warned of
@@ -126,6 +126,14 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, 
     samples = n_samples * np.array([math.erfc(c / math.sqrt(2)) for c in crest])
     mirrored = 2 if np.bitwise_and.reduce(lines) & 1 else 1
     return np.asarray(np.minimum(np.minimum(crossings, envelope), samples) / mirrored)
+
+
+def are_low(peaks: np.ndarray) -> bool:
+    """Whether peaks are lower than usual, by how many random phases would expect above them (M,), on average one.
+
+    One experiment of random phases in six or seven is.
+    """
+    return bool(np.add.reduce(peaks) >= peaks.size + peaks.size**0.5)
 
 
 def is_improbable(peaks: np.ndarray) -> bool:

@@ -148,7 +148,7 @@ def read_grid(
     return profile, factor
 
 
-def read_peaks(U: np.ndarray, lines: np.ndarray, peaks: np.ndarray) -> tuple[float, float]:
+def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, float]:
     """What the peaks of the inputs tell of their distortion: how typical it is, and how much of it no level shows.
 
     Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. Where there are
@@ -162,8 +162,8 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, peaks: np.ndarray) -> tuple[flo
         Input of each realisation.
     lines : (F,) int ndarray
         Excited lines.
-    peaks : (M,) ndarray
-        How many peaks above its own random phases would have (`expected_peaks`), on average one.
+    low : bool
+        Whether their peaks are lower than usual (`are_low`).
 
     Returns
     -------
@@ -179,13 +179,12 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, peaks: np.ndarray) -> tuple[flo
 
     >>> k = np.arange(1, 14)
     >>> high, low = np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None]
-    >>> np.round([read_peaks(high, k, np.zeros(1)), read_peaks(low, k, np.full(1, 9.0))], 1)
+    >>> np.round([read_peaks(high, k, low=False), read_peaks(low, k, low=True)], 1)
     array([[0.6, 4.9],
            [6. , 5.8]])
     """
     n, n_lines = U.shape
     chance, few = COMMON / n_lines, n_lines < FEW
-    low = np.add.reduce(peaks) >= n + n**0.5
     if U.size > ALIKE and not low:
         return 1.0, chance
     ratio, gap = cube_of(U, lines)

@@ -122,7 +122,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     periodic, known = (record.u, spectra.U) if spectra.R is None else (record.r, spectra.R)
     refuse_wrong_lines(periodic, record.lines, known.take(spectra.where.excited, axis=1))
     n_periods = record.n_periods - (treatment == "discard")
-    spectra, excited, n_periods, peaks = check_realizations(spectra, periodic, n_periods)
+    spectra, excited, n_periods, low = check_realizations(spectra, periodic, n_periods)
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
@@ -130,7 +130,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     level = read_level(source, excited, answer, fit)
     if source == "detection" and fit is not None:
         warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
-    told = read_peaks(excited.U, excited.lines, peaks)
+    told = read_peaks(excited.U, excited.lines, low)
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
 
 

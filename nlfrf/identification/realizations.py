@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.excitation.crest import expected_peaks, is_improbable
+from nlfrf.excitation.crest import are_low, expected_peaks, is_improbable
 from nlfrf.excitation.phases import in_common
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
@@ -43,9 +43,7 @@ PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def check_realizations(
-    spectra: Spectra, periodic: np.ndarray, n_periods: int
-) -> tuple[Spectra, Spectra, int, np.ndarray]:
+def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -> tuple[Spectra, Spectra, int, bool]:
     """Realisations that can be averaged: with input on every line, of one excitation, each with phases of its own.
 
     Parameters
@@ -59,7 +57,7 @@ def check_realizations(
     Returns
     -------
     The spectra, with realisations that repeat another one as periods of it, the same on the excited lines alone, the
-    periods behind each, and how many peaks above its own random phases would have (`expected_peaks`).
+    periods behind each, and whether peaks are lower than usual.
 
     Warns
     -----
@@ -81,7 +79,8 @@ def check_realizations(
         warn_of_lost_input(excited, excited.R)
     amplitude = excited.amplitude if excited.R is None else rms(excited.R)
     peaks = warn_of_low_peaks(periodic[distinct, 0], amplitude, excited.lines)
-    return spectra, (excited if isinstance(distinct, slice) else spectra.on_excited()), n_periods, peaks
+    excited = excited if isinstance(distinct, slice) else spectra.on_excited()
+    return spectra, excited, n_periods, are_low(peaks)
 
 
 def warn_of_lost_input(excited: Spectra, R: np.ndarray) -> None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.excitation.crest import is_improbable
+from nlfrf.excitation.crest import are_low, is_improbable
 from nlfrf.excitation.lines import LineGrid
-from nlfrf.identification.calibration import LARGEST, variance_ratio
+from nlfrf.identification.calibration import LARGEST, read_peaks, variance_ratio
 from nlfrf.identification.realizations import refuse_strangers, warn_of_low_peaks
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_places
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import data_warning
-from nlfrf.shared.leastsquares import rms
+from nlfrf.shared.leastsquares import power, rms
 
-__all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered", "warn_of_loud"]
+__all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered", "read_inputs", "warn_of_loud"]
 
 
 LOOSE, LOST = 10.0, 1e6  # condition of the inputs: warned of, refused
@@ -37,9 +37,8 @@ def is_zippered(spectra: ChannelSpectra) -> bool:
 
 
 def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
-    """Refuse inputs that cannot be told apart, and warn of a set whose phases are copies, or were chosen."""
+    """Refuse inputs that cannot be told apart, and warn of a set whose phases are copies."""
     n_u, M = record.n_inputs, spectra.U.shape[1]
-    warn_of_chosen_phases(record, spectra)
     if is_zippered(spectra):
         if record.r is not None:
             raise ValueError("r must be left out for a zippered record, which is for open loop, got references")
@@ -77,14 +76,26 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
             )
 
 
-def warn_of_chosen_phases(record: MultiRecord, spectra: ChannelSpectra) -> None:
-    """Warn of the first input whose peaks are lower than random phases have them."""
-    played, lines = record.u if record.r is None else record.r, spectra.lines[spectra.excited]
-    for i, name in enumerate(record.inputs):
-        size = rms(known_inputs(spectra)[i])
+def read_inputs(record: MultiRecord, spectra: ChannelSpectra) -> float:
+    """How much more random phases distort than those at hand (`read_peaks`), on average over the inputs.
+
+    Warns of the first input whose peaks are lower than random phases have them.
+    """
+    played, lines, told = record.u if record.r is None else record.r, spectra.lines[spectra.excited], []
+    for u, U, name in zip(played[:, :, 0], known_inputs(spectra), record.inputs, strict=True):
+        U = U[are_on(power(U))]
+        size = rms(U)
         own = size > APART * size.max()
-        if is_improbable(warn_of_low_peaks(played[i, :, 0], size[own], lines[own], name)):
-            return
+        peaks = warn_of_low_peaks(u[are_on(u.var(axis=1))], size[own], lines[own], name)
+        told.append(read_peaks(U[:, own], lines[own], are_low(peaks))[0])
+        if is_improbable(peaks):
+            break
+    return float(np.mean(told))
+
+
+def are_on(size: np.ndarray) -> np.ndarray:
+    """(M,) in which experiments an input was played, by its powers (M,)."""
+    return np.asarray(size > APART**2 * size.max())
 
 
 def refuse_other_sets(power: np.ndarray, names: tuple[str, ...], zippered: bool = False) -> None:

@@ -71,6 +71,9 @@ class Frm:
         Variance at an excited line over the mean on its window of detection lines, as applied.
     levels : tuple of DistortionLevels
         Amplitudes of each output on excited and detection lines.
+    typical : float
+        How much more a set of random phases distorts than those at hand, by the cube of each input, on average over
+        them: as in `Bla`.
     hold : str
         How the inputs ran between their samples, as the `MultiRecord` says: with "zoh" the hold of 1/fs is in G.
 
@@ -121,6 +124,7 @@ class Frm:
     dof: np.ndarray
     grid_factor: np.ndarray
     levels: tuple[DistortionLevels, ...]
+    typical: float = 1.0
     hold: str = "unknown"
 
     def __post_init__(self) -> None:
@@ -182,9 +186,8 @@ class Frm:
         one_of("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov_bound
-        noise = np.nan_to_num(self.cov_noise)
-        scatter = self.n_realizations * excess(self.cov_bound, noise)
-        return self.cov_bound + (1 + SMOOTH * ("roughness" in self.level_source)) * scatter
+        scatter = self.n_realizations * self.typical * (1 + SMOOTH * ("roughness" in self.level_source))
+        return self.cov_bound + scatter * excess(self.cov_bound, np.nan_to_num(self.cov_noise))
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
         """Radius of the disc around each entry that holds the truth with the stated probability.
@@ -262,6 +265,7 @@ class Frm:
             grid_factor=self.grid_factor,
             levels=self.levels[j],
             var_bound=bound,
+            typical=self.typical,
             hold=self.hold,
         )
 

@@ -18,6 +18,7 @@ from nlfrf.multivariable.conditions import (
     check_experiments,
     independent_experiments,
     is_zippered,
+    read_inputs,
     warn_of_loud,
 )
 from nlfrf.multivariable.frm import Frm, excess
@@ -126,6 +127,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     zippered = is_zippered(spectra)
     spectra = join_repeats(spectra, 1 if zippered else record.n_inputs)
     n_periods = (record.n_periods - (treatment == "discard")) * record.n_experiments // spectra.U.shape[1]
+    typical = read_inputs(record, spectra)
     check_experiments(record, spectra)
     frf, between = zippered_frf(spectra) if zippered else (matrix_frf(spectra), None)
     R, per_set = len(frf.each), 1 if zippered else record.n_inputs
@@ -179,6 +181,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         dof=dof,
         grid_factor=level.factor,
         levels=distortion_levels(record, spectra, part),
+        typical=typical,
         hold=record.hold,
     )
 

@@ -27,6 +27,7 @@ RARE, FEW = 4.0, 10.0  # standard deviations, times 1 + FEW over the lines that 
 HARM = 0.25  # error by it over the variance of G from which it is told: the bound then holds 91 % instead of 95 %
 MOST = 3.0  # times the usual line that one may weigh
 NEARBY = 9  # lines over which the residual is averaged to weigh them
+SILENT = 1e-9  # of the weight of a line in the most telling experiment, under which a channel was not played
 ALIKE = 0.8  # of the most telling one, for a channel that explains it nearly as well
 
 
@@ -126,15 +127,20 @@ def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, 
     lines tells, whatever they scatter by; `chance` is what they have in common.
     """
     V, X, weight, C = lines
-    M = V.shape[1]
     along = np.sum((V.real * X.real + V.imag * X.imag) * weight[:, None], axis=0)  # (M, F)
     power = squared(X)
     whole = np.sum(power * weight[:, None], axis=0)
+    usual = np.median(whole, axis=1)
+    on = np.flatnonzero(usual > SILENT * usual.max())
+    M = on.size
+    if M < 2:  # what was played once differs from nothing
+        return Suspect(name=name, experiment=1, kind=kind, size=0.0, told=0.0)
+    along, power, whole = along[on], power[:, on], whole[on]
     # a peak that the fit follows leaves nothing of V, and would weigh most
-    most = MOST * np.median(whole, axis=1, keepdims=True)
-    trust = most / np.maximum(whole, most + np.finfo(float).tiny)
+    most = MOST * usual[on, None]
+    trust = most / np.maximum(whole, most)
     along, whole = along * trust, whole * trust
-    total = whole.sum(axis=1) + np.finfo(float).tiny
+    total = whole.sum(axis=1)
     factor = along.sum(axis=1) / total
     variance = np.sum((along - factor[:, None] * whole) ** 2, axis=1) / total**2
     apart = (factor - factor.mean()) * M / (M - 1)
@@ -146,4 +152,4 @@ def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, 
     chances = float(told[worst])
     if chances > RARE and size**2 / M * np.median(power[:, worst] / C, axis=1).max() < HARM:
         chances = 0.0
-    return Suspect(name=name, experiment=worst + 1, kind=kind, size=size, told=chances)
+    return Suspect(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, told=chances)

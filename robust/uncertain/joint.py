@@ -85,7 +85,8 @@ def matrix_chance(model: Any, frm: Frm, G0: np.ndarray, missed: np.ndarray) -> t
     rng = np.random.default_rng(0)
     g, common, z = (*doubts(n, F, rng), normals((n, F, n_y, n_u), rng))
     bound, gamma = (roots(np.moveaxis(C, 2, 0)) for C in (frm.cov_bound, frm.gamma))
-    extra = roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0))
+    # as a set scatters most likely, not as far as the peaks of its inputs allow it
+    extra = roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0) / frm.typical)
     lines = (2, 0, 1)
     center, kept = np.transpose(r * shrunk, lines), np.transpose(np.sqrt(shrunk + follows), lines)
     size = np.sqrt(share / g)[..., None, None]

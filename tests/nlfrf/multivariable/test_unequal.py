@@ -103,3 +103,14 @@ def test_what_all_experiments_have_in_common_is_not_seen():
     u, y, lines = played(0)
     y[0] *= 1.1
     assert not said(u, y, lines)[1]
+
+
+def test_inputs_played_one_after_the_other_differ_from_nothing():
+    """Each channel in the one experiment in which it was played; nothing is divided by the silence of the others."""
+    ms = nlfrf.multisine("random-odd", fs=FS, n_samples=512, f_min=1, f_max=80, n_realizations=2, rng=1)
+    u = np.repeat((np.eye(2)[:, :, None] * ms.u)[:, :, None], 2, axis=2)
+    y = np.einsum("ji,i...->j...", np.array([[1.0, 0.0], [0.5, 2.0]]), u + 0.01 * u**3)
+    y += 1e-3 * np.random.default_rng(0).standard_normal(y.shape)
+    frm, told = said(u, y, ms.lines)
+    assert not told
+    assert frm.typical >= 1
