@@ -154,9 +154,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     warn_of_loud(spectra, total)
     dof = level.dof + per_set * (R - 1)
     pooled = level.cov if R == 1 else (per_set * (R - 1) * total + level.dof * level.cov) / dof
-    gamma = frf.gamma
-    if between is not None:
-        gamma, pooled = spread_between(between, gamma, pooled, R)
+    gamma, pooled = (frf.gamma, pooled) if between is None else spread_between(between, frf.gamma, pooled, R)
     return Frm(
         f=grid.excited * record.f0,
         G=frf.G,
