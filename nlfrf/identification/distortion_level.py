@@ -209,13 +209,13 @@ def pool_levels(frf: Frf, level: Level, n: int, common: float) -> tuple[np.ndarr
         if np.any(level.doubt):
             variance = variance * widened(level.dof, level.doubt)
         return variance, level.dof
-    chance = 1 + COMMON / frf.G.size  # as far as the scatter shows it
-    beyond = (1 + common) / chance
+    usual = 1 + COMMON / frf.G.size  # as far as the scatter shows it
+    beyond = (1 + common) / usual
     if not level.dof.any():
         return beyond * frf.var_total, np.full(frf.G.size, n - 1.0)
     scatter = n * frf.var_total
     tiny = np.finfo(float).tiny
-    ratio = (scatter + tiny) / (chance * level.cautious + tiny)
+    ratio = (scatter + tiny) / (usual * level.cautious + tiny)
     alone, around = np.maximum(np.log(ratio), 0.0), np.log(local_mean(ratio, SIDE))
     spread = 1 / (n - 1) + 1 / level.dof
     doubt = (
@@ -223,7 +223,7 @@ def pool_levels(frf: Frf, level: Level, n: int, common: float) -> tuple[np.ndarr
     )
     dof_level = 1 / (1 / level.dof + doubt)
     dof = n - 1 + dof_level
-    return beyond * ((n - 1) * frf.var_total + dof_level * chance * level.cautious / n) / dof, dof
+    return beyond * ((n - 1) * frf.var_total + dof_level * usual * level.cautious / n) / dof, dof
 
 
 def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:

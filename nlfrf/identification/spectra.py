@@ -11,7 +11,7 @@ from nlfrf.identification.neighbours import Places
 from nlfrf.identification.transient import find_treatment, local_fit
 from nlfrf.records.record import Record
 from nlfrf.shared.leastsquares import power, squared
-from nlfrf.shared.transforms import BLOCK, blocks, equal, rfft, rfft_at
+from nlfrf.shared.transforms import BLOCK, blocks, repeats, rfft, rfft_at
 from nlfrf.shared.values import value
 
 __all__ = ["Spectra", "dft", "period_spectra"]
@@ -135,13 +135,6 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
         else:
             np.multiply(transformed.take(lines, axis=2), 2 / n_samples, out=spectra[m])
     return spectra
-
-
-def repeats(x: np.ndarray) -> bool:
-    """Whether the periods of x (m, P, N) are the same, number by number."""
-    if x[:, 0].size <= BLOCK:
-        return bool((x[:, 1:] == x[:, :1]).all())
-    return all(equal(one[0], period) for one in x for period in one[1:])
 
 
 def average_periods(where: Places, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None, n_periods: int) -> Spectra:

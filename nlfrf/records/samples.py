@@ -19,7 +19,7 @@ from nlfrf.records.record import Record, refuse_constant
 from nlfrf.records.reference import played_period, played_reference
 from nlfrf.records.regular_grids import jumpy_grid
 from nlfrf.shared.arguments import data_warning, integer, of_kind, positive, real_array
-from nlfrf.shared.transforms import blocks, equal
+from nlfrf.shared.transforms import blocks, equal, repeats
 
 __all__ = ["record_from_samples", "records_from_streams"]
 
@@ -304,8 +304,8 @@ def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> 
 def warn_of_other_rates(streams: Streams, fs: float) -> None:
     """Warn of an output that was sampled more slowly than the input, and held."""
     for name in outputs_of(streams):
-        n, n_u = held_over(streams[name][0]), held_over(streams["u"][0])
-        if n > 1 and n != n_u:
+        n = held_over(streams[name][0])
+        if n > 1 and n != held_over(streams["u"][0]):
             nth = {2: "2nd", 3: "3rd"}.get(n, f"{n}th")
             data_warning(
                 f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and held, and G has that "
@@ -320,11 +320,6 @@ def warn_of_swapped(cut: dict[str, np.ndarray]) -> None:
     for name in outputs_of(cut):
         if repeats(cut[name]) and not repeats(cut["u"]):
             data_warning(f"{name} repeats exactly and u does not: are they swapped? u is what was played")
-
-
-def repeats(periods: np.ndarray) -> bool:
-    """Whether the periods (M, P, N) of each realisation are the same, number by number."""
-    return all(equal(one[0], period) for one in periods for period in one[1:])
 
 
 def grid_of(periodic: np.ndarray) -> LineGrid:

@@ -10,7 +10,18 @@ from functools import lru_cache
 
 import numpy as np
 
-__all__ = ["BLOCK", "all_finite", "blocks", "dct_even", "equal", "fast_length", "is_constant", "rfft", "rfft_at"]
+__all__ = [
+    "BLOCK",
+    "all_finite",
+    "blocks",
+    "dct_even",
+    "equal",
+    "fast_length",
+    "is_constant",
+    "repeats",
+    "rfft",
+    "rfft_at",
+]
 
 BLOCK = 1 << 17  # numbers that are worked on together: they stay in the cache
 LONG = 1 << 17  # samples past which threads are worth the import
@@ -45,6 +56,13 @@ def all_finite(x: np.ndarray) -> bool:
 def equal(x: np.ndarray, other: np.ndarray) -> bool:
     """Whether two streams (n,) are the same, number by number; over at the first block that differs."""
     return all(np.array_equal(x[some], other[some]) for some in blocks(x.size))
+
+
+def repeats(x: np.ndarray) -> bool:
+    """Whether the periods of x (M, P, N) are the same in each realisation, number by number."""
+    if x[:, 0].size <= BLOCK:
+        return bool((x[:, 1:] == x[:, :1]).all())
+    return all(equal(one[0], period) for one in x for period in one[1:])
 
 
 def is_constant(x: np.ndarray) -> bool:
