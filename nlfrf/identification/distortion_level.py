@@ -56,7 +56,7 @@ class Level:
     variance : (F,) ndarray
         At each excited line, averaged over realisations, noise included.
     cautious : (F,) ndarray
-        The largest that the same lines can be read as: the distortion may arise before a resonance or behind it.
+        What a bound takes: the distortion may arise before a resonance or behind it, and the same lines read more then.
     dof : (F,) ndarray
         Complex degrees of freedom behind it.
     grid_factor : (F,) ndarray
@@ -76,10 +76,17 @@ class Level:
     doubt: np.ndarray | float = 0.0
 
 
-def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None) -> Level:
-    """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight."""
+def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool) -> Level:
+    """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight.
+
+    Roughness reads too high, if anything: where detection lines say more, and no scatter is there, both say as much.
+    Not of low peaks (`are_low`), which leave more of the distortion to one gain on all lines, and that is not rough.
+    """
     if source == "detection":
         level = level_from_detection(excited, answer, fit)
+        if fit is not None and len(excited.U) == 1 and not low:
+            both = np.sqrt(level.cautious * fit.variance[0])
+            level = replace(level, cautious=np.minimum(level.cautious, both))
     elif fit is None:
         even = even_variance(excited, answer)
         nothing = np.zeros(even.size)

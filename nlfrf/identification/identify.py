@@ -127,7 +127,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
     answer = nonlinear_answer(spectra, smooth)
-    level = read_level(source, excited, answer, fit)
+    level = read_level(source, excited, answer, fit, low)
     if source == "detection" and fit is not None:
         warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
     told = read_peaks(excited.U, excited.lines, low)

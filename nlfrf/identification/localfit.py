@@ -5,6 +5,9 @@ phases make the stochastic distortion rough over frequency where the FRF itself 
 7.2). It needs no detection lines. The fit is a polynomial, or a rational function where that explains the FRF much
 better (a resonance a few lines wide, a steep slope); what neither can follow is read as distortion, so the level may
 be too high there, not too low.
+
+On a few lines a resonance is narrower than a window is wide. There one rational function of low order is fitted to all
+of them, as of a system with real coefficients and stable poles, and taken where it leaves less than half.
 """
 
 from __future__ import annotations
@@ -14,8 +17,9 @@ from functools import lru_cache
 import numpy as np
 
 from nlfrf.excitation.lines import local_mean
+from nlfrf.identification.calibration import FEW
 from nlfrf.identification.neighbours import KEPT, Places
-from nlfrf.shared.leastsquares import power, two_unknowns
+from nlfrf.shared.leastsquares import power, squared, two_unknowns
 from nlfrf.shared.values import value
 
 __all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
@@ -29,6 +33,10 @@ LEAST_NOISE = 0.5  # share of the known noise that a roughness shows at least
 NOISE_LINES = 13  # neighbouring lines over which the noise of a few periods is averaged
 SMALLEST = 0.1  # denominator, against that at the line itself: a pole of the fit near the window is no distortion
 LEAST = ORDER + 3  # lines that leave two degrees of freedom
+ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
+LEFT = 7.0  # complex degrees of freedom that it leaves at least
+STEPS = 6  # towards the output error of the rational function, each with the denominator of the one before
+HALVED = 0.5  # of the variance about the local fits, beyond which it is left at those: chance has as much
 
 
 @value(copy=False)
@@ -90,7 +98,87 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
         # and not far under the noise that is known to be there
         share = noise_share(variance, denominator, smooth, where.near_excited)
         variance = np.maximum(variance * share, LEAST_NOISE * smooth)
-    return LocalFit(G=both.value(), variance=variance / weight**2, dof=dof)
+    fit = LocalFit(G=both.value(), variance=variance / weight**2, dof=dof)
+    if where.excited.size >= FEW:
+        return fit
+    least = np.zeros(G.shape) if noise is None else LEAST_NOISE * local_mean(noise, NOISE_LINES)
+    return less_bent(fit, G, weight, where.lines[where.excited].astype(float), least)
+
+
+def less_bent(fit: LocalFit, G: np.ndarray, weight: np.ndarray, lines: np.ndarray, least: np.ndarray) -> LocalFit:
+    """The same fits, but for FRFs (M, F) that one rational function over all lines explains much better.
+
+    What it leaves may be flat at the output or follow |G|: both readings weigh as likely as they make it, their root
+    mean square is what a bound asks for. The degrees of freedom stay those of a window, as a level that varies
+    otherwise has no more; `least` (M, F) is the variance that noise alone makes.
+    """
+    value, variance = fit.G.copy(), fit.variance.copy()
+    tiny = np.finfo(float).tiny
+    for m, one in enumerate(G):
+        whole, left = fit_whole_band(one, weight[m], lines)
+        if not left:
+            continue
+        shape = np.array([np.ones(lines.size), np.maximum(squared(whole), tiny)]) / (weight[m] * weight[m])
+        left_over = np.add.reduce(squared(one - whole) / shape, axis=1)
+        readings = np.maximum(left_over[:, None] / left * shape, tiny)
+        fits = -np.add.reduce(np.log(readings), axis=1) * (left / lines.size)
+        likely = np.exp(fits - fits.max())
+        highest = readings.max()
+        about = highest * np.sqrt(likely @ (readings / highest) ** 2 / likely.sum())
+        about = np.maximum(about, least[m])
+        if np.mean(np.log(about) - np.log(np.maximum(variance[m], tiny))) < np.log(HALVED):
+            less = about < variance[m]
+            value[m, less], variance[m, less] = whole[less], about[less]
+    return LocalFit(G=value, variance=variance, dof=fit.dof)
+
+
+def fit_whole_band(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, float]:
+    """The rational function (F,) nearest to an FRF over all its lines, and the complex degrees of freedom it leaves.
+
+    Real coefficients in s, stable poles, relative errors; each step takes the denominator of the one before as a weight
+    (Sanathanan & Koerner, IEEE Trans. Autom. Control 8, 1963). The FRF itself, and none, where nothing was found.
+    """
+    size = np.abs(G)
+    relative = weight / np.maximum(size, np.finfo(float).eps * size.max() + np.finfo(float).tiny ** 0.25)
+    s = 1j * lines / np.sqrt(lines[0] * lines[-1])
+    best, lowest, degrees = G, np.inf, 0.0
+    for order in ORDERS:
+        left = lines.size - order - 0.5  # half of 2 n + 1 real coefficients
+        if left < LEFT:
+            break
+        powers = s[:, None] ** np.arange(order + 1)
+        columns = np.concatenate([powers, -G[:, None] * powers[:, 1:]], axis=1)
+        scale = relative
+        for _ in range(STEPS):
+            x = real_solution(columns * scale[:, None], G * scale)
+            denominator = 1 + powers[:, 1:] @ x[order + 1 :]
+            if not denominator.all():
+                break
+            scale = relative / np.abs(denominator)
+            whole = powers @ x[: order + 1] / denominator
+            cost = float(power((G - whole) * relative)) / left
+            if cost < lowest and is_stable(x[order + 1 :]):
+                best, lowest, degrees = whole, cost, left
+    return best, degrees
+
+
+def real_solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(p,) real least squares of complex rows (n, p), with columns scaled alike."""
+    stacked = np.concatenate([A.real, A.imag])
+    scale = np.sqrt(np.vecdot(stacked.T, stacked.T))
+    scale[scale == 0] = 1.0
+    return np.asarray(np.linalg.lstsq(stacked / scale, np.concatenate([b.real, b.imag]), rcond=1e-12)[0] / scale)
+
+
+def is_stable(a: np.ndarray) -> bool:
+    """Whether 1 + a1 s + a2 s^2 (+ a3 s^3 + a4 s^4) has all its roots in the left half-plane (Routh and Hurwitz).
+
+    >>> is_stable(np.array([0.1, 1.0])), is_stable(np.array([1.0, 3.0, 1.0, 1.0])), is_stable(np.array([1.0, 1, 1, 1]))
+    (True, True, False)
+    """
+    if (a <= 0).any():
+        return False
+    return bool(a.size == 2 or a[0] * a[1] * a[2] > a[0] * a[0] * a[3] + a[2] * a[2])
 
 
 @value(copy=False)

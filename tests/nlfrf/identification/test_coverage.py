@@ -35,6 +35,9 @@ def complex_normal(rng, shape):
         (("one way", "odd", 1, 1, None, FINE, 0), "74 % on the first line"),
         (("slipping", "full", 1, 1, None, FINE, 0), "a level that falls with frequency: 63 % on the first line"),
         (("slipping", "special-odd", 1, 2, 20, FINE, 0), "87 % on the first three lines"),
+        (("Hammerstein", "odd-odd", 1, 1, None, dict(f_max=60), 0), "a mode between two lines: 2.0 times as wide"),
+        (("softening", "odd", 1, 1, None, dict(f_min=5, f_max=30), 0), "2.4 times as wide"),
+        (("one way", "special-odd", 1, 1, None, dict(f_min=3, f_max=170), 0), "1.7 times as wide"),
     ],
     ids=lambda case: "-".join(map(str, case[:4])) if isinstance(case, tuple) else "",
 )
