@@ -56,7 +56,8 @@ class Level:
     variance : (F,) ndarray
         At each excited line, averaged over realisations, noise included.
     cautious : (F,) ndarray
-        What a bound takes: the distortion may arise before a resonance or behind it, and the same lines read more then.
+        What a bound takes: what the lines read where the distortion may arise before a resonance or behind it, held
+        against the roughness.
     dof : (F,) ndarray
         Complex degrees of freedom behind it.
     grid_factor : (F,) ndarray

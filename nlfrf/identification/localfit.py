@@ -84,6 +84,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
     n = where.near_excited.shape[1]
     dof = np.full(variance.shape, n - ORDER - 1)
     denominator: np.ndarray | float = 1.0
+    least = np.zeros(variance.shape)
     if better.any():
         _, powers, _ = local_powers(where)
         inverse = np.where(better[..., None], np.abs(1 - np.vecmat(both.a.conj(), powers[:, 1:])), 1.0)
@@ -97,12 +98,12 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
         smooth = local_mean(noise * weight**2, NOISE_LINES)
         # and not far under the noise that is known to be there
         share = noise_share(variance, denominator, smooth, where.near_excited)
-        variance = np.maximum(variance * share, LEAST_NOISE * smooth)
+        least = LEAST_NOISE * smooth
+        variance = np.maximum(variance * share, least)
     fit = LocalFit(G=both.value(), variance=variance / weight**2, dof=dof)
     if where.excited.size >= FEW:
         return fit
-    least = np.zeros(G.shape) if noise is None else LEAST_NOISE * local_mean(noise, NOISE_LINES)
-    return less_bent(fit, G, weight, where.lines[where.excited].astype(float), least)
+    return less_bent(fit, G, weight, where.lines[where.excited].astype(float), least / weight**2)
 
 
 def less_bent(fit: LocalFit, G: np.ndarray, weight: np.ndarray, lines: np.ndarray, least: np.ndarray) -> LocalFit:

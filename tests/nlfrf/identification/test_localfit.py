@@ -23,15 +23,15 @@ def resonance(zeta, line=17.0):
     return 1 / (s**2 + 2 * zeta * s + 1)
 
 
-@pytest.mark.parametrize("follows", [True, False], ids=["follows |G|", "flat"])
+@pytest.mark.parametrize(("follows", "most"), [(True, 1.2), (False, 1.4)], ids=["follows |G|", "flat"])
 @pytest.mark.parametrize("zeta", [0.03, 0.1])
-def test_a_mode_a_line_wide_is_no_roughness(follows, zeta):
-    """A mode of 3 % damping bends within a line or two: the windows read it as 10 to 40 dB of roughness."""
+def test_a_mode_a_line_wide_is_no_roughness(follows, most, zeta):
+    """Windows read a mode as 7 dB of roughness on half of the lines, beside scatter that is flat as 3 dB."""
     each, known = scattered(resonance(zeta), follows, np.random.default_rng(1))
     fit = fit_locally(each, np.ones(each.shape), place_lines(LineGrid(excited=LINES)))
     ratio = np.sqrt(np.mean(fit.variance / known, axis=0))
     assert np.all(ratio > 0.85)
-    assert np.median(ratio) < 1.6
+    assert np.median(ratio) < most
 
 
 def test_without_a_mode_the_windows_are_left_as_they_are():
