@@ -156,6 +156,18 @@ def realisations(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str,
     return runs[0] | {name: [run[name] for run in runs] for name in "uy"}
 
 
+def mixed_up(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """Three realisations, the outputs in another order than the inputs."""
+    runs = [cut(*sound(seed)[1:]) for seed in range(3)]
+    return runs[0] | {"u": [run["u"] for run in runs], "y": [runs[m]["y"] for m in (1, 2, 0)]}
+
+
+def rewired(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """Three realisations, the sensor turned round before the last one."""
+    runs = [cut(*sound(seed)[1:]) for seed in range(3)]
+    return runs[0] | {"u": [run["u"] for run in runs], "y": [runs[0]["y"], runs[1]["y"], -runs[2]["y"]]}
+
+
 def played_again(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
     """The same file played three times."""
     runs = [cut(u, y, seed) for seed in range(3)]
@@ -269,7 +281,19 @@ FAULTS = [
         realisations,
         r"same amplitude spectrum in every realisation, got realisation 2 up to 6\.0 dB",
     ),
-    Fault("both", "y of another run", of_another_run, r"G jumps from line to line by \d+ % of its size", refused=False),
+    Fault("both", "y of another run", of_another_run, r"y does not follow u in realisation 0", refused=False),
+    Fault(
+        "both",
+        "the files of y in another order than those of u",
+        mixed_up,
+        r"that of realisation 0 follows u of realisation 1, .* are the files of both in one order",
+    ),
+    Fault(
+        "y",
+        "sensor turned round before the last realisation of three",
+        rewired,
+        r"y must have one sign, got: it turns in realisation 2",
+    ),
     Fault("both", "one file played three times", played_again, r"realisations with the same phases", refused=False),
     Fault(
         "y",

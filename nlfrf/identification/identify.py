@@ -23,7 +23,7 @@ from nlfrf.identification.distortion_level import (
 )
 from nlfrf.identification.frf import Frf, average_frf, warn_of_jumps
 from nlfrf.identification.neighbours import place_lines
-from nlfrf.identification.realizations import check_realizations
+from nlfrf.identification.realizations import check_realizations, refuse_mispaired
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
 from nlfrf.identification.transient import TREATMENTS
 from nlfrf.records.detection import refuse_wrong_lines
@@ -126,9 +126,10 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
+    strange = refuse_mispaired(frf, excited, None if fit is None else fit.variance[0])
     answer = nonlinear_answer(spectra, smooth)
     level = read_level(source, excited, answer, fit, low)
-    if source == "detection" and fit is not None:
+    if source == "detection" and fit is not None and not strange:
         warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
     told = read_peaks(excited.U, excited.lines, low)
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
