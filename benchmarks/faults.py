@@ -309,6 +309,13 @@ FAULTS = [
         r"1 lost before period 3, 1 lost before period 5, 1 lost before period 7",
         RESAMPLE,
     ),
+    Fault(
+        "y",
+        "one sample lost, and one repeated later in its period",
+        on_y(lambda y: np.delete(np.insert(y, 7300, y[7300]), 6400)),
+        r"y does not repeat in period 4 of 8",
+        RESAMPLE,
+    ),
     Fault("y", "two samples repeated", on_y(repeated(8700, 2)), r"2 repeated before period 6", RESAMPLE),
     Fault(
         "y",

@@ -4,7 +4,7 @@ python -m benchmarks.sound_records [--records 40]
 
 A resonance at 20 Hz that starts from rest and rings on, or settled behind much noise; then the same with samples of the
 input, the output or both lost or repeated at a place drawn by chance, which has to be told: anywhere but among the
-first sixteen, where what stands before the gap is too short to be found again.
+first sixteen, where what stands before the gap is too short to be found again. Then at two places of one period.
 """
 
 from __future__ import annotations
@@ -40,6 +40,19 @@ def without(y, n, seed, first=16):
     if n > 0:
         return np.concatenate([y[:at], y[at + n :], y[-N : -N + n]])[: y.size]
     return np.concatenate([y[:at], np.full(-n, y[at]), y[at:]])[: y.size]
+
+
+def without_twice(y, n, later, seed):
+    """The same with n samples lost, or -n repeated, and behind them in one period as many as `later` says."""
+    rng = np.random.default_rng([seed, 7])
+    period = N * int(rng.integers(y.size // N))
+    at = int(rng.integers(16, N - 200))
+    spoilt = y
+    for place, lost in ((int(rng.integers(at + 50, N)), later), (at, n)):
+        place += period
+        held = np.full(max(-lost, 0), spoilt[place])
+        spoilt = np.concatenate([spoilt[:place], held, spoilt[place + max(lost, 0) :]])
+    return np.append(spoilt, y[-N:])[: y.size] if spoilt.size < y.size else spoilt[: y.size]
 
 
 def outcome(u, y, truth, resample=False):
@@ -83,6 +96,19 @@ def main() -> None:
                         found.append(outcome(u, y, truth))
                         cured.append(outcome(u, y, truth, resample=True))
                     tell(f"{f'{lost:+d} in {where}':<20} {n_periods:>7} {noise:>6g}", found, cured)
+    print("\nthe same at two places of one period")
+    for where in ("y", "u", "both"):
+        for first, later in ((1, -1), (5, -5), (1, 1), (3, 1)):
+            for n_periods in (2, 3, 4, 8):
+                for noise in (1e-3, 0.1):
+                    found, cured = [], []
+                    for seed in range(n):
+                        _, u, y, truth = played(0.1, n_periods, seed, settled=True, noise=noise)
+                        y = y if where == "u" else without_twice(y, first, later, seed)
+                        u = u if where == "y" else without_twice(u, first, later, seed)
+                        found.append(outcome(u, y, truth))
+                        cured.append(outcome(u, y, truth, resample=True))
+                    tell(f"{f'{first:+d} {later:+d} in {where}':<20} {n_periods:>7} {noise:>6g}", found, cured)
 
 
 def tell(case, *outcomes):

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from nlfrf.records.coarse import coarse, common_step
-from nlfrf.records.gaps import gaps_inside
+from nlfrf.records.gaps import gaps_inside, torn_periods
 from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.transforms import BLOCK, blocks, equal, rfft, rfft_at
@@ -44,6 +44,7 @@ CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal
 PART, FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
 SLOW = 0.02  # how much a pace of one sample counts against one of none that explains as much
 DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
+NEAR = 1e-12  # of a sample: so near it is that sample
 BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
 
 
@@ -179,20 +180,19 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     n_periods = u.size // n_samples
     periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
     if all(equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
-        nothing = np.zeros(n_periods)
-        return Track(
-            n_samples=n_samples,
-            delay=nothing,
-            sound=nothing == 0,
-            gaps=nothing,
-            noise=0.0,
-            misplaced=0.0,
-            unexplained=0.0,
-        )
+        return in_place(n_samples, np.ones(n_periods, dtype=bool))
     step = common_step([u], n_samples) if n_samples > BLOCK else 1
     found = track_periods(coarse(periods, step))
     return replace(
         found, n_samples=n_samples, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise
+    )
+
+
+def in_place(n_samples: int, sound: np.ndarray) -> Track:
+    """Periods (P,) that are sound or not, and stand where they should."""
+    nothing = np.zeros(sound.size)
+    return Track(
+        n_samples=n_samples, delay=nothing, sound=sound, gaps=nothing, noise=0.0, misplaced=0.0, unexplained=0.0
     )
 
 
@@ -212,8 +212,12 @@ def track_periods(periods: np.ndarray) -> Track:
     weight = weight[used]
     spectra = np.array([rfft_at(one, used) for one in periods])
     gaps = gaps_inside(periods, int(used[-1]))
-    if gaps[first]:
-        first = int(np.argmax(steady & (gaps == 0)))
+    torn, gaps = torn_periods(periods, int(used[-1]), gaps)
+    whole_inside = (gaps == 0) & ~torn
+    if torn.all():
+        return in_place(n_samples, whole_inside)
+    if not whole_inside[first]:
+        first = int(np.argmax(steady & whole_inside))
     reference = spectra[first]
     whole = -np.array([likeliest_lag(one * reference.conj(), used, n_samples) for one in spectra])
     cross, slope = spectra * reference.conj(), 2 * np.pi * used / n_samples
@@ -225,9 +229,9 @@ def track_periods(periods: np.ndarray) -> Track:
     turned = spectra * np.exp(-1j * slope * delay[:, None])
     rest = np.sum(np.abs(turned - reference) ** 2, axis=1) / np.sum(weight)
     delay = -delay  # a period that stands later has a positive delay
-    whole_ones = np.delete(rest, first)[np.delete(gaps, first) == 0]
+    whole_ones = np.delete(rest, first)[np.delete(whole_inside, first)]
     typical = float(np.median(whole_ones)) if whole_ones.size else 0.0
-    sound = (rest < max(1e-3, 10 * typical)) & (gaps == 0)
+    sound = (rest < max(1e-3, 10 * typical)) & whole_inside
     noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size)))
     shift = delay[sound] - delay[sound].mean()
     misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
@@ -268,6 +272,8 @@ def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
         No whole sound period.
     """
     n, n_periods = where.n_samples, where.delay.size
+    if not where.sound.any():
+        raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none: {where.fault}")
     j = np.arange(n_periods)
     curve = where.pace  # a straight line has less noise in it than the delays one by one
     if where.drifts:
@@ -297,15 +303,17 @@ def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     >>> bool(abs(between(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
     True
     """
+    from scipy.special import i0
+
     offset = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)
+    sign = np.where(offset % 2, -1.0, 1.0)  # the sine of the sinc is the same for all, but for its sign
     values = np.empty(at.size)
     for some in blocks(at.size, offset.size):
         first = np.floor(at[some]).astype(int)
         index = np.clip(first[:, None] + offset, 0, x.size - 1)
-        distance = (at[some] - first)[:, None] - offset
-        window = np.i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
-        kernel = np.sinc(distance) * window
-        values[some] = np.sum(x[index] * kernel, axis=1) / np.sum(kernel, axis=1)
+        distance = np.maximum(at[some] - first, NEAR)[:, None] - offset
+        kernel = sign / distance * i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
+        values[some] = np.vecdot(x[index], kernel) / np.add.reduce(kernel, axis=1)
     return values
 
 

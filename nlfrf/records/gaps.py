@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf.shared.leastsquares import power, squared
 from nlfrf.shared.transforms import rfft
 
-__all__ = ["gaps_inside"]
+__all__ = ["gaps_inside", "torn_periods"]
 
 
 SURE = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
@@ -27,6 +27,7 @@ STEEP = 8.0  # times as much before a gap as behind it: no resonance that then s
 PEAKED = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
 TINY = np.finfo(float).tiny
 SHORT = 8  # samples of the gaps that are tried wherever they are
+FINE = 1 << 13  # places of a long period between which two gaps are looked for
 
 
 def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
@@ -47,10 +48,8 @@ def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
     >>> gaps_inside(np.delete(np.append(y, y[0]), 130).reshape(3, 100), 50)
     array([ 0., -1.,  0.])
     """
-    n = y.shape[1]
     apart = [summed(one - following) for one, following in pairwise(y)]
-    quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in apart)
-    noise = max(4 * quarter, ROUNDING * float(power(y[-1]))) / n
+    noise = least_noise(apart, y[-1])
     found = np.zeros(len(y))
     for j, up_to in enumerate(apart):
         found[j] = shift_before_gap(y[j], y[j + 1], up_to, noise, last)
@@ -58,6 +57,110 @@ def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
         backwards = apart[-1][-1] - apart[-1][::-1]
         found[-1] = -shift_before_gap(y[-1, ::-1], y[-2, ::-1], backwards, noise, last)
     return found
+
+
+def torn_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(P,) bool: periods with several gaps inside, between which a part stands elsewhere; (P,) all gaps with theirs.
+
+    What was lost and then made up for leaves all that follows in its place. Of two periods both are named.
+
+    Parameters
+    ----------
+    y : (P, N) ndarray
+        Periods of one signal.
+    last : int
+        Last excited line.
+    gaps : (P,) ndarray
+        What `gaps_inside` found: where it found any, that is what two periods differ by.
+
+    Examples
+    --------
+    >>> y = np.random.default_rng(1).standard_normal((1, 100)).repeat(4, axis=0).ravel()
+    >>> y[230:270] = y[231:271]
+    >>> torn_periods(y.reshape(4, 100), 50, np.zeros(4))[0]
+    array([False, False,  True, False])
+    """
+    apart = [summed(one - following) for one, following in pairwise(y)]
+    noise = least_noise(apart, y[-1])
+    unlike, torn, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
+    for j, up_to in enumerate(apart):
+        if gaps[j] or gaps[j + 1]:
+            continue
+        found, shift = two_gaps(y[j], y[j + 1], up_to, noise, last)
+        if found and shift:  # what stands before both gaps is found elsewhere in the period that follows them
+            torn[j], total[j] = True, shift
+        elif found:
+            unlike[j + 1] = True  # one or the other: nothing is lost
+        else:
+            backwards = up_to[-1] - up_to[::-1]
+            found, shift = two_gaps(y[j + 1, ::-1], y[j, ::-1], backwards, noise, last)
+            if found:
+                torn[j + 1], total[j + 1] = True, -shift
+    if len(y) == 2:
+        return torn | unlike[1], total
+    torn |= unlike[1:] & unlike[:-1]
+    torn[0] |= unlike[1] and not (unlike[2] or torn[1])
+    torn[-1] |= unlike[-2] and not (unlike[-3] or torn[-2])
+    return torn, total
+
+
+def least_noise(apart: list[np.ndarray], y: np.ndarray) -> float:
+    """Variance of what two periods differ by in the quarter where it is least, `summed`, for a signal y (N,)."""
+    n = y.size
+    quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in apart)
+    return max(4 * quarter, ROUNDING * float(power(y))) / n
+
+
+def two_gaps(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int) -> tuple[bool, int]:
+    """Whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
+
+    And the samples by which what stands before it is, up to the first of two gaps.
+    """
+    n = one.size
+    blur = max(n / (2 * last), 1.0)
+    if not is_uneven(apart, max(ROUNDING * float(power(following)) / n, TINY), blur):
+        return False, 0
+    tried = [0, *shifts(one, following, apart)]
+    stride = max(1, n // FINE)
+    edge = -(-SHORT // stride)  # as in `shift_before_gap`
+    left = np.array([summed(one - np.roll(following, -shift))[::stride] for shift in tried])
+    apart = left[0]
+
+    def explained(shift: int, begin: int, end: int) -> bool:
+        """Whether one of the shifts explains all of what they differ by there."""
+        begin, end = begin + edge, end - edge
+        if (end - begin) * stride < ENOUGH:
+            return False
+        whole, rest = apart[end] - apart[begin], left[shift, end] - left[shift, begin]
+        if whole - rest < SURE * blur * noise:
+            return False
+        parts = begin + np.arange(5) * (end - begin) // 4
+        step = summed(np.roll(following, -tried[shift]) - following)[::stride]
+        told = rest <= max(LEFT * whole, 2 * (end - begin) * stride * noise)
+        return told and is_that_shift(parts, apart, left[shift], step, noise * blur)
+
+    # one shift up to the first gap, another up to the second: the pair that leaves least
+    for before in ([0], range(1, len(tried))):
+        least = np.inf, 0, 0, 0, 0
+        for i in before:
+            from_first = np.minimum.accumulate(left[i] - left[1:], axis=1)
+            for j, rest in enumerate(from_first + left[1:] - apart, 1):
+                end = int(np.argmin(rest))
+                if rest[end] < least[0]:
+                    least = float(rest[end]), i, j, int(np.argmin((left[i] - left[j])[: end + 1])), end
+        _, i, j, begin, end = least
+        behind = min(end + edge, apart.size - 1)
+        if begin < edge or apart[-1] - apart[behind] > 2 * n * noise:
+            continue
+        if explained(j, begin, end) and (i == 0 or explained(i, 0, begin)):
+            return not rings(one - following, begin * stride, behind * stride), tried[i]
+    return False, 0
+
+
+def is_that_shift(parts: np.ndarray, apart: np.ndarray, left: np.ndarray, step: np.ndarray, noise: float) -> bool:
+    """Whether each part of a signal asks for all of a shift, by what it explains, `summed`, and the step it makes."""
+    before, after, size = (np.diff(x[parts]) for x in (apart, left, step))
+    return bool((np.abs(before - after - size) < 2 * WHOLE * size + 6 * np.sqrt(noise * size)).all())
 
 
 def shift_before_gap(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int) -> int:
@@ -82,17 +185,20 @@ def shift_before_gap(one: np.ndarray, following: np.ndarray, apart: np.ndarray, 
         if min(explained, left[-1] - left[gap] - behind) < sure or left[end] > max(LEFT * apart[end], 2 * end * least):
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
-        parts = np.arange(5) * end // 4
-        before, after, size = (np.diff(x[parts]) for x in (apart, left, step))
-        whole = np.abs(before - after - size) < 2 * WHOLE * size + 6 * np.sqrt(noise * blur * size)
-        if whole.all() and explained > most and not rings(one - following, gap):
+        whole = is_that_shift(np.arange(5) * end // 4, apart, left, step, noise * blur)
+        if whole and explained > most and not rings(one - following, 0, gap):
             found, most = shift, explained
     return found
 
 
-def rings(apart: np.ndarray, gap: int) -> bool:
-    """Whether what periods differ by (N,) goes on behind a gap on one frequency, as a resonance that rings for long."""
-    before, behind = power(apart[:gap]) / gap, power(apart[gap:]) / (apart.size - gap)
+def rings(apart: np.ndarray, begin: int, gap: int) -> bool:
+    """Whether what periods differ by (N,) goes on behind a gap on one frequency, as a resonance that rings for long.
+
+    It is held against what they differ by before it, from `begin` on.
+    """
+    if apart.size - gap < ENOUGH:
+        return True  # so few samples do not tell
+    before, behind = power(apart[begin:gap]) / (gap - begin), power(apart[gap:]) / (apart.size - gap)
     if before > STEEP * behind:
         return False
     spectrum = squared(rfft(apart[gap:] * np.hanning(apart.size - gap)))

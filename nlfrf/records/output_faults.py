@@ -15,7 +15,7 @@ from nlfrf.excitation.phases import in_common
 from nlfrf.records.changes import ALONE, FEW, gain_told, line, point_told
 from nlfrf.records.coarse import coarse, common_step
 from nlfrf.records.faults import MOST, SEVERE, between, likeliest_lag, nonzero
-from nlfrf.records.gaps import gaps_inside
+from nlfrf.records.gaps import gaps_inside, torn_periods
 from nlfrf.records.ringing import is_transient
 from nlfrf.shared.leastsquares import power
 from nlfrf.shared.transforms import BLOCK, equal, rfft_at
@@ -48,6 +48,8 @@ class Lag:
         The whole samples of it, from samples of y that were lost (negative) or repeated.
     sound : (P,) bool ndarray
         Periods that repeat the others but for a delay and a gain, with no gap inside.
+    torn : (P,) bool ndarray
+        Periods of which a part stands elsewhere than in the others.
     noise : float
         Standard deviation of the delays by noise [samples].
     misplaced : float
@@ -66,6 +68,7 @@ class Lag:
     delay: np.ndarray
     jumps: np.ndarray
     sound: np.ndarray
+    torn: np.ndarray
     noise: float
     misplaced: float
     explained: float
@@ -77,10 +80,10 @@ class Lag:
     def broken(self) -> bool:
         """Whether a period does not repeat the others, after the first that do: before, there may be a transient.
 
-        Or a gap, behind which all that is sound stands elsewhere against the input.
+        Or a gap, behind which all that is sound stands elsewhere against the input; or a part of it does.
         """
         first = int(np.argmax(self.sound))
-        return not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
+        return bool(self.torn.any()) or not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
 
     @property
     def clock(self) -> float:
@@ -151,29 +154,33 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
     step = common_step([u[0], y[0]], n_samples) if n_samples > BLOCK else 1
     u, y = coarse(u, step), coarse(y, step)
     lines = lines[2 * lines < y.shape[1]]
-    gaps = step * gaps_inside(y, int(lines[-1]))
-    lag = followed(u, y, lines, step, gaps)
+    gaps = gaps_inside(y, int(lines[-1]))
+    torn, gaps = torn_periods(y, int(lines[-1]), gaps)
+    if torn.all():
+        return replace(nothing_told(len(y), n_samples), sound=~torn, torn=torn)
+    gaps *= step
+    lag = followed(u, y, lines, step, gaps, torn)
     if lag.fault or lag.drift:
-        first = settled_from(y, int(lines[-1]), gaps)
+        first = settled_from(y, int(lines[-1]), (gaps != 0) | torn)
         if first > len(y) - 2:
             return nothing_told(len(y), n_samples)
         if first:
-            return with_ringing(followed(u[first:], y[first:], lines, step, gaps[first:]), first)
+            return with_ringing(followed(u[first:], y[first:], lines, step, gaps[first:], torn[first:]), first)
     # a gap before all that is sound: that is where the rest stands
     gaps[int(np.argmax(lag.sound)) :] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
 
 
-def settled_from(y: np.ndarray, last: int, gaps: np.ndarray) -> int:
+def settled_from(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
 
-    A transient dies away: what grows within a period, as behind a gap, is none, nor is a gap itself.
+    A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,).
     """
     Y = rfft_at(y, np.arange(1, last + 1))[:, None]
     for j, (one, following) in enumerate(itertools.pairwise(y)):
         early, late = np.array_split(one - following, 2)
         dies = power(early) >= power(late)
-        if gaps[j] or not (dies and is_transient(Y[j], Y[j + 1])):
+        if broken[j] or not (dies and is_transient(Y[j], Y[j + 1])):
             return j
     return len(y) - 1
 
@@ -186,6 +193,7 @@ def nothing_told(n_periods: int, n_samples: int) -> Lag:
         delay=zeros,
         jumps=zeros,
         sound=ones > 0,
+        torn=zeros > 0,
         noise=np.inf,
         misplaced=0.0,
         explained=0.0,
@@ -206,13 +214,14 @@ def with_ringing(lag: Lag, n: int) -> Lag:
         delay=after(lag.delay, 0.0),
         jumps=after(lag.jumps, lag.jumps[0]),
         sound=after(lag.sound, True),
+        torn=after(lag.torn, False),
         gain=after(lag.gain, lag.gain[0]),
         offset=after(lag.offset, lag.offset[0]),
     )
 
 
-def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray) -> Lag:
-    """`follow` for signals of which one sample in so many is left, and in whose periods there are such gaps (P,)."""
+def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray, torn: np.ndarray) -> Lag:
+    """`follow` for signals of which one sample in so many is left, with such gaps in periods, or torn ones (P,)."""
     n_samples = step * y.shape[1]
     if lines.size > MOST:
         lines = np.sort(np.random.default_rng(0).choice(lines, MOST, replace=False))
@@ -234,8 +243,9 @@ def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: n
     sound &= np.abs(size / np.median(size) - 1) < LEVEL + SURE * gain_noise
     if len(y) == 2:
         sound = np.ones(2, dtype=bool)
-    if (gaps == 0).any():
-        sound &= gaps == 0
+    whole = (gaps == 0) & ~torn
+    if whole.any():
+        sound &= whole
     sound, jumps = gaps_in(delay, sound, noise, n_samples)
     shift = delay[sound] - delay[sound].mean()
     Y = output.spectra[sound]
@@ -245,6 +255,7 @@ def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: n
         delay=delay - delay[np.argmax(sound)],
         jumps=jumps,
         sound=sound,
+        torn=torn,
         noise=noise,
         misplaced=float(np.mean(shift**2)) * lever / total,
         explained=1 - float(np.sum(output.rest[sound])) / before if before > 0 else 0.0,
@@ -306,7 +317,7 @@ def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> t
     row = np.clip(np.searchsorted(periods, turns.astype(int), side="right") - 1, 0, periods.size - 1)
     at += lag.jumps[row]
     first = int(np.argmax(lag.sound))
-    good = lag.sound | (np.arange(periods.size) < first)
+    good = (lag.sound | (np.arange(periods.size) < first)) & ~lag.torn
     step = np.diff(lag.jumps, append=lag.jumps[-1]) != 0
     good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to make it unsound
     inside = (at[0 :: lag.n_samples] > -0.5)[periods]
