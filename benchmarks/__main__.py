@@ -34,6 +34,7 @@ COMMANDS = (
     "faults",
     "sound_records --records 15",
     "attack_design_frf --designs 60",
+    "mispaired",
     "unequal_experiments",
     "fuzz_loaders --files 100",
     "fuzz_readers --files 200",

@@ -44,10 +44,8 @@ LOST, MANY = 4.0, 0.1  # power over that of its noise below which an input is lo
 FEWEST = 4  # lines that can tell phases apart
 FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
 PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
-UNRELATED, RELATED = (
-    3.0,
-    5.0,
-)  # standard deviations of chance up to which phases agree by it, and from which they follow
+UNRELATED = 3.0  # standard deviations of chance up to which phases agree by it
+RELATED = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
 TELLING = 30  # pairs of equal steps from which it is said that y follows no input
 HIDDEN = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
 NOISY = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
@@ -313,7 +311,8 @@ def refuse_mispaired(frf: Frf, excited: Spectra, rough: np.ndarray | None) -> bo
         refuse_turned(frf.each)
         return False
     common = (second_steps(excited.Y, steps) @ second_steps(excited.U, steps).conj().T).real / steps.shape[1]
-    pairs = [(m, int(common[m].argmax())) for m in np.flatnonzero(alone) if common[m].max() > RELATED * chance]
+    sure = beyond_chance(n * n) * chance
+    pairs = [(m, int(common[m].argmax())) for m in np.flatnonzero(alone) if common[m].max() > sure]
     if pairs:
         who = ", ".join(f"that of realisation {m} follows u of realisation {other}" for m, other in pairs[:4])
         raise ValueError(
@@ -338,12 +337,20 @@ def refuse_turned(each: np.ndarray) -> None:
     n, n_lines = each.shape
     unit = each / np.maximum(np.abs(each), TINY)
     agree = np.add.reduce((unit * np.add.reduce(unit).conj()).real, axis=1) - n_lines  # with the others
-    turned = np.flatnonzero(agree < -RELATED * np.sqrt((n - 1) * n_lines / 2))
+    turned = np.flatnonzero(agree < -beyond_chance(n) * np.sqrt((n - 1) * n_lines / 2))
     if n > 1 and turned.size:
         who = (
             "realisations 0 and 1 differ by it" if n == 2 else f"it turns in realisation {', '.join(map(str, turned))}"
         )
         raise ValueError(f"y must have one sign, got: {who}; was it rewired?")
+
+
+def beyond_chance(n: int) -> float:
+    """How many standard deviations the largest of n means of random phases stays under, but for `RELATED`.
+
+    They have lighter tails than a normal distribution.
+    """
+    return float(np.sqrt(2 * np.log(n / RELATED)))
 
 
 def second_steps(x: np.ndarray, steps: np.ndarray) -> np.ndarray:
