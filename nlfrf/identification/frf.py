@@ -1,20 +1,39 @@
-"""The FRF averaged over realisations, with its variance by noise and in total."""
+"""The FRF averaged over realisations, with its variance by noise and in total, and whether it is one at all.
+
+A smooth FRF turns its phase by the same angle over neighbouring steps between lines that are equally long, whatever its
+delay. That of an output over the input of another realisation turns at random.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from nlfrf.identification.realizations import equal_steps
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
-from nlfrf.shared.leastsquares import squared
+from nlfrf.shared.leastsquares import power, squared
 from nlfrf.shared.values import value
 
-__all__ = ["Frf", "average_frf", "residual_variance", "warn_of_jumps"]
+__all__ = [
+    "Frf",
+    "average_frf",
+    "refuse_another_reference",
+    "refuse_mispaired",
+    "residual_variance",
+    "warn_of_jumps",
+]
 
 
 #: Roughness over the level and over |G|^2 past which u and y do not belong together, where most lines have it.
 JUMPING, SHARE = 2.5, 0.03
 SPARE = 2  # lines more than the half: few lines are rough by chance
+FEWEST = 4  # pairs of equal steps that can tell phases apart
+UNRELATED = 3.0  # standard deviations of chance up to which phases agree by it
+RELATED = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
+TELLING = 30  # pairs of equal steps from which it is said that y follows no input
+HIDDEN = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
+NOISY = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
+TINY = np.finfo(float).tiny
 
 
 @value(copy=False)
@@ -101,3 +120,107 @@ def warn_of_jumps(
             "same order, with one trigger and one sign? If they do it bends within a few lines: record a longer period"
         )
     return bool(strange)
+
+
+def refuse_mispaired(frf: Frf, excited: Spectra, rough: np.ndarray | None) -> bool:
+    """Refuse outputs that follow the input of another realisation, or turned round; warn of one that follows none.
+
+    Their distortion and scatter would be those of random phases, and without detection lines nothing else tells.
+
+    Parameters
+    ----------
+    frf : Frf
+    excited : Spectra
+        On the excited lines.
+    rough : (F,) ndarray or None
+        Variance of the FRF of one realisation about its neighbours, where it is known.
+
+    Returns
+    -------
+    bool
+        Whether it was warned of.
+
+    Raises
+    ------
+    ValueError
+        An output that follows the input of another realisation, not its own, or that has another sign than the others.
+    """
+    n = len(frf.each)
+    spread = rough if n == 1 else n * (n - 1) * frf.var_total
+    if spread is not None and np.add.reduce(spread) <= HIDDEN * power(frf.G):
+        return False  # one that follows another input would scatter by more
+    noise = frf.noise / np.maximum(squared(frf.each), TINY)
+    return is_strange("y", excited.Y, "u", excited.U, noise, equal_steps(excited.where))
+
+
+def refuse_another_reference(excited: Spectra) -> None:
+    """The same of an input that follows the reference of another realisation, or none."""
+    if excited.R is not None:
+        noise = excited.var_U / np.maximum(excited.power_U, TINY)
+        is_strange("u", excited.U, "r", excited.R, noise, equal_steps(excited.where))
+
+
+def is_strange(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray) -> bool:
+    """Whether an answer Y (M, F) was warned of that follows no cause U; refused where it is that of another.
+
+    `noise` (M, F) is what Y / U has over its size squared, nan where it is not known.
+    """
+    n, n_steps = len(Y), steps.shape[1]
+    if n_steps < FEWEST:
+        return False
+    chance = 1 / np.sqrt(2 * n_steps)
+    each = unit(Y) * unit(U).conj()
+    alone = np.add.reduce(second_steps(each, steps).real, axis=1) < UNRELATED * chance * n_steps
+    if not alone.any():
+        refuse_turned(answer, each)
+        return False
+    common = (second_steps(unit(Y), steps) @ second_steps(unit(U), steps).conj().T).real / n_steps
+    sure = beyond_chance(n * n) * chance
+    pairs = [(m, int(common[m].argmax())) for m in np.flatnonzero(alone) if common[m].max() > sure]
+    if pairs:
+        who = ", ".join(f"that of realisation {m} follows {cause} of realisation {other}" for m, other in pairs[:4])
+        raise ValueError(
+            f"{answer} must stand beside the {cause} that it answers, got {who}{', ...' if len(pairs) > 4 else ''}, by "
+            "the phases of all lines: are the files of both in one order?"
+        )
+    quiet = ~(np.median(noise, axis=1) > NOISY)  # or nothing is known of it
+    strange = np.flatnonzero(alone & quiet)
+    told = strange.size > 0 and n_steps >= TELLING
+    if told:
+        who = ", ".join(map(str, strange[:6])) + (", ..." if strange.size > 6 else "")
+        data_warning(
+            f"{answer} does not follow {cause} in realisation {who}: from line to line its phase is random. Is it of "
+            "another run, or all noise and distortion?"
+        )
+    return told
+
+
+def refuse_turned(answer: str, each: np.ndarray) -> None:
+    """Refuse phases (M, F) of another sign than those of the other realisations."""
+    n, n_lines = each.shape
+    agree = np.add.reduce((each * np.add.reduce(each).conj()).real, axis=1) - n_lines  # with the others
+    turned = np.flatnonzero(agree < -beyond_chance(n) * np.sqrt((n - 1) * n_lines / 2))
+    if n > 1 and turned.size:
+        told = (
+            "realisations 0 and 1 differ by it" if n == 2 else f"it turns in realisation {', '.join(map(str, turned))}"
+        )
+        raise ValueError(f"{answer} must have one sign, got: {told}; was it rewired, or is it half a turn late?")
+
+
+def beyond_chance(n: int) -> float:
+    """How many standard deviations the largest of n means of random phases stays under, but for `RELATED`.
+
+    They have lighter tails than a normal distribution.
+    """
+    return float(np.sqrt(2 * np.log(n / RELATED)))
+
+
+def unit(x: np.ndarray) -> np.ndarray:
+    """Complex numbers of size one, with the phases of x; zero where x is."""
+    return np.asarray(x / np.maximum(np.abs(x), TINY))
+
+
+def second_steps(phases: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """(M, n) by how much phases (M, F) turn more over one step between lines than over the next equal one."""
+    step = phases[:, 1:] * phases[:, :-1].conj()
+    return np.asarray(step.take(steps[0], axis=1) * step.take(steps[1], axis=1).conj())

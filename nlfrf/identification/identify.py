@@ -21,9 +21,9 @@ from nlfrf.identification.distortion_level import (
     read_level,
     smooth_frf,
 )
-from nlfrf.identification.frf import Frf, average_frf, warn_of_jumps
+from nlfrf.identification.frf import Frf, average_frf, refuse_another_reference, refuse_mispaired, warn_of_jumps
 from nlfrf.identification.neighbours import place_lines
-from nlfrf.identification.realizations import check_realizations, refuse_mispaired
+from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
 from nlfrf.identification.transient import TREATMENTS
 from nlfrf.records.detection import refuse_wrong_lines
@@ -123,6 +123,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     refuse_wrong_lines(periodic, record.lines, known.take(spectra.where.excited, axis=1))
     n_periods = record.n_periods - (treatment == "discard")
     spectra, excited, n_periods, low = check_realizations(spectra, periodic, n_periods)
+    refuse_another_reference(excited)
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")

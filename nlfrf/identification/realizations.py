@@ -2,8 +2,7 @@
 
 The same file played again is no new realisation: its distortion is the same, and no scatter tells of it. What repeats
 is seen in the phases alone: for lines a < b and c < d with b - a = d - c the sum phi_b - phi_a - phi_d + phi_c does not
-change with a delay, nor with a constant phase, so that the same phases are found whatever the trigger. Of a smooth FRF
-it is near zero: so it tells as well which input an output follows.
+change with a delay, nor with a constant phase, so that the same phases are found whatever the trigger.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ import numpy as np
 
 from nlfrf.excitation.crest import are_low, expected_peaks, is_improbable
 from nlfrf.excitation.phases import in_common
-from nlfrf.identification.frf import Frf
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
@@ -27,14 +25,13 @@ __all__ = [
     "ALIKE",
     "aligned",
     "check_realizations",
+    "equal_steps",
     "group_by_phases",
-    "refuse_mispaired",
     "refuse_strangers",
     "warn_of_low_peaks",
 ]
 
 
-TINY = np.finfo(float).tiny
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
 STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong together, if it does not scatter
 SIGMAS = 5.0  # how many times its scatter it may be apart
@@ -44,11 +41,6 @@ LOST, MANY = 4.0, 0.1  # power over that of its noise below which an input is lo
 FEWEST = 4  # lines that can tell phases apart
 FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
 PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
-UNRELATED = 3.0  # standard deviations of chance up to which phases agree by it
-RELATED = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
-TELLING = 30  # pairs of equal steps from which it is said that y follows no input
-HIDDEN = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
-NOISY = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
@@ -272,92 +264,6 @@ def refuse_unexcited(excited: Spectra) -> None:
             silent = (power <= faintest).any(axis=0)
             k = int(excited.lines[np.argmax(silent)])
             raise ValueError(f"lines must be excited by the {name}, got line {k} with no {name} on it")
-
-
-def refuse_mispaired(frf: Frf, excited: Spectra, rough: np.ndarray | None) -> bool:
-    """Refuse outputs that follow the input of another realisation, or turned round; warn of one that follows none.
-
-    Their distortion and scatter would be those of random phases, and without detection lines nothing else tells.
-
-    Parameters
-    ----------
-    frf : Frf
-    excited : Spectra
-        On the excited lines.
-    rough : (F,) ndarray or None
-        Variance of the FRF of one realisation about its neighbours, where it is known.
-
-    Returns
-    -------
-    bool
-        Whether it was warned of.
-
-    Raises
-    ------
-    ValueError
-        An output that follows the input of another realisation, not its own, or that has another sign than the others.
-    """
-    n = len(frf.each)
-    spread = rough if n == 1 else n * (n - 1) * frf.var_total
-    if spread is not None and np.add.reduce(spread) <= HIDDEN * power(frf.G):
-        return False  # one that follows another input would scatter by more
-    steps = equal_steps(excited.where)
-    if steps.shape[1] < FEWEST:
-        return False
-    chance = 1 / np.sqrt(2 * steps.shape[1])
-    own = np.add.reduce(second_steps(frf.each, steps).real, axis=1) / steps.shape[1]
-    alone = own < UNRELATED * chance
-    if not alone.any():
-        refuse_turned(frf.each)
-        return False
-    common = (second_steps(excited.Y, steps) @ second_steps(excited.U, steps).conj().T).real / steps.shape[1]
-    sure = beyond_chance(n * n) * chance
-    pairs = [(m, int(common[m].argmax())) for m in np.flatnonzero(alone) if common[m].max() > sure]
-    if pairs:
-        who = ", ".join(f"that of realisation {m} follows u of realisation {other}" for m, other in pairs[:4])
-        raise ValueError(
-            f"y must stand beside the u that it answers, got {who}{', ...' if len(pairs) > 4 else ''}, by the phases "
-            "of all lines: are the files of both in one order?"
-        )
-    noise = np.median(frf.noise / np.maximum(squared(frf.each), TINY), axis=1)
-    quiet = ~(noise > NOISY)  # or nothing is known of it
-    strange = np.flatnonzero(alone & quiet)
-    told = strange.size > 0 and steps.shape[1] >= TELLING
-    if told:
-        who = ", ".join(map(str, strange[:6])) + (", ..." if strange.size > 6 else "")
-        data_warning(
-            f"y does not follow u in realisation {who}: from line to line its phase is random. Is it of another run, "
-            "or all noise and distortion?"
-        )
-    return told
-
-
-def refuse_turned(each: np.ndarray) -> None:
-    """Refuse an FRF (M, F) of another sign than those of the other realisations."""
-    n, n_lines = each.shape
-    unit = each / np.maximum(np.abs(each), TINY)
-    agree = np.add.reduce((unit * np.add.reduce(unit).conj()).real, axis=1) - n_lines  # with the others
-    turned = np.flatnonzero(agree < -beyond_chance(n) * np.sqrt((n - 1) * n_lines / 2))
-    if n > 1 and turned.size:
-        who = (
-            "realisations 0 and 1 differ by it" if n == 2 else f"it turns in realisation {', '.join(map(str, turned))}"
-        )
-        raise ValueError(f"y must have one sign, got: {who}; was it rewired?")
-
-
-def beyond_chance(n: int) -> float:
-    """How many standard deviations the largest of n means of random phases stays under, but for `RELATED`.
-
-    They have lighter tails than a normal distribution.
-    """
-    return float(np.sqrt(2 * np.log(n / RELATED)))
-
-
-def second_steps(x: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """(M, n) by how much the phase of x (M, F) turns more over one step between lines than over the next equal one."""
-    unit = x / np.maximum(np.abs(x), TINY)
-    step = unit[:, 1:] * unit[:, :-1].conj()
-    return np.asarray(step.take(steps[0], axis=1) * step.take(steps[1], axis=1).conj())
 
 
 def refuse_strangers(known: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:

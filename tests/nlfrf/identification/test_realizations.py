@@ -195,6 +195,29 @@ def test_an_output_that_turns_round_is_refused(kind):
             identify(Record(u=record.u, y=y, fs=FS, lines=record.lines))
 
 
+@pytest.mark.filterwarnings("ignore:the .* grid of this record has no odd detection lines")
+@pytest.mark.parametrize("kind", ["special-odd", "full"])
+def test_a_reference_of_another_realisation_is_refused(kind):
+    """G was then the mean of random phases, without a word of it."""
+    record = mispaired(kind, range(3))
+    rng = np.random.default_rng(0)
+    u = record.u + 0.1 * rng.standard_normal(record.u.shape)
+    for order, sign, said in (
+        (
+            [1, 2, 0],
+            [1, 1, 1],
+            "u must stand beside the r that it answers, got that of realisation 0 follows r of .* 2,",
+        ),
+        ([0, 1, 2], [1, -1, 1], "u must have one sign, got: it turns in realisation 1"),
+    ):
+        r = record.u[order] * np.array(sign)[:, None, None]
+        with pytest.raises(ValueError, match=said):
+            identify(Record(u=u, y=record.y, r=r, fs=FS, lines=record.lines))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message="u does not follow r")
+        identify(Record(u=u, y=record.y, r=record.u, fs=FS, lines=record.lines))
+
+
 def test_sound_records_follow_their_input():
     """A delay of a fifth of a period, few lines, one realisation: nothing is said; nor where y is noise, and known."""
     with warnings.catch_warnings():
