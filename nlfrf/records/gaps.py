@@ -27,7 +27,11 @@ STEEP = 8.0  # times as much before a gap as behind it: no resonance that then s
 PEAKED = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
 TINY = np.finfo(float).tiny
 SHORT = 8  # samples of the gaps that are tried wherever they are
-FINE = 1 << 13  # places of a long period between which two gaps are looked for
+NEAR = [sign * k for k in range(1, SHORT + 1) for sign in (-1, 1)]
+SPIKE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
+TOLD = 4  # shifts that explain most up to some place, of which one is that before the first gap
+LIKELIEST = 3  # longer ones, with those beside them
+FINE, PLACE = 1 << 13, 32  # places of a long period between which two gaps are looked for, samples that are read there
 
 
 def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
@@ -120,27 +124,38 @@ def two_gaps(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: f
     blur = max(n / (2 * last), 1.0)
     if not is_uneven(apart, max(ROUNDING * float(power(following)) / n, TINY), blur):
         return False, 0
-    tried = [0, *shifts(one, following, apart)]
+    tried = [0, *NEAR, *far_shifts(one, following, last)]
+    # a long period is looked at in so many places, at some samples in each
     stride = max(1, n // FINE)
-    edge = -(-SHORT // stride)  # as in `shift_before_gap`
-    left = np.array([summed(one - np.roll(following, -shift))[::stride] for shift in tried])
+    size, edge = min(stride, PLACE), -(-SHORT // stride)  # as in `shift_before_gap`
+    at = np.arange(0, n - stride + 1, stride)[:, None] + np.arange(size)
+
+    def from_there(x: np.ndarray, shift: int) -> np.ndarray:
+        """Power up to each place of what x there and the next period differ by, so many samples on."""
+        return np.append(0.0, np.add.accumulate(power(x - following[(at + shift) % n])))
+
+    here = one[at]
+    left = np.array([from_there(here, shift) for shift in tried])
     apart = left[0]
 
     def explained(shift: int, begin: int, end: int) -> bool:
         """Whether one of the shifts explains all of what they differ by there."""
         begin, end = begin + edge, end - edge
-        if (end - begin) * stride < ENOUGH:
+        if (end - begin) * size < ENOUGH:
             return False
         whole, rest = apart[end] - apart[begin], left[shift, end] - left[shift, begin]
         if whole - rest < SURE * blur * noise:
             return False
         parts = begin + np.arange(5) * (end - begin) // 4
-        step = summed(np.roll(following, -tried[shift]) - following)[::stride]
-        told = rest <= max(LEFT * whole, 2 * (end - begin) * stride * noise)
+        step = from_there(following[at], tried[shift])
+        by_parts = np.diff(apart[parts] - left[shift, parts])
+        told = rest <= max(LEFT * whole, 2 * (end - begin) * size * noise)
+        told &= by_parts.min() > SPIKE * by_parts.sum()
         return told and is_that_shift(parts, apart, left[shift], step, noise * blur)
 
     # one shift up to the first gap, another up to the second: the pair that leaves least
-    for before in ([0], range(1, len(tried))):
+    tells = (apart - left[1:]).max(axis=1)
+    for before in ([0], (np.argsort(tells)[-TOLD:] + 1).tolist()):
         least = np.inf, 0, 0, 0, 0
         for i in before:
             from_first = np.minimum.accumulate(left[i] - left[1:], axis=1)
@@ -150,11 +165,28 @@ def two_gaps(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: f
                     least = float(rest[end]), i, j, int(np.argmin((left[i] - left[j])[: end + 1])), end
         _, i, j, begin, end = least
         behind = min(end + edge, apart.size - 1)
-        if begin < edge or apart[-1] - apart[behind] > 2 * n * noise:
+        if begin < edge or apart[-1] - apart[behind] > 2 * at.size * noise:
             continue
         if explained(j, begin, end) and (i == 0 or explained(i, 0, begin)):
             return not rings(one - following, begin * stride, behind * stride), tried[i]
     return False, 0
+
+
+def far_shifts(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
+    """Longer shifts by which parts of a period are likeliest found in the next one, by the phases of all lines."""
+    n = one.size
+    cross = rfft(one).conj() * rfft(following)
+    cross[0], cross[last + 1 :] = 0.0, 0.0
+    reach = max(2, n // 8)
+    alike = np.fft.irfft(cross / np.maximum(np.abs(cross), TINY), n)
+    alike = np.concatenate([alike[-reach:], alike[: reach + 1]])
+    alike[reach - SHORT : reach + SHORT + 1] = -np.inf
+    found: set[int] = set()
+    for _ in range(LIKELIEST):
+        best = int(alike.argmax())
+        found |= {best - reach + beside for beside in (-1, 0, 1)}
+        alike[max(best - SHORT, 0) : best + SHORT + 1] = -np.inf
+    return sorted(found)
 
 
 def is_that_shift(parts: np.ndarray, apart: np.ndarray, left: np.ndarray, step: np.ndarray, noise: float) -> bool:
@@ -230,5 +262,4 @@ def shifts(one: np.ndarray, following: np.ndarray, apart: np.ndarray) -> list[in
     together = np.fft.irfft(np.fft.rfft(one[:half], n).conj() * np.fft.rfft(following), n)
     likeliest = int(np.argmin((size[half : half + n] - size[:n]) - 2 * together))
     likeliest -= n if likeliest > n // 2 else 0
-    short = [sign * k for k in range(1, SHORT + 1) for sign in (-1, 1)]
-    return short if abs(likeliest) <= SHORT or abs(likeliest) > n // 8 else [likeliest, *short]
+    return NEAR if abs(likeliest) <= SHORT or abs(likeliest) > n // 8 else [likeliest, *NEAR]

@@ -62,6 +62,8 @@ class Lag:
         Its standard deviation by noise.
     offset : (P,) ndarray
         Mean of y over each period, in rms of y about its mean.
+    strange : bool
+        Whether what stands before the first sound period differs from it by no transient.
     """
 
     n_samples: int
@@ -75,6 +77,7 @@ class Lag:
     gain: np.ndarray
     gain_noise: float
     offset: np.ndarray
+    strange: bool = False
 
     @property
     def broken(self) -> bool:
@@ -131,6 +134,18 @@ class Lag:
         return (self.misplaced > SEVERE and self.explained > EXPLAINED) or self.broken or bool(self.turns.any())
 
     @property
+    def start(self) -> str:
+        """What may be wrong before the first sound period, and what to do; empty where it may be a transient."""
+        if not self.strange:
+            return ""
+        first = int(np.argmax(self.sound))
+        which = "period 1 differs" if first == 1 else f"periods 1 to {first} differ"
+        return (
+            f"{which} from the others by more than noise, and by no transient: where samples were lost or repeated in "
+            "it, all that follows stands wrong against u. Measure again, or leave it out by n_discard where none were"
+        )
+
+    @property
     def drift(self) -> str:
         """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
         at = np.flatnonzero(self.sound)
@@ -166,6 +181,8 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
             return nothing_told(len(y), n_samples)
         if first:
             return with_ringing(followed(u[first:], y[first:], lines, step, gaps[first:], torn[first:]), first)
+    elif settled_from(y, int(lines[-1]), np.zeros(len(y), dtype=bool)) < int(np.argmax(lag.sound)):
+        lag = replace(lag, strange=True)
     # a gap before all that is sound: that is where the rest stands
     gaps[int(np.argmax(lag.sound)) :] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag

@@ -235,8 +235,7 @@ def examine_outputs(
             if lag.fault:
                 said = f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {told} is out of place"
                 data_warning(said)
-            if lag.drift:
-                drifts.append(f"{told}: {lag.drift}")
+            drifts += [f"{told}: {said}" for said in (lag.start, lag.drift) if said]
     if not cured:  # what was cured is looked at again, and the others with it
         for drift in drifts:
             data_warning(drift)

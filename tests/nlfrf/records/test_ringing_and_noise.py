@@ -80,6 +80,23 @@ def test_two_gaps_in_one_period_are_told(where, n_periods, first, later):
         assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.8
 
 
+def test_a_first_period_that_differs_by_no_transient_is_warned_of():
+    """A gap in a period that rings: all behind it is late, and the bound held nothing, without a word."""
+    told = 0
+    for seed in range(10):
+        _, u, y, _ = played(0.03, 3, seed, settled=False)
+        at = 100 + 80 * seed
+        late = np.append(np.delete(y, range(at, at + 5)), y[-N:])[: y.size]
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            try:
+                nlfrf.record_from_samples(u, late, fs=FS, n_samples=N)
+            except ValueError:
+                told += 1
+        told += any("y: period 1 differs from the others" in str(one.message) for one in said)
+    assert told >= 5
+
+
 @pytest.mark.parametrize("n_periods", [3, 4])
 def test_a_gap_of_u_alone_before_all_sound_periods_is_refused(n_periods):
     """Which of the two then stands right, nobody knows: the cure took u for it, and the bound held nothing."""
