@@ -73,15 +73,16 @@ def identify(
     Raises
     ------
     ValueError
-        Lines that carry no input, realisations whose input spectra do not belong together, no detection lines where
-        they were asked for, too few lines for any level.
+        Lines that carry no input, realisations whose input spectra do not belong together, or whose output follows the
+        input of another one or has another sign, no detection lines where they were asked for, too few lines for any
+        level.
 
     Warns
     -----
     DataWarning
         The grid has no detection lines that can be calibrated, and the level comes from the roughness. Realisations
         that have the phases of another one: they count as periods of it. Peaks of the input that are lower than random
-        phases have them.
+        phases have them. An output that follows no input at hand.
 
     References
     ----------

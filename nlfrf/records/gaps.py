@@ -180,7 +180,7 @@ def far_shifts(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
     reach = max(2, n // 8)
     alike = np.fft.irfft(cross / np.maximum(np.abs(cross), TINY), n)
     alike = np.concatenate([alike[-reach:], alike[: reach + 1]])
-    alike[reach - SHORT : reach + SHORT + 1] = -np.inf
+    alike[max(reach - SHORT, 0) : reach + SHORT + 1] = -np.inf
     found: set[int] = set()
     for _ in range(LIKELIEST):
         best = int(alike.argmax())
