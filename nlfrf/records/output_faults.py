@@ -181,10 +181,12 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
             return nothing_told(len(y), n_samples)
         if first:
             return with_ringing(followed(u[first:], y[first:], lines, step, gaps[first:], torn[first:]), first)
-    elif settled_from(y, int(lines[-1]), np.zeros(len(y), dtype=bool)) < int(np.argmax(lag.sound)):
-        lag = replace(lag, strange=True)
+    first = int(np.argmax(lag.sound))
+    if first and not lag.fault and not lag.drift:
+        unbroken = np.zeros(first, dtype=bool)
+        lag = replace(lag, strange=settled_from(y[: first + 1], int(lines[-1]), unbroken) < first)
     # a gap before all that is sound: that is where the rest stands
-    gaps[int(np.argmax(lag.sound)) :] = 0.0
+    gaps[first:] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
 
 

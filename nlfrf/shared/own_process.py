@@ -45,10 +45,7 @@ def read_apart(room: str, path: Path) -> Found:
     limit = SECONDS + PER_BYTE * path.stat().st_size
     command = [sys.executable, "-I", __file__, room, str(path)]
     late = threading.Event()
-    with (
-        tempfile.TemporaryFile() as errors,
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, pipesize=BLOCK) as reader,
-    ):
+    with tempfile.TemporaryFile() as errors, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as reader:
 
         def stop() -> None:
             late.set()
