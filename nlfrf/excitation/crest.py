@@ -123,7 +123,7 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, 
     tail = np.exp(-(crest**2) / 2)
     crossings = 2 * math.sqrt(square) * tail
     envelope = math.sqrt(2 * math.pi * max(square - mean**2, 0.0)) * crest * tail
-    samples = n_samples * np.array([math.erfc(c / math.sqrt(2)) for c in crest])
+    samples = n_samples * np.array([math.erfc(c / math.sqrt(2)) for c in crest.tolist()])
     mirrored = 2 if np.bitwise_and.reduce(lines) & 1 else 1
     return np.asarray(np.minimum(np.minimum(crossings, envelope), samples) / mirrored)
 

@@ -13,6 +13,7 @@ from nlfrf.identification.localfit import LEAST, fit_locally
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.shared.arguments import one_of, probability, real
 from nlfrf.shared.cards import Sketch
+from nlfrf.shared.leastsquares import TINY
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import ratio_unit
 
@@ -216,10 +217,10 @@ class Bla:
         if not noise.any():
             return np.ones(self.f.size)
         dof_noise = self.n_realizations * max(self.n_periods - 1, 1)
-        weight = 1 / np.maximum(total + noise, np.finfo(float).tiny)
+        weight = 1 / np.maximum(total + noise, TINY)
         around = local_mean(noise * weight, AROUND) / np.maximum(local_mean(total * weight, AROUND), 1e-300)
         around = 1 - around * (1 - np.sqrt(1 / self.dof + 1 / (AROUND * dof_noise)) / 3)
-        alone = noise / np.maximum(total, np.finfo(float).tiny)
+        alone = noise / np.maximum(total, TINY)
         alone = 1 - alone - 2 * np.sqrt(1 / self.dof + alone**2 / dof_noise)
         return np.clip(np.maximum(around, alone), 0.0, 1.0)
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.shared.leastsquares import rms, squared
-from nlfrf.shared.transforms import dct_even, fast_length
+from nlfrf.shared.leastsquares import TINY, rms, squared
+from nlfrf.shared.transforms import fast_length
 
 __all__ = ["COMMON", "FEW", "LARGEST", "read_grid", "read_peaks", "variance_ratio"]
 
@@ -60,21 +60,21 @@ def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray
     array([12.9375, 15.75  ])
     """
     last = int(max(excited[-1], lines.max()))
-    n = fast_length(2 * last + 1)  # terms beyond last alias onto lines outside -last..last
-    both = np.zeros((2, *amplitude.shape[:-1], n + 1))
+    n = 2 * fast_length(2 * last + 1)  # terms beyond last alias onto lines outside -last..last
+    both = np.zeros((2, *amplitude.shape[:-1], n))
     p, doubled = both
-    p[..., excited] = amplitude * amplitude / 4
+    power = amplitude * amplitude
+    p[..., excited] = power / 4
     np.multiply(p[..., : last + 1], p[..., : last + 1], out=doubled[..., : 2 * last + 1 : 2])
-    # the DFT of an even sequence of period 2 n is a DCT of its half
-    spectrum, spectrum_doubled = dct_even(both)
+    # twice the real part is the DFT of the even sequence of which this is the half
+    spectrum, spectrum_doubled = 2 * np.fft.rfft(both).real
     spectrum_doubled *= -9
     spectrum_doubled += 6 * (spectrum * spectrum)
-    sums = dct_even(spectrum * spectrum_doubled)
-    counts = sums.take(lines, axis=-1) / (2 * n)  # 6 S3 - 9 S21
+    counts = np.fft.irfft(spectrum * spectrum_doubled, n).take(lines, axis=-1)  # 6 S3 - 9 S21
     tripled = np.zeros((*amplitude.shape[:-1], last + 1))
     tripled[..., ::3] = p[..., : last // 3 + 1]
-    p_k, p_third = p.take(lines, axis=-1), tripled.take(lines, axis=-1)
-    counts -= 9 * p_k * (4 * np.vecdot(p, p)[..., None] - 3 * p_k * p_k)
+    p, p_third = p.take(lines, axis=-1), tripled.take(lines, axis=-1)
+    counts -= 9 * p * (np.vecdot(power, power)[..., None] / 4 - 3 * p * p)
     counts += 4 * p_third * p_third * p_third
     return np.maximum(4 * counts, 0.0)
 
@@ -133,15 +133,15 @@ def read_grid(
     amplitude = np.array([amplitude_u, amplitude_y])
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
     at_excited, at_detection = counts[:, : excited.size], counts[:, excited.size :]
-    near = np.stack([power.take(window.T) for power in at_detection], axis=1)
-    mean = np.add.reduce(near) / len(near)
+    near = at_detection.take(window.T, axis=1)  # (2, n, F)
+    mean = np.add.reduce(near, axis=1) / near.shape[1]
     # the convolutions are exact to rounding of the largest count; below that a count is noise
     trusted = mean > 1e-9 * counts.max(axis=-1, keepdims=True)
     untold = None if trusted.all() else ~trusted
     if untold is not None:
         mean[untold] = 1.0
-    profile, factor = near, at_excited / mean
-    profile /= mean
+    near /= mean[:, None]
+    profile, factor = near.swapaxes(0, 1), at_excited / mean
     np.maximum(profile, FILLED, out=profile)
     np.minimum(np.maximum(factor, 1 / LARGEST), LARGEST, out=factor)
     if untold is not None:
@@ -212,7 +212,7 @@ def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
     k2, k4, k6 = float(A2.sum() / 2), float(-0.375 * (A2 @ A2)), float(1.25 * (A2 * A2 @ A2))
     expected_gain = (k4 + 3 * k2**2) / k2
     expected = k6 + 15 * k4 * k2 + 15 * k2**3 - expected_gain**2 * k2
-    return expected / max(left, np.finfo(float).tiny), float(np.add.reduce(gain)) / len(U) - expected_gain
+    return expected / max(left, TINY), float(np.add.reduce(gain)) / len(U) - expected_gain
 
 
 def moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -221,7 +221,7 @@ def moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
     spectrum[:, lines] = U / 2
     u = np.fft.irfft(spectrum, n, norm="forward")
-    if (lines % 2).all():
+    if np.bitwise_and.reduce(lines) & 1:
         u = u[:, : n // 2]  # the other half mirrors it
     square = u * u
     return np.array([np.vecdot(x, x) for x in (u, square, square * u)]) / u.shape[1]

@@ -7,6 +7,7 @@ import numpy as np
 from nlfrf.identification.frf import residual_variance
 from nlfrf.identification.neighbours import Places
 from nlfrf.identification.spectra import Spectra
+from nlfrf.shared.leastsquares import EPS, SMALL
 from nlfrf.shared.values import value
 
 __all__ = ["Answer", "detected_power", "nonlinear_answer"]
@@ -47,7 +48,7 @@ def interpolate_frf(G: np.ndarray, where: Places) -> np.ndarray:
     """G between its lines, linear in log magnitude and in phase; held at the ends."""
     magnitude = np.abs(G)
     # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
-    floor = max(np.finfo(float).eps * magnitude.max(), np.finfo(float).tiny ** 0.25)
+    floor = max(EPS * magnitude.max(), SMALL)
     logarithm, rise = np.empty(G.size, dtype=complex), np.zeros(G.size, dtype=complex)
     np.log(np.maximum(magnitude, floor), out=logarithm.real)
     np.arctan2(G.imag, G.real, out=logarithm.imag)
@@ -107,10 +108,10 @@ def detected_power(
         x.take(windows, out=out, mode="wrap")  # -1 is told from the others by `used`
     A /= gain_excited
     np.subtract(P, N, out=excess)
-    np.maximum(N, np.finfo(float).tiny ** 0.25, out=N)  # its square can still be divided by
+    np.maximum(N, SMALL, out=N)  # its square can still be divided by
     used[...] = narrowed(A) & (windows >= 0)
     P, floor, A, excess, used = gathered.take(read, axis=2)
-    A[:, ~follows] = 1.0
+    np.copyto(A, 1.0, where=~follows[:, None])
     A *= profile
     excess /= A
     floor /= A
@@ -136,10 +137,7 @@ def narrowed(gain: np.ndarray) -> np.ndarray:
 
     Gains are relative to the excited line.
     """
-    used = np.ones(gain.shape, dtype=bool)
-    highest, lowest = (over.reduce(gain[:FEWEST], initial=1.0) for over in (np.maximum, np.minimum))
-    for here, one in zip(used[FEWEST:], gain[FEWEST:], strict=True):
-        np.maximum(highest, one, out=highest)
-        np.minimum(lowest, one, out=lowest)
-        np.less(highest, 10 ** (SHARP / 10) * lowest, out=here)
-    return used
+    highest, lowest = np.maximum(np.maximum.accumulate(gain), 1.0), np.minimum(np.minimum.accumulate(gain), 1.0)
+    used = highest < 10 ** (SHARP / 10) * lowest
+    used[:FEWEST] = True
+    return np.asarray(used)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +14,7 @@ from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_loca
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
-from nlfrf.shared.leastsquares import mean_power, rms, squared
+from nlfrf.shared.leastsquares import TINY, mean_power, rms, squared
 from nlfrf.shared.values import value
 
 __all__ = [
@@ -34,9 +33,9 @@ __all__ = [
 SIDE = 9  # lines over which a level is held against the scatter
 #: The readings of odd detection lines: driven by the input (0) or the output (1), and whether they follow |G|. The last
 #: one fades with frequency, and the even lines behind it are read as following.
-DRIVE = np.array([0, 1, 0, 1, 0])
-READINGS = DRIVE.size
-WINDOW = np.append(np.zeros(READINGS, dtype=int), 1)  # of odd lines; of even ones
+DRIVE = np.array([0, 1, 0, 1, 0, 0])
+READINGS = DRIVE.size - 1
+WINDOW = np.array([0, 0, 0, 0, 0, 1])  # of odd lines; of even ones
 FOLLOWS = np.array([True, True, False, False, False, True])
 FADING = 1.5  # power of the frequency: a hysteresis has from 1 to 2
 RARE = np.log(4.0)  # for how many of the others it counts where the lines do not decide: a level rarely fades
@@ -78,48 +77,43 @@ class Level:
 
 
 def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool) -> Level:
-    """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight.
-
-    Roughness reads too high, if anything: where detection lines say more, and no scatter is there, both say as much.
-    Not of low peaks (`are_low`), which leave more of the distortion to one gain on all lines, and that is not rough.
-    """
+    """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight."""
     if source == "detection":
-        level = level_from_detection(excited, answer, fit)
-        if fit is not None and len(excited.U) == 1 and not low:
-            both = np.sqrt(level.cautious * fit.variance[0])
-            level = replace(level, cautious=np.minimum(level.cautious, both))
-    elif fit is None:
-        even = even_variance(excited, answer)
+        return level_from_detection(excited, answer, fit, low)
+    even = even_variance(excited, answer)
+    ones = np.ones(even.size)
+    if fit is None:
         nothing = np.zeros(even.size)
-        return Level(variance=nothing, cautious=nothing, dof=nothing, grid_factor=np.ones(even.size), even=even)
-    else:
-        level = level_from_roughness(fit, even_variance(excited, answer))
-    if excited.lines.size < FEW:
-        return level
-    gain = squared(answer.G.take(excited.where.excited))
-    return replace(level, doubt=doubt_at_ends(level, gain, excited.where, source == "detection"))
+        return Level(variance=nothing, cautious=nothing, dof=nothing, grid_factor=ones, even=even)
+    variance, dof = fit.variance.mean(axis=0), fit.dof.sum(axis=0)
+    doubt = doubt_at_ends(variance, dof, squared(answer.G.take(excited.where.excited)), excited.where, False)
+    return Level(variance=variance, cautious=variance, dof=dof, grid_factor=ones, even=even, doubt=doubt)
 
 
-def doubt_at_ends(level: Level, gain: np.ndarray, where: Places, detection: bool) -> np.ndarray:
-    """(F,) variance of the logarithm of a level on the lines of which its windows do not tell.
+def doubt_at_ends(
+    level: np.ndarray, dof: np.ndarray, gain: np.ndarray, where: Places, detection: bool
+) -> np.ndarray | float:
+    """(F,) variance of the logarithm of a level on the lines of which its windows do not tell; none of few lines.
 
     Those at the ends of the band lie to one side of their lines, by up to half their width. How far a level changes
     over that is taken from how it changes over the band: evenly over its lines, or over the logarithm of frequency,
     whichever is more, each by the mean square between windows that share no line, less what chance makes of it. |G|^2
     is taken off where that leaves less.
     """
+    if gain.size < FEW:
+        return 0.0
     aside, weight, of_chance = one_sided(where, detection)
     both = np.empty((2, gain.size))
-    both[0] = level.cautious
-    np.divide(level.cautious, gain, out=both[1])
-    np.log(np.maximum(both, np.finfo(float).tiny), out=both)
+    both[0] = level
+    np.divide(level, gain, out=both[1])
+    np.log(np.maximum(both, TINY), out=both)
     change = both[:, SIDE:] - both[:, :-SIDE]
     change *= change
-    told = np.minimum.reduce(change @ weight) - 2 * gain.size / np.add.reduce(level.dof) * of_chance  # (2,)
+    told = np.minimum.reduce(change @ weight) - 2 * gain.size / np.add.reduce(dof) * of_chance  # (2,)
     if told[0] <= 0 and told[1] <= 0:
-        return np.zeros(gain.size)
+        return 0.0
     aside = aside * told[:, None]
-    return np.maximum(np.maximum(aside[0], aside[1]), 0.0)
+    return np.asarray(np.maximum(np.maximum(aside[0], aside[1]), 0.0))
 
 
 @lru_cache(maxsize=KEPT)
@@ -151,19 +145,22 @@ def widened(dof: np.ndarray, doubt: np.ndarray | float) -> np.ndarray:
     return np.asarray(fewer * (TAIL ** (-1 / fewer) - 1) / (dof * (TAIL ** (-1 / dof) - 1)))
 
 
-def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None) -> Level:
+def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool = False) -> Level:
     """From the odd lines that were not excited, scaled by what the grid makes of a cubic.
 
     The input may drive it or the output, and what it makes may follow |G| or not, or fade with frequency as the memory
     of a hysteresis does. Each of these readings says how the power is spread over the detection lines, and how rough G
     then is: they weigh as likely as they make the lines around.
+
+    Roughness reads too high, if anything: where detection lines say more, and no scatter is there, both say as much.
+    Not of low peaks (`are_low`), which leave more of the distortion to one gain on all lines, and that is not rough.
     """
     U, where = excited.amplitude, excited.where
     profile, factor = read_grid(U, rms(excited.Y), excited.lines, where.detection, where.near_odd)
     n_read = READINGS + (where.even.size > 0)
-    profiles, factors = np.ones((len(where.near_detection), n_read, U.size)), np.ones((n_read, U.size))
-    profiles[:, :READINGS], factors[:READINGS] = profile.take(DRIVE, axis=1), factor.take(DRIVE, axis=0)
-    profiles[: len(profile), READINGS - 1] *= fading(where)
+    profiles, factors = profile.take(DRIVE[:n_read], axis=1), factor.take(DRIVE[:n_read], axis=0)
+    profiles[:, READINGS - 1] *= fading(where)
+    profiles[:, READINGS:], factors[READINGS:] = 1.0, 1.0
     variance, n_used, likelihood = read_detected(
         excited, answer, where.near_detection, slice(0, n_read), factors, profiles
     )
@@ -172,20 +169,24 @@ def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None)
     # a line stands in as many windows as these have
     evidence = likelihood[:READINGS] * (n_realizations / n_used[0])
     if fit is not None:
-        tiny = np.finfo(float).tiny
-        rough = np.minimum((n_realizations * fit.variance[0] + tiny) / (variance + tiny), BENT)
+        rough = np.minimum((n_realizations * fit.variance[0] + TINY) / (variance + TINY), BENT)
         evidence += (np.log(rough) - rough) * (fit.dof[0] / where.near_excited.shape[1])
     evidence = mean_around(evidence, SIDE) * min(SIDE, U.size)
     evidence[-1] -= RARE
     weight = np.exp(evidence - evidence.max(axis=0))
     weight /= np.add.reduce(weight)
+    weighted, dof = weight * variance, n_used[0] * n_realizations
     # at 95 % the root mean square is what the quantile of such a mixture asks for
+    cautious = np.sqrt(np.add.reduce(weighted * variance))
+    if fit is not None and n_realizations == 1 and not low:
+        cautious = np.minimum(cautious, np.sqrt(cautious * fit.variance[0]))
     return Level(
-        variance=np.add.reduce(weight * variance),
-        cautious=np.sqrt(np.add.reduce(weight * variance * variance)),
-        dof=n_used[0] * n_realizations,
+        variance=np.add.reduce(weighted),
+        cautious=cautious,
+        dof=dof,
         grid_factor=np.add.reduce(weight * factors[:READINGS]),
         even=even,
+        doubt=doubt_at_ends(cautious, dof, squared(answer.G.take(where.excited)), where, True),
     )
 
 
@@ -214,7 +215,7 @@ def pool_levels(frf: Frf, level: Level, n: int, common: float) -> tuple[np.ndarr
     """
     if n == 1:
         variance = (1 + common) * level.cautious
-        if np.any(level.doubt):
+        if isinstance(level.doubt, np.ndarray):
             variance = variance * widened(level.dof, level.doubt)
         return variance, level.dof
     usual = 1 + COMMON / frf.G.size  # as far as the scatter shows it
@@ -222,8 +223,7 @@ def pool_levels(frf: Frf, level: Level, n: int, common: float) -> tuple[np.ndarr
     if not level.dof.any():
         return beyond * frf.var_total, np.full(frf.G.size, n - 1.0)
     scatter = n * frf.var_total
-    tiny = np.finfo(float).tiny
-    ratio = (scatter + tiny) / (usual * level.cautious + tiny)
+    ratio = (scatter + TINY) / (usual * level.cautious + TINY)
     alone, around = np.maximum(np.log(ratio), 0.0), np.log(local_mean(ratio, SIDE))
     spread = 1 / (n - 1) + 1 / level.dof
     doubt = (
@@ -276,12 +276,6 @@ def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
     """Each realisation's FRF, fitted over the excited lines: what remains is its roughness."""
     known = np.isfinite(frf.noise).all()
     return fit_locally(frf.each, np.abs(excited.U), excited.where, frf.noise if known else None)
-
-
-def level_from_roughness(fit: LocalFit, even: np.ndarray) -> Level:
-    """From the roughness of each realisation's FRF over the excited lines."""
-    variance, ones = fit.variance.mean(axis=0), np.ones(even.size)
-    return Level(variance=variance, cautious=variance, dof=fit.dof.sum(axis=0), grid_factor=ones, even=even)
 
 
 def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:

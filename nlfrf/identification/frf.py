@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf.identification.realizations import equal_steps
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
-from nlfrf.shared.leastsquares import power, squared
+from nlfrf.shared.leastsquares import TINY, power, squared
 from nlfrf.shared.values import value
 
 __all__ = [
@@ -33,7 +33,6 @@ RELATED = 1e-6  # probability with which chance may make an output follow any in
 TELLING = 30  # pairs of equal steps from which it is said that y follows no input
 HIDDEN = 0.5  # of |G|^2 that one realisation adds at least where its phases are random
 NOISY = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
-TINY = np.finfo(float).tiny
 
 
 @value(copy=False)
@@ -112,8 +111,7 @@ def warn_of_jumps(
     jumps = (rough > JUMPING * level) & (rough > share * size)
     strange = np.count_nonzero(jumps) > jumps.size / 2 + SPARE
     if strange:
-        tiny = np.finfo(float).tiny
-        of_size, above = (float(np.median(rough / np.maximum(one, tiny))) for one in (size, level))
+        of_size, above = (float(np.median(rough / np.maximum(one, TINY))) for one in (size, level))
         data_warning(
             f"{what} jumps from line to line by {100 * of_size**0.5:.0f} % of its size, {10 * np.log10(above):.0f} dB "
             "more than its detection lines tell of distortion and noise: do u and y belong to the same runs, in the "

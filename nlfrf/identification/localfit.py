@@ -19,7 +19,7 @@ import numpy as np
 from nlfrf.excitation.lines import local_mean
 from nlfrf.identification.calibration import FEW
 from nlfrf.identification.neighbours import KEPT, Places
-from nlfrf.shared.leastsquares import power, squared, two_unknowns
+from nlfrf.shared.leastsquares import EPS, SMALL, TINY, power, squared, two_unknowns
 from nlfrf.shared.values import value
 
 __all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
@@ -36,6 +36,7 @@ LEAST = ORDER + 3  # lines that leave two degrees of freedom
 ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or two
 LEFT = 7.0  # complex degrees of freedom that it leaves at least
 STEPS = 6  # towards the output error of the rational function, each with the denominator of the one before
+FLAT = 1 - 1e-9  # least over largest weight of a spectrum that is flat
 HALVED = 0.5  # of the variance about the local fits, beyond which it is left at those: chance has as much
 
 
@@ -114,20 +115,19 @@ def less_bent(fit: LocalFit, G: np.ndarray, weight: np.ndarray, lines: np.ndarra
     otherwise has no more; `least` (M, F) is the variance that noise alone makes.
     """
     value, variance = fit.G.copy(), fit.variance.copy()
-    tiny = np.finfo(float).tiny
     for m, one in enumerate(G):
         whole, left = fit_whole_band(one, weight[m], lines)
         if not left:
             continue
-        shape = np.array([np.ones(lines.size), np.maximum(squared(whole), tiny)]) / (weight[m] * weight[m])
+        shape = np.array([np.ones(lines.size), np.maximum(squared(whole), TINY)]) / (weight[m] * weight[m])
         left_over = np.add.reduce(squared(one - whole) / shape, axis=1)
-        readings = np.maximum(left_over[:, None] / left * shape, tiny)
+        readings = np.maximum(left_over[:, None] / left * shape, TINY)
         fits = -np.add.reduce(np.log(readings), axis=1) * (left / lines.size)
         likely = np.exp(fits - fits.max())
         highest = readings.max()
         about = highest * np.sqrt(likely @ (readings / highest) ** 2 / likely.sum())
         about = np.maximum(about, least[m])
-        if np.mean(np.log(about) - np.log(np.maximum(variance[m], tiny))) < np.log(HALVED):
+        if np.mean(np.log(about) - np.log(np.maximum(variance[m], TINY))) < np.log(HALVED):
             less = about < variance[m]
             value[m, less], variance[m, less] = whole[less], about[less]
     return LocalFit(G=value, variance=variance, dof=fit.dof)
@@ -140,7 +140,7 @@ def fit_whole_band(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tupl
     (Sanathanan & Koerner, IEEE Trans. Autom. Control 8, 1963). The FRF itself, and none, where nothing was found.
     """
     size = np.abs(G)
-    relative = weight / np.maximum(size, np.finfo(float).eps * size.max() + np.finfo(float).tiny ** 0.25)
+    relative = weight / np.maximum(size, EPS * size.max() + SMALL)
     s = 1j * lines / np.sqrt(lines[0] * lines[-1])
     best, lowest, degrees = G, np.inf, 0.0
     for order in ORDERS:
@@ -220,7 +220,11 @@ def fit_both_ways(G: np.ndarray, weight: np.ndarray, where: Places) -> BothFits:
     window, (r, powers, centred) = where.near_excited, local_powers(where)
     n = window.shape[1]
     w = weight.take(window, axis=1)
-    basis, basis_at_zero = polynomials(r, w)
+    if weight.min() >= FLAT * weight.max():  # as it was designed: then the grid alone tells the polynomials
+        basis, basis_at_zero = flat_polynomials(where)
+        basis_at_zero = basis_at_zero / weight[..., None]
+    else:
+        basis, basis_at_zero = polynomials(r, w)
     spanned, rest = split(basis, w * G.take(window, axis=1), powers)
     at_zero = np.matvec(spanned, basis_at_zero)
     variance = power(rest[..., 0, :]) / (n - ORDER - 1)
@@ -269,7 +273,7 @@ def noise_share(
     """Correction (M, F) for smoothed noise that differs over the window, weighted as the residual is."""
     there = np.mean(denominator**2 * smooth[:, window], axis=-1)
     distortion = np.maximum(variance - there, 0.0)
-    total = np.maximum(distortion + there, np.finfo(float).tiny)
+    total = np.maximum(distortion + there, TINY)
     return np.asarray((distortion + smooth) / total)
 
 
@@ -292,6 +296,16 @@ def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         np.multiply(p, scale[..., None], out=basis[..., k, :])
         np.multiply(p_0, scale, out=at_zero[..., k])
     return basis, at_zero
+
+
+@lru_cache(maxsize=KEPT)
+def flat_polynomials(where: Places) -> tuple[np.ndarray, np.ndarray]:
+    """`polynomials` under a weight of one."""
+    r, _, _ = local_powers(where)
+    both = polynomials(r, np.ones((1, *r.shape)))
+    for array in both:
+        array.flags.writeable = False
+    return both
 
 
 def split(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.shared.arguments import data_warning, integer, one_of, positive, real_array
-from nlfrf.shared.leastsquares import power
+from nlfrf.shared.leastsquares import TINY, power
 
 __all__ = ["identify_noise"]
 
@@ -165,7 +165,7 @@ def welch(
     n_segments = 2 * (u.size // n) - 1
     dof = n_segments / (1 + 2 / 36)  # half-overlapping Hann windows correlate by 1/6: 11 effective of 12
     rest = np.maximum(S_yy - np.abs(S_yu) ** 2 / S_uu, 0.0)
-    return G, rest / S_uu / (dof - 1), dof - 1, 1 - rest / np.maximum(S_yy, np.finfo(float).tiny), S_yy / HANN
+    return G, rest / S_uu / (dof - 1), dof - 1, 1 - rest / np.maximum(S_yy, TINY), S_yy / HANN
 
 
 def local(
@@ -189,7 +189,7 @@ def local(
     rest = Y[around] - (Q @ projected[..., None])[..., 0]
     dof = A.shape[-2] - A.shape[-1]
     S_yy, S_rest = power(Y[around]) / around.shape[1], power(rest) / dof
-    coherence = np.clip(1 - S_rest / np.maximum(S_yy, np.finfo(float).tiny), 0.0, 1.0)
+    coherence = np.clip(1 - S_rest / np.maximum(S_yy, TINY), 0.0, 1.0)
     variance = S_rest / np.abs(pivot) ** 2
     return projected[:, -1] / pivot, variance, float(dof), coherence, 2 * S_yy / (u.size * n)
 

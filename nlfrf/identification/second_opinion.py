@@ -13,7 +13,7 @@ from nlfrf.identification.spectra import period_spectra
 from nlfrf.identification.transient import TREATMENTS
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer, of_kind, one_of
-from nlfrf.shared.leastsquares import mean_power, rms
+from nlfrf.shared.leastsquares import EPS, TINY, mean_power, rms
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import ratio_unit
 
@@ -137,8 +137,8 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         detected = level_from_detection(excited, answer, None).variance
     window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
-    rounding = np.finfo(float).eps ** 2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
-    floor = np.finfo(float).tiny + 1e-24 * rms(frf.each) ** 2 + rounding
+    rounding = EPS**2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
+    floor = TINY + 1e-24 * rms(frf.each) ** 2 + rounding
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
     return SecondOpinion(
         f=grid.excited * record.f0,

@@ -130,10 +130,8 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     in_a_row = lines[-1] - lines[0] == lines.size - 1
     for m in some:
         transformed = rfft(x[m])
-        if in_a_row:
-            np.multiply(transformed[..., lines[0] : lines[-1] + 1], 2 / n_samples, out=spectra[m])
-        else:
-            np.multiply(transformed.take(lines, axis=2), 2 / n_samples, out=spectra[m])
+        part = transformed[..., lines[0] : lines[-1] + 1] if in_a_row else transformed.take(lines, axis=2)
+        np.multiply(part.view(float), 2 / n_samples, out=spectra[m].view(float))
     return spectra
 
 

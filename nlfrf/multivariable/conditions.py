@@ -11,7 +11,7 @@ from nlfrf.identification.realizations import refuse_strangers, warn_of_low_peak
 from nlfrf.multivariable.channels import ChannelSpectra, nearest_places
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import data_warning
-from nlfrf.shared.leastsquares import power, rms
+from nlfrf.shared.leastsquares import TINY, power, rms
 
 __all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered", "read_inputs", "warn_of_loud"]
 
@@ -178,7 +178,7 @@ def warn_of_noisy_inputs(record: MultiRecord, spectra: ChannelSpectra) -> None:
     """Warn of inputs that are lost in their noise on some lines, where no references over several sets average it."""
     at = spectra.excited
     power = np.sum(np.abs(spectra.U[..., at]) ** 2, axis=1)
-    noise = np.sum(np.abs(spectra.dU[..., at]) ** 2, axis=(1, 2)) / np.maximum(power, np.finfo(float).tiny)
+    noise = np.sum(np.abs(spectra.dU[..., at]) ** 2, axis=(1, 2)) / np.maximum(power, TINY)
     lost = noise > NOISY
     if (spectra.R is None or spectra.U.shape[1] == record.n_inputs) and lost.any():
         i, k = np.unravel_index(int(noise.argmax()), noise.shape)
@@ -201,7 +201,7 @@ def warn_of_loud(spectra: ChannelSpectra, cov_total: np.ndarray) -> None:
     mean = noise.mean(axis=1)
     if noise.shape[1] < 2 or not np.any(mean > ROUNDING**2 * size):
         return
-    floor = ROUNDING**2 * size + np.finfo(float).tiny
+    floor = ROUNDING**2 * size + TINY
     share = np.median(np.minimum(mean / (np.einsum("jjk->jk", cov_total).real + floor), 1.0), axis=1)
     own = np.mean((noise + floor[:, None]) / (mean + floor)[:, None], axis=2)  # (n_y, M), one in the mean
     louder = np.max(1 + share[:, None] * (own - 1), axis=0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.multivariable.channels import nearest_lines
-from nlfrf.shared.leastsquares import power, squared, two_unknowns
+from nlfrf.shared.leastsquares import EPS, SMALL, TINY, power, squared, two_unknowns
 from nlfrf.shared.values import value
 
 __all__ = ["EARNED", "LEAST", "ORDER", "POOLED", "WIDTH", "LocalMatrix", "fit_matrix", "interpolate_matrix"]
@@ -69,7 +69,7 @@ def fit_matrix(G: np.ndarray, grid: LineGrid, gamma: np.ndarray) -> LocalMatrix:
     known = np.sqrt(np.einsum("iif->fi", gamma).real)[:, None, :, None]
     value_at_zero = (near.reshape(F, -1, n) @ at_zero)[..., 0]
     # rows of one size, so that an output in other units weighs the same
-    size = known * (np.sqrt(np.mean(squared(near / known), axis=(2, 3), keepdims=True)) + np.finfo(float).tiny)
+    size = known * (np.sqrt(np.mean(squared(near / known), axis=(2, 3), keepdims=True)) + TINY)
     powers = np.stack([np.ones(r.shape), -r, -(r**2)], axis=1)[:, :, None]  # (F, 3, 1, n)
     rows = (near / size).reshape(F, 1, -1, n) * powers[:, : 3 if n >= 2 * ORDER + 4 else 1]
     rows = (rows - (rows @ Q[:, None]) @ np.swapaxes(Q, 1, 2)[:, None]).reshape(F, rows.shape[1], -1)
@@ -94,7 +94,7 @@ def fit_matrix(G: np.ndarray, grid: LineGrid, gamma: np.ndarray) -> LocalMatrix:
 def interpolate_matrix(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """(n_y, n_u, K) entries between their lines, linear in log magnitude and in phase; held at the ends."""
     size = np.abs(G)
-    floor = np.maximum(np.finfo(float).eps * size.max(axis=-1, keepdims=True), np.finfo(float).tiny ** 0.25)
+    floor = np.maximum(EPS * size.max(axis=-1, keepdims=True), SMALL)
     logarithm = np.log(np.maximum(size, floor)) + 1j * np.unwrap(np.angle(G), axis=-1)
     flat = logarithm.reshape(-1, excited.size)
     return np.exp(np.array([np.interp(lines, excited, one) for one in flat])).reshape(*G.shape[:2], lines.size)

@@ -10,7 +10,7 @@ from nlfrf.multivariable.conditions import is_zippered
 from nlfrf.multivariable.counts import cross_factor
 from nlfrf.multivariable.local_matrix import fit_matrix, interpolate_matrix
 from nlfrf.multivariable.matrix_frf import MatrixFrf, hermitian_mean
-from nlfrf.shared.leastsquares import power
+from nlfrf.shared.leastsquares import SMALL, power
 from nlfrf.shared.values import value
 
 __all__ = ["MatrixLevel", "level_from_fit", "level_from_lines", "linear_part"]
@@ -19,7 +19,6 @@ __all__ = ["MatrixLevel", "level_from_fit", "level_from_lines", "linear_part"]
 SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
 FEWEST = 4
 NOISE_LINES = 27  # neighbouring lines over which noise is averaged: its scatter would add to that of the level
-TINY = np.finfo(float).tiny ** 0.25
 
 
 @value(copy=False)
@@ -75,7 +74,7 @@ def level_from_lines(
     window = places[near]
     U = spectra.U[..., here]
     a2 = np.mean(np.abs(U) ** 2, axis=(1, 2))
-    gain = np.einsum("jik,i->jk", np.abs(G) ** 2, a2) + TINY
+    gain = np.einsum("jik,i->jk", np.abs(G) ** 2, a2) + SMALL
     A = gain[:, window] / gain[:, here, None]  # (n_y, F, n)
     used = np.all(narrowed(A), axis=0).astype(float)
     power = np.mean(np.abs(Yc[:, :, window]) ** 2, axis=1)
@@ -105,7 +104,7 @@ def driving(spectra: ChannelSpectra) -> np.ndarray:
 def scoring(power: np.ndarray, noise: np.ndarray, A: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Expected powers (n_y, F, n) and d (n_y, F) of q = d A + n by scoring on exponentially distributed powers."""
     excess, square = A * (power - noise), A * A
-    floor = np.maximum(noise, TINY)
+    floor = np.maximum(noise, SMALL)
     weight = used / square
     for _ in range(5):  # the first weighs by |G|^-4, as without noise
         d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)

@@ -17,7 +17,7 @@ from nlfrf.multivariable.conditions import is_zippered
 from nlfrf.multivariable.matrix_level import MatrixLevel
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import data_warning
-from nlfrf.shared.leastsquares import squared
+from nlfrf.shared.leastsquares import TINY, squared
 from nlfrf.shared.values import value
 
 __all__ = ["warn_of_unequal"]
@@ -101,8 +101,8 @@ def suspects(
     at = spectra.excited
     V, noise, G = (one[..., at] for one in part)
     size = np.mean(squared(spectra.Y[..., at]), axis=1)
-    weight = 1 / (local_mean(np.mean(squared(V), axis=1), NEARBY) + 1e-24 * size + np.finfo(float).tiny)
-    C = np.einsum("jjk->jk", level.cov).real + np.finfo(float).tiny
+    weight = 1 / (local_mean(np.mean(squared(V), axis=1), NEARBY) + 1e-24 * size + TINY)
+    C = np.einsum("jjk->jk", level.cov).real + TINY
     samples = record.n_samples / (2 * np.pi * spectra.lines[at])  # by which a line is late, for a radian
     X = G[:, :, None] * spectra.U[..., at]  # (n_y, n_u, M, F)
     outputs = X.sum(axis=1)
@@ -146,7 +146,7 @@ def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, 
     apart = (factor - factor.mean()) * M / (M - 1)
     scatter = np.sqrt(variance + (variance.sum() - variance) / (M - 1) ** 2)
     n = float(np.min(total**2 / np.sum(whole**2, axis=1)))
-    told = np.abs(apart) / np.maximum(scatter * chance * (1 + FEW / n), np.finfo(float).tiny)
+    told = np.abs(apart) / np.maximum(scatter * chance * (1 + FEW / n), TINY)
     worst = int(told.argmax())
     size = float(apart[worst] / left)
     chances = float(told[worst])

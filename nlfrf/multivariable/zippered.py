@@ -18,7 +18,7 @@ from nlfrf.multivariable.channels import ChannelSpectra, nearest_lines
 from nlfrf.multivariable.frm import in_own_units
 from nlfrf.multivariable.local_matrix import EARNED, ORDER, POOLED, WIDTH
 from nlfrf.multivariable.matrix_frf import MatrixFrf, adjoint, lines_last, noise_covariance
-from nlfrf.shared.leastsquares import two_unknowns
+from nlfrf.shared.leastsquares import TINY, two_unknowns
 from nlfrf.shared.values import value
 
 __all__ = ["Between", "spread_between", "zippered_frf"]
@@ -94,7 +94,7 @@ def fitted_between(
     r /= np.abs(r).max(axis=(1, 2), keepdims=True)  # (F, n_u, n)
     g = np.moveaxis(column[:, window], 0, 2)  # (F, n_u, n_y, n)
     known = np.sqrt(np.mean(own[window], axis=2))[:, :, None, None]  # of each column, in the units of its input
-    size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + np.finfo(float).tiny)
+    size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + TINY)
     D = denominator(r, g, size)
     plain, rational = (power_left(r, g, one, size) for one in (np.ones(D.shape), D))
     dof = n_y * n_u * (width - ORDER - 1)
@@ -188,7 +188,7 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets:
     columns = np.einsum("fijanl,fanlm,fipanm->fijp", between.weights, around, between.weights.conj(), optimize=True)
     correlation, scale = (np.moveaxis(part, -1, 0) for part in in_own_units(cov))
     values, vectors = np.linalg.eigh(correlation)
-    values = np.maximum(values, 1e-8 * values[:, -1:] + np.finfo(float).tiny)
+    values = np.maximum(values, 1e-8 * values[:, -1:] + TINY)
     root = scale[:, :, None] * ((vectors * np.sqrt(values)[:, None]) @ adjoint(vectors))
     inverse = ((vectors / np.sqrt(values)[:, None]) @ adjoint(vectors)) / scale[:, None]
     gamma, more = gamma.copy(), np.zeros((F, n_y, n_y), dtype=complex)

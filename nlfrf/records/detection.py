@@ -99,10 +99,10 @@ def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
     power = mean_power(U)
     carried = power.sum() / 2
     last = u[:, -1]  # one period is enough, and the last one is settled
-    means = np.add.reduce(last, axis=1) / u.shape[2]
-    total = float(np.add.reduce(np.vecdot(last, last))) / last.size - float(np.vdot(means, means)) / means.size
+    total = float(np.add.reduce(np.vecdot(last, last))) / last.size
     if power.min() >= FAR_BELOW * power.max() and carried > CARRIED * total:
-        return
+        return  # even with its mean
+    total -= float(np.mean(last.mean(axis=1) ** 2))
     weak = power < FAR_BELOW * np.median(power)
     if not weak.any() and carried > CARRIED * total:
         return

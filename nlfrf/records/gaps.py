@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from nlfrf.shared.leastsquares import power, squared
+from nlfrf.shared.leastsquares import TINY, power, squared
 from nlfrf.shared.transforms import rfft
 
 __all__ = ["gaps_inside", "torn_periods"]
@@ -25,7 +25,6 @@ ROUNDING = 1e-9  # share of the power of y that is no difference
 ENOUGH = 16  # samples of the noise that tell its variance
 STEEP = 8.0  # times as much before a gap as behind it: no resonance that then still rings dies so fast
 PEAKED = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
-TINY = np.finfo(float).tiny
 SHORT = 8  # samples of the gaps that are tried wherever they are
 NEAR = [sign * k for k in range(1, SHORT + 1) for sign in (-1, 1)]
 SPIKE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf.records.coarse import coarse, smooth_over
+from nlfrf.shared.leastsquares import TINY
 from nlfrf.shared.transforms import blocks, equal, fast_length
 
 __all__ = ["detect_period"]
@@ -56,7 +57,7 @@ def by_autocorrelation(u: np.ndarray) -> float:
     energy = np.concatenate(([0.0], np.cumsum(u**2)))
     lag = np.arange(correlation.size)
     overlap = np.sqrt(energy[n - lag] * (energy[-1] - energy[lag]))
-    rho = correlation / np.maximum(overlap, np.finfo(float).tiny)
+    rho = correlation / np.maximum(overlap, TINY)
     negative = np.flatnonzero(rho < 0)  # past the main lobe around lag 0
     if negative.size:
         rho[: negative[0]] = 0.0
@@ -143,7 +144,7 @@ def template_lags(u: np.ndarray) -> dict[int, float]:
         rho = np.fft.irfft(np.fft.rfft(part, size) * template, size)[: min(part.size - length, n // 2 + 1 - first) + 1]
         sums = np.concatenate(([0.0], np.cumsum(part**2)))
         sums = (sums[length:] - sums[:-length])[: rho.size]
-        rho /= np.sqrt(np.maximum(energy * sums, np.finfo(float).tiny))
+        rho /= np.sqrt(np.maximum(energy * sums, TINY))
         if not negative:
             below = np.flatnonzero(rho < 0)
             negative = below.size > 0
@@ -163,7 +164,7 @@ def likeness(u: np.ndarray, lag: int) -> float:
     mean = np.add.reduce(early) / early.size, np.add.reduce(late) / late.size
     power = np.vdot(early, early) / early.size - mean[0] ** 2, np.vdot(late, late) / late.size - mean[1] ** 2
     common = np.vdot(early, late) / early.size - mean[0] * mean[1]
-    return float(common / np.sqrt(max(power[0] * power[1], np.finfo(float).tiny)))
+    return float(common / np.sqrt(max(power[0] * power[1], TINY)))
 
 
 def refined(u: np.ndarray, lag: int, step: int) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.shared.arguments import of_kind, positive
+from nlfrf.shared.leastsquares import TINY
 from nlfrf.shared.transforms import rfft_at
 
 __all__ = ["Design", "fill_reference", "played_period", "played_reference", "played_references"]
@@ -116,7 +117,7 @@ def alignment(U: np.ndarray, D: np.ndarray, k: np.ndarray, n_samples: int) -> tu
     correlation = np.fft.irfft(cross, n_samples) * (n_samples / 2)
     delay = float(np.argmax(correlation))
     energy = np.sqrt(np.sum(np.abs(U) ** 2) * np.sum(np.abs(D) ** 2))
-    likeness = float(correlation[int(delay)] / max(energy, np.finfo(float).tiny))
+    likeness = float(correlation[int(delay)] / max(energy, TINY))
     slope = 2 * np.pi * k / n_samples
     for _ in range(3):  # between the samples, by the slope of the phase
         turned = cross[k] * np.exp(1j * slope * delay)

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from nlfrf.shared.leastsquares import power
+from nlfrf.shared.leastsquares import TINY, power
 
 __all__ = ["N_POLYNOMIAL", "WINDOW", "is_transient"]
 
@@ -26,17 +26,15 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     """
     n_windows = first.shape[1] // WINDOW
     step = max(1, first.shape[0] * n_windows // ENOUGH)
-    windows, reference = (
-        (x[:, : n_windows * WINDOW].reshape(x.shape[0], -1, WINDOW)[:, ::step]) for x in (first, last)
-    )
-    windows = (windows - reference).reshape(-1, WINDOW)
+    apart = first[:, : n_windows * WINDOW] - last[:, : n_windows * WINDOW]
+    windows = apart.reshape(len(apart), -1, WINDOW)[:, ::step].reshape(-1, WINDOW)
     total = power(windows)
-    if total.sum() <= 1e-20 * np.vdot(reference, reference).real:
+    if np.add.reduce(total) <= 1e-20 * np.add.reduce(power(last)):
         return False
     explained = power(windows @ smooth_part())
     rest = np.maximum(total - explained, 1e-12 * total)
     # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
-    ratio = explained / np.maximum(rest, np.finfo(float).tiny)
+    ratio = explained / np.maximum(rest, TINY)
     ratio *= (WINDOW - N_POLYNOMIAL) / N_POLYNOMIAL
     return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
 

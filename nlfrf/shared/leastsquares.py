@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["least_squares", "mean_power", "power", "rms", "squared", "two_unknowns"]
+__all__ = ["EPS", "SMALL", "TINY", "least_squares", "mean_power", "power", "rms", "squared", "two_unknowns"]
+
+
+EPS = float(np.finfo(float).eps)
+TINY = float(np.finfo(float).tiny)  # in place of a zero that is divided by
+SMALL = TINY**0.25  # the same where its square is
 
 
 def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -14,7 +19,7 @@ def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     first = rows[..., 1, :]
     along = np.vecdot(first[..., None, :], rows)
-    n_first = np.maximum(along[..., 1].real, np.finfo(float).tiny)
+    n_first = np.maximum(along[..., 1].real, TINY)
     along /= n_first[..., None]
     b, second = (rows[..., i, :] - along[..., i, None] * first for i in (0, 2))
     n_second = power(second)

@@ -57,14 +57,12 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
     """The dataclass behind `value`, with arrays frozen before the validation of the class, its own or inherited."""
     validate = getattr(cls, "__post_init__", None)
 
-    names: tuple[str, ...] = ()
-
     def __post_init__(self: Any) -> None:
-        for name in names:
-            content = getattr(self, name)
+        held = self.__dict__
+        for name, content in held.items():
             if isinstance(content, np.ndarray):
                 if copy:
-                    object.__setattr__(self, name, frozen(content))
+                    held[name] = frozen(content)
                 else:
                     content.setflags(write=False)
         if validate is not None:
@@ -74,9 +72,7 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
     if "__repr__" not in cls.__dict__:
         cls.__repr__ = line  # type: ignore[method-assign]
     cls._repr_html_ = card  # type: ignore[attr-defined]
-    made = dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)
-    names = field_names(made)
-    return made
+    return dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)
 
 
 def frozen(array: np.ndarray) -> np.ndarray:

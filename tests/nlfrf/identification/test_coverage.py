@@ -98,8 +98,7 @@ def test_a_level_that_varies_is_in_doubt_at_the_ends_alone(detection):
         chance = rng.standard_normal(ones.size) * 0.01
         for logarithm, into in ((walk, told), (0.0, flat)):
             variance = np.exp(logarithm + chance)
-            level = Level(variance=variance, cautious=variance, dof=1e4 * ones, grid_factor=ones, even=ones)
-            into.append(doubt_at_ends(level, ones, where, detection))
+            into.append(doubt_at_ends(variance, 1e4 * ones, ones, where, detection) * ones)
     told, flat = np.mean(told, axis=0), np.mean(flat, axis=0)
     assert not told[4:-4].any()
     assert flat.max() < 1e-3
