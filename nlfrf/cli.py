@@ -267,6 +267,7 @@ def plot(
         pictures.plot_bla(content, confidence=confidence, ax=top)
         pictures.plot_levels(content, ax=bottom)
     write_whole(out, lambda target: figure.savefig(target, dpi=120))
+    plt.close(figure)
     print(f"wrote {out}")
 
 

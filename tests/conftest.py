@@ -1,6 +1,7 @@
 """Shared by all tests: where measured records lie, axes to draw on."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -19,11 +20,17 @@ def measured():
     return folder
 
 
+@pytest.fixture(autouse=True)
+def no_figure_stays():
+    """What a test drew is closed behind it: in which order tests run must not matter."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
+
+
 @pytest.fixture
 def ax():
-    """Axes of a figure of their own, closed afterwards."""
+    """Axes of a figure of their own."""
     from matplotlib import pyplot as plt
 
-    figure, ax = plt.subplots()
-    yield ax
-    plt.close(figure)
+    return plt.subplots()[1]
