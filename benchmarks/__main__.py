@@ -35,6 +35,7 @@ COMMANDS = (
     "sound_records --records 15",
     "attack_design_frf --designs 60",
     "mispaired",
+    "hum --plants 24",
     "unequal_experiments",
     "fuzz_loaders --files 100",
     "fuzz_readers --files 200",

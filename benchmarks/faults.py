@@ -19,6 +19,7 @@ import nlfrf
 from nlfrf.records.faults import between
 
 N, P, FS = 2000, 8, 1000.0
+ROUNDING = 1e-14  # of an error that is none
 
 
 class Fault(NamedTuple):
@@ -127,6 +128,13 @@ def growing(share: float) -> Callable[[np.ndarray], np.ndarray]:
 def from_the_middle(factor: float) -> Callable[[np.ndarray], np.ndarray]:
     """A gain that is another one from the middle of the record on."""
     return lambda x: x * np.where(np.arange(x.size) < P * N // 2, 1.0, factor)
+
+
+def humming(ms: nlfrf.Multisine, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """A tone of a fifth of the rms on an excited line: it keeps step with the periods."""
+    k = ms.lines.excited[40]
+    tone = 0.2 * 2**0.5 * np.std(y) * np.sin(2 * np.pi * k * np.arange(y.size) / N)
+    return cut(u, y) | {"y": noisy(y + tone)[: P * N]}
 
 
 def wandering(share: float) -> Callable[[np.ndarray], np.ndarray]:
@@ -388,6 +396,13 @@ FAULTS = [
         None,
         refused=False,
     ),
+    Fault(
+        "y",
+        "a tone of 20 % of the rms in step with the periods, as hum of the mains",
+        humming,
+        r"G stands out of its neighbours at \d+\.5 Hz",
+        refused=False,
+    ),
     Fault("y", "a blow in one period", on_y(hit), r"y does not repeat in period 5", RESAMPLE),
     Fault(
         "y",
@@ -487,7 +502,9 @@ def main() -> None:
     for fault in FAULTS:
         found = outcome(fault)
         words = ", ".join(f"`{name}`" for name in fault.cure or {}) or "none: measure again"
-        left = "" if np.isnan(found.error) else f"{100 * found.error:.2g} % ({100 * found.held:.0f} %)"
+        left = (
+            "" if np.isnan(found.error) else f"{100 * max(found.error - ROUNDING, 0):.2g} % ({100 * found.held:.0f} %)"
+        )
         how = "refused" if found.refused else "warned"
         print(f"| {fault.on} | {fault.name} | {how}: {found.said[:230].replace('|', ' ')} | {words} | {left} |")
 

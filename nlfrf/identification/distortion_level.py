@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -74,6 +75,12 @@ class Level:
     grid_factor: np.ndarray
     even: np.ndarray
     doubt: np.ndarray | float = 0.0
+
+    def at_least(self, power: np.ndarray) -> Level:
+        """The same with a variance of at least some power (F,)."""
+        if not power.any():
+            return self
+        return replace(self, variance=np.maximum(self.variance, power), cautious=np.maximum(self.cautious, power))
 
 
 def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool) -> Level:

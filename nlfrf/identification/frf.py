@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from nlfrf.identification.calibration import FEW
+from nlfrf.identification.localfit import apart_from_neighbours
+from nlfrf.identification.neighbours import Places
 from nlfrf.identification.realizations import equal_steps
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
@@ -21,6 +24,7 @@ __all__ = [
     "refuse_mispaired",
     "residual_variance",
     "warn_of_jumps",
+    "warn_of_lines_apart",
 ]
 
 
@@ -28,6 +32,10 @@ __all__ = [
 JUMPING, SHARE = 2.5, 0.03
 SPARE = 2  # lines more than the half: few lines are rough by chance
 FEWEST = 4  # pairs of equal steps that can tell phases apart
+#: Power over that of chance from which a line stands out: over the level, and over the scatter of the lines around it,
+#: by which alone one of 4e5 sound lines does; and that of a local fit from which it is looked for.
+ABOVE_LEVEL, ABOVE_SCATTER, SUSPECT = 25.0, 60.0, 5.0
+MAINS = 50.0, 60.0  # Hz
 UNRELATED = 3.0  # standard deviations of chance up to which phases agree by it
 RELATED = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
 TELLING = 30  # pairs of equal steps from which it is said that y follows no input
@@ -118,6 +126,51 @@ def warn_of_jumps(
             "same order, with one trigger and one sign? If they do it bends within a few lines: record a longer period"
         )
     return bool(strange)
+
+
+def warn_of_lines_apart(
+    G: np.ndarray, fitted: np.ndarray, level: np.ndarray, where: Places, f: np.ndarray
+) -> np.ndarray:
+    """Warn of single lines that neither distortion nor noise can bring so far from their neighbours.
+
+    A disturbance that keeps step with the periods does, as the hum of the mains nearly does: it averages out over
+    realisations, and one alone does not show it on its detection lines. So does a resonance narrower than the lines are
+    apart. Nobody can tell which.
+
+    Parameters
+    ----------
+    G, fitted : (F,) complex ndarray
+        FRF of one realisation, and fitted locally.
+    level : (F,) ndarray
+        Its variance.
+    where : Places
+    f : (F,) ndarray
+        Its frequencies [Hz].
+
+    Returns
+    -------
+    (F,) ndarray
+        Power by which such lines stand apart; zeros elsewhere.
+    """
+    if f.size < FEW or not (squared(G - fitted) > SUSPECT * level).any():
+        return np.zeros(f.size)
+    apart, scatter, spread = apart_from_neighbours(G, where)
+    by_chance = spread * np.maximum(ABOVE_SCATTER * scatter, ABOVE_LEVEL * level)
+    told = np.where(squared(apart) > by_chance, squared(apart), 0.0)
+    out = np.flatnonzero(told)
+    if not out.size:
+        return told
+    said = ", ".join(f"{f[k]:g}" for k in out[:6]) + (", ..." if out.size > 6 else "")
+    worst = int(out[np.argmax(told[out] / level[out])])
+    half = (f[1:] - f[:-1]).min() / 2
+    hum = next((m for m in MAINS if all(round(f[k] / m) and abs(f[k] - round(f[k] / m) * m) < half for k in out)), None)
+    mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
+    data_warning(
+        f"G stands out of its neighbours at {said} Hz, by {np.sqrt(told[worst] / level[worst]):.0f} times its "
+        f"scatter at {f[worst]:g} Hz{mains}: a disturbance in step with the periods, or a resonance narrower than the "
+        "lines are apart. The bound there holds what the neighbours say; record several realisations, or another period"
+    )
+    return told
 
 
 def refuse_mispaired(frf: Frf, excited: Spectra, rough: np.ndarray | None) -> bool:

@@ -21,7 +21,14 @@ from nlfrf.identification.distortion_level import (
     read_level,
     smooth_frf,
 )
-from nlfrf.identification.frf import Frf, average_frf, refuse_another_reference, refuse_mispaired, warn_of_jumps
+from nlfrf.identification.frf import (
+    Frf,
+    average_frf,
+    refuse_another_reference,
+    refuse_mispaired,
+    warn_of_jumps,
+    warn_of_lines_apart,
+)
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
@@ -133,6 +140,9 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     level = read_level(source, excited, answer, fit, low)
     if source == "detection" and fit is not None and not strange:
         warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
+        if len(excited.U) == 1:
+            f = record.lines.excited * record.f0
+            level = level.at_least(warn_of_lines_apart(frf.G, fit.G[0], level.cautious, excited.where, f))
     told = read_peaks(excited.U, excited.lines, low)
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
 

@@ -22,7 +22,7 @@ from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.shared.leastsquares import EPS, SMALL, TINY, power, squared, two_unknowns
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "fit_locally"]
+__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "apart_from_neighbours", "fit_locally"]
 
 
 ORDER = 2  # of both polynomials, which are written out here
@@ -221,7 +221,7 @@ def fit_both_ways(G: np.ndarray, weight: np.ndarray, where: Places) -> BothFits:
     n = window.shape[1]
     w = weight.take(window, axis=1)
     if weight.min() >= FLAT * weight.max():  # as it was designed: then the grid alone tells the polynomials
-        basis, basis_at_zero = flat_polynomials(where)
+        basis, basis_at_zero = flat_polynomials(where, itself=True)
         basis_at_zero = basis_at_zero / weight[..., None]
     else:
         basis, basis_at_zero = polynomials(r, w)
@@ -298,10 +298,29 @@ def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return basis, at_zero
 
 
+def apart_from_neighbours(G: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """By how much each line of an FRF (F,) differs from what the lines around it tell without it.
+
+    Returns
+    -------
+    apart : (F,) complex ndarray
+        G less the parabola through its neighbours.
+    scatter : (F,) ndarray
+        Their variance about that parabola.
+    spread : (F,) ndarray
+        Variance of `apart` over that of one line.
+    """
+    around = G.take(where.near_excited[:, 1:])
+    (basis,), (at_zero,) = flat_polynomials(where, itself=False)
+    spanned = np.vecdot(basis, around[:, None])
+    scatter = np.maximum(power(around) - power(spanned), 0.0) / (around.shape[1] - ORDER - 1)
+    return G - np.vecdot(at_zero, spanned), scatter, 1 + power(at_zero)
+
+
 @lru_cache(maxsize=KEPT)
-def flat_polynomials(where: Places) -> tuple[np.ndarray, np.ndarray]:
-    """`polynomials` under a weight of one."""
-    r, _, _ = local_powers(where)
+def flat_polynomials(where: Places, *, itself: bool) -> tuple[np.ndarray, np.ndarray]:
+    """`polynomials` under a weight of one, over each line and its neighbours or over these alone."""
+    r = local_powers(where)[0][:, 0 if itself else 1 :]
     both = polynomials(r, np.ones((1, *r.shape)))
     for array in both:
         array.flags.writeable = False
