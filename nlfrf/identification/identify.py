@@ -89,7 +89,8 @@ def identify(
     DataWarning
         The grid has no detection lines that can be calibrated, and the level comes from the roughness. Realisations
         that have the phases of another one: they count as periods of it. Peaks of the input that are lower than random
-        phases have them. An output that follows no input at hand.
+        phases have them. An output that follows no input at hand. Lines of a single realisation that stand out of their
+        neighbours, as hum of the mains makes them.
 
     References
     ----------

@@ -14,7 +14,6 @@ __all__ = [
     "BLOCK",
     "all_finite",
     "blocks",
-    "dct_even",
     "equal",
     "fast_length",
     "is_constant",
@@ -88,18 +87,6 @@ def fast_length(n: int) -> int:
             three *= 3
         five *= 5
     return best
-
-
-def dct_even(half: np.ndarray) -> np.ndarray:
-    """(..., n + 1) DFT of a real even sequence of period 2 n, from and to its samples 0 ... n (DCT-I).
-
-    >>> dct_even(np.array([1.0, 0.5, 0.25]))
-    array([2.25, 0.75, 0.25])
-    """
-    n = half.shape[-1] - 1
-    whole = np.empty((*half.shape[:-1], 2 * n))
-    whole[..., : n + 1], whole[..., n + 1 :] = half, half[..., -2:0:-1]
-    return np.ascontiguousarray(np.fft.rfft(whole).real)
 
 
 def rfft(x: np.ndarray) -> np.ndarray:
