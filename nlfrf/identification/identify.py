@@ -36,10 +36,13 @@ from nlfrf.identification.transient import TREATMENTS
 from nlfrf.records.detection import refuse_wrong_lines
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer, one_of
-from nlfrf.shared.leastsquares import squared
+from nlfrf.shared.leastsquares import power, squared
 from nlfrf.shared.wording import shown
 
 __all__ = ["identify"]
+
+
+ROUNDING = 1e-13  # of the whole output, on a line
 
 
 @overload
@@ -142,8 +145,10 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     if source == "detection" and fit is not None and not strange:
         warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
         if len(excited.U) == 1:
+            rounding = ROUNDING**2 * power(spectra.Y[0]) / excited.power_U[0]
             f = record.lines.excited * record.f0
-            level = level.at_least(warn_of_lines_apart(frf.G, fit.G[0], level.cautious, excited.where, f))
+            apart = warn_of_lines_apart(frf.G, fit.G[0], level.cautious + rounding, excited.where, f)
+            level = level.at_least(apart)
     told = read_peaks(excited.U, excited.lines, low)
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
 
