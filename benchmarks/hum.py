@@ -16,6 +16,7 @@ import warnings
 import numpy as np
 
 import nlfrf
+from benchmarks.coverage import frfs
 from benchmarks.drawn import drawn
 from benchmarks.plants import mode, played
 
@@ -31,8 +32,7 @@ def records_of(plant, number, kind):
     rng = np.random.default_rng([50, number])
     ms = nlfrf.multisine(kind, fs=FS, n_samples=N, f_min=1, f_max=180, rng=rng)
     u, y = played(ms, plant, TRUTH + RECORDS, rng)
-    k = ms.lines.excited
-    truth = np.mean(np.fft.rfft(y[:TRUTH])[:, k] / np.fft.rfft(u[:TRUTH])[:, k], axis=0)
+    truth = frfs(u[:TRUTH], y[:TRUTH], ms.lines.excited).mean(axis=0)
     return ms, u[TRUTH:], y[TRUTH:], truth, rng
 
 
@@ -44,7 +44,7 @@ def hum(size, frequency, rng):
 
 
 def outcome(ms, u, y, truth):
-    """Whether it was told, and error over bound on each line; nan where refused."""
+    """Whether it was told, or the record refused, and error over bound on each line; nan where refused."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", nlfrf.DataWarning)
         try:
