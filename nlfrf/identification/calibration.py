@@ -149,13 +149,14 @@ def read_grid(
     return profile, factor
 
 
-def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, float]:
+def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool, order: int = 0) -> tuple[float, float]:
     """What the peaks of the inputs tell of their distortion: how typical it is, and how much of it no level shows.
 
     Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. Where there are
     few lines, and where they are lower than usual, a fifth power is allowed for, which changes about as the square of
-    what a cubic tells. What is more than `MOST` and `GAIN` was chosen, and said to be; behind dynamics the peaks are
-    others, and an input all but square would ask for a factor without end.
+    what a cubic tells, unless another law is told; one that is told counts everywhere. What is more than `MOST` and
+    `GAIN` was chosen, and said to be; behind dynamics the peaks are others, and an input all but square would ask for a
+    factor without end.
 
     Parameters
     ----------
@@ -165,6 +166,8 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, floa
         Excited lines.
     low : bool
         Whether their peaks are lower than usual (`are_low`).
+    order : int
+        Of the law, where it is told (`Law`).
 
     Returns
     -------
@@ -189,9 +192,10 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, floa
     if U.size > ALIKE and not low:
         return 1.0, chance
     ratio, gap = cube_of(U, lines)
-    typical = ratio * ratio if few or low else ratio
+    steep = order == 5 or (order == 0 and (few or low))
+    typical = ratio * ratio if steep else ratio
     typical = min(max(typical, LEAST_OF_FEW), MOST_OF_FEW) if few else min(max(typical, 1.0), MOST)
-    if not (low or (few and n == 1)):
+    if not (few and n == 1) and not (low and order != 1):
         return typical, chance
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n

@@ -1,21 +1,42 @@
-"""Even and odd distortion levels at the output, from the lines that were not excited."""
+"""Even and odd distortion levels at the output, from the lines that were not excited, and the law their phases tell.
+
+The powers of the detection lines leave open whether the input drives the distortion or the output, and whether it
+arises before the dynamics or behind them. Their phases tell: what stands there is, but for one factor, the third power
+of what drives it, if the law is a cubic, and one realisation shows it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from nlfrf.excitation.lines import local_mean
+from nlfrf.excitation.phases import in_common
 from nlfrf.identification.frf import residual_variance
 from nlfrf.identification.neighbours import Places
 from nlfrf.identification.spectra import Spectra
-from nlfrf.shared.leastsquares import EPS, SMALL
+from nlfrf.shared.leastsquares import EPS, SMALL, TINY, mean_power, power, squared
+from nlfrf.shared.transforms import fast_length
 from nlfrf.shared.values import value
 
-__all__ = ["Answer", "detected_power", "nonlinear_answer"]
+__all__ = ["UNTOLD", "Answer", "Law", "detected_power", "is_uneven", "nonlinear_answer", "told_law"]
 
 
 SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
 FEWEST = 4
 SCORED = 3  # steps of scoring: a fourth changes nothing unless noise is nearly all that is read
+UNEVEN = 1.5  # largest over least |G|^2 from which it matters where the distortion arises
+AROUND = 9  # lines over which the powers of detection lines are made even
+CHANCE = 1e-3  # with which phases may agree by it
+HEARD = 0.7  # share of the power on detection lines that is no noise, at least
+FLATTER = 0.6  # share in common with any power of its drive under which a law is flatter than those
+PLACED = (
+    "the input, before the dynamics",
+    "the output, fed back as by a spring",
+    "the input, beside the dynamics",
+    "the output, behind the dynamics as by a sensor",
+)
+CUBIC = 0.35  # what a cube leaves over what a fifth power leaves, where it is told to be the law
+FIFTH = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
 
 
 @value(copy=False)
@@ -35,6 +56,113 @@ class Answer:
     G: np.ndarray
     Yc: np.ndarray
     noise: np.ndarray
+
+
+@value(copy=False)
+class Law:
+    """What the phases of the odd detection lines tell of the law behind them.
+
+    Fields
+    ------
+    order : int
+        3: a cubic. 5: it may be a fifth power. 1: flatter than any, it saturates, jumps or remembers. 0: not told.
+    coherence : float
+        Squared, of those lines with the cube of what drives them.
+    reading : int
+        Which drive, and where: the input (0, 2) or the output (1, 3), into the dynamics (0, 1) or behind them.
+    """
+
+    order: int = 0
+    coherence: float = 0.0
+    reading: int = 0
+
+    @property
+    def share(self) -> float:
+        """Of a cubic the share that counts as told, from half on.
+
+        What is none of these, a hysteresis or a cubic between two dynamics, has something in common with one of them.
+        """
+        return max(0.0, 2 * self.coherence - 1) if self.order == 3 else 0.0
+
+    def said(self, uneven: bool) -> str:
+        """The law in words, and its place where |G| changes over the band; empty where it is not told."""
+        if self.order == 3:
+            what = PLACED[self.reading] if uneven else "its drive"
+            return (
+                f"{100 * self.coherence:.0f} % of the power on odd detection lines has the phases of the cube of {what}"
+            )
+        return {
+            5: "odd detection lines have the phases of a fifth power as much as of a cube",
+            1: "odd detection lines have the phases of no power: what makes them saturates or jumps, or has a memory",
+        }.get(self.order, "")
+
+
+UNTOLD = Law()
+
+
+def is_uneven(answer: Answer, where: Places) -> bool:
+    """Whether |G| changes over the band, so that it matters what drives the distortion and where."""
+    gain = squared(answer.G.take(where.excited))
+    return bool(gain.max() > UNEVEN * gain.min())
+
+
+def told_law(excited: Spectra, answer: Answer) -> Law:
+    """The law that makes the odd detection lines: of which power of the input, or of the output, they have the phases.
+
+    Their powers are made even from line to line, so that phases alone count, over all lines and realisations, less what
+    chance and noise make of it.
+
+    Parameters
+    ----------
+    excited : Spectra
+        On the excited lines.
+    answer : Answer
+    """
+    where = excited.where
+    Y, n = answer.Yc.take(where.odd, axis=1), len(excited.U) * where.odd.size
+    if where.odd.size < FEWEST or not Y.any():
+        return UNTOLD
+    candidates = np.empty((2, 2, 2, *Y.shape), dtype=complex)  # by G or behind it; input, output; cube, fifth power
+    G = answer.G
+    candidates[1] = powers_on(where.lines[where.odd], [excited.U, G.take(where.excited) * excited.U], excited.lines)
+    np.multiply(G.take(where.odd), candidates[1], out=candidates[0])
+    level = local_mean(mean_power(Y), AROUND) + TINY
+    noise = local_mean(np.nan_to_num(answer.noise.take(where.odd)), AROUND)
+    heard = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
+    share = float(heard.mean())
+    if share < HEARD:
+        return UNTOLD
+    y = Y / np.sqrt(level)
+    levels = local_mean(np.add.reduce(squared(candidates), axis=-2), AROUND) + TINY
+    x = candidates * np.sqrt(heard / levels)[..., None, :]
+    common = squared(np.add.reduce(np.vecdot(x, y), axis=-1))
+    common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
+    if common.max() < in_common(CHANCE, n):
+        return UNTOLD
+    common = np.clip((common * n - 1) / (n - 1) / share, 0.0, 1.0)
+    cubes, fifths = common[..., 0].ravel(), common[..., 1].ravel()
+    reading = int(cubes.argmax())
+    cube, fifth = float(cubes[reading]), float(fifths.max())
+    if max(cube, fifth) < FLATTER:
+        order = 1
+    elif 1 - cube < CUBIC * (1 - fifth):
+        order = 3
+    else:
+        order = 5 if fifth > FIFTH else 0
+    return Law(order=order, coherence=cube, reading=reading)
+
+
+def powers_on(lines: np.ndarray, drives: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
+    """(drives, 2, M, K) the third and fifth powers of multisines of these amplitudes (M, F), on some lines."""
+    last = int(max(excited[-1], lines[-1]))
+    n = 2 * fast_length(3 * last + 1)  # terms beyond alias onto lines past the last one
+    spectrum = np.zeros((len(drives), *drives[0].shape[:-1], n // 2 + 1), dtype=complex)
+    for one, drive in zip(spectrum, drives, strict=True):
+        one[:, excited] = drive / np.sqrt(power(drive).sum() + TINY)
+    x = np.fft.irfft(spectrum, n, norm="forward")
+    square = x * x
+    both = np.stack([x * square, x * square * square], axis=1)
+    return np.fft.rfft(both).take(lines, axis=-1)
 
 
 def nonlinear_answer(spectra: Spectra, smooth: np.ndarray) -> Answer:

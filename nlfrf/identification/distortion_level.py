@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
 from nlfrf.identification.calibration import COMMON, FEW, LARGEST, read_grid, variance_ratio
-from nlfrf.identification.detection_lines import Answer, detected_power
+from nlfrf.identification.detection_lines import UNTOLD, Answer, Law, detected_power
 from nlfrf.identification.frf import Frf
 from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
 from nlfrf.identification.neighbours import KEPT, Places
@@ -83,10 +83,10 @@ class Level:
         return replace(self, variance=np.maximum(self.variance, power), cautious=np.maximum(self.cautious, power))
 
 
-def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool) -> Level:
+def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool, law: Law) -> Level:
     """The level of distortion from the source that was chosen; beside scatter over realisations none, of no weight."""
     if source == "detection":
-        return level_from_detection(excited, answer, fit, low)
+        return level_from_detection(excited, answer, fit, low, law)
     even = even_variance(excited, answer)
     ones = np.ones(even.size)
     if fit is None:
@@ -152,12 +152,15 @@ def widened(dof: np.ndarray, doubt: np.ndarray | float) -> np.ndarray:
     return np.asarray(fewer * (TAIL ** (-1 / fewer) - 1) / (dof * (TAIL ** (-1 / dof) - 1)))
 
 
-def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool = False) -> Level:
+def level_from_detection(
+    excited: Spectra, answer: Answer, fit: LocalFit | None, low: bool = False, law: Law = UNTOLD
+) -> Level:
     """From the odd lines that were not excited, scaled by what the grid makes of a cubic.
 
     The input may drive it or the output, and what it makes may follow |G| or not, or fade with frequency as the memory
     of a hysteresis does. Each of these readings says how the power is spread over the detection lines, and how rough G
-    then is: they weigh as likely as they make the lines around.
+    then is: they weigh as likely as they make the lines around. Of the share that the phases say is a cubic's, only the
+    reading counts that they tell.
 
     Roughness reads too high, if anything: where detection lines say more, and no scatter is there, both say as much.
     Not of low peaks (`are_low`), which leave more of the distortion to one gain on all lines, and that is not rough.
@@ -182,18 +185,22 @@ def level_from_detection(excited: Spectra, answer: Answer, fit: LocalFit | None,
     evidence[-1] -= RARE
     weight = np.exp(evidence - evidence.max(axis=0))
     weight /= np.add.reduce(weight)
-    weighted, dof = weight * variance, n_used[0] * n_realizations
     # at 95 % the root mean square is what the quantile of such a mixture asks for
-    cautious = np.sqrt(np.add.reduce(weighted * variance))
+    cautious = np.sqrt(np.add.reduce(weight * variance * variance))
+    if law.share:
+        cautious += law.share * (variance[law.reading] - cautious)
+        weight *= 1 - law.share
+        weight[law.reading] += law.share
+    dof = n_used[0] * n_realizations
     if fit is not None and n_realizations == 1 and not low:
         cautious = np.minimum(cautious, np.sqrt(cautious * fit.variance[0]))
     return Level(
-        variance=np.add.reduce(weighted),
+        variance=np.add.reduce(weight * variance),
         cautious=cautious,
         dof=dof,
         grid_factor=np.add.reduce(weight * factors[:READINGS]),
         even=even,
-        doubt=doubt_at_ends(cautious, dof, squared(answer.G.take(where.excited)), where, True),
+        doubt=(1 - law.share) * doubt_at_ends(cautious, dof, squared(answer.G.take(where.excited)), where, True),
     )
 
 

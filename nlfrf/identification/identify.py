@@ -12,8 +12,8 @@ from typing import overload
 import numpy as np
 
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.identification.calibration import read_peaks
-from nlfrf.identification.detection_lines import Answer, nonlinear_answer
+from nlfrf.identification.calibration import FEW, read_peaks
+from nlfrf.identification.detection_lines import UNTOLD, Answer, is_uneven, nonlinear_answer, told_law
 from nlfrf.identification.distortion_level import (
     Level,
     choose_source,
@@ -43,6 +43,7 @@ __all__ = ["identify"]
 
 
 ROUNDING = 1e-13  # of the whole output, on a line
+STEEP = 1.25  # how much more random phases distort than those at hand, by a cube, where a steeper law counts
 
 
 @overload
@@ -141,7 +142,12 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
     strange = refuse_mispaired(frf, excited, None if fit is None else fit.variance[0])
     answer = nonlinear_answer(spectra, smooth)
-    level = read_level(source, excited, answer, fit, low)
+    law, told = UNTOLD, read_peaks(excited.U, excited.lines, low)
+    steep = told[0] > STEEP or low or excited.lines.size < FEW  # then it matters how steep the law is
+    if source == "detection" and (steep or is_uneven(answer, excited.where)):
+        law = told_law(excited, answer)
+        told = read_peaks(excited.U, excited.lines, low, law.order)
+    level = read_level(source, excited, answer, fit, low, law)
     if source == "detection" and fit is not None and not strange:
         warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
         if len(excited.U) == 1:
@@ -149,7 +155,6 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
             f = record.lines.excited * record.f0
             apart = warn_of_lines_apart(frf.G, fit.G[0], level.cautious + rounding, excited.where, f)
             level = level.at_least(apart)
-    told = read_peaks(excited.U, excited.lines, low)
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
 
 

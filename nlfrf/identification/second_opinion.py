@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.identification.detection_lines import nonlinear_answer
+from nlfrf.identification.detection_lines import is_uneven, nonlinear_answer, told_law
 from nlfrf.identification.distortion_level import fit_each, level_from_detection
 from nlfrf.identification.frf import average_frf
 from nlfrf.identification.neighbours import place_lines
@@ -39,6 +39,8 @@ class SecondOpinion:
         Roughness over detection [dB], averaged over the nine lines around each.
     unit : str
         Unit of G, where the record says it.
+    law : str
+        What the phases of the odd detection lines tell of the law behind them; empty where they tell none.
 
     References
     ----------
@@ -59,6 +61,7 @@ class SecondOpinion:
     roughness: np.ndarray
     difference: np.ndarray
     unit: str = ""
+    law: str = ""
 
     @property
     def disagree(self) -> np.ndarray:
@@ -88,6 +91,8 @@ class SecondOpinion:
                 said.append(f"  more than 6 dB {more} at {spans(self.f, wrong)}: {meaning}")
         if len(said) == 1:
             said[0] += "; within 6 dB of each other at every line"
+        if self.law:
+            said.append(f"  {self.law}")
         return "\n".join(said)
 
 
@@ -131,10 +136,12 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     frf = average_frf(excited)
     fit = fit_each(frf, excited)
     rough = fit.variance.mean(axis=0)
-    detected = np.full(rough.size, np.nan)
+    detected, said = np.full(rough.size, np.nan), ""
     if grid.odd.size >= n_detection:
         answer = nonlinear_answer(spectra, fit.G.mean(axis=0))
-        detected = level_from_detection(excited, answer, None).variance
+        law = told_law(excited, answer)
+        detected = level_from_detection(excited, answer, None, law=law).variance
+        said = law.said(is_uneven(answer, where))
     window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = EPS**2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
@@ -146,6 +153,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         roughness=rough,
         difference=difference,
         unit=ratio_unit(record.y_unit, record.u_unit),
+        law=said,
     )
 
 

@@ -1,0 +1,155 @@
+"""The law that the phases of the detection lines tell, and what the bound makes of it."""
+
+import numpy as np
+import pytest
+
+from benchmarks.coverage import measure_hard
+from benchmarks.plants import PLANTS, mode, played
+from nlfrf import Record, identify, multisine
+from nlfrf.identification.detection_lines import UNTOLD, nonlinear_answer, powers_on, told_law
+from nlfrf.identification.distortion_level import smooth_frf
+from nlfrf.identification.frf import average_frf
+from nlfrf.identification.neighbours import place_lines
+from nlfrf.identification.spectra import period_spectra
+
+DESIGN = dict(fs=1024, n_samples=1024, f_min=3, f_max=170)
+
+
+def law_of(u, y, ms, n_periods=1, noise=0.0, rng=None):
+    """The law of one record of realisations u and y (M, N)."""
+    shape = (len(u), n_periods, u.shape[1])
+    y = np.broadcast_to(y[:, None], shape)
+    if noise:
+        y = y + noise * rng.standard_normal(shape)
+    record = Record(u=np.broadcast_to(u[:, None], shape), y=y, fs=ms.fs, lines=ms.lines)
+    spectra, _ = period_spectra(record, place_lines(ms.lines))
+    excited = spectra.on_excited()
+    smooth, _fit = smooth_frf(average_frf(excited), excited, rough=False)
+    return told_law(excited, nonlinear_answer(spectra, smooth))
+
+
+def laws_of(plant, n=20, M=1, design=DESIGN, kind="special-odd", **how):
+    """The laws of n records of a plant."""
+    rng = np.random.default_rng(5)
+    ms = multisine(kind, **design, rng=rng)
+    u, y = played(ms, plant, n * M, rng)
+    return [law_of(u[i : i + M], y[i : i + M], ms, rng=rng, **how) for i in range(0, n * M, M)]
+
+
+def beside(u, fs):
+    """A mode, and beside it a cubic of the input."""
+    return mode(u, fs, 0.1, 40.0) + 0.05 * u**3
+
+
+@pytest.mark.parametrize("kind", ["special-odd", "random-odd"])
+@pytest.mark.parametrize(
+    ("plant", "reading"),
+    [(PLANTS["Hammerstein"], 0), (PLANTS["Duffing"], 1), (beside, 2), (PLANTS["Wiener"], 3), (PLANTS["sensor"], 3)],
+    ids=["before a mode", "its spring", "beside it", "behind it", "a sensor that saturates"],
+)
+def test_one_record_tells_what_drives_a_cubic_and_where_it_stands(plant, reading, kind):
+    laws = laws_of(plant, kind=kind)
+    assert [law.reading for law in laws] == [reading] * len(laws)
+    assert np.median([law.coherence for law in laws]) > 0.85
+    assert np.mean([law.share > 0.6 for law in laws]) > 0.3  # of a spring a fifth power has nearly as much
+    assert all(law.order != 1 for law in laws)
+
+
+@pytest.mark.parametrize("plant", ["fifth", "quintic", "behind"])
+def test_a_fifth_power_is_no_cubic(plant):
+    laws = laws_of(PLANTS[plant])
+    assert sum(law.order == 5 for law in laws) >= 18
+    assert all(law.share == 0 for law in laws)
+
+
+@pytest.mark.parametrize("plant", ["jump", "backlash", "slipping", "one-sided", "one way", "between"])
+def test_what_is_neither_counts_as_no_cubic(plant):
+    laws = laws_of(PLANTS[plant])
+    assert np.median([law.share for law in laws]) == 0
+    assert max(law.share for law in laws) < 0.35
+    assert all(law.order != 5 for law in laws)
+    if plant == "jump":
+        assert all(law.order == 1 for law in laws)
+
+
+def test_noise_and_an_even_law_tell_nothing():
+    """Of 400 records of noise one in a hundred may agree with something; none counts."""
+    laws = laws_of(PLANTS["linear"], n=400, noise=0.1)
+    assert sum(law != UNTOLD for law in laws) < 12
+    assert all(law.share == 0 for law in laws)
+    assert all(law.share == 0 for law in laws_of(lambda u, fs: mode(u, fs, 0.1, 40.0) + u**2, n_periods=2, noise=1e-3))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03, 0.08])
+def test_noise_that_is_known_makes_no_other_law_of_a_cubic(noise):
+    """It may hide it: of 8 % noise at the output most records do not tell it, the others what it is."""
+    laws = laws_of(PLANTS["Wiener"], n_periods=4, noise=noise)
+    assert all(law.order != 1 for law in laws)
+    assert all(law.reading == 3 for law in laws if law.share)
+    if noise < 0.02:
+        assert np.median([law.share for law in laws]) > 0.85
+
+
+def test_realisations_tell_it_together():
+    one, four = (laws_of(PLANTS["sensor"], M=M, n_periods=1, noise=0.05) for M in (1, 4))
+    assert [law.reading for law in four] == [3] * 20
+    assert np.std([law.coherence for law in four]) < np.std([law.coherence for law in one])
+
+
+def test_it_does_not_depend_on_units():
+    rng = np.random.default_rng(2)
+    ms = multisine(**DESIGN, rng=rng)
+    u, y = played(ms, PLANTS["Wiener"], 1, rng)
+    plain = law_of(u, y, ms)
+    for a, b in ((1e-20, 1e20), (1e30, 1e-30), (1e-40, 1e-40), (1e60, 1e60)):
+        scaled = law_of(a * u, b * y, ms)
+        assert (scaled.order, scaled.reading) == (plain.order, plain.reading)
+        assert scaled.coherence == pytest.approx(plain.coherence, rel=1e-6)
+
+
+def test_rounding_on_the_detection_lines_is_no_law():
+    ms = multisine(**DESIGN, rng=1)
+    assert law_of(ms.u, 2 * ms.u, ms).share == 0
+
+
+def test_powers_are_those_of_the_samples():
+    rng = np.random.default_rng(0)
+    ms = multisine("full", fs=256, n_samples=256, f_min=1, f_max=20, n_realizations=3, rng=rng)
+    U = 2 / 256 * np.fft.rfft(ms.u)[:, ms.lines.excited]
+    (found,) = powers_on(ms.lines.excited, [U], ms.lines.excited)
+    size = np.sqrt(np.sum(np.abs(U) ** 2))
+    for power, told in zip((3, 5), found, strict=True):
+        expected = np.fft.rfft((ms.u / size) ** power)[:, ms.lines.excited]
+        ratio = told / expected
+        np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-9)
+        assert abs(ratio[0, 0].imag) < 1e-9 * abs(ratio[0, 0])
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+@pytest.mark.parametrize(
+    ("plant", "kind", "change", "before"),
+    [
+        ("Wiener", "special-odd", dict(f_min=10), "99.7 % and 1.34 times as wide as it has to be"),
+        ("Hammerstein", "random-odd", dict(f_min=10), "89 % on the worst line"),
+    ],
+)
+def test_a_bound_from_a_law_that_is_told_is_no_wider_than_it_has_to_be(plant, kind, change, before):
+    row = measure_hard("", plant, kind, 1, 1, None, change, 0, 300, np.random.default_rng(1))
+    scores = np.array(row[8:16])
+    assert 93 <= scores[0] <= 99, before
+    assert np.all(scores[[3, 7]] > 90), before
+    assert row[16] < 1.22, before
+
+
+def test_the_bound_is_that_of_the_reading_that_is_told():
+    """One cubic of the output, behind a mode and fed back: where |G| is low, the bounds are far apart."""
+    rng = np.random.default_rng(3)
+    ms = multisine(**DESIGN, rng=rng)
+    u, y = played(ms, PLANTS["Wiener"], 200, rng)
+    k = ms.lines.excited
+    each = np.fft.rfft(y)[:, k] / np.fft.rfft(u)[:, k]
+    scatter = np.mean(np.abs(each - each.mean(axis=0)) ** 2, axis=0)
+    blas = [identify(Record(u=u[i][None, None], y=y[i][None, None], fs=ms.fs, lines=ms.lines)) for i in range(40)]
+    told = np.median([bla.var_bound for bla in blas], axis=0) / scatter
+    assert np.all(told[8:-4] > 0.6)
+    assert np.all(told[8:-4] < 2.2)
