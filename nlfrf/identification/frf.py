@@ -129,7 +129,13 @@ def warn_of_jumps(
 
 
 def warn_of_lines_apart(
-    G: np.ndarray, fitted: np.ndarray, level: np.ndarray, where: Places, f: np.ndarray
+    G: np.ndarray,
+    fitted: np.ndarray,
+    level: np.ndarray,
+    where: Places,
+    f: np.ndarray,
+    gamma: np.ndarray | float = 1.0,
+    what: str = "G",
 ) -> np.ndarray:
     """Warn of single lines that neither distortion nor noise can bring so far from their neighbours.
 
@@ -139,24 +145,29 @@ def warn_of_lines_apart(
 
     Parameters
     ----------
-    G, fitted : (F,) complex ndarray
-        FRF of one realisation, and fitted locally.
+    G, fitted : (n_u, F) complex ndarray
+        FRFs of one output in one realisation, and fitted locally.
     level : (F,) ndarray
-        Its variance.
+        Their variance, over gamma.
     where : Places
     f : (F,) ndarray
-        Its frequencies [Hz].
+        Their frequencies [Hz].
+    gamma : (n_u, F) ndarray
+        By what the variance of each input's FRF is larger.
+    what : str
+        What they are called.
 
     Returns
     -------
     (F,) ndarray
-        Power by which such lines stand apart; zeros elsewhere.
+        Power by which such lines stand apart, over gamma; zeros elsewhere.
     """
-    if f.size < FEW or not (squared(G - fitted) > SUSPECT * level).any():
+    if f.size < FEW or not (np.mean(squared(G - fitted) / gamma, axis=0) > SUSPECT * level).any():
         return np.zeros(f.size)
     apart, scatter, spread = apart_from_neighbours(G, where)
-    by_chance = spread * np.maximum(ABOVE_SCATTER * scatter, ABOVE_LEVEL * level)
-    told = np.where(squared(apart) > by_chance, squared(apart), 0.0)
+    by_chance = spread * np.maximum(ABOVE_SCATTER * np.mean(scatter / gamma, axis=0), ABOVE_LEVEL * level)
+    power_apart = np.mean(squared(apart) / gamma, axis=0)
+    told = np.where(power_apart > by_chance, power_apart, 0.0)
     out = np.flatnonzero(told)
     if not out.size:
         return told
@@ -166,7 +177,7 @@ def warn_of_lines_apart(
     hum = next((m for m in MAINS if all(round(f[k] / m) and abs(f[k] - round(f[k] / m) * m) < half for k in out)), None)
     mains = f", as the hum of mains of {hum:g} Hz does" if hum else ""
     data_warning(
-        f"G stands out of its neighbours at {said} Hz, by {np.sqrt(told[worst] / level[worst]):.0f} times its "
+        f"{what} stands out of its neighbours at {said} Hz, by {np.sqrt(told[worst] / level[worst]):.0f} times its "
         f"scatter at {f[worst]:g} Hz{mains}: a disturbance in step with the periods, or a resonance narrower than the "
         "lines are apart. The bound there holds what the neighbours say; record several realisations, or another period"
     )

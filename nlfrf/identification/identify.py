@@ -153,7 +153,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
         if len(excited.U) == 1:
             rounding = ROUNDING**2 * power(spectra.Y[0]) / excited.power_U[0]
             f = record.lines.excited * record.f0
-            apart = warn_of_lines_apart(frf.G, fit.G[0], level.cautious + rounding, excited.where, f)
+            apart = warn_of_lines_apart(frf.each, fit.G, level.cautious + rounding, excited.where, f)
             level = level.at_least(apart)
     return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
 

@@ -299,21 +299,21 @@ def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def apart_from_neighbours(G: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """By how much each line of an FRF (F,) differs from what the lines around it tell without it.
+    """By how much each line of FRFs (..., F) differs from what the lines around it tell without it.
 
     Returns
     -------
-    apart : (F,) complex ndarray
+    apart : (..., F) complex ndarray
         G less the parabola through its neighbours.
-    scatter : (F,) ndarray
+    scatter : (..., F) ndarray
         Their variance about that parabola.
     spread : (F,) ndarray
         Variance of `apart` over that of one line.
     """
-    around = G.take(where.near_excited[:, 1:])
+    around = G.take(where.near_excited[:, 1:], axis=-1)
     (basis,), (at_zero,) = flat_polynomials(where, itself=False)
-    spanned = np.vecdot(basis, around[:, None])
-    scatter = np.maximum(power(around) - power(spanned), 0.0) / (around.shape[1] - ORDER - 1)
+    spanned = np.vecdot(basis, around[..., None, :])
+    scatter = np.maximum(power(around) - power(spanned), 0.0) / (around.shape[-1] - ORDER - 1)
     return G - np.vecdot(at_zero, spanned), scatter, 1 + power(at_zero)
 
 

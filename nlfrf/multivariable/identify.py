@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, overload
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification import identify as single
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.identification.frf import warn_of_jumps
+from nlfrf.identification.frf import warn_of_jumps, warn_of_lines_apart
+from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.transient import TREATMENTS
 from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
 from nlfrf.multivariable.conditions import (
@@ -146,7 +148,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
         "realizations": lambda: nothing(frf),
     }[source]()
     if source == "detection" and grid.excited.size > 2 * WIDTH:  # of fewer a bend looks like anything
-        warn_of_other_machines(record, spectra, frf, fit, part, level)
+        level = looked_over(record, spectra, frf, fit, part, level)
     even = np.full_like(level.cov, np.nan)
     if grid.even.size:
         even = level_from_lines(spectra, grid, part, "even", n_detection, independent).cov
@@ -184,26 +186,42 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
     )
 
 
-def warn_of_other_machines(
+def looked_over(
     record: MultiRecord,
     spectra: ChannelSpectra,
     frf: MatrixFrf,
     fit: LocalMatrix | None,
     part: tuple[np.ndarray, np.ndarray, np.ndarray],
     level: MatrixLevel,
-) -> None:
-    """Warn of a channel that differs in one experiment, or where there is none of an output of other experiments."""
+) -> MatrixLevel:
+    """The level, with what single lines of one set stand out by.
+
+    Warns of a channel that differs in one experiment, or where there is none of an output of other experiments.
+    """
     zippered = is_zippered(spectra)
     own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WIDTH  # of a line in its own fit
     n_sets = spectra.U.shape[1] / record.n_inputs
     left = 1.0 if zippered else 1 - own / n_sets  # zippered: what experiments differ by does not jump
-    if left > 0 and warn_of_unequal(record, spectra, part, level, left):
-        return
-    if fit is not None and not zippered:
-        warn_of_jumping_outputs(record, frf, fit, level)
+    strange = left > 0 and warn_of_unequal(record, spectra, part, level, left)
+    if strange or fit is None or zippered or warn_of_jumping_outputs(record, frf, fit, level) or len(frf.each) > 1:
+        return level
+    return with_lines_apart(record, frf, fit, level)
 
 
-def warn_of_jumping_outputs(record: MultiRecord, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> None:
+def with_lines_apart(record: MultiRecord, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> MatrixLevel:
+    """The level of one set, with what single lines stand out by, as they do where the mains hum."""
+    grid, cov = record.lines, level.cov.copy()
+    gamma = np.einsum("iik->ik", frf.gamma).real
+    for j, name in enumerate(record.outputs):
+        own = cov[j, j].real
+        apart = warn_of_lines_apart(
+            frf.G[j], fit.G[j], own, place_lines(grid), grid.excited * record.f0, gamma, f"G of {name}"
+        )
+        cov[j, j] = np.maximum(own, apart)
+    return replace(level, cov=cov)
+
+
+def warn_of_jumping_outputs(record: MultiRecord, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> bool:
     """Warn of the first output whose row jumps from line to line: it belongs to other inputs."""
     gamma = np.einsum("iik->ik", frf.gamma).real
     rough = np.sum(np.abs(fit.residual) ** 2, axis=3).transpose(1, 2, 0) / fit.dof  # (n_y, n_u, F)
@@ -212,7 +230,8 @@ def warn_of_jumping_outputs(record: MultiRecord, frf: MatrixFrf, fit: LocalMatri
         if warn_of_jumps(
             np.mean(rough[j] / gamma, axis=0), level.cov[j, j].real, size.mean(axis=0), f"G of {name}", MIXED
         ):
-            return
+            return True
+    return False
 
 
 def nothing(frf: MatrixFrf) -> MatrixLevel:
