@@ -15,7 +15,7 @@ from nlfrf.identification.frf import residual_variance
 from nlfrf.identification.neighbours import Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.leastsquares import EPS, SMALL, TINY, mean_power, power, squared
-from nlfrf.shared.transforms import fast_length
+from nlfrf.shared.transforms import BLOCK, fast_length
 from nlfrf.shared.values import value
 
 __all__ = ["UNTOLD", "Answer", "Law", "detected_power", "is_uneven", "nonlinear_answer", "told_law"]
@@ -26,9 +26,11 @@ FEWEST = 4
 SCORED = 3  # steps of scoring: a fourth changes nothing unless noise is nearly all that is read
 UNEVEN = 1.5  # largest over least |G|^2 from which it matters where the distortion arises
 AROUND = 9  # lines over which the powers of detection lines are made even
+FAINT = 1e-12  # of the largest power, under which it is rounding
 CHANCE = 1e-3  # with which phases may agree by it
 HEARD = 0.7  # share of the power on detection lines that is no noise, at least
 FLATTER = 0.6  # share in common with any power of its drive under which a law is flatter than those
+SAMPLES = 6  # to a cycle of the last line, so that fifth powers fold back beyond it
 PLACED = (
     "the input, before the dynamics",
     "the output, fed back as by a spring",
@@ -84,16 +86,18 @@ class Law:
         """
         return max(0.0, 2 * self.coherence - 1) if self.order == 3 else 0.0
 
-    def said(self, uneven: bool) -> str:
-        """The law in words, and its place where |G| changes over the band; empty where it is not told."""
+    def said(self, uneven: bool, one_period: bool) -> str:
+        """The law in words, its place where |G| changes over the band, and what one period leaves open; or nothing."""
         if self.order == 3:
             what = PLACED[self.reading] if uneven else "its drive"
             return (
                 f"{100 * self.coherence:.0f} % of the power on odd detection lines has the phases of the cube of {what}"
             )
+        otherwise = ", or much of them is noise" if one_period else ""
+        flatter = f"what makes them saturates or jumps, or has a memory{otherwise}"
         return {
             5: "odd detection lines have the phases of a fifth power as much as of a cube",
-            1: "odd detection lines have the phases of no power: what makes them saturates or jumps, or has a memory",
+            1: f"odd detection lines have the phases of no power: {flatter}",
         }.get(self.order, "")
 
 
@@ -119,21 +123,23 @@ def told_law(excited: Spectra, answer: Answer) -> Law:
     answer : Answer
     """
     where = excited.where
-    Y, n = answer.Yc.take(where.odd, axis=1), len(excited.U) * where.odd.size
+    U = excited.U[: max(1, BLOCK // (SAMPLES * int(where.lines[-1])))]  # of long periods few realisations tell enough
+    Y = answer.Yc[: len(U)].take(where.odd, axis=1)
+    n = Y.size
     if where.odd.size < FEWEST or not Y.any():
         return UNTOLD
     candidates = np.empty((2, 2, 2, *Y.shape), dtype=complex)  # by G or behind it; input, output; cube, fifth power
     G = answer.G
-    candidates[1] = powers_on(where.lines[where.odd], [excited.U, G.take(where.excited) * excited.U], excited.lines)
+    candidates[1] = powers_on(where.lines[where.odd], [U, G.take(where.excited) * U], excited.lines)
     np.multiply(G.take(where.odd), candidates[1], out=candidates[0])
-    level = local_mean(mean_power(Y), AROUND) + TINY
+    level = level_around(mean_power(Y))
     noise = local_mean(np.nan_to_num(answer.noise.take(where.odd)), AROUND)
     heard = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
     share = float(heard.mean())
     if share < HEARD:
         return UNTOLD
     y = Y / np.sqrt(level)
-    levels = local_mean(np.add.reduce(squared(candidates), axis=-2), AROUND) + TINY
+    levels = level_around(np.add.reduce(squared(candidates), axis=-2))
     x = candidates * np.sqrt(heard / levels)[..., None, :]
     common = squared(np.add.reduce(np.vecdot(x, y), axis=-1))
     common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
@@ -152,10 +158,15 @@ def told_law(excited: Spectra, answer: Answer) -> Law:
     return Law(order=order, coherence=cube, reading=reading)
 
 
+def level_around(power: np.ndarray) -> np.ndarray:
+    """Mean power (..., K) over the lines around each, but not under what rounding leaves of running sums."""
+    return np.maximum(local_mean(power, AROUND), FAINT * power.max(axis=-1, keepdims=True)) + TINY
+
+
 def powers_on(lines: np.ndarray, drives: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
     """(drives, 2, M, K) the third and fifth powers of multisines of these amplitudes (M, F), on some lines."""
     last = int(max(excited[-1], lines[-1]))
-    n = 2 * fast_length(3 * last + 1)  # terms beyond alias onto lines past the last one
+    n = 2 * fast_length(SAMPLES // 2 * last + 1)  # terms beyond alias onto lines past the last one
     spectrum = np.zeros((len(drives), *drives[0].shape[:-1], n // 2 + 1), dtype=complex)
     for one, drive in zip(spectrum, drives, strict=True):
         one[:, excited] = drive / np.sqrt(power(drive).sum() + TINY)

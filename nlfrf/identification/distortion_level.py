@@ -237,8 +237,8 @@ def pool_levels(frf: Frf, level: Level, n: int, common: float) -> tuple[np.ndarr
     if not level.dof.any():
         return beyond * frf.var_total, np.full(frf.G.size, n - 1.0)
     scatter = n * frf.var_total
-    ratio = (scatter + TINY) / (usual * level.cautious + TINY)
-    alone, around = np.maximum(np.log(ratio), 0.0), np.log(local_mean(ratio, SIDE))
+    ratio = np.maximum((scatter + TINY) / (usual * level.cautious + TINY), TINY)
+    alone, around = np.maximum(np.log(ratio), 0.0), np.log(np.maximum(local_mean(ratio, SIDE), TINY))
     spread = 1 / (n - 1) + 1 / level.dof
     doubt = (
         DOUBT + level.doubt + np.maximum(alone**2 - 4 * spread, 0.0) + np.maximum(around**2 - 4 * spread / SIDE, 0.0)

@@ -18,6 +18,7 @@ from nlfrf.shared.leastsquares import TINY, power, squared
 from nlfrf.shared.values import value
 
 __all__ = [
+    "ROUNDING",
     "Frf",
     "average_frf",
     "refuse_another_reference",
@@ -36,6 +37,7 @@ FEWEST = 4  # pairs of equal steps that can tell phases apart
 #: by which alone one of 4e5 sound lines does; and that of a local fit from which it is looked for.
 ABOVE_LEVEL, ABOVE_SCATTER, SUSPECT = 25.0, 60.0, 5.0
 MAINS = 50.0, 60.0  # Hz
+ROUNDING = 1e-13  # of the whole output, on a line: what stands out of less does so by it
 UNRELATED = 3.0  # standard deviations of chance up to which phases agree by it
 RELATED = 1e-6  # probability with which chance may make an output follow any input, or turn its sign
 TELLING = 30  # pairs of equal steps from which it is said that y follows no input

@@ -22,6 +22,7 @@ from nlfrf.identification.distortion_level import (
     smooth_frf,
 )
 from nlfrf.identification.frf import (
+    ROUNDING,
     Frf,
     average_frf,
     refuse_another_reference,
@@ -42,7 +43,6 @@ from nlfrf.shared.wording import shown
 __all__ = ["identify"]
 
 
-ROUNDING = 1e-13  # of the whole output, on a line
 STEEP = 1.25  # how much more random phases distort than those at hand, by a cube, where a steeper law counts
 
 

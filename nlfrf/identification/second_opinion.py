@@ -141,7 +141,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         answer = nonlinear_answer(spectra, fit.G.mean(axis=0))
         law = told_law(excited, answer)
         detected = level_from_detection(excited, answer, None, law=law).variance
-        said = law.said(is_uneven(answer, where))
+        said = law.said(is_uneven(answer, where), record.n_periods < 2)
     window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = EPS**2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2

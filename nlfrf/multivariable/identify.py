@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.identification import identify as single
 from nlfrf.identification.bla import Bla, DistortionLevels
-from nlfrf.identification.frf import warn_of_jumps, warn_of_lines_apart
+from nlfrf.identification.frf import ROUNDING, warn_of_jumps, warn_of_lines_apart
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.transient import TREATMENTS
 from nlfrf.multivariable.channels import ChannelSpectra, channel_spectra
@@ -33,6 +33,7 @@ from nlfrf.multivariable.zippered import spread_between, zippered_frf
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import data_warning, integer, one_of
+from nlfrf.shared.leastsquares import power
 
 __all__ = ["identify"]
 
@@ -205,18 +206,19 @@ def looked_over(
     strange = left > 0 and warn_of_unequal(record, spectra, part, level, left)
     if strange or fit is None or zippered or warn_of_jumping_outputs(record, frf, fit, level) or len(frf.each) > 1:
         return level
-    return with_lines_apart(record, frf, fit, level)
+    return with_lines_apart(record, spectra, frf, fit, level)
 
 
-def with_lines_apart(record: MultiRecord, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> MatrixLevel:
+def with_lines_apart(
+    record: MultiRecord, spectra: ChannelSpectra, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel
+) -> MatrixLevel:
     """The level of one set, with what single lines stand out by, as they do where the mains hum."""
     grid, cov = record.lines, level.cov.copy()
     gamma = np.einsum("iik->ik", frf.gamma).real
+    where, f = place_lines(grid), grid.excited * record.f0
     for j, name in enumerate(record.outputs):
-        own = cov[j, j].real
-        apart = warn_of_lines_apart(
-            frf.G[j], fit.G[j], own, place_lines(grid), grid.excited * record.f0, gamma, f"G of {name}"
-        )
+        own, rounding = cov[j, j].real, ROUNDING**2 * float(power(spectra.Y[j]).max())
+        apart = warn_of_lines_apart(frf.G[j], fit.G[j], own + rounding, where, f, gamma, f"G of {name}")
         cov[j, j] = np.maximum(own, apart)
     return replace(level, cov=cov)
 

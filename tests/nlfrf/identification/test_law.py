@@ -1,11 +1,14 @@
 """The law that the phases of the detection lines tell, and what the bound makes of it."""
 
+import re
+
 import numpy as np
 import pytest
 
 from benchmarks.coverage import measure_hard
 from benchmarks.plants import PLANTS, mode, played
-from nlfrf import Record, identify, multisine
+from nlfrf import Record, identify, multisine, second_opinion
+from nlfrf.identification import detection_lines
 from nlfrf.identification.detection_lines import UNTOLD, nonlinear_answer, powers_on, told_law
 from nlfrf.identification.distortion_level import smooth_frf
 from nlfrf.identification.frf import average_frf
@@ -107,6 +110,40 @@ def test_it_does_not_depend_on_units():
         assert scaled.coherence == pytest.approx(plain.coherence, rel=1e-6)
 
 
+def test_it_is_said_in_words():
+    """With its place where there is one, and with the noise that one period does not tell."""
+    (wiener,), (jumping,) = laws_of(PLANTS["Wiener"], n=1), laws_of(PLANTS["jump"], n=1)
+    said = wiener.said(uneven=True, one_period=True)
+    assert re.fullmatch(
+        r"(9\d|100) % of .* the phases of the cube of the output, behind the dynamics as by a sensor", said
+    )
+    assert wiener.said(uneven=False, one_period=True).endswith("the cube of its drive")
+    assert jumping.said(uneven=False, one_period=False).endswith("saturates or jumps, or has a memory")
+    assert jumping.said(uneven=False, one_period=True).endswith("or much of them is noise")
+    assert UNTOLD.said(uneven=True, one_period=True) == ""
+    ms = multisine(**DESIGN, rng=4)
+    u, y = played(ms, PLANTS["Wiener"], 1, np.random.default_rng(4))
+    opinion = second_opinion(Record(u=u[:, None], y=y[:, None], fs=ms.fs, lines=ms.lines))
+    assert opinion.law in str(opinion)
+    assert "cube of the output, behind the dynamics" in opinion.law
+
+
+def test_of_long_periods_few_realisations_are_asked(monkeypatch):
+    """The third and fifth powers of all of them would take more memory than the record."""
+    asked = []
+
+    def noted(lines, drives, excited):
+        asked.append(drives[0].shape[0])
+        return powers_on(lines, drives, excited)
+
+    monkeypatch.setattr(detection_lines, "powers_on", noted)
+    rng = np.random.default_rng(6)
+    for n_samples, expected in ((1024, 5), (65536, 1)):
+        ms = multisine(fs=n_samples, n_samples=n_samples, f_min=3, f_max=n_samples / 3, n_log=60, rng=rng)
+        law_of(*played(ms, PLANTS["Wiener"], 5, rng), ms)
+        assert asked.pop() == expected
+
+
 def test_rounding_on_the_detection_lines_is_no_law():
     ms = multisine(**DESIGN, rng=1)
     assert law_of(ms.u, 2 * ms.u, ms).share == 0
@@ -153,3 +190,24 @@ def test_the_bound_is_that_of_the_reading_that_is_told():
     told = np.median([bla.var_bound for bla in blas], axis=0) / scatter
     assert np.all(told[8:-4] > 0.6)
     assert np.all(told[8:-4] < 2.2)
+
+
+@pytest.mark.filterwarnings("ignore::nlfrf.DataWarning")
+def test_nothing_but_rounding_is_worked_out_without_a_warning():
+    """A linear machine without noise, at any scale, on few or many lines: scatter and levels are rounding."""
+    rng = np.random.default_rng(0)
+    for number in range(60):
+        n_samples = int(rng.choice([128, 512, 1024]))
+        ms = multisine(
+            ("special-odd", "random-odd")[number % 2],
+            fs=n_samples,
+            n_samples=n_samples,
+            f_min=1,
+            f_max=rng.uniform(0.3, 0.45) * n_samples,
+            n_realizations=1 + number % 5,
+            rng=rng,
+        )
+        y = ms.u if number % 3 else mode(ms.u, ms.fs, 0.01, 20.0)
+        y = 10.0 ** rng.integers(-40, 40) * y * (1 + 1e-12 * (number % 2) * rng.standard_normal(y.shape))
+        bla = identify(Record(u=ms.u[:, None], y=y[:, None], fs=ms.fs, lines=ms.lines))
+        assert np.isfinite(bla.bound(of="realization")).all()

@@ -36,3 +36,11 @@ def test_sound_sets_stand_out_nowhere():
             kind = ("special-odd", "random-odd")[number % 2]
             how = dict(kind=kind, cubic=0.1 * (number % 3), noise=0.01 * (number % 4))
             identify(hum.set_of(number, 2 + number % 2, **how)[1])
+
+
+def test_rounding_of_a_linear_machine_stands_out_nowhere():
+    """Without noise and distortion the level is rounding, and one line of it was called a hum."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*stands out")
+        for number in range(20):
+            identify(hum.set_of(number, 2 + number % 2, cubic=0.0, noise=0.0)[1])
