@@ -154,3 +154,14 @@ def test_a_level_that_reads_too_little_does_not_outvote_the_scatter(lines):
     good = Level(variance=ones, cautious=ones, dof=6.0 * n * ones, grid_factor=ones, even=ones)
     _, dof = pool_levels(frf, good, n, COMMON / frf.G.size)
     assert np.median(dof) > n - 1 + 10
+
+
+def test_scatter_that_spans_more_than_rounding_is_pooled_without_a_warning():
+    """Running sums lose what is far smaller than what went before: its mean was zero, and its logarithm a warning."""
+    ones = np.ones(40)
+    scatter = np.where(np.arange(40) < 9, 1e30, 1e-30)
+    level = Level(variance=ones, cautious=ones, dof=18 * ones, grid_factor=ones, even=ones)
+    frf = Frf(each=ones[None], noise=ones[None], G=ones, var_noise=ones, var_total=scatter)
+    variance, dof = pool_levels(frf, level, 3, COMMON / 40)
+    assert np.isfinite(variance).all()
+    assert np.all(dof >= 2)
