@@ -17,6 +17,8 @@ __all__ = ["COMMON", "FEW", "LARGEST", "read_grid", "read_peaks", "variance_rati
 
 
 LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
+HARMONIC = 12.0  # what an output reaches at three times a light resonance: its cube stands on a line or two there
+HIGHEST = np.array([[LARGEST], [HARMONIC]])  # of input and output
 #: Over the number of lines: the share of its distortion that is one gain on all lines, which neither roughness nor
 #: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and
 #: the middle lines by 3/2 (of a fifth power the share is 6 / n).
@@ -127,8 +129,8 @@ def read_grid(
     profile : (n, 2, F) ndarray
         Variance on each line of a window over the mean there, but not under `FILLED`.
     factor : (2, F) ndarray
-        Variance at the excited line over that mean, from 1 / `LARGEST` to `LARGEST`, which is taken where the lines of
-        a window hold no combination at all.
+        Variance at the excited line over that mean, from 1 / `LARGEST` to `LARGEST`, of the output to `HARMONIC`;
+        `LARGEST` where the lines of a window hold no combination at all.
     """
     amplitude = np.array([amplitude_u, amplitude_y])
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
@@ -143,7 +145,7 @@ def read_grid(
     near /= mean[:, None]
     profile, factor = near.swapaxes(0, 1), at_excited / mean
     np.maximum(profile, FILLED, out=profile)
-    np.minimum(np.maximum(factor, 1 / LARGEST), LARGEST, out=factor)
+    np.minimum(np.maximum(factor, 1 / LARGEST), HIGHEST, out=factor)
     if untold is not None:
         profile[:, untold], factor[untold] = 1.0, LARGEST
     return profile, factor

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.coverage import frfs, measure_hard, subset_of
+from benchmarks.drawn import drawn_case
 from benchmarks.plants import cubic, fifth_power, mode, played, spring
 from nlfrf import LineGrid, Record, identify, multisine, reduce_crest
 from nlfrf.identification.calibration import COMMON
@@ -38,6 +39,7 @@ def complex_normal(rng, shape):
         (("Hammerstein", "odd-odd", 1, 1, None, dict(f_max=60), 0), "a mode between two lines: 2.0 times as wide"),
         (("softening", "odd", 1, 1, None, dict(f_min=5, f_max=30), 0), "2.4 times as wide"),
         (("one way", "special-odd", 1, 1, None, dict(f_min=3, f_max=170), 0), "1.7 times as wide"),
+        (("245", *drawn_case(245)), "an exponential behind a mode: 64 % at three times its resonance"),
     ],
     ids=lambda case: "-".join(map(str, case[:4])) if isinstance(case, tuple) else "",
 )

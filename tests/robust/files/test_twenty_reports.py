@@ -340,7 +340,8 @@ def told_of_the_opinion(facts):
     """The median difference of the two readings, and the limit between agreeing and not."""
     opinion = second_opinion(RECORD)
     assert not opinion.disagree.any()
-    holds(facts["opinion", "opinion"], np.median(opinion.difference), 6)
+    percent = float(opinion.law.split(" %")[0])  # of a record of a cubic
+    holds(facts["opinion", "opinion"], np.median(opinion.difference), 6, percent)
 
 
 def told_of_settings(facts, model, K, report):
