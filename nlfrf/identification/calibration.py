@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf.shared.leastsquares import TINY, rms, squared
 from nlfrf.shared.transforms import fast_length
 
-__all__ = ["COMMON", "FEW", "LARGEST", "read_grid", "read_peaks", "variance_ratio"]
+__all__ = ["COMMON", "FEW", "HIGHEST", "LARGEST", "read_grid", "read_peaks", "variance_ratio"]
 
 
 LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
@@ -118,24 +118,36 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
 
 
 def read_grid(
-    amplitude_u: np.ndarray, amplitude_y: np.ndarray, excited: np.ndarray, detection: np.ndarray, window: np.ndarray
+    amplitude: np.ndarray,
+    excited: np.ndarray,
+    detection: np.ndarray,
+    window: np.ndarray,
+    highest: np.ndarray | float = LARGEST,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a cubic makes of detection and of excited lines if the input drives it, and if the output does.
+    """What a cubic makes of detection and of excited lines, for each spectrum that may drive it.
 
-    The nonlinearity may be driven by either: friction sees the displacement. Arguments as in `variance_ratio`.
+    Parameters
+    ----------
+    amplitude : (d, F) ndarray
+        Amplitude spectra: of the input, of the output, as friction sees the displacement.
+    excited, detection : (F,), (O,) int ndarray
+        Lines.
+    window : (F, n) int ndarray
+        For each excited line the indices of the detection lines used.
+    highest : (d, 1) ndarray or float
+        The largest factor.
 
     Returns
     -------
-    profile : (n, 2, F) ndarray
+    profile : (n, d, F) ndarray
         Variance on each line of a window over the mean there, but not under `FILLED`.
-    factor : (2, F) ndarray
-        Variance at the excited line over that mean, from 1 / `LARGEST` to `LARGEST`, of the output to `HARMONIC`;
-        `LARGEST` where the lines of a window hold no combination at all.
+    factor : (d, F) ndarray
+        Variance at the excited line over that mean, from 1 / `LARGEST` to `highest`; `LARGEST` where the lines of a
+        window hold no combination at all.
     """
-    amplitude = np.array([amplitude_u, amplitude_y])
     counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
     at_excited, at_detection = counts[:, : excited.size], counts[:, excited.size :]
-    near = at_detection.take(window.T, axis=1)  # (2, n, F)
+    near = at_detection.take(window.T, axis=1)  # (d, n, F)
     mean = np.add.reduce(near, axis=1) / near.shape[1]
     # the convolutions are exact to rounding of the largest count; below that a count is noise
     trusted = mean > 1e-9 * counts.max(axis=-1, keepdims=True)
@@ -145,7 +157,7 @@ def read_grid(
     near /= mean[:, None]
     profile, factor = near.swapaxes(0, 1), at_excited / mean
     np.maximum(profile, FILLED, out=profile)
-    np.minimum(np.maximum(factor, 1 / LARGEST), HIGHEST, out=factor)
+    np.minimum(np.maximum(factor, 1 / LARGEST), highest, out=factor)
     if untold is not None:
         profile[:, untold], factor[untold] = 1.0, LARGEST
     return profile, factor

@@ -18,14 +18,17 @@ from nlfrf.shared.leastsquares import EPS, SMALL, TINY, mean_power, power, squar
 from nlfrf.shared.transforms import BLOCK, fast_length
 from nlfrf.shared.values import value
 
-__all__ = ["UNTOLD", "Answer", "Law", "detected_power", "is_uneven", "nonlinear_answer", "told_law"]
+__all__ = ["UNTOLD", "Answer", "Law", "detected_power", "nonlinear_answer", "told_law"]
 
 
 SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
 FEWEST = 4
 SCORED = 3  # steps of scoring: a fourth changes nothing unless noise is nearly all that is read
-UNEVEN = 1.5  # largest over least |G|^2 from which it matters where the distortion arises
-AROUND = 9  # lines over which the powers of detection lines are made even
+UNEVEN = (
+    1.5  # largest over least |G|^2, averaged over the lines around, from which it matters what drives the distortion
+)
+JAGGED = 2.0  # and line by line: one realisation scatters
+AROUND = 9  # lines over which the powers of detection lines, and |G|^2, are averaged
 FAINT = 1e-12  # of the largest power, under which it is rounding
 CHANCE = 1e-3  # with which phases may agree by it
 HEARD = 0.7  # share of the power on detection lines that is no noise, at least
@@ -49,6 +52,10 @@ class Answer:
     ------
     G : (K,) complex ndarray
         The FRF, locally fitted and interpolated to all lines, excited and not.
+    gain : (K,) ndarray
+        |G|^2.
+    uneven : bool
+        Whether it changes over the band, so that it matters what drives the distortion, and where.
     Yc : (M, K) complex ndarray
         Y - G U: a real actuator, or a loop, puts some input on detection lines too.
     noise : (K,) ndarray
@@ -56,6 +63,8 @@ class Answer:
     """
 
     G: np.ndarray
+    gain: np.ndarray
+    uneven: bool
     Yc: np.ndarray
     noise: np.ndarray
 
@@ -104,10 +113,12 @@ class Law:
 UNTOLD = Law()
 
 
-def is_uneven(answer: Answer, where: Places) -> bool:
-    """Whether |G| changes over the band, so that it matters what drives the distortion and where."""
-    gain = squared(answer.G.take(where.excited))
-    return bool(gain.max() > UNEVEN * gain.min())
+def is_uneven(gain: np.ndarray) -> bool:
+    """Whether |G|^2 (F,) changes over the band, by more than scatter."""
+    if gain.max() > JAGGED * gain.min():
+        return True
+    around = local_mean(gain, AROUND)
+    return bool(around.max() > UNEVEN * around.min())
 
 
 def told_law(excited: Spectra, answer: Answer) -> Law:
@@ -179,8 +190,14 @@ def powers_on(lines: np.ndarray, drives: list[np.ndarray], excited: np.ndarray) 
 def nonlinear_answer(spectra: Spectra, smooth: np.ndarray) -> Answer:
     """What is left of the output when the linear answer, of an FRF on the excited lines, is taken off."""
     G = interpolate_frf(smooth, spectra.where)
-    noise = residual_variance(G, spectra)
-    return Answer(G=G, Yc=spectra.Y - G * spectra.U, noise=np.add.reduce(noise) / len(noise))
+    noise, gain = residual_variance(G, spectra), squared(G)
+    return Answer(
+        G=G,
+        gain=gain,
+        uneven=is_uneven(gain.take(spectra.where.excited)),
+        Yc=spectra.Y - G * spectra.U,
+        noise=np.add.reduce(noise) / len(noise),
+    )
 
 
 def interpolate_frf(G: np.ndarray, where: Places) -> np.ndarray:
@@ -248,7 +265,9 @@ def detected_power(
     A /= gain_excited
     np.subtract(P, N, out=excess)
     np.maximum(N, SMALL, out=N)  # its square can still be divided by
-    used[...] = narrowed(A) & (windows >= 0)
+    np.greater_equal(windows, 0, out=used)
+    if gain.max() >= 10 ** (SHARP / 10) * gain.min():
+        used *= narrowed(A)
     P, floor, A, excess, used = gathered.take(read, axis=2)
     np.copyto(A, 1.0, where=~follows[:, None])
     A *= profile

@@ -8,14 +8,14 @@ from functools import lru_cache
 import numpy as np
 
 from nlfrf.excitation.lines import LineGrid, local_mean
-from nlfrf.identification.calibration import COMMON, FEW, LARGEST, read_grid, variance_ratio
+from nlfrf.identification.calibration import COMMON, FEW, HIGHEST, LARGEST, read_grid, variance_ratio
 from nlfrf.identification.detection_lines import UNTOLD, Answer, Law, detected_power
 from nlfrf.identification.frf import Frf
-from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally
+from nlfrf.identification.localfit import LEAST, NOISE_LINES, LocalFit, fit_locally, is_flat
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
 from nlfrf.shared.arguments import data_warning
-from nlfrf.shared.leastsquares import TINY, mean_power, rms, squared
+from nlfrf.shared.leastsquares import TINY, mean_power, rms
 from nlfrf.shared.values import value
 
 __all__ = [
@@ -32,14 +32,15 @@ __all__ = [
 
 
 SIDE = 9  # lines over which a level is held against the scatter
-#: The readings of odd detection lines: driven by the input (0) or the output (1), and whether they follow |G|. The last
-#: one fades with frequency, and the even lines behind it are read as following.
+#: The readings of detection lines: driven by the input (0) or the output (1), and whether they follow |G|. The last
+#: one of odd lines fades with frequency; behind it the even lines, which are read as following.
 DRIVE = np.array([0, 1, 0, 1, 0, 0])
-READINGS = DRIVE.size - 1
-WINDOW = np.array([0, 0, 0, 0, 0, 1])  # of odd lines; of even ones
 FOLLOWS = np.array([True, True, False, False, False, True])
+WINDOW = np.array([0, 0, 0, 0, 0, 1])  # of odd lines; of even ones
+PLACES, FADES, EVEN = 4, 4, 5
+EVERY, ANYWHERE = np.arange(6), np.array([2, FADES, EVEN])  # where |G| is even the places are one
 FADING = 1.5  # power of the frequency: a hysteresis has from 1 to 2
-RARE = np.log(4.0)  # for how many of the others it counts where the lines do not decide: a level rarely fades
+RARE = 4.0  # one of this many places is what it counts as where the lines do not decide: a level rarely fades
 BENT = 3.0  # how far a roughness above a reading speaks against it: beyond that it is G that bends
 DOUBT = 0.06  # variance of the logarithm of a level about the scatter it stands for: 1.1 dB, as calibrations are good
 MANY = 20  # lines over which roughness shows most of the distortion
@@ -93,7 +94,7 @@ def read_level(source: str, excited: Spectra, answer: Answer, fit: LocalFit | No
         nothing = np.zeros(even.size)
         return Level(variance=nothing, cautious=nothing, dof=nothing, grid_factor=ones, even=even)
     variance, dof = fit.variance.mean(axis=0), fit.dof.sum(axis=0)
-    doubt = doubt_at_ends(variance, dof, squared(answer.G.take(excited.where.excited)), excited.where, False)
+    doubt = doubt_at_ends(variance, dof, answer.gain.take(excited.where.excited), excited.where, False)
     return Level(variance=variance, cautious=variance, dof=dof, grid_factor=ones, even=even, doubt=doubt)
 
 
@@ -165,32 +166,28 @@ def level_from_detection(
     Roughness reads too high, if anything: where detection lines say more, and no scatter is there, both say as much.
     Not of low peaks (`are_low`), which leave more of the distortion to one gain on all lines, and that is not rough.
     """
-    U, where = excited.amplitude, excited.where
-    profile, factor = read_grid(U, rms(excited.Y), excited.lines, where.detection, where.near_odd)
-    n_read = READINGS + (where.even.size > 0)
-    profiles, factors = profile.take(DRIVE[:n_read], axis=1), factor.take(DRIVE[:n_read], axis=0)
-    profiles[:, READINGS - 1] *= fading(where)
-    profiles[:, READINGS:], factors[READINGS:] = 1.0, 1.0
-    variance, n_used, likelihood = read_detected(
-        excited, answer, where.near_detection, slice(0, n_read), factors, profiles
-    )
-    even = variance[READINGS] if where.even.size else np.full(U.size, np.nan)
-    variance, n_realizations = variance[:READINGS], excited.U.shape[0]
+    where, n_realizations = excited.where, excited.U.shape[0]
+    readings, profiles, factors = read_drives(excited, answer.uneven)
+    n_odd = np.count_nonzero(readings != EVEN)
+    variance, n_used, likelihood = read_detected(excited, answer, where.near_detection, readings, factors, profiles)
+    even = variance[n_odd] if where.even.size else np.full(variance.shape[1], np.nan)
+    variance = variance[:n_odd]
     # a line stands in as many windows as these have
-    evidence = likelihood[:READINGS] * (n_realizations / n_used[0])
+    evidence = likelihood[:n_odd] * (n_realizations / n_used[0])
     if fit is not None:
         rough = np.minimum((n_realizations * fit.variance[0] + TINY) / (variance + TINY), BENT)
         evidence += (np.log(rough) - rough) * (fit.dof[0] / where.near_excited.shape[1])
-    evidence = mean_around(evidence, SIDE) * min(SIDE, U.size)
-    evidence[-1] -= RARE
+    evidence = mean_around(evidence, SIDE) * min(SIDE, where.excited.size)
+    evidence[-1] -= np.log(RARE * PLACES / (n_odd - 1))
     weight = np.exp(evidence - evidence.max(axis=0))
     weight /= np.add.reduce(weight)
     # at 95 % the root mean square is what the quantile of such a mixture asks for
     cautious = np.sqrt(np.add.reduce(weight * variance * variance))
     if law.share:
-        cautious += law.share * (variance[law.reading] - cautious)
+        told = law.reading if answer.uneven else 0
+        cautious += law.share * (variance[told] - cautious)
         weight *= 1 - law.share
-        weight[law.reading] += law.share
+        weight[told] += law.share
     dof = n_used[0] * n_realizations
     if fit is not None and n_realizations == 1 and not low:
         cautious = np.minimum(cautious, np.sqrt(cautious * fit.variance[0]))
@@ -198,10 +195,42 @@ def level_from_detection(
         variance=np.add.reduce(weight * variance),
         cautious=cautious,
         dof=dof,
-        grid_factor=np.add.reduce(weight * factors[:READINGS]),
+        grid_factor=np.add.reduce(weight * factors[:n_odd]),
         even=even,
-        doubt=(1 - law.share) * doubt_at_ends(cautious, dof, squared(answer.G.take(where.excited)), where, True),
+        doubt=(1 - law.share) * doubt_at_ends(cautious, dof, answer.gain.take(where.excited), where, True),
     )
+
+
+def read_drives(excited: Spectra, uneven: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`readings_of` a record: where |G| is even the output drives what the input does."""
+    if uneven:
+        return readings_of(np.array([excited.amplitude, rms(excited.Y)]), excited.where)
+    return (
+        readings_of_flat(excited.where)
+        if is_flat(excited.amplitude)
+        else readings_of(excited.amplitude[None], excited.where)
+    )
+
+
+def readings_of(drives: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The readings (k,) by the spectra (d, F) that may drive, with their profiles (n, k, F) and factors (k, F)."""
+    readings = EVERY if len(drives) > 1 else ANYWHERE
+    if not where.even.size:
+        readings = readings[:-1]
+    lines = where.lines[where.excited]
+    profile, factor = read_grid(drives, lines, where.detection, where.near_odd, HIGHEST[: len(drives)])
+    profiles, factors = profile.take(DRIVE[readings], axis=1), factor.take(DRIVE[readings], axis=0)
+    profiles[:, readings == FADES] *= fading(where)[:, None]
+    profiles[:, readings == EVEN], factors[readings == EVEN] = 1.0, 1.0
+    return readings, profiles, factors
+
+
+@lru_cache(maxsize=KEPT)
+def readings_of_flat(where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same of one flat spectrum, which the grid alone tells."""
+    readings, profiles, factors = readings_of(np.ones((1, where.excited.size)), where)
+    profiles.flags.writeable = factors.flags.writeable = False
+    return readings, profiles, factors
 
 
 @lru_cache(maxsize=KEPT)
@@ -253,14 +282,14 @@ def even_variance(excited: Spectra, answer: Answer) -> np.ndarray:
     where = excited.where
     if not where.even.size:
         return np.full(excited.lines.size, np.nan)
-    return read_detected(excited, answer, where.near_even, slice(READINGS, None))[0][0]
+    return read_detected(excited, answer, where.near_even, EVERY[EVEN:])[0][0]
 
 
 def read_detected(
     excited: Spectra,
     answer: Answer,
     windows: np.ndarray,
-    readings: slice,
+    readings: np.ndarray,
     factors: np.ndarray | float = 1.0,
     profiles: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -268,9 +297,15 @@ def read_detected(
     here, follows, window = excited.where.excited, FOLLOWS[readings], WINDOW[readings]
     known = not np.isnan(answer.noise[0])
     noise = local_mean(answer.noise, NOISE_LINES) if known else np.zeros(answer.noise.size)
-    power, gain = mean_power(answer.Yc), squared(answer.G)
     distortion, ratio, n_used, likelihood = detected_power(
-        power, noise, gain, gain[here], windows, window - window[0], follows, profiles
+        mean_power(answer.Yc),
+        noise,
+        answer.gain,
+        answer.gain.take(here),
+        windows,
+        window - window[0],
+        follows,
+        profiles,
     )
     return ratio * (factors * distortion + noise[here]) / excited.amplitude**2, n_used, likelihood
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from nlfrf.identification.bla import Bla, DistortionLevels
 from nlfrf.identification.calibration import FEW, read_peaks
-from nlfrf.identification.detection_lines import UNTOLD, Answer, is_uneven, nonlinear_answer, told_law
+from nlfrf.identification.detection_lines import UNTOLD, Answer, nonlinear_answer, told_law
 from nlfrf.identification.distortion_level import (
     Level,
     choose_source,
@@ -34,7 +34,6 @@ from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.realizations import check_realizations
 from nlfrf.identification.spectra import Spectra, dft, period_spectra
 from nlfrf.identification.transient import TREATMENTS
-from nlfrf.records.detection import refuse_wrong_lines
 from nlfrf.records.record import Record
 from nlfrf.shared.arguments import integer, one_of
 from nlfrf.shared.leastsquares import power, squared
@@ -132,10 +131,8 @@ def identify(
 def identify_one(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
     """`identify` for one record, with the spectra of its input where they are known."""
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
-    periodic, known = (record.u, spectra.U) if spectra.R is None else (record.r, spectra.R)
-    refuse_wrong_lines(periodic, record.lines, known.take(spectra.where.excited, axis=1))
     n_periods = record.n_periods - (treatment == "discard")
-    spectra, excited, n_periods, low = check_realizations(spectra, periodic, n_periods)
+    spectra, excited, n_periods, low = check_realizations(spectra, record, n_periods)
     refuse_another_reference(excited)
     frf = average_frf(excited)
     source = choose_source(level_from, excited, record.lines, n_detection)
@@ -144,7 +141,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     answer = nonlinear_answer(spectra, smooth)
     law, told = UNTOLD, read_peaks(excited.U, excited.lines, low)
     steep = told[0] > STEEP or low or excited.lines.size < FEW  # then it matters how steep the law is
-    if source == "detection" and (steep or is_uneven(answer, excited.where)):
+    if source == "detection" and (steep or answer.uneven):
         law = told_law(excited, answer)
         told = read_peaks(excited.U, excited.lines, low, law.order)
     level = read_level(source, excited, answer, fit, low, law)

@@ -22,10 +22,11 @@ from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.shared.leastsquares import EPS, SMALL, TINY, power, squared, two_unknowns
 from nlfrf.shared.values import value
 
-__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "apart_from_neighbours", "fit_locally"]
+__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "apart_from_neighbours", "fit_locally", "is_flat"]
 
 
 ORDER = 2  # of both polynomials, which are written out here
+N_POWERS = ORDER + 1  # columns r^k G that they are fitted to
 N_RATIONAL = 2 * ORDER + 1  # unknowns of the rational function
 EARNED = 0.25  # the denominator has to earn its place: at 0.5 noise alone was fitted by it in one window of five
 POOLED = 9  # neighbouring lines over which it is judged
@@ -37,6 +38,7 @@ ORDERS = (2, 4)  # of the rational function over all of a few lines: a mode, or 
 LEFT = 7.0  # complex degrees of freedom that it leaves at least
 STEPS = 6  # towards the output error of the rational function, each with the denominator of the one before
 FLAT = 1 - 1e-9  # least over largest weight of a spectrum that is flat
+FITS_KEPT = 4  # grids whose fits are remembered: two kilobytes a line
 HALVED = 0.5  # of the variance about the local fits, beyond which it is left at those: chance has as much
 
 
@@ -215,18 +217,25 @@ class BothFits:
         return np.where(self.better, polynomial - np.vecdot(self.a.conj(), self.at_zero[..., 1:]), polynomial)
 
 
+def is_flat(amplitude: np.ndarray) -> bool:
+    """Whether a spectrum, of any shape, is the same on all lines."""
+    return bool(amplitude.min() >= FLAT * amplitude.max())
+
+
 def fit_both_ways(G: np.ndarray, weight: np.ndarray, where: Places) -> BothFits:
     """Fit FRFs (M, F) over the windows of `where`, weighted by `weight` (M, F)."""
     window, (r, powers, centred) = where.near_excited, local_powers(where)
     n = window.shape[1]
     w = weight.take(window, axis=1)
-    if weight.min() >= FLAT * weight.max():  # as it was designed: then the grid alone tells the polynomials
-        basis, basis_at_zero = flat_polynomials(where, itself=True)
-        basis_at_zero = basis_at_zero / weight[..., None]
+    row = w * G.take(window, axis=1)
+    if is_flat(weight):  # as it was designed: then the grid alone tells the fits
+        fitted = (flat_fits(where) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
+        rest, at_zero = fitted[..., :-N_POWERS].reshape(*w.shape[:2], N_POWERS, n), fitted[..., -N_POWERS:]
+        at_zero = at_zero / weight[..., None]
     else:
         basis, basis_at_zero = polynomials(r, w)
-    spanned, rest = split(basis, w * G.take(window, axis=1), powers)
-    at_zero = np.matvec(spanned, basis_at_zero)
+        spanned, rest = split(basis, row, powers)
+        at_zero = np.matvec(spanned, basis_at_zero)
     variance = power(rest[..., 0, :]) / (n - ORDER - 1)
     if n < N_RATIONAL + 3:
         none = np.zeros(variance.shape, dtype=bool)
@@ -271,7 +280,7 @@ def noise_share(
     variance: np.ndarray, denominator: np.ndarray | float, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
     """Correction (M, F) for smoothed noise that differs over the window, weighted as the residual is."""
-    there = np.mean(denominator**2 * smooth[:, window], axis=-1)
+    there = np.add.reduce(denominator**2 * smooth.take(window, axis=1), axis=-1) / window.shape[1]
     distortion = np.maximum(variance - there, 0.0)
     total = np.maximum(distortion + there, TINY)
     return np.asarray((distortion + smooth) / total)
@@ -325,6 +334,22 @@ def flat_polynomials(where: Places, *, itself: bool) -> tuple[np.ndarray, np.nda
     for array in both:
         array.flags.writeable = False
     return both
+
+
+@lru_cache(maxsize=FITS_KEPT)
+def flat_fits(where: Places) -> np.ndarray:
+    """(F, 3 n + 3, n) what a fit under a weight of one makes of the rows of a window: the rest of each column r^k G,
+    and the value at the line of what was fitted to each.
+    """
+    _, powers, _ = local_powers(where)
+    (basis,), (at_zero,) = flat_polynomials(where, itself=True)
+    n_lines, n = where.near_excited.shape
+    units = np.broadcast_to(np.eye(n), (n_lines, n, n))
+    spanned, rest = (x.real for x in split(basis[:, None], units, powers[:, None]))
+    both = np.concatenate([rest.reshape(n_lines, n, -1), np.matvec(spanned, at_zero[:, None])], axis=-1)
+    fits = np.ascontiguousarray(both.swapaxes(-1, -2))
+    fits.flags.writeable = False
+    return fits
 
 
 def split(basis: np.ndarray, row: np.ndarray, powers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

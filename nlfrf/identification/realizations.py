@@ -17,6 +17,8 @@ from nlfrf.excitation.crest import are_low, expected_peaks, is_improbable
 from nlfrf.excitation.phases import in_common
 from nlfrf.identification.neighbours import KEPT, Places
 from nlfrf.identification.spectra import Spectra
+from nlfrf.records.detection import refuse_wrong_lines
+from nlfrf.records.record import Record
 from nlfrf.shared.arguments import data_warning
 from nlfrf.shared.leastsquares import power, rms, squared
 from nlfrf.shared.transforms import fast_length
@@ -44,14 +46,15 @@ PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
 
 
-def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -> tuple[Spectra, Spectra, int, bool]:
-    """Realisations that can be averaged: with input on every line, of one excitation, each with phases of its own.
+def check_realizations(spectra: Spectra, record: Record, n_periods: int) -> tuple[Spectra, Spectra, int, bool]:
+    """Realisations that can be averaged: with input on the lines said, of one excitation, each with its own phases.
 
     Parameters
     ----------
     spectra : Spectra
-    periodic : (M, P, N) ndarray
-        What was played, the reference where there is one: its peaks tell of phases that were chosen.
+    record : Record
+        Of which they are: what was played, the reference where there is one, tells by its peaks of phases that were
+        chosen.
     n_periods : int
         Periods behind the spectra.
 
@@ -67,6 +70,9 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
         lower than random phases have them.
     """
     excited = spectra.on_excited()
+    played = record.u if record.r is None else record.r
+    amplitude = excited.amplitude if excited.R is None else rms(excited.R)
+    refuse_wrong_lines(played, excited.lines, amplitude * amplitude)
     refuse_unexcited(excited)
     n = excited.U.shape[0]
     distinct: Any = slice(None)
@@ -78,8 +84,7 @@ def check_realizations(spectra: Spectra, periodic: np.ndarray, n_periods: int) -
             distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
     if excited.R is not None:
         warn_of_lost_input(excited, excited.R)
-    amplitude = excited.amplitude if excited.R is None else rms(excited.R)
-    peaks = warn_of_low_peaks(periodic[distinct, 0], amplitude, excited.lines)
+    peaks = warn_of_low_peaks(played[distinct, 0], amplitude, excited.lines)
     excited = excited if isinstance(distinct, slice) else spectra.on_excited()
     return spectra, excited, n_periods, are_low(peaks)
 
@@ -152,24 +157,24 @@ def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
     """Which realisations (M, F) have the same phases but for a delay, as lists of their numbers."""
     n, n_lines = U.shape
     steps = equal_steps(where)
-    same = np.eye(n, min(n, MOST), dtype=bool)
+    same: Any = False
     if steps.shape[1] < PLENTY:
-        same |= alike(U, squared(U @ U[:MOST].conj().T), 1)
+        same = alike(U, squared(U @ U[:MOST].conj().T), 1)
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
         even = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
         step = even[:, 1:] * even[:, :-1].conj()
         turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
-        same |= alike(turned, squared(turned @ turned[:MOST].conj().T), 1)
+        same = same | alike(turned, squared(turned @ turned[:MOST].conj().T), 1)
     elif n <= MOST:  # few lines are equally far apart: every delay is tried
         n_delays = fast_length(8 * int(where.lines[-1]))
         products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
         for m in range(n):
             products[:, where.lines[where.excited]] = U[m].conj() * U
             most[m] = squared(np.fft.fft(products)).max(axis=-1)
-        same |= alike(U, most, 4 * n_delays)
-    if np.count_nonzero(same) == same.shape[1]:  # each with itself
+        same = same | alike(U, most, 4 * n_delays)
+    if np.count_nonzero(same) <= min(n, MOST):  # each with itself
         return [[m] for m in range(n)]
     groups: list[list[int]] = []
     for m in range(n):
@@ -200,8 +205,9 @@ def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     size = power(x)
     whole = size[:, None] * size[: common.shape[1]]
     chance = BY_CHANCE / (common.size * n_delays)
-    if np.count_nonzero(common > in_common(chance, x.shape[1]) * whole) == common.shape[1]:
-        return np.eye(*common.shape, dtype=bool)  # no more than n lines weigh something: each is like itself alone
+    like = common > in_common(chance, x.shape[1]) * whole
+    if np.count_nonzero(like) <= common.shape[1]:
+        return np.asarray(like)  # no more than n lines weigh something: each is like itself alone
     n = float(np.median(size**2 / np.add.reduce(squared(squared(x)), axis=1)))  # lines that weigh something
     if n < FEWEST:
         return np.eye(*common.shape, dtype=bool)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.identification.detection_lines import is_uneven, nonlinear_answer, told_law
+from nlfrf.identification.detection_lines import nonlinear_answer, told_law
 from nlfrf.identification.distortion_level import fit_each, level_from_detection
 from nlfrf.identification.frf import average_frf
 from nlfrf.identification.neighbours import place_lines
@@ -132,7 +132,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     grid = record.lines
     where = place_lines(grid, n_detection)
     spectra, treatment = period_spectra(record, where, transient)
-    spectra, excited, *_ = check_realizations(spectra, record.u, record.n_periods - (treatment == "discard"))
+    spectra, excited, *_ = check_realizations(spectra, record, record.n_periods - (treatment == "discard"))
     frf = average_frf(excited)
     fit = fit_each(frf, excited)
     rough = fit.variance.mean(axis=0)
@@ -141,7 +141,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         answer = nonlinear_answer(spectra, fit.G.mean(axis=0))
         law = told_law(excited, answer)
         detected = level_from_detection(excited, answer, None, law=law).variance
-        said = law.said(is_uneven(answer, where), record.n_periods < 2)
+        said = law.said(answer.uneven, record.n_periods < 2)
     window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = EPS**2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2

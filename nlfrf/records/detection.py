@@ -82,7 +82,7 @@ def lines_in(power: np.ndarray, noise: np.ndarray) -> LineGrid:
     return LineGrid(excited=played_lines(power[: excited[-1] + BEYOND], excited, float(power.sum())))
 
 
-def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
+def refuse_wrong_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
     """Refuse a grid that is not the one in the input, with the lines that are excited.
 
     Off the excitation G is one rounding error, or one piece of noise, over another.
@@ -91,12 +91,11 @@ def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
     ----------
     u : (M, P, N) ndarray
         Input, or reference.
-    grid : LineGrid
-        The lines that somebody said.
-    U : (M, F) complex ndarray
-        Its amplitudes, 2/N rfft, on the excited lines of that grid.
+    lines : (F,) int ndarray
+        The excited lines that somebody said.
+    power : (F,) ndarray
+        Mean square over realisations of its amplitudes there, 2/N rfft.
     """
-    power = mean_power(U)
     carried = power.sum() / 2
     last = u[:, -1]  # one period is enough, and the last one is settled
     total = float(np.add.reduce(np.vecdot(last, last))) / last.size
@@ -110,13 +109,14 @@ def refuse_wrong_lines(u: np.ndarray, grid: LineGrid, U: np.ndarray) -> None:
         found = detect_lines(u).excited
     except ValueError:  # nothing stands out of the noise, on these lines or any others
         return
-    missed, more = (np.setdiff1d(*pair, assume_unique=True) for pair in ((grid.excited, found), (found, grid.excited)))
+    missed = np.setdiff1d(lines, found, assume_unique=True)
+    more = np.setdiff1d(found, lines, assume_unique=True)
     elsewhere = carried < CARRIED * total and more.size > 0
-    if missed.size and (elsewhere or np.isin(grid.excited[weak], missed).any()):
+    if missed.size and (elsewhere or np.isin(lines[weak], missed).any()):
         said = ", ".join(map(str, found[:6].tolist())) + (f", ... {found[-1]}" if found.size > 6 else "")
         raise ValueError(
             f"lines must be excited by the input, got line {missed[0]} with no input on it, the first of {missed.size} "
-            f"among {grid.excited.size}; in the record {found.size} lines are: {said}"
+            f"among {lines.size}; in the record {found.size} lines are: {said}"
         )
 
 

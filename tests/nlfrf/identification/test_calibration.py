@@ -89,7 +89,8 @@ def test_a_plant_driven_by_its_output_is_read_as_one():
     there = np.mean(np.abs(Y[:, k] - G * U[:, k]) ** 2, axis=0)
     detected = np.mean(np.abs(Y[:, where.detection]) ** 2, axis=0)
     amplitude = np.abs(U[0, k])
-    profile, factor = read_grid(amplitude, np.abs(G) * amplitude, k, where.detection, where.near_odd)
+    drives = np.array([amplitude, np.abs(G) * amplitude])
+    profile, factor = read_grid(drives, k, where.detection, where.near_odd)
     inside = slice(2, -2)  # but for the clipped ends of the profile
     told = factor * np.mean(detected[where.near_odd].T[:, None] / profile, axis=0)
     wrong = 10 * np.log10(told / there)[:, inside]
