@@ -1,6 +1,7 @@
 """The law that the phases of the detection lines tell, and what the bound makes of it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,8 @@ from benchmarks.coverage import measure_hard
 from benchmarks.plants import PLANTS, mode, played
 from nlfrf import Record, identify, multisine, second_opinion
 from nlfrf.identification import detection_lines
-from nlfrf.identification.detection_lines import UNTOLD, nonlinear_answer, powers_on, told_law
-from nlfrf.identification.distortion_level import smooth_frf
+from nlfrf.identification.detection_lines import UNTOLD, is_uneven, nonlinear_answer, powers_on, told_law
+from nlfrf.identification.distortion_level import level_from_detection, smooth_frf
 from nlfrf.identification.frf import average_frf
 from nlfrf.identification.neighbours import place_lines
 from nlfrf.identification.spectra import period_spectra
@@ -211,3 +212,37 @@ def test_nothing_but_rounding_is_worked_out_without_a_warning():
         y = 10.0 ** rng.integers(-40, 40) * y * (1 + 1e-12 * (number % 2) * rng.standard_normal(y.shape))
         bla = identify(Record(u=ms.u[:, None], y=y[:, None], fs=ms.fs, lines=ms.lines))
         assert np.isfinite(bla.bound(of="realization")).all()
+
+
+def test_what_changes_over_the_band_is_told_from_scatter():
+    rng, ones = np.random.default_rng(6), np.ones(100)
+    scattered = (1 + 0.06 * rng.standard_normal(100)) ** 2
+    assert scattered.max() > 1.5 * scattered.min()
+    assert not is_uneven(scattered)
+    assert not is_uneven(0 * ones)
+    dip, hump = ones.copy(), ones.copy()
+    dip[50], hump[45:54] = 0.4, 1.6
+    for gain in (dip, hump, np.linspace(1, 1.7, 100)):
+        assert is_uneven(gain)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-6], ids=["flat input", "hardly"])
+@pytest.mark.parametrize(("M", "apart"), [(1, 0.6), (7, 0.3)])
+def test_where_the_gain_is_even_five_readings_are_one(M, apart, tilt):
+    """A static cubic is read within a fraction of a decibel as where all places of the distortion are weighed."""
+    rng = np.random.default_rng(7)
+    ms = multisine(**DESIGN, n_realizations=M, amplitude=lambda f: 1 + tilt * f, rng=rng)
+    u = ms.u[:, None]
+    record = Record(u=u, y=u + 0.1 * u**3 + 0.02 * u**2, fs=ms.fs, lines=ms.lines)
+    spectra, _ = period_spectra(record, place_lines(ms.lines))
+    excited = spectra.on_excited()
+    smooth, fit = smooth_frf(average_frf(excited), excited, rough=False)
+    answer = nonlinear_answer(spectra, smooth)
+    assert not answer.uneven
+    one, all_of_them = (level_from_detection(excited, replace(answer, uneven=uneven), fit) for uneven in (False, True))
+    for name in ("variance", "cautious", "grid_factor"):
+        ratio = 10 * np.log10(getattr(one, name) / getattr(all_of_them, name))
+        assert abs(np.median(ratio)) < apart / 3
+        assert np.quantile(np.abs(ratio), 0.9) < apart
+    np.testing.assert_allclose(one.even, all_of_them.even, rtol=1e-12)
+    np.testing.assert_array_equal(one.dof, all_of_them.dof)

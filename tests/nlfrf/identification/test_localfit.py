@@ -70,3 +70,18 @@ def test_stability_is_that_of_the_roots():
     for order in (2, 4):
         for a in rng.uniform(-0.2, 2, (300, order)):
             assert is_stable(a) == bool((np.roots([*a[::-1], 1.0]).real < 0).all())
+
+
+@pytest.mark.parametrize("grid", [LINES, np.sort(np.concatenate([np.arange(5, 200, 8), np.arange(7, 200, 8)]))])
+@pytest.mark.parametrize("noise", [None, 1e-5])
+def test_a_spectrum_that_is_flat_is_fitted_as_one_that_hardly_is_not(grid, noise):
+    """Of a flat one the grid tells the fits, of any other the weights do: both are the same mathematics."""
+    rng = np.random.default_rng(4)
+    where, s = place_lines(LineGrid(excited=grid)), 1j * grid / 60.0
+    G = 1 / (s**2 + 0.04 * s + 1) + 0.01 * rng.standard_normal((3, grid.size, 2)).view(complex)[..., 0]
+    known = None if noise is None else np.full(G.shape, noise)
+    tilted = 2.5 + 1e-7 * np.linspace(-1, 1, grid.size)
+    flat, other = (fit_locally(G, np.broadcast_to(w, G.shape), where, known) for w in (np.full(grid.size, 2.5), tilted))
+    np.testing.assert_allclose(flat.G, other.G, rtol=1e-5)
+    np.testing.assert_allclose(flat.variance, other.variance, rtol=1e-4)
+    np.testing.assert_array_equal(flat.dof, other.dof)

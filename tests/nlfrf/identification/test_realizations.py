@@ -231,3 +231,19 @@ def test_sound_records_follow_their_input():
                 for f_max, n in ((300, 1), (300, 3), (40, 2)):
                     identify(mispaired(kind, range(n), seed=seed, f_max=f_max, delay=200.3))
             identify(mispaired("special-odd", range(2), seed=seed, noise=100.0))
+
+
+def test_a_second_opinion_holds_peaks_against_what_was_played():
+    """The peaks of u over the amplitudes of r said of any gain below one that the phases were chosen."""
+    ms = multisine(fs=FS, n_samples=N, f_min=1, f_max=300, rng=0)
+    r = ms.u[None]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        opinion = second_opinion(Record(u=0.5 * r, y=r + 0.1 * r**3, r=r, fs=FS, lines=ms.lines))
+    assert abs(np.median(opinion.difference)) < 1.5
+
+
+def test_a_second_opinion_refuses_lines_that_are_not_those_of_the_record():
+    ms, other = (multisine(fs=FS, n_samples=N, f_min=1, f_max=f_max, rng=0) for f_max in (300, 400))
+    with pytest.raises(ValueError, match="lines must be excited by the input"):
+        second_opinion(Record(u=ms.u[None], y=ms.u[None] ** 3, fs=FS, lines=other.lines))
