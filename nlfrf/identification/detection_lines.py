@@ -24,10 +24,8 @@ __all__ = ["UNTOLD", "Answer", "Law", "detected_power", "nonlinear_answer", "tol
 SHARP = 8.0  # change of |G| within a window [dB] past which no farther line is used
 FEWEST = 4
 SCORED = 3  # steps of scoring: a fourth changes nothing unless noise is nearly all that is read
-UNEVEN = (
-    1.5  # largest over least |G|^2, averaged over the lines around, from which it matters what drives the distortion
-)
-JAGGED = 2.0  # and line by line: one realisation scatters
+UNEVEN = 1.5  # largest over least |G|^2, of means over the lines around, from which the place of distortion matters
+JAGGED = 2.0  # and line by line, as one realisation scatters
 AROUND = 9  # lines over which the powers of detection lines, and |G|^2, are averaged
 FAINT = 1e-12  # of the largest power, under which it is rounding
 CHANCE = 1e-3  # with which phases may agree by it

@@ -37,8 +37,8 @@ SIDE = 9  # lines over which a level is held against the scatter
 DRIVE = np.array([0, 1, 0, 1, 0, 0])
 FOLLOWS = np.array([True, True, False, False, False, True])
 WINDOW = np.array([0, 0, 0, 0, 0, 1])  # of odd lines; of even ones
-PLACES, FADES, EVEN = 4, 4, 5
-EVERY, ANYWHERE = np.arange(6), np.array([2, FADES, EVEN])  # where |G| is even the places are one
+PLACES, FADES, EVEN = 4, 4, 5  # how many differ by drive and place; the one that fades, the even lines
+EVERY, ANYWHERE = np.arange(6), np.array([2, FADES, EVEN])  # where |G| is even all drives and places are one
 FADING = 1.5  # power of the frequency: a hysteresis has from 1 to 2
 RARE = 4.0  # one of this many places is what it counts as where the lines do not decide: a level rarely fades
 BENT = 3.0  # how far a roughness above a reading speaks against it: beyond that it is G that bends
@@ -161,7 +161,7 @@ def level_from_detection(
     The input may drive it or the output, and what it makes may follow |G| or not, or fade with frequency as the memory
     of a hysteresis does. Each of these readings says how the power is spread over the detection lines, and how rough G
     then is: they weigh as likely as they make the lines around. Of the share that the phases say is a cubic's, only the
-    reading counts that they tell.
+    reading counts that they tell. Where |G| is even, drive and place make no difference, and those readings are one.
 
     Roughness reads too high, if anything: where detection lines say more, and no scatter is there, both say as much.
     Not of low peaks (`are_low`), which leave more of the distortion to one gain on all lines, and that is not rough.
@@ -205,11 +205,9 @@ def read_drives(excited: Spectra, uneven: bool) -> tuple[np.ndarray, np.ndarray,
     """`readings_of` a record: where |G| is even the output drives what the input does."""
     if uneven:
         return readings_of(np.array([excited.amplitude, rms(excited.Y)]), excited.where)
-    return (
-        readings_of_flat(excited.where)
-        if is_flat(excited.amplitude)
-        else readings_of(excited.amplitude[None], excited.where)
-    )
+    if is_flat(excited.amplitude):
+        return readings_of_flat(excited.where)
+    return readings_of(excited.amplitude[None], excited.where)
 
 
 def readings_of(drives: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
