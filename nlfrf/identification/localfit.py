@@ -338,16 +338,16 @@ def flat_polynomials(where: Places, *, itself: bool) -> tuple[np.ndarray, np.nda
 
 @lru_cache(maxsize=FITS_KEPT)
 def flat_fits(where: Places) -> np.ndarray:
-    """(F, 3 n + 3, n) what a fit under a weight of one makes of the rows of a window: the rest of each column r^k G,
-    and the value at the line of what was fitted to each.
+    """(F, 3 n + 3, n) what a fit under a weight of one makes of a window: the rest of each column r^k G, then its value
+    at the line.
     """
     _, powers, _ = local_powers(where)
     (basis,), (at_zero,) = flat_polynomials(where, itself=True)
     n_lines, n = where.near_excited.shape
-    units = np.broadcast_to(np.eye(n), (n_lines, n, n))
-    spanned, rest = (x.real for x in split(basis[:, None], units, powers[:, None]))
-    both = np.concatenate([rest.reshape(n_lines, n, -1), np.matvec(spanned, at_zero[:, None])], axis=-1)
-    fits = np.ascontiguousarray(both.swapaxes(-1, -2))
+    fits = np.empty((n_lines, N_POWERS * (n + 1), n))
+    rest, value = fits[:, :-N_POWERS].reshape(n_lines, N_POWERS, n, n), fits[:, -N_POWERS:]
+    np.multiply((np.eye(n) - np.swapaxes(basis, -1, -2) @ basis)[:, None], powers[:, :, None], out=rest)
+    np.multiply(np.vecmat(at_zero, basis)[:, None], powers, out=value)
     fits.flags.writeable = False
     return fits
 
