@@ -9,6 +9,7 @@ is a gap. Cutting the record along that track, between the samples where need be
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -46,6 +47,8 @@ SLOW = 0.02  # how much a pace of one sample counts against one of none that exp
 DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
 NEAR = 1e-12  # of a sample: so near it is that sample
 BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
+OFFSET = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)  # of the samples it takes
+SMOOTH = 7  # order of the polynomials that follow that window from one sample to the next: to rounding
 
 
 @value
@@ -303,18 +306,28 @@ def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     >>> bool(abs(between(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
     True
     """
+    windows, values = kaiser_windows(), np.empty(at.size)
+    for some in blocks(at.size, OFFSET.size):
+        first = np.floor(at[some]).astype(int)
+        beyond = np.maximum(at[some] - first, NEAR)
+        kernel = np.vander(2 * beyond - 1, SMOOTH + 1) @ windows
+        kernel /= beyond[:, None] - OFFSET
+        values[some] = np.vecdot(x.take(first[:, None] + OFFSET, mode="clip"), kernel) / np.add.reduce(kernel, axis=1)
+    return values
+
+
+@lru_cache(maxsize=1)
+def kaiser_windows() -> np.ndarray:
+    """(8, 48) polynomials in the place between two samples, from -1 to 1: what each sample around has of the window.
+
+    With the sign of the sine of the sinc, which is the same for all but for that.
+    """
     from scipy.special import i0
 
-    offset = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)
-    sign = np.where(offset % 2, -1.0, 1.0)  # the sine of the sinc is the same for all, but for its sign
-    values = np.empty(at.size)
-    for some in blocks(at.size, offset.size):
-        first = np.floor(at[some]).astype(int)
-        index = np.clip(first[:, None] + offset, 0, x.size - 1)
-        distance = np.maximum(at[some] - first, NEAR)[:, None] - offset
-        kernel = sign / distance * i0(BETA * np.sqrt(np.maximum(1 - (distance / HALF_WIDTH) ** 2, 0.0)))
-        values[some] = np.vecdot(x[index], kernel) / np.add.reduce(kernel, axis=1)
-    return values
+    nodes = np.cos(np.pi * (np.arange(SMOOTH + 1) + 0.5) / (SMOOTH + 1))
+    away = ((nodes[:, None] + 1) / 2 - OFFSET) / HALF_WIDTH
+    sign = np.where(OFFSET % 2, -1.0, 1.0)
+    return np.asarray(np.linalg.solve(np.vander(nodes), sign * i0(BETA * np.sqrt(1 - away**2))))
 
 
 def clipped(x: np.ndarray) -> float:
