@@ -24,10 +24,10 @@ def descended(
     value, first, second = objective(e)
     damping = 1e-3
     for _ in range(n_iterations):
-        H = J.T @ (second[:, None] * J)
-        H[:-1, :-1] += curvature(problem, theta, order, first)
+        H = (second * J) @ J.T
+        H[:-1, :-1] += curvature(problem, theta, order, first, J)
         sizes, axes = np.linalg.eigh(H)
-        slope = axes.T @ (J.T @ first)
+        slope = axes.T @ (J @ first)
         before = value
         for _ in range(10):
             step = -axes @ (slope / (np.abs(sizes) + damping * np.abs(sizes).max()))
@@ -46,30 +46,22 @@ def descended(
     return theta, log_k
 
 
-def curvature(problem: Problem, theta: np.ndarray, order: int, first: np.ndarray) -> np.ndarray:
-    """Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section."""
-    out = np.zeros((2 * order, 2 * order))
-    c = first[: problem.x.size]
-    x2 = problem.x**2
-    m = order - order % 2
-    for start, sign in ((0, 1.0), (order, -1.0)):
-        part = theta[start : start + order]
-        if m:
-            w2 = np.exp(2 * part[:m:2, None])
-            damped = 4 * w2 * np.exp(2 * part[1:m:2, None]) * x2
-            gap = w2 - x2
-            square = gap * gap + damped
-            by_w, by_zeta = (4 * w2 * gap + 2 * damped) / square, 2 * damped / square
-            ww = ((8 * w2 * (gap + w2) + 4 * damped) / square - by_w**2) @ c
-            wz = (4 * damped / square - by_w * by_zeta) @ c
-            zz = (4 * damped / square - by_zeta**2) @ c
-            k = start + np.arange(0, m, 2)
-            out[k, k], out[k + 1, k + 1] = 0.5 * sign * ww, 0.5 * sign * zz
-            out[k, k + 1] = out[k + 1, k] = 0.5 * sign * wz
-        if order % 2:
-            w2 = np.exp(2 * part[-1])
-            ratio = w2 / (w2 + x2)
-            out[start + order - 1, start + order - 1] = sign * float(2 * ratio * (1 - ratio) @ c)
+def curvature(problem: Problem, theta: np.ndarray, order: int, first: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section, from the Jacobian there."""
+    N, m = problem.x.size, order - order % 2
+    c, slopes = first[:N], J[:-1, :N].reshape(2, order, N)
+    sign = np.array([[1.0], [-1.0]])  # of the roots of W, those above and those below
+    weighted = slopes * c
+    linear, square = np.add.reduce(weighted, axis=-1), sign * np.vecdot(weighted, slopes)
+    out = np.diag(2 * (linear - square).ravel())
+    if m:
+        # for a pair: w^4 over the square of the section is its slope by zeta times w^2 / (2 zeta x)^2
+        w, zeta = slice(0, m, 2), slice(1, m, 2)
+        by_zeta = slopes[:, zeta]
+        mixed = 2 * (linear[:, zeta] - sign * np.vecdot(weighted[:, w], by_zeta))
+        first_of = np.arange(2 * order).reshape(2, order)[:, w]
+        out[first_of, first_of] += np.exp(2 * (theta[first_of] - theta[first_of + 1])) * (by_zeta @ (c / problem.x**2))
+        out[first_of, first_of + 1] = out[first_of + 1, first_of] = mixed
     return out
 
 

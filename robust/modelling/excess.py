@@ -28,16 +28,19 @@ class Problem:
     log_x: np.ndarray
 
     def excess(self, theta: np.ndarray, log_k: float, order: int) -> tuple[np.ndarray, np.ndarray]:
-        """log |W| - target at the points (then zero and infinity, where demanded), and its Jacobian (., 2n+1)."""
-        top, d_top, top0 = log_sections(self.x, theta[:order], order)
-        bottom, d_bottom, bottom0 = log_sections(self.x, theta[order:], order)
-        N = self.x.size
-        J = np.zeros((N + 2 * bool(np.isfinite(self.low)), 2 * order + 1))
-        J[:N, :order], J[:N, order:-1], J[:, -1] = d_top.T, -d_bottom.T, 1.0
-        e = log_k + top - bottom - self.target
-        if np.isfinite(self.low):
-            J[N, :order], J[N, order:-1] = slope_at_zero(order), -slope_at_zero(order)
-            e = np.concatenate([e, [log_k + top0 - bottom0 - self.low, log_k - self.high]])
+        """log |W| - target at the points (then zero and infinity, where demanded), and its Jacobian (2n+1, .)."""
+        totals, slopes = log_sections(self.x, theta.reshape(2, order), order)
+        N, ends = self.x.size, 2 * bool(np.isfinite(self.low))
+        J = np.empty((2 * order + 1, N + ends))
+        J[:order, :N], J[-1] = slopes[0], 1.0
+        np.negative(slopes[1], out=J[order:-1, :N])
+        e = np.empty(N + ends)
+        np.subtract(totals[0], totals[1], out=e[:N])
+        e[:N] += log_k - self.target
+        if ends:
+            at_zero = slope_at_zero(order)
+            J[:order, N], J[order:-1, N], J[:-1, N + 1] = at_zero, -at_zero, 0.0
+            e[N:] = log_k + at_zero @ (theta[:order] - theta[order:]) - self.low, log_k - self.high
         return e, J
 
     def mean_excess(self, theta: np.ndarray, log_k: float, order: int) -> float:
@@ -118,24 +121,26 @@ def floor_of(log_x: np.ndarray) -> np.ndarray:
     return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
 
 
-def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Sum of log |section(j x)|, its Jacobian (n, N), and the sum at zero."""
+def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sums (..., N) of log |section(j x)| for parameters (..., n), and their Jacobians (..., n, N)."""
     m = n - n % 2
-    total, slopes = np.zeros(x.size), np.empty((n, x.size))
+    shape = theta.shape[:-1]
+    total, slopes = np.zeros((*shape, x.size)), np.empty((*shape, n, x.size))
     x2 = x * x
     if m:
-        log_w, log_zeta = theta[:m:2, None], theta[1:m:2, None]
+        log_w, log_zeta = theta[..., :m:2, None], theta[..., 1:m:2, None]
         w2, damping = np.exp(2 * log_w), 4 * np.exp(2 * (log_w + log_zeta)) * x2
         gap = w2 - x2
         square = gap * gap + damping
-        total = 0.5 * np.log(square).sum(axis=0)
-        slopes[1:m:2] = damping / square
-        slopes[:m:2] = 2 * w2 * gap / square + slopes[1:m:2]
+        total = 0.5 * np.add.reduce(np.log(square), axis=-2)
+        by_zeta = np.divide(damping, square, out=slopes[..., 1:m:2, :])
+        slopes[..., :m:2, :] = 2 * w2 * gap / square + by_zeta
     if n % 2:
-        w2 = np.exp(2 * theta[-1])
-        total = total + 0.5 * np.log(w2 + x2)
-        slopes[-1] = w2 / (w2 + x2)
-    return total, slopes, float(slope_at_zero(n) @ theta)
+        w2 = np.exp(2 * theta[..., -1:])
+        square = w2 + x2
+        total = total + 0.5 * np.log(square)
+        slopes[..., -1, :] = w2 / square
+    return total, slopes
 
 
 def slope_at_zero(n: int) -> np.ndarray:

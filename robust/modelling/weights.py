@@ -200,7 +200,8 @@ def verified(
 
 def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
     """|W| with gain one at infinity."""
-    return np.exp(log_sections(x, theta[:order], order)[0] - log_sections(x, theta[order:], order)[0])
+    top, bottom = log_sections(x, theta.reshape(2, order), order)[0]
+    return np.exp(top - bottom)
 
 
 def shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from robust import fit_weight, performance_weight
+from robust.modelling.descent import curvature
+from robust.modelling.excess import problem_on
 from robust.systems.lti import response
 from robust.systems.realisation import from_roots, in_order
 
@@ -191,3 +193,20 @@ def test_refusals(call, message):
 
 def test_the_weight_is_a_python_control_system():
     assert isinstance(fit_weight(OMEGA, friction_bump(OMEGA), order=3).W, control.StateSpace)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 6])
+def test_slopes_and_curvature_are_those_of_differences(order):
+    """The Newton steps stand on both; sections in, below and above the band, nearly undamped ones too."""
+    rng = np.random.default_rng(order)
+    x = np.geomspace(0.1, 30, 40)
+    problem = problem_on(x, rng.normal(size=x.size), ends=True)
+    for _ in range(10):
+        theta = rng.uniform(-3.0, 3.0, 2 * order)
+        e, J = problem.excess(theta, 0.3, order)
+        first = rng.normal(size=e.size)
+        H = curvature(problem, theta, order, first, J)
+        for i, step in enumerate(1e-5 * np.eye(2 * order)):
+            (up, J_up), (down, J_down) = (problem.excess(theta + s, 0.3, order) for s in (step, -step))
+            np.testing.assert_allclose((up - down) / 2e-5, J[i], rtol=1e-5, atol=1e-7)
+            np.testing.assert_allclose((J_up - J_down)[:-1] @ first / 2e-5, H[i], rtol=1e-4, atol=1e-5)
