@@ -88,13 +88,11 @@ def matrix_chance(model: Any, frm: Frm, G0: np.ndarray, missed: np.ndarray) -> t
     # as a set scatters most likely, not as far as the peaks of its inputs allow it
     extra = roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0) / frm.typical)
     lines = (2, 0, 1)
-    center, kept = np.transpose(r * shrunk, lines), np.transpose(np.sqrt(shrunk + follows), lines)
+    center, kept, nominal = (np.transpose(x, lines) for x in (r * shrunk, np.sqrt(shrunk + follows), G0))
     size = np.sqrt(share / g)[..., None, None]
 
     def held(deviation: np.ndarray) -> float:
-        return float(
-            np.mean(np.all(model.distances(frm.omega, deviation, np.transpose(G0, lines)) <= 1 + 1e-9, axis=1))
-        )
+        return float(np.mean(np.all(model.holds(frm.omega, deviation, nominal), axis=1)))
 
     about = center + size * kept * (bound @ z @ gamma)
     new = size * np.sqrt(common)[..., None, None] * (extra @ normals(z.shape, rng) @ gamma)

@@ -26,6 +26,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from nlfrf.shared.arguments import one_of, real_array
+from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.values import value
 from robust.systems.closed_loop import refuse_shape, weighted_plant
 from robust.systems.lft import joined, lower
@@ -38,6 +39,9 @@ from robust.uncertain.interconnection import Block, UncertainSystem
 from robust.uncertain.joint import told
 
 __all__ = ["MatrixUncertainty"]
+
+
+ROUNDED = 1 + 1e-9  # a Delta of size one, but for rounding
 
 
 @value
@@ -184,15 +188,29 @@ class MatrixUncertainty:
 
     def distances(self, omega: np.ndarray, deviation: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """(..., W) size of the smallest Delta that adds a deviation (..., W, n_y, n_u) to the nominal (W, n_y, n_u)."""
+        delta = self.perturbation_of(omega, deviation, nominal)
+        return np.max(np.abs(delta), axis=(-2, -1)) if self.form == ELEMENTS else np.linalg.norm(delta, 2, (-2, -1))
+
+    def holds(self, omega: np.ndarray, deviation: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        """(..., W) whether that size is at most one; without singular values where the Frobenius norm decides."""
+        delta = self.perturbation_of(omega, deviation, nominal)
+        if self.form == ELEMENTS:
+            return np.all(squared(delta) <= ROUNDED**2, axis=(-2, -1))
+        total = np.add.reduce(squared(delta), axis=(-2, -1))
+        held = total <= ROUNDED**2
+        close = ~held & (total <= ROUNDED**2 * min(delta.shape[-2:]))
+        held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= ROUNDED
+        return held
+
+    def perturbation_of(self, omega: np.ndarray, deviation: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        """(..., W, rows, columns) that smallest Delta; of "elements" each number in its place."""
         right = np.array([gain_of(weight, omega) for weight in self.right])
         if self.form == ELEMENTS:
-            sizes = np.abs(right).reshape(self.n_inputs, self.n_outputs, -1).transpose(2, 1, 0)
-            return np.max(np.abs(deviation) / sizes, axis=(-2, -1))
+            return deviation / np.abs(right).reshape(self.n_inputs, self.n_outputs, -1).transpose(2, 1, 0)
         left = np.array([gain_of(weight, omega) for weight in self.left])
         if self.form == INPUT:
             deviation = np.linalg.solve(nominal, deviation)
-        scaled = deviation / left.T[:, :, None] / right.T[:, None, :]
-        return np.linalg.norm(scaled, ord=2, axis=(-2, -1))
+        return deviation / left.T[:, :, None] / right.T[:, None, :]
 
     def reach(self, omega: np.ndarray) -> np.ndarray:
         """(n_y, n_u, W) how far the set lets each entry of the plant go from that of the nominal, exactly."""
