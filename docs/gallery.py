@@ -157,6 +157,7 @@ def hero_kept(name: str):
         whole(figure, target, *args, **kwargs)
         stem = Path(str(target)).stem
         if figure.axes and (stem == picture or (not picture and not (BUILD / f"{name}.hero.png").exists())):
+            figure.set_layout_engine("none")  # it is laid out
             ax = figure.axes[min(which, len(figure.axes) - 1)]
             box = ax.get_tightbbox(figure.canvas.get_renderer()).transformed(figure.dpi_scale_trans.inverted())
             whole(figure, BUILD / f"{name}.hero.png", dpi=110, bbox_inches=box.padded(0.05))
