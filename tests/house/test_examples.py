@@ -177,14 +177,12 @@ def test_the_first_example_takes_a_file(tmp_path, monkeypatch):
 
 
 def test_processes_that_share_the_controllers_change_nothing(tmp_path):
-    example = str(EXAMPLES / "14_friction_rig_in_closed_loop.py")
-    said = []
-    for n in "12":
-        few = ["--crossovers", "1", "--gains", "2", "--processes", n, "--out", str(tmp_path / n)]
-        done = subprocess.run([sys.executable, example, *few], capture_output=True, text=True, check=True, timeout=600)
-        said.append(done.stdout)
-    assert said[0] == said[1]
-    assert said[0].count("statistically robust") >= 3  # a burst a row
+    name, few = "14_friction_rig_in_closed_loop", ["--crossovers", "1", "--gains", "2", "--processes"]
+    said = run(name, *few, "1", "--out", str(tmp_path / "1"))
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *few, "2", "--out", str(tmp_path / "2")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=600)
+    assert said == done.stdout
+    assert said.count("statistically robust") >= 3  # a burst a row
 
 
 @pytest.mark.parametrize("name", ["13_motor_bench", "17_measured_mirror"])
