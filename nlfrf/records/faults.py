@@ -327,7 +327,9 @@ def kaiser_windows() -> np.ndarray:
     nodes = np.cos(np.pi * (np.arange(SMOOTH + 1) + 0.5) / (SMOOTH + 1))
     away = ((nodes[:, None] + 1) / 2 - OFFSET) / HALF_WIDTH
     sign = np.where(OFFSET % 2, -1.0, 1.0)
-    return np.asarray(np.linalg.solve(np.vander(nodes), sign * i0(BETA * np.sqrt(1 - away**2))))
+    windows = np.linalg.solve(np.vander(nodes), sign * i0(BETA * np.sqrt(1 - away**2)))
+    windows.flags.writeable = False
+    return windows
 
 
 def clipped(x: np.ndarray) -> float:
