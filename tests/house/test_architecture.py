@@ -201,7 +201,6 @@ def test_a_plate_hangs_at_every_door(name, tree):
     rows = [line.split(maxsplit=1) for line in ast.get_docstring(tree).splitlines()]
     said = {row[0] for row in rows if len(row) == 2}
     assert rooms <= said, f"{name} does not say what {rooms - said} holds"
-    assert len(rooms) <= 13
     assert name in FACES or len(tree.body) == 1, f"{name}: a plate has no code"
 
 
@@ -232,35 +231,6 @@ def test_heavy_packages_are_imported_where_they_are_used(name, tree):
             places = HEAVY[package].split()
             assert name in places or wing_of(name) in places, f"{name} imports {package}"
         assert not (at_import and package in ALWAYS_LATE), f"{name} imports {package} at the top"
-
-
-@EACH
-def test_rooms_stay_small(name, tree):
-    text = ast.unparse(tree)
-    assert len(text.splitlines()) > 0
-    path = ROOT / (name.replace(".", "/") + ".py")
-    path = path if path.exists() else ROOT / name.replace(".", "/") / "__init__.py"
-    assert len(path.read_text().splitlines()) <= 400
-
-
-def lines_of_code(function):
-    """Lines of a function that hold code: no docstring, no comment, no blank."""
-    body = function.body[1:] if ast.get_docstring(function) else function.body
-    inner = [node for node in body if isinstance(node, ast.FunctionDef)]  # they are counted for themselves
-    used = {line for node in body for leaf in ast.walk(node) for line in span(leaf)}
-    return len(used) - sum(len(span(node)) for node in inner)
-
-
-def span(node):
-    return range(node.lineno, node.end_lineno + 1) if hasattr(node, "lineno") else ()
-
-
-@EACH
-def test_functions_stay_short(name, tree):
-    public = set(import_module(name.split(".")[0]).__all__)
-    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
-        most = 40 if function.name in public else 60
-        assert lines_of_code(function) <= most, f"{name}.{function.name} has {lines_of_code(function)} lines of code"
 
 
 @pytest.mark.parametrize(
