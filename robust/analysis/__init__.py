@@ -4,6 +4,7 @@ check            the door: one model, one controller, one report
 check_lines      the same where the plant is known on measured lines only
 check_structure  the same with several uncertainties
 loop             plant, controller, hold, delay on one time base: stable or not, its peaks, with another plant
+aliases          a set of continuous plants as a sampler sees it: every alias of a frequency at once
 curves           S, T, rs, rp over frequency for the whole set, at the poles of the parts too
 claims           what a check claims, in the form in which it is verified
 proofs           stability and performance of the whole set proved at every frequency

@@ -23,15 +23,16 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf.shared.arguments import one_of
 from nlfrf.shared.wording import shown
+from robust.analysis.aliases import Shares, shares
 from robust.analysis.check_lines import check_lines
 from robust.analysis.check_structure import StructuredReport, check_structure
 from robust.analysis.claims import claim_of
 from robust.analysis.curves import Peaks
 from robust.analysis.disk_margin import disk_margins
-from robust.analysis.loop import assemble, find_peaks, nominal_instability
+from robust.analysis.loop import Loop, assemble, find_peaks, nominal_instability
 from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
-from robust.analysis.verdict import on_set, on_unstable, probability_of
+from robust.analysis.verdict import folding_sentence, on_set, on_unstable, probability_of
 from robust.certificates.solver import SOLVERS
 from robust.systems.grids import reaching
 from robust.uncertain.matrix_model import MatrixUncertainty
@@ -86,7 +87,8 @@ def check(
         and so is the result.
     K : control.StateSpace, TransferFunction or float
         Controller, negative feedback u = K (r - y). A discrete K on a continuous nominal is the normal case: the
-        nominal is discretised with zero-order hold and delay included, the radius taken up to Nyquist.
+        nominal is discretised with zero-order hold and delay included, and the set acts at every alias: what folds
+        down from above the Nyquist frequency is part of verdict, margin and certificate.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight: |w_P S_p| <= 1 is asked of every plant of the set.
     delay : float
@@ -110,7 +112,8 @@ def check(
 
     References
     ----------
-    SP 7.5 (robust stability), 7.6 (robust performance), 8.6; Seiler, Packard & Gahinet 2020 (disk margins).
+    SP 7.5 (robust stability), 7.6 (robust performance), 8.6; Seiler, Packard & Gahinet 2020 (disk margins);
+    Dullerud & Glover, IEEE Trans. Automatic Control 38, 1993 (sampled sets).
 
     Examples
     --------
@@ -144,16 +147,26 @@ def check(
     curves = curves.joined(loop.curves(places[~np.isnan(places)])).between(omega[0], omega[-1])
     omega = curves.omega
     proofs = prove_set(loop, omega, peaks.rs[0], claim=claim, certify=certify, solver=solver)
+    folding = folding_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
     return fill_report(
         curves,
         peaks,
-        on_set(model, loop, curves, peaks, proofs, certify=certify),
+        on_set(model, loop, peaks, proofs, folding, certify=certify),
         stable=True,
         robustly_stable=proofs.stable,
         robust_performance=proofs.performance,
         certificates=proofs.certificates,
+        folding="" if folding is None else folding_sentence(folding, model),
         **of,
     )
+
+
+def folding_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) -> Shares | None:
+    """What rs is made of where it is largest, of a set of continuous plants under a sampled controller."""
+    if loop.aliases is None:
+        return None
+    total, omega = peaks.rs
+    return shares(loop.at_points(loop.curves(omega)), band, total)
 
 
 def check_matrix(model: MatrixUncertainty, K: Any, w_P: Any, delay: float, certify: bool) -> StructuredReport:

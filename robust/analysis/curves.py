@@ -34,6 +34,8 @@ class Curves:
         Of the perturbed sensitivity S_p = S (1 + a Delta)/(1 + b Delta).
     W : (W,) complex ndarray
         What the plant is scaled by where the form depends on its units; one elsewhere.
+    folded_rs, folded_worst, folded_growth : (W,) ndarray or None
+        rs, max |S_p| and growth with every alias, where the set is one of continuous plants under a sampled controller.
     """
 
     omega: np.ndarray
@@ -46,11 +48,19 @@ class Curves:
     a: np.ndarray
     b: np.ndarray
     W: np.ndarray
+    folded_rs: Any = None
+    folded_worst: Any = None
+    folded_growth: Any = None
 
     @property
     def rs(self) -> np.ndarray:
         """(W,) In proportion to |w|; one perturbation of the set destabilises the loop where it reaches one."""
-        return FORMS[self.form].stays(self.w, self.b)
+        return FORMS[self.form].stays(self.w, self.b) if self.folded_rs is None else self.folded_rs
+
+    @property
+    def S_worst(self) -> np.ndarray:
+        """(W,) largest |S_p| over the set; inf where a plant of it is unstable."""
+        return worst_sensitivity(self.S, self.a, self.b) if self.folded_worst is None else self.folded_worst
 
     @property
     def np_(self) -> np.ndarray:
@@ -62,7 +72,7 @@ class Curves:
         """(W,) |w_P| max |S_p|; nan without w_P."""
         if self.w_P is None:
             return np.full(self.omega.size, np.nan)
-        worst = worst_sensitivity(self.S, self.a, self.b)
+        worst = self.S_worst
         return np.where(np.isinf(worst), np.inf, np.abs(self.w_P) * np.where(np.isinf(worst), 1.0, worst))
 
     @property
@@ -73,7 +83,7 @@ class Curves:
     @property
     def worst(self) -> np.ndarray:
         """(W,) largest |S_p| over the set, |w_P| times it where performance was asked for."""
-        return worst_sensitivity(self.S, self.a, self.b) if self.w_P is None else self.rp
+        return self.S_worst if self.w_P is None else self.rp
 
     @property
     def half_disk(self) -> np.ndarray:
@@ -83,6 +93,8 @@ class Curves:
     @property
     def growth(self) -> np.ndarray:
         """(W,) factor by which the uncertainty may grow until |w_P| max |S_p| = 1."""
+        if self.folded_growth is not None:
+            return self.folded_growth
         return FORMS[self.form].grown(self.w, factor_allowed(np.abs(self.w_P) * np.abs(self.S), self.a, self.b))
 
     @property
@@ -102,7 +114,7 @@ class Curves:
 
     def each(self, part: Callable[[str], np.ndarray], omega: np.ndarray) -> Curves:
         """Curves at other frequencies, from what `part` gives by the name of each response."""
-        names = ("G", "K", "w", "w_P", "S", "a", "b", "W")
+        names = ("G", "K", "w", "w_P", "S", "a", "b", "W", "folded_rs", "folded_worst", "folded_growth")
         of: dict[str, Any] = {name: part(name) for name in names if getattr(self, name) is not None}
         return replace(self, omega=omega, **of)
 

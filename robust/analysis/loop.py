@@ -12,6 +12,7 @@ import numpy as np
 
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.values import value
+from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_down
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.certificates.intervals import Magnitude, magnitude
 from robust.certificates.stability import LARGEST_EXACT, beside_boundary
@@ -22,7 +23,7 @@ from robust.systems.lti import constant, responder, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import certain_poles, moved_out
-from robust.uncertain.forms import FORMS, relative
+from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.verification.claim import as_given
 from robust.verification.poles import stable_loop
@@ -31,7 +32,6 @@ __all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "
 
 DELAY_ORDER = 8
 MOST_STATES = 600  # of a plant with its delay line
-N_ALIASES = 30
 
 
 @value
@@ -61,6 +61,8 @@ class Loop:
         What the plant is scaled by where the form depends on its units; the gain one elsewhere.
     given, delay : control.StateSpace, float
         The plant before hold and delay, and that delay [s]: what exact arithmetic takes.
+    perturbation : str
+        Class of the set: "LTI", "statistical" or "operator".
     """
 
     G: control.StateSpace
@@ -76,6 +78,7 @@ class Loop:
     shaping: control.StateSpace
     given: control.StateSpace
     delay: float
+    perturbation: str
 
     @property
     def top(self) -> float:
@@ -84,7 +87,7 @@ class Loop:
 
     def with_plant(self, G: control.StateSpace) -> Loop:
         """The same loop around another plant, as the controller sees it."""
-        return replace(self, G=G, short=G, shift=0.0, given=G, delay=0.0)
+        return replace(self, G=G, short=G, shift=0.0, given=G, delay=0.0, unsampled=None)
 
     def shaped(self) -> Loop:
         """The same loop in the units of its set: the plant scaled, the controller scaled back."""
@@ -132,38 +135,29 @@ class Loop:
         G, K, w = self.plant(omega), of["K"](omega), of["w"](omega)
         # the set is one about the plant without its delay, which stands with the controller
         W = of["W"](omega) * np.exp(1j * omega * self.shift) if FORMS[self.form].scaled else None
-        return loop_curves(self.form, omega, G, K, w, w_P, W)
+        found = loop_curves(self.form, omega, G, K, w, w_P, W)
+        if self.aliases is None:
+            return found
+        folded = fold_down(self.at_points(found), w_P)
+        return replace(found, folded_rs=folded.rs, folded_worst=folded.S_worst, folded_growth=folded.growth)
 
-    def folded(self, omega: np.ndarray) -> np.ndarray:
-        """(W,) rs with what perturbations above the Nyquist frequency add by folding down; inf where unbounded.
+    @cached_property
+    def aliases(self) -> Aliases | None:
+        """The aliases of a set of continuous plants under a sampled controller; None of any other loop."""
+        if self.unsampled is None:
+            return None
+        return aliases_of(self.form, self.unsampled, self.weight, self.perturbation, self.dt, self.delay)
 
-        A perturbation of the continuous plant acts on every alias of a frequency, hold and all. Each alias fills a
-        disc; the sampled plant fills the sum of the discs.
-        """
-        form = FORMS[self.form]
-        T, total = self.dt, np.zeros(omega.size)
-        if self.weight.D[0, 0] != 0 and (not form.through or self.unsampled.D[0, 0] != 0):
-            return np.full(omega.size, np.inf)  # what does not roll off, over all aliases
-        plant, weight = responder(self.unsampled), self.responses["w"]
-        for k in range(1, N_ALIASES + 1):
-            before = total.copy()
-            for alias in (2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega):
-                hold = np.abs(2 * np.sin(omega * T / 2) / (alias * T))
-                size, w = np.abs(plant(alias)), np.abs(weight(alias))
-                w = relative(self.form, w, size)
-                if form.inverse:
-                    total += np.where(w < 1, size * hold * w / np.maximum(1 - w, 1e-12), np.inf)
-                else:
-                    total += hold * np.maximum(size, 1e-300) * w
-        # from there on at least as 1/k^2, whose sum is k times its last term
-        total += N_ALIASES * np.subtract(total, before, out=np.zeros(omega.size), where=np.isfinite(total))
-        nominal = self.curves(omega)
-        return nominal.rs + np.abs(nominal.K_S) * total
+    def at_points(self, curves: Curves) -> Point:
+        """The loop with every alias at the frequencies of its curves."""
+        assert self.aliases is not None
+        return at_points(self.aliases, curves.omega, curves.S, curves.K_S, curves.G)
 
     def grid(self, lines: np.ndarray) -> np.ndarray:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
-        return loop_grid(lines, self.poles[0], parts, self.dt, self.shift)
+        folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
+        return loop_grid(lines, self.poles[0], parts, self.dt, self.shift, folded)
 
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
         """Largest value of a curve of this loop and where (`systems.grids.highest`)."""
@@ -243,6 +237,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         shaping=model.shaping,
         given=model.nominal,
         delay=delay,
+        perturbation=model.perturbation,
     )
     _ = loop.nominal  # refuses a loop without a solution
     return loop

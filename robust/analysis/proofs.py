@@ -9,6 +9,7 @@ from scipy.optimize import minimize_scalar
 
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.analysis.aliases import operator_performance
 from robust.analysis.claims import claimed
 from robust.analysis.loop import Loop, weighted
 from robust.certificates.bounded_real import certify_norm
@@ -20,7 +21,7 @@ from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import Matrices, constant, over_frequency, response, timebase
 from robust.systems.norms import well_conditioned
 from robust.uncertain.forms import FORMS
-from robust.verification.claim import OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim
+from robust.verification.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim
 from robust.verification.loops import verify_loop
 
 __all__ = ["Proofs", "prove_set"]
@@ -51,6 +52,8 @@ class Proofs:
 
 def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, claim: LoopClaim, certify: bool, solver: str) -> Proofs:
     """Whatever can be proved of the claim where the largest rs found is `peak`."""
+    if loop.aliases is not None:
+        return prove_aliased(loop, omega, peak, claim, certify)
     if peak >= 1 or not certify:
         return Proofs(certificates=(), violated=peak >= 1)
     stability = claimed(prove_stability(loop, omega, solver), claim, STABILITY)
@@ -67,6 +70,41 @@ def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, claim: LoopClaim, c
     )
 
 
+def prove_aliased(loop: Loop, omega: np.ndarray, peak: float, claim: LoopClaim, certify: bool) -> Proofs:
+    """The same of a set of continuous plants under a sampled controller: every alias counts, interval by interval."""
+    if peak >= 1 or not certify:
+        return Proofs(certificates=(), violated=False)
+    stability = prove_with_aliases(loop, omega, claim, STABILITY)
+    if not stability.holds or loop.w_P is None:
+        return Proofs(certificates=(stability,), violated=False, stable=stability.holds)
+    name = OPERATOR_PERFORMANCE if claim.perturbation == "operator" else PERFORMANCE
+    performance = prove_with_aliases(loop, omega, claim, name)
+    return Proofs(certificates=(stability, performance), violated=False, stable=True, performance=performance.holds)
+
+
+def prove_with_aliases(loop: Loop, omega: np.ndarray, claim: LoopClaim, name: str) -> Certificate:
+    """One claim with every alias, in exact arithmetic."""
+    failed = refused(STABILITY if name == STABILITY else PERFORMANCE, 1.0, "")
+    if name == OPERATOR_PERFORMANCE and claim.inverse:
+        return replace(failed, reason="not attempted for operators in an inverse form under a sampled controller")
+    scaling = best_aliased_scaling(loop, omega) if name == OPERATOR_PERFORMANCE else 1.0
+    return prove_exactly(failed, replace(claim, scaling=scaling), ALIASED[name], loop.top)
+
+
+def best_aliased_scaling(loop: Loop, omega: np.ndarray) -> float:
+    """The one scaling that keeps the largest gain of an operator's loop lowest over the grid (convex in its log)."""
+    curves = loop.curves(omega)
+    point = loop.at_points(curves)
+    PS, F = np.abs(curves.w_P * curves.S), point.F[:, 0]
+    sizes, others = point.sizes, point.sums()
+
+    def largest(log: float) -> float:
+        return float(operator_performance(sizes, others, PS, F * PS, float(np.exp(log))).max())
+
+    start = np.log(np.median(np.sqrt(others.FF + F**2)))
+    return float(np.exp(minimize_scalar(largest, bracket=(start - 1, start + 1)).x))
+
+
 def settled(found: Certificate) -> bool:
     """Whether a proof was found, or a place where there is none."""
     return found.holds or found.reason.startswith("violated")
@@ -78,7 +116,7 @@ def prove_exactly(failed: Certificate, claim: LoopClaim, name: str, top: float) 
     if found.verified:
         everywhere = np.array([[0.0, top]])
         proof = replace(failed, holds=True, method=EXACT, intervals=everywhere, reason="")
-        return claimed(proof, claim, name)
+        return claimed(proof, claim, name, scaling=claim.scaling)
     reason = dict(found.failed).get(name, "")
     return replace(failed, reason=reason) if reason.startswith("violated") or not failed.reason else failed
 

@@ -13,7 +13,7 @@ from robust.analysis.curves import Curves, Peaks
 from robust.analysis.verdict import factor, judged
 from robust.certificates.certificate import Certificate
 from robust.performance.classical import ClassicalMargins, classical_margins
-from robust.uncertain.forms import loop_discs
+from robust.uncertain.forms import FORMS, loop_discs
 
 __all__ = ["RobustnessReport", "fill_report"]
 
@@ -72,6 +72,8 @@ class RobustnessReport:
         Unit of the plant, y over u, where it is known.
     probability : str
         With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
+    folding : str
+        Of a set of continuous plants under a sampled controller: what rs is made of where it is largest.
 
     References
     ----------
@@ -122,11 +124,16 @@ class RobustnessReport:
     band: Any = None
     unit: str = ""
     probability: str = ""
+    folding: str = ""
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
         """(W,) centre and (W,) radius of the disc that L fills over the set."""
-        return loop_discs(self.form, self.radius, self.G, self.K, 1.0 if self.shaping is None else self.shaping)
+        shaping = 1.0 if self.shaping is None else self.shaping
+        centre, radius = loop_discs(self.form, self.radius, self.G, self.K, shaping)
+        if self.folding and not FORMS[self.form].inverse:  # with every alias, L + K sum_k h_k F_k Delta_k
+            radius = self.rs * np.abs(1 + centre)
+        return centre, radius
 
     @property
     def gain_margin(self) -> float:
@@ -158,6 +165,8 @@ class RobustnessReport:
             lines += paragraph(
                 "stability", f"max rs {1 / self.margin_rs:.3f} at {hertz(self.omega_rs)}: {factor(self.margin_rs)}"
             )
+            if self.folding:
+                lines += paragraph("aliases", self.folding)
             if np.isfinite(self.margin_rp):
                 worst = float(np.max(self.rp))
                 text = (

@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 
 from nlfrf.shared.wording import hertz
-from robust.analysis.curves import Curves, Peaks
+from robust.analysis.aliases import Shares
+from robust.analysis.curves import Peaks
 from robust.analysis.loop import Loop
 from robust.analysis.proofs import Proofs
-from robust.systems.lti import poles
+from robust.uncertain.forms import FORMS
 from robust.uncertain.joint import told
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = [
     "VERDICTS",
     "factor",
+    "folding_sentence",
     "judge_structure",
     "judged",
     "on_lines_only",
@@ -39,13 +41,19 @@ CURES = {
 SAID, RULES = 1.26, 2.0  # what the weight has beyond the radius is said from 2 dB on, and rules from 6 dB on
 
 
-def advice(model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarray]) -> str:
+def advice(
+    model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarray], folding: Shares | None = None
+) -> str:
     """What limits the stability margin and what to measure or change next, by what the weight is made of there.
 
-    `weight` is the response of the weight.
+    `weight` is the response of the weight; `folding` what rs is made of, where it is known.
     """
     if not np.isfinite(omega_rs):
         return ""
+    seen_at = hertz(omega_rs)
+    if folding is not None and folding.source != folding.omega:
+        seen_at += f" by what folds down from {hertz(folding.source)}"
+        omega_rs = folding.source
     low, high = float(model.omega[0]), float(model.omega[-1])
     outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
     k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
@@ -61,7 +69,7 @@ def advice(model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarra
             f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
             f"go on from the {edge} line, {hertz(model.omega[k])}, "
         ) + where
-    said = [f"The margin is limited at {hertz(omega_rs)}, {where}."]
+    said = [f"The margin is limited at {seen_at}, {where}."]
     if rise > SAID:
         said.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
     if over > SAID:
@@ -115,9 +123,13 @@ def judged(verdict: str, probability: str) -> str:
     return f"{verdict.upper()} ({VERDICTS[verdict]}{'; ' if probability else ''}{probability})"
 
 
-def sentences(model: Any, loop: Any, curves: Curves, stable: bool, performance: bool) -> tuple[str, str]:
+def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
     """What was proved and what was not, one sentence each."""
-    where = "at all frequencies" if not loop.dt else f"at all frequencies up to Nyquist ({0.5 / loop.dt:.4g} Hz)"
+    where = "at all frequencies"
+    if loop.dt:
+        where += f" up to Nyquist ({0.5 / loop.dt:.4g} Hz), " + (
+            "with everything that folds down from above" if loop.aliases is not None else "of the samples"
+        )
     if not stable:
         proved = "Only that the nominal loop is stable."
         return proved, "Anything about the set around it."
@@ -132,28 +144,54 @@ def sentences(model: Any, loop: Any, curves: Curves, stable: bool, performance: 
             missing.append(f"more than the confidence of the set ({probability_of(model)})")
     if loop.w_P is not None and not performance:
         missing.append("the performance demand for the whole set")
-    if loop.unsampled is not None:
-        missing.append(folding(loop, curves))
+    if loop.dt and loop.aliases is None:
+        missing.append("perturbations of the continuous plant between the samples: the set is one of sampled plants")
     missing.append(f"anything about the plant outside the measured band beyond the assumption ({model.extrapolation})")
     text = "; ".join(missing)
     return proved, text[0].upper() + text[1:] + "."
 
 
-def folding(loop: Any, curves: Curves) -> str:
-    """What perturbations above the Nyquist frequency could do, which the sampled set does not hold."""
-    # where rs is large, and where modes above Nyquist come down to
-    omega = curves.omega
-    step, nyquist = 2 * np.pi / loop.dt, np.pi / loop.dt
-    modes = np.abs((poles(loop.unsampled).imag + nyquist) % step - nyquist)
-    some = np.concatenate([omega[:: max(1, omega.size // 100)], omega[np.argsort(-curves.rs)[:20]], modes])
-    peak = float(np.max(loop.folded(np.unique(np.clip(some, omega[0], omega[-1])))))
-    text = "perturbations above the Nyquist frequency, which fold down"
-    if np.isinf(peak):
-        return f"{text} without a bound under this weight"
-    if peak >= 1:
-        cure = "sample faster, or filter before sampling"
-        return f"{text} and could destabilise: with them max rs would be {peak:.3g} ({cure})"
-    return f"{text}: with them max rs would be {peak:.3g}"
+def folding_sentence(found: Shares, model: Any) -> str:
+    """What rs is made of where it is largest: by itself and at the aliases, measured and assumed."""
+    if not found.filtered:
+        return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
+    other = (
+        "what the perturbation may move to other frequencies" if moves(model) else "what folds down from the aliases"
+    )
+    text = (
+        f"{found.own:.3f} of rs {found.total:.3f} at {hertz(found.omega)} acts at that frequency, the rest is {other}"
+    )
+    if found.source != found.omega:
+        text += f", most of it from {hertz(found.source)}"
+    return f"{text}; inside the measured band alone it would be {found.measured:.3f}, the rest is assumed"
+
+
+def moves(model: Any) -> bool:
+    """Whether a perturbation may answer at other frequencies than it is asked."""
+    return bool(model.perturbation == "operator")
+
+
+def cure_of_folding(found: Shares, model: Any) -> str:
+    """Why the aliases keep a loop from being certified, and what helps."""
+    if not found.filtered:
+        return (
+            "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
+            "and what folds down has no bound. Roll the weight off there, or put the anti-alias filter into the nominal"
+        )
+    if FORMS[model.form].inverse and not moves(model) and found.F_max >= 1:
+        return (
+            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency: of one or more there it "
+            "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
+        )
+    other = "moves to other frequencies" if moves(model) else "does above the Nyquist frequency, which folds down,"
+    said = f"with what the perturbation {other} rs reaches {found.total:.4g} at {hertz(found.omega)} "
+    said += f"({found.own:.4g} without)"
+    if found.source != found.omega:
+        said += f", most of it from {hertz(found.source)}"
+    helps = "Sample faster, or filter before the sampler"
+    if found.measured < 1:
+        helps += f"; above the last line, {hertz(model.omega[-1])}, it is assumed: measure there"
+    return f"{said}. {helps}"
 
 
 def context(model: Any, loop: Any) -> str:
@@ -168,15 +206,15 @@ def context(model: Any, loop: Any) -> str:
 
 
 def on_set(
-    model: UncertaintyModel, loop: Loop, curves: Curves, peaks: Peaks, proofs: Proofs, *, certify: bool
+    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, folding: Shares | None, *, certify: bool
 ) -> dict[str, str]:
     """Every word of the report on a loop that is stable to begin with."""
-    verdict, reason = judge(model, loop, peaks, proofs, certify)
-    proved, not_proved = sentences(model, loop, curves, proofs.stable, proofs.performance)
+    verdict, reason = judge(model, loop, peaks, proofs, folding, certify)
+    proved, not_proved = sentences(model, loop, proofs.stable, proofs.performance)
     return {
         "verdict": verdict,
         "reason": reason,
-        "advice": advice(model, peaks.rs[1], loop.responses["w"]),
+        "advice": advice(model, peaks.rs[1], loop.responses["w"], folding),
         "proved": proved,
         "not_proved": not_proved,
         "context": context(model, loop),
@@ -223,8 +261,17 @@ def on_lines_only(
     }
 
 
-def judge(model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, certify: bool) -> tuple[str, str]:
+def judge(
+    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, folding: Shares | None, certify: bool
+) -> tuple[str, str]:
     """The verdict on stability and why."""
+    if folding is not None and folding.total >= 1:
+        if folding.own >= 1:
+            return (
+                "not robust",
+                f"a plant of the set is unstable in this loop: rs = {folding.own:.4g} at {hertz(folding.omega)}",
+            )
+        return "not certified", cure_of_folding(folding, model)
     if proofs.violated:
         found = f"rs = {peaks.rs[0]:.4g} at {hertz(peaks.rs[1])}"
         how = proofs.certificates[0].reason if proofs.certificates else found
@@ -236,8 +283,8 @@ def judge(model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, cer
             "statistical": ("statistically robust", "the loop is stable with every linear plant of the set"),
         }
         verdict, reason = kind[model.perturbation]
-        folds = "; those above the Nyquist frequency are left out" if loop.unsampled is not None else ""
-        return verdict, reason + folds
+        samples = "; it is a set of sampled plants, and says nothing of what happens between the samples"
+        return verdict, reason + (samples if loop.dt and loop.aliases is None else "")
     below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
     if not certify:
         return "not certified", f"{below}, and no proof was asked for (certify=False)"

@@ -8,13 +8,14 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
+from robust.analysis.aliases import in_phase
 from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
 from robust.systems.closed_loop import worst_perturbation
 from robust.systems.connections import in_series
 from robust.systems.lti import response, timebase
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
-from robust.uncertain.perturbations import perturbed, with_phase, within
+from robust.uncertain.perturbations import perturbed, with_phase, with_phases, within
 
 __all__ = ["WorstCase", "worst_case"]
 
@@ -32,7 +33,8 @@ class WorstCase:
     omega_worst : float
         Where it is largest, or where a perturbation destabilises the loop [rad/s].
     plant : control.StateSpace
-        A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K.
+        A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K, where
+        each alias that adds more than 0.3 % has its own phase (in an inverse form only the frequency itself).
     delta : complex
         The perturbation there; of modulus below one where less suffices to destabilise.
     achieved : float
@@ -111,11 +113,15 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     if peak_b < 1:
         where = loop.peak(lambda points: loop.curves(points).worst, omega, band)[1]
     there = loop.curves(where)
+    phased = phases_of_aliases(loop, where)
     delta = complex(-1 / there.b[0]) if peak_b >= 1 else complex(worst_perturbation(there.a, there.b)[0])
     delta *= np.exp(1j * where * lead_of(loop, delay)) / max(1.0, abs(delta))
     turn = FORMS[model.form].turn(in_series(model.nominal, model.shaping), model.weight, where)
     # the weight brings its own phase, which the perturbation is relative to
     Delta = with_phase(where, delta / turn, timebase(model.nominal) or timebase(model.weight))
+    if phased is not None:  # every alias that counts has a phase of its own
+        delta = np.exp(1j * phased[1][0]) / max(1.0, peak_b)
+        Delta = with_phases(*phased) * abs(delta)
     plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
     if FORMS[model.form].scaled and not within(model, plant):  # other forms need no factors: they are made as they are
         raise ValueError("model must have a worst plant that floating point can tell, got one outside the set of it")
@@ -133,6 +139,17 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
         # a perturbation that was made to put a pole on the boundary does, whatever side rounding leaves it on
         stable=peak_b < 1 and stable_with(plant, seen, loop),
     )
+
+
+def phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """Frequencies and phases of the worst Delta at omega [rad/s] where aliases count; None where they do not.
+
+    In an inverse form the worst plant is that of the frequency itself.
+    """
+    if loop.aliases is None or loop.aliases.inverse:
+        return None
+    found = in_phase(loop.at_points(loop.curves(omega)), 0)
+    return found if found[0].size > 1 else None
 
 
 def lead_of(loop: Loop, delay: float) -> float:

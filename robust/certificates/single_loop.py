@@ -173,7 +173,7 @@ def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: fl
     groups = [group for part in loop.parts for group in part.roots]
     sizes = np.abs(np.concatenate([in_s(r, dt) for z, p, dt in groups for r in (z, p)]))
     sizes = np.concatenate([sizes[(sizes > 0) & np.isfinite(sizes)], lines])
-    end = min(top, 1e3 * float(sizes.max()))
+    end = top if np.isfinite(top) else 1e3 * float(sizes.max())  # a sampled loop has no tail that falls off
     first = min(float(sizes.min()), end) * 1e-6
     edges = np.concatenate([[0.0], np.geomspace(first, end, 300)])
     offset = [np.nan] * len(loop.parts)

@@ -35,18 +35,24 @@ CLOSER = 5
 
 
 def loop_grid(
-    lines: np.ndarray, loop_poles: np.ndarray, systems: list[control.StateSpace], dt: float, delay: float = 0.0
+    lines: np.ndarray,
+    loop_poles: np.ndarray,
+    systems: list[control.StateSpace],
+    dt: float,
+    delay: float = 0.0,
+    folded: np.ndarray | tuple[()] = (),
 ) -> np.ndarray:
     """Frequencies [rad/s] dense enough to look at a loop: the lines, a log grid, every mode of loop and systems.
 
     The poles of the loop are given on its time base dt, the systems each on their own; a delay [s] makes ripples.
+    `folded` are modes above Nyquist where they come down to, as poles in the s plane.
     """
     top = np.pi / dt if dt else np.inf
     roots = [in_s(loop_poles, dt)]
     for system in systems:
         if system.nstates:
             roots += [in_s(poles(system), timebase(system)), in_s(zeros(system), timebase(system))]
-    s = np.concatenate(roots)
+    s = np.concatenate([*roots, np.asarray(folded, dtype=complex)])
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
     size = np.concatenate([np.abs(lines), np.abs(s)])
     centre = np.median(size)

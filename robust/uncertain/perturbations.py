@@ -13,7 +13,7 @@ from robust.systems.lti import response, timebase
 from robust.systems.realisation import from_roots
 from robust.uncertain.forms import FORMS
 
-__all__ = ["perturbed", "random_perturbation", "random_plants", "with_phase", "within"]
+__all__ = ["perturbed", "random_perturbation", "random_plants", "with_phase", "with_phases", "within"]
 
 
 ROUNDING = 1e-7  # by which a plant may be farther from the nominal than its set lets it
@@ -106,3 +106,25 @@ def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
     phase = angle if angle >= 0 else angle + np.pi
     b = x / np.tan(np.clip((np.pi - phase) / 2, 1e-9, np.pi / 2 - 1e-9))
     return all_pass(np.array([complex(-b)]), sign * abs(value), dt)
+
+
+def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) -> control.StateSpace:
+    """A continuous all-pass that has given phases [rad] at several frequencies omega (n,) [rad/s], of order 2 n.
+
+    A section (s + p)(s + p*)/((s - p)(s - p*)) with p = -h + j c, h << c turns once around c and is nearly one
+    elsewhere: at omega it has the phase 2 acot((omega - c)/h), so c sets it. What it leaves the others is taken off.
+
+    >>> delta = with_phases(np.array([1.0, 5.0]), np.array([0.5, -2.0]))
+    >>> np.angle(response(delta, np.array([1.0, 5.0]))).round(3).tolist()
+    [0.5, -2.0]
+    """
+    omega, half = np.asarray(omega, dtype=float), narrow * np.asarray(omega, dtype=float)
+    centre = omega.copy()
+    for _ in range(30):
+        for k, w in enumerate(omega):
+            p = -half + 1j * centre
+            every = np.angle((1j * w + p) * (1j * w + p.conj()) / ((1j * w - p) * (1j * w - p.conj())))
+            wanted = (phases[k] - every.sum() + every[k]) % (2 * np.pi)
+            centre[k] = w - half[k] / np.tan(np.clip(wanted / 2, 1e-6, np.pi - 1e-6))
+    p = -half + 1j * centre
+    return all_pass(np.concatenate([[a, a.conjugate()] for a in p]), 1.0, 0.0)

@@ -8,6 +8,7 @@ stability   Routh's array; what a delay does to the roots
 poles       loops and matrices decided stable or not
 half_line   polynomials positive from zero to infinity
 jets        Taylor models on an interval
+aliases     claims about continuous plants under a sampled controller
 intervals   claims with a delay or a continuous weight, interval by interval
 matrices    matrix inequalities over the rationals
 norms       the norm of a system below a level

@@ -12,7 +12,16 @@ from robust.verification.conditions import Terms
 from robust.verification.exact import Quotient, behind_samples, held, mapped, quotient, rational
 from robust.verification.stability import squared
 
-__all__ = ["Axis", "Squares", "at_infinity", "axis_of", "loop_axis", "polynomials", "squares"]
+__all__ = [
+    "WHOLE_SAMPLES",
+    "Axis",
+    "Squares",
+    "at_infinity",
+    "axis_of",
+    "loop_axis",
+    "polynomials",
+    "squares",
+]
 
 
 UNITY = Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=np.ones((1, 1)))
@@ -74,9 +83,13 @@ def shaping(claim: LoopClaim, dt: Any) -> Quotient:
     return Quotient(num=num, den=den, degree=degree)
 
 
-def loop_axis(plant: Matrices, K: Matrices, seconds: float) -> tuple[Quotient, Quotient, Any, Any]:
-    """Plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant."""
-    delay, dt = rational(seconds), rational(plant.dt or K.dt)
+def loop_axis(plant: Matrices, K: Matrices, seconds: Any) -> tuple[Quotient, Quotient, Any, Any]:
+    """Plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant.
+
+    `seconds` is a double or a rational.
+    """
+    delay = rational(seconds) if isinstance(seconds, float) else seconds
+    dt = rational(plant.dt or K.dt)
     if plant.dt:
         if K.order and not same_clock(K.dt, plant.dt):
             raise ValueError(f"controller must have the sampling time of the plant, {plant.dt} s, got {K.dt} s")

@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf.shared.values import value
 
 __all__ = [
+    "ALIASED",
     "OPERATOR_PERFORMANCE",
     "PERFORMANCE",
     "STABILITY",
@@ -27,8 +28,10 @@ __all__ = [
 STABILITY = "robust stability"
 PERFORMANCE = "robust performance"
 OPERATOR_PERFORMANCE = "robust performance with one scaling"
+#: The same of a set of continuous plants under a sampled controller, whose perturbations act at every alias.
+ALIASED = {name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)}
 FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
-CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)
+CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
 
 
 @value
@@ -129,7 +132,7 @@ class LoopClaim:
             raise ValueError("shaping must have one input and one output")
         if not self.claims or not set(self.claims) <= set(CLAIMS):
             raise ValueError(f"claims must be some of {', '.join(CLAIMS)}, got {self.claims}")
-        if self.performance is None and set(self.claims) != {STABILITY}:
+        if self.performance is None and not set(self.claims) <= {STABILITY, ALIASED[STABILITY]}:
             raise ValueError("performance must be given where performance is claimed, got none")
         if not (np.isfinite(self.delay) and self.delay >= 0):
             raise ValueError(f"delay must be nonnegative [s], got {self.delay}")

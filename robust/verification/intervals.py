@@ -17,7 +17,7 @@ from robust.verification.conditions import Terms
 from robust.verification.half_line import Decision
 from robust.verification.jets import cosine, line, lower_bound, of_polynomial, sine
 
-__all__ = ["positive_on_intervals"]
+__all__ = ["LOWEST", "MOST_INTERVALS", "NARROWEST", "positive_on_intervals", "sampled_terms"]
 
 
 NARROWEST = 1e-12
@@ -84,13 +84,18 @@ def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
     return terms
 
 
-def sampled_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
-    """Terms of a sampled loop on an interval of omega; its polynomials in u = sin^2(omega dt/2), y = u/(1 - u)."""
+def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[Any, Any], Terms]:
+    """Terms of a sampled loop on an interval of omega; its polynomials in u = sin^2(omega dt/2), y = u/(1 - u).
+
+    `samples` of delay that are not in the plant are taken as the phase that they are: as poles at zero they make
+    polynomials of as many degrees.
+    """
     from flint import arb
 
     dt = arb(axis.dt)
     (G0, G1, n), (K0, K1, m) = found.G, found.K
     loop = [in_sine(p, d) for p, d in ((G0, n), (G1, n), (K0, m), (K1, m), (found.even, n + m), (found.closed, n + m))]
+    odd = in_sine(found.odd, max(n + m - 1, 0))
     w = found.w if axis.w_timed else (*(in_sine(p, found.w[2]) for p in found.w[:2]), found.w[2])
     P = found.P
     if P is not None and not axis.P_timed:
@@ -103,6 +108,11 @@ def sampled_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
         u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
         y = omega * omega
         a, b, c, d, cross, closed = (of_polynomial(p, u) for p in loop)
+        if samples:
+            # x (1 - u) = sin(omega dt)/2: what is odd in x = tan(omega dt/2) has one power of 1 - u less
+            phase, turn = (middle * dt * samples, half * dt * samples), sine(middle * dt, half * dt)
+            cross = cross * cosine(*phase) + of_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
+            closed = a * c + b * d + cross * 2
         return complete(weights, a, b, c, d, cross, closed, y if axis.w_timed else u, y if axis.P_timed else u, u)
 
     return terms

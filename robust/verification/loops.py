@@ -12,8 +12,9 @@ from typing import Any
 
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.verification.aliases import below_one_with_aliases
 from robust.verification.axis import Axis, at_infinity, axis_of, polynomials, squares
-from robust.verification.claim import LoopClaim
+from robust.verification.claim import ALIASED, LoopClaim
 from robust.verification.conditions import Terms, conditions
 from robust.verification.exact import rational
 from robust.verification.half_line import Decision, positive_on_half_line
@@ -136,6 +137,9 @@ def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> No
     found = squares(axis)
     scaling = rational(claim.scaling)
     for name in filter(open_still, claim.claims):
+        if name in ALIASED.values():
+            decided[name] = below_one_with_aliases(claim, name, axis, found, squared_scaling(scaling), deadline)
+            continue
 
         def asked(terms: Terms, name: str = name) -> list[Any]:
             return conditions(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))

@@ -17,10 +17,12 @@ from tests.support.random_loops import (
     hold_and_delay,
     observer_controller,
     random_case,
+    random_controller,
     roots,
     tf_response,
     zpk,
 )
+from tests.support.sampled_sets import largest_factor
 
 TARGETS = (0.9, 0.99, 0.99, 0.999, 1.0005, 1.01, 1.5)
 
@@ -38,12 +40,16 @@ def response_beside_poles(system, omega):
     return out
 
 
-def finished(rng, family, G, K, w, form, delay, in_loop, response=response_beside_poles):
+def finished(rng, family, G, K, w, form, delay, in_loop, response=response_beside_poles, perturbation="LTI"):
     """The case: |b| brought to its target by the gain of the weight, and whether the loop is stable."""
     dt = float(in_loop.dt or 0.0)
+    sampled = bool(dt and not G.dt)
+    if sampled and form == "additive":  # what does not roll off reaches the sampler without a bound
+        w = w * zpk([], roots(rng, 1), 10.0)
     loop_poles = closed_loop_poles(in_loop, K)
     w_poles = np.exp(w.poles() * dt) if dt and not w.dt else w.poles()
-    omega = dense_grid(dt, loop_poles, in_loop.poles(), K.poles(), w_poles)
+    folded = np.exp(G.poles() * dt) if sampled else in_loop.poles()
+    omega = dense_grid(dt, loop_poles, in_loop.poles(), K.poles(), w_poles, folded, n=800 if sampled else 4000)
     g, k, size = response(in_loop, omega), response(K, omega), tf_response(w, omega)
     if form == "coprime":
         # of the unscaled plant; in proportion to |w| below one
@@ -51,6 +57,11 @@ def finished(rng, family, G, K, w, form, delay, in_loop, response=response_besid
     else:
         b = curves(form, g, k, size)[2]
     peak, target = float(np.nanmax(np.abs(b))), float(rng.choice(TARGETS))
+    if sampled and target == 1.0005:  # the tail of the brute-force sum is known to about 1e-3
+        target = 1.01
+    if sampled:
+        S = 1 / (1 + g * k)
+        peak = 1 / largest_factor(response_beside_poles, G, w, form, dt, delay, omega, S, k * S, perturbation)
     w = control.StateSpace(w.A, w.B, w.C * target / peak, w.D * target / peak, w.dt)
     excess = np.max(np.abs(loop_poles) - 1 if dt else loop_poles.real)
     scale = np.abs(loop_poles).max()
@@ -67,6 +78,8 @@ def finished(rng, family, G, K, w, form, delay, in_loop, response=response_besid
         "unstable": bool(excess > margin),
         "stable": bool(excess < -margin),
         "omega": omega,
+        "in_loop": in_loop,
+        "perturbation": perturbation,
     }
 
 
@@ -241,6 +254,30 @@ def coprime(rng):
     return shaped | {"G": G, "K": K, "W2": scale, "family": "coprime"}
 
 
+def above_nyquist(rng, perturbation="LTI", form="", delayed=True):
+    """Plants and weights with light modes from below the Nyquist frequency to ten times beyond it."""
+    T = 10 ** rng.uniform(-3, -1.5)
+    nyquist = np.log10(np.pi / T)
+    n, m = int(rng.integers(1, 6)), int(rng.integers(0, 3))
+    band = {"low": nyquist - 1.5, "high": nyquist + 1.0, "lightest": -2.5}
+    poles = np.concatenate([-(10 ** rng.uniform(nyquist - 2.0, nyquist - 0.5, 1)) + 0j, roots(rng, n, **band)])
+    zeros = roots(rng, int(rng.integers(0, n + 1)), nyquist - 1.5, nyquist + 0.5, -1.5)
+    G = zpk(zeros, poles, 1.0)
+    size = np.abs(tf_response(G, np.array([np.pi / T / 30])))[0]
+    G = control.StateSpace(G.A, G.B, G.C / size, G.D / size, 0)
+    delay = float(rng.choice([0, 0.4 * T, T, 1.7 * T])) * delayed
+    in_loop = hold_and_delay(G, T, delay)
+    K = random_controller(rng, in_loop, T)
+    form = form or str(rng.choice(FORMS[:2] if perturbation == "operator" else FORMS))
+    w = zpk(roots(rng, m, **band), roots(rng, m, **band), 1.0)
+    return finished(rng, "modes above Nyquist", G, K, w, form, delay, in_loop, perturbation=perturbation)
+
+
+def sampled_operators(rng, **which):
+    """The same, of perturbations that may be nonlinear: judged by a condition that is sufficient."""
+    return above_nyquist(rng, "operator", **which) | {"family": "sampled operators"}
+
+
 FAMILIES = {
     "poles on the axis": on_axis,
     "stiff": stiff,
@@ -248,4 +285,6 @@ FAMILIES = {
     "resonant K": resonant,
     "fast clock": fast_clock,
     "coprime": coprime,
+    "modes above Nyquist": above_nyquist,
+    "sampled operators": sampled_operators,
 }

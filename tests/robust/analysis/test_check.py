@@ -354,11 +354,3 @@ class TestMeasuredLinesOnly:
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-def test_an_inverse_weight_above_one_beyond_nyquist_folds_down_without_a_bound():
-    lag, w = control.tf([1], [1, 1]), control.tf([0.2, 0.02], [0.01, 1])  # 20 at high frequencies, 0.6 at Nyquist
-    model = UncertaintyModel(lag, w, "inverse-multiplicative", np.array([1.0]), np.array([0.2]), perturbation="LTI")
-    report = check(model, control.ss([], [], [], [[0.5]], 1.0))
-    assert report.robustly_stable
-    assert "fold down without a bound" in report.not_proved

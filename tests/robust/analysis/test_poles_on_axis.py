@@ -73,7 +73,11 @@ def test_margins_are_those_of_the_closed_loop(name, form):
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", ["undamped", "resonant controller"])
 def test_the_same_with_a_clock(name, form):
-    """With w = 0.03: max rs by brute force on the sampled loop, poles of both on the unit circle."""
+    """With w = 0.03: max rs by brute force on the sampled loop, poles of both on the unit circle.
+
+    Sampled so fast, what folds down adds less than 1e-3 here, 5e-3 of the additive set. That one rolls off: else it
+    would have no bound.
+    """
     loop, dt = LOOPS[name], 0.02
     G, K = control.ss(control.tf(*loop[0])), discretize(control.tf(*loop[1]), dt)
     at = np.geomspace(1e-3, np.pi / dt * 0.9999, 40_000)
@@ -81,9 +85,14 @@ def test_the_same_with_a_clock(name, form):
     S = 1 / (1 + g * k)
     both = np.sqrt((1 + np.abs(g) ** 2) * (1 + np.abs(k) ** 2)) * S
     curve = {"T": 1 - S, "KS": k * S, "S": S, "GS": g * S, "NCF": both}[CURVE[form]]
-    report = check(the_model(sampled(G, dt), form, 0.03, dt) if form == "coprime" else the_model(G, form, 0.03), K)
+    model = the_model(sampled(G, dt), form, 0.03, dt) if form == "coprime" else the_model(G, form, 0.03)
+    if form == "additive":
+        roll_off = control.ss(control.tf([0.03], [0.1, 1]))
+        model = UncertaintyModel(G, roll_off, form, model.omega, model.radius / 2, perturbation="LTI")
+        curve = curve / (0.1j * at + 1)
+    report = check(model, K)
     assert report.verdict == "robust", report.reason
-    assert 1 / report.margin_rs == pytest.approx(0.03 * np.abs(curve).max(), rel=1e-4)
+    assert 1 / report.margin_rs == pytest.approx(0.03 * np.abs(curve).max(), rel=1e-2 if form == "additive" else 1e-3)
     assert np.isfinite(report.rs).all()
 
 

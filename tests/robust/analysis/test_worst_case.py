@@ -44,6 +44,7 @@ def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
         nominal, weight, K = (control.ss(control.sample_system(control.ss(x), T, "bilinear")) for x in (LAG, W, K))
     if kind == "sampled":
         K = control.sample_system(control.ss(K), T, "bilinear")
+        weight = weight * control.ss(control.tf([1], [0.05, 1])) if form == "additive" else weight
     set_ = model(form, nominal=nominal, weight=weight)
     w_P = performance_weight(1.0, M_S=2.0, A=0.1)
     worst = worst_case(set_, K, w_P)
@@ -52,9 +53,28 @@ def test_the_worst_plant_lies_in_the_set_and_is_as_bad_as_said(form, kind):
     assert worst.stable
     assert set_.contains(worst.plant)
     assert abs(worst.delta) == pytest.approx(1.0)
-    # a sampled loop also sees what folds down: a little, and so not exactly what the discrete set says
-    assert worst.achieved == pytest.approx(np.max(report.rp), rel=2e-3 if kind == "sampled" else 2e-4)
-    assert np.max(worst.gain) == pytest.approx(worst.achieved, rel=2e-3)
+    # a sampled loop also sees what folds down: aliases that add little are left out of the plant
+    assert worst.achieved == pytest.approx(np.max(report.rp), rel=1e-2 if kind == "sampled" else 2e-4)
+    assert np.max(worst.gain) == pytest.approx(worst.achieved, rel=1e-2 if kind == "sampled" else 2e-3)
+
+
+def test_the_worst_plant_of_a_sampled_set_puts_every_alias_in_phase():
+    """A light mode above the Nyquist frequency: what it folds down makes most of the worst case, and it is met."""
+    w1 = 2 * np.pi * 16
+    nominal = LAG + control.ss(control.tf([0.15 * w1**2], [1, 0.02 * w1, w1**2]))
+    K = control.ss([], [], [], [[0.5]], 0.05)
+    for size, stable in ((0.2, True), (2.0, False)):
+        set_ = model(nominal=nominal, weight=control.ss([], [], [], [[size]]))
+        worst, report = worst_case(set_, K), check(set_, K)
+        assert report.verdict == ("robust" if stable else "not certified")
+        assert worst.stable == stable
+        assert set_.contains(worst.plant)
+        if stable:
+            assert worst.gain.max() > 1.3 * np.abs(report.S).max()
+            assert worst.plant.nstates >= set_.nominal.nstates + 4
+            assert worst.achieved == pytest.approx(worst.gain.max(), rel=0.02)
+        else:
+            assert worst.achieved > 30  # but for what aliases of less than 0.3 % add it stands on the boundary
 
 
 @pytest.mark.parametrize("T", [0.0, 0.02])

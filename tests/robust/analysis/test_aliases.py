@@ -1,0 +1,209 @@
+"""Sets of continuous plants under a sampled controller: counter-examples, exact limits, simulated operators."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from robust import UncertaintyModel, check, ncfsyn, sampled, uncertainty
+from robust.analysis.loop import assemble
+from robust.systems.lti import response
+from robust.verification.claim import ALIASED, STABILITY
+from tests.support.random_families import above_nyquist, sampled_operators
+from tests.support.random_loops import closed_loop_poles, hold_and_delay, tf_response
+from tests.support.sampled_sets import alias_terms, period_map, worst_member, worst_period_map
+
+LINES, RADIUS = np.array([1.0, 2.0]), np.array([1e-12, 1e-12])
+
+
+def the_set(G, w, form="multiplicative", perturbation="LTI"):
+    return UncertaintyModel(G, w, form, LINES, RADIUS, perturbation=perturbation)
+
+
+def gain(k, dt=0.0):
+    return control.ss([], [], [], [[k]], dt)
+
+
+def light_mode():
+    """A lag with a mode at 9.5 Hz, K = 1 at 10 Hz, w = 0.7."""
+    G = control.ss(control.tf([1], [1, 1])) + control.ss(control.tf([0.05 * 3600], [1, 1.2, 3600]))
+    return G, gain(0.7), gain(1.0, 0.1)
+
+
+def test_an_operator_between_the_samples_is_not_proved_against():
+    """Delta(t) = 1 in the first half of each sample, -1 in the second: of gain one, and the loop diverges."""
+    G, w, K = light_mode()
+    half = np.repeat([1.0, -1.0], 4)
+    assert np.abs(np.linalg.eigvals(period_map(G, w, "multiplicative", K, 0.1, half))).max() == pytest.approx(
+        1.0019, abs=1e-4
+    )
+    report = check(the_set(G, w, perturbation="operator"), K)
+    assert report.verdict == "not certified"
+    assert report.margin_rs < 1
+    assert not any(c.holds for c in report.certificates)
+    smaller = the_set(G, gain(0.7 * report.margin_rs * 0.99), perturbation="operator")
+    proved = check(smaller, K)
+    assert proved.verdict == "robust"
+    assert proved.certificates[0].verify().verified
+
+
+def test_a_plant_of_the_set_with_a_mode_above_nyquist_is_not_proved_stable():
+    """One FRF with a light mode at 125 Hz, sampled at 200 Hz: the plant itself lies in the set and is unstable."""
+    w0, w1 = 2 * np.pi * 30, 2 * np.pi * 125
+    G = control.tf([w0**2], [1, 0.2 * w0, w0**2])
+    true = G + control.tf([0.1 * w1**2], [1, 0.004 * w1, w1**2])
+    omega = 2 * np.pi * np.arange(1, 200, 0.5)
+    frf = control.FrequencyResponseData(
+        np.polyval(true.num[0][0], 1j * omega) / np.polyval(true.den[0][0], 1j * omega), omega
+    )
+    model = uncertainty([frf], G, perturbation="LTI", order=6)
+    K = ncfsyn(sampled(G, 1 / 200), 0.8).K
+    assert model.contains(true)
+    assert np.abs(control.feedback(sampled(true, 1 / 200) * K, 1).poles()).max() > 1.01
+    report = check(model, K)
+    assert report.verdict == "not certified"
+    assert report.margin_rs < 1
+    assert "from 125 Hz" in report.reason
+    assert "Sample faster" in report.reason
+
+
+def test_the_exact_limit_is_reached_by_a_plant_of_the_set():
+    """A perturbation in phase at all aliases is unstable just above the limit; nothing is at 0.99 of it."""
+    rng, seen = np.random.default_rng(3), 0
+    while seen < 4:
+        case = above_nyquist(rng, form=str(rng.choice(["multiplicative", "additive"])))
+        if not case["stable"]:
+            continue
+        G, K, w, form, delay = (case[k] for k in ("G", "K", "w", "form", "delay"))
+        T = float(K.dt)
+        report = check(the_set(G, w, form), K, delay=delay)
+        at = report.omega_rs
+        k, g = tf_response(K, np.array([at])), tf_response(case["in_loop"], np.array([at]))
+        KS = complex((k / (1 + k * g))[0])
+        Delta = worst_member(tf_response, G, w, form, T, delay, at, KS, n=12, narrow=1e-5)
+        assert np.abs(tf_response(Delta, np.array([at, 3 * at]))) == pytest.approx(1, rel=1e-6)
+
+        def radius(factor, G=G, w=w, K=K, Delta=Delta, form=form, T=T, delay=delay):
+            wD = control.StateSpace(w.A, w.B, w.C * factor, w.D * factor, 0) * Delta
+            plant = G * (gain(1.0) + wD) if form == "multiplicative" else G + wD
+            return np.abs(closed_loop_poles(hold_and_delay(plant, T, delay), K)).max()
+
+        share = np.abs(alias_terms(tf_response, G, w, form, T, delay, np.array([at]), 12)[0])
+        assert share.shape == (1, 25)
+        if radius(report.margin_rs * 1.1) > 1 + 1e-9:  # the modes of so narrow an all-pass are hardly damped
+            seen += 1
+        assert radius(report.margin_rs * 0.99) < 1 + 1e-9
+
+
+@pytest.mark.parametrize("form", ["multiplicative", "additive"])
+def test_operators_of_a_proved_set_never_destabilise(form):
+    """Gains of +-1 that change within a sample: the largest spectral radius over all of them, where they are proved."""
+    rng, proved, broken = np.random.default_rng(11), 0, 0
+    while proved < 6:
+        case = sampled_operators(rng, form=form, delayed=False)
+        if not case["stable"]:
+            continue
+        G, K, w = case["G"], case["K"], case["w"]
+        report = check(the_set(G, w, form, "operator"), K)
+        T, factor = float(K.dt), report.margin_rs
+
+        def at(size, G=G, w=w, K=K, T=T):
+            return worst_period_map(G, control.StateSpace(w.A, w.B, w.C * size, w.D * size, 0), form, K, T, 6)
+
+        proved += 1
+        assert at(0.99 * factor) < 1
+        broken += at(2.0 * factor) > 1
+    assert broken >= 1  # the condition is sufficient, and not far from what simple operators can do
+
+
+def test_what_reaches_the_sampler_unfiltered_is_not_certified():
+    G, K = control.tf([1], [1, 1]), gain(0.5, 0.1)
+    for form, w, kind in (
+        ("additive", gain(0.01), "LTI"),
+        ("additive", gain(0.01), "operator"),
+        ("inverse-multiplicative", gain(0.01), "operator"),
+    ):
+        report = check(the_set(G, w, form, kind), K)
+        assert report.verdict == "not certified"
+        assert "reaches the sampler unfiltered" in report.reason
+        assert report.margin_rs == 0
+        rolled = the_set(G, control.tf([0.02], [0.1, 1]), form, kind)
+        assert check(rolled, K).verdict == "robust"
+    flat = the_set(control.tf([1, 3], [1, 1]), gain(0.01))
+    assert "unfiltered" in check(flat, K).reason
+
+
+def test_an_inverse_weight_of_one_above_nyquist():
+    lag, w = control.tf([1], [1, 1]), control.tf([0.2, 0.02], [0.01, 1])  # 20 at high frequencies, 0.6 at Nyquist
+    report = check(the_set(lag, w, "inverse-multiplicative"), gain(0.5, 1.0))
+    assert report.verdict == "not certified"
+    assert "of one or more there it holds plants of any gain" in report.reason
+    assert report.margin_rs < 0.06
+
+
+def test_a_set_of_sampled_plants_speaks_of_the_samples():
+    G, _, K = light_mode()
+    for kind in ("LTI", "operator", "statistical"):
+        report = check(
+            UncertaintyModel(sampled(G, 0.1), gain(0.3, 0.1), "multiplicative", LINES, RADIUS, perturbation=kind), K
+        )
+        assert report.verdict in ("robust", "statistically robust")
+        assert "of the samples" in report.proved
+        assert "between the samples" in report.reason
+        assert report.folding == ""
+
+
+def test_performance_counts_every_alias():
+    """|w_P| |S|/(1 - |K S| sum |h F|) by brute force, met at 0.98 of it and not at 1.02."""
+    G, w, K = light_mode()
+    w = gain(0.3)
+    omega = np.geomspace(1e-3, np.pi / 0.1 * (1 - 1e-9), 4000)
+    g, k = tf_response(hold_and_delay(G, 0.1, 0.0), omega), np.ones(omega.size)
+    S = 1 / (1 + g * k)
+    hold, _, F = alias_terms(tf_response, G, w, "multiplicative", 0.1, 0.0, omega)
+    worst = np.abs(S) / (1 - np.abs(k * S) * (np.abs(hold) * F).sum(1))
+    for target in (0.98, 1.02):
+        report = check(the_set(G, w), K, w_P=gain(target / worst.max()))
+        assert report.robust_performance == (target < 1)
+        assert report.rp.max() == pytest.approx(target, rel=2e-3)
+
+
+@pytest.mark.parametrize("kind", ["LTI", "operator"])
+@pytest.mark.parametrize("form", ["multiplicative", "additive", "inverse-multiplicative", "inverse-additive"])
+def test_a_certificate_holds_for_its_numbers_only(form, kind):
+    """Proved in exact arithmetic; with a weight beyond the limit the same claim is not."""
+    G, _, K = light_mode()
+    w = control.ss(control.tf([0.1], [0.3, 1]))
+    report = check(the_set(G, w, form, kind), K, w_P=gain(0.2))
+    proof = report.certificates[0]
+    assert proof.judged == "proved, rigorous"
+    assert proof.claim.claims == (ALIASED[STABILITY],)
+    assert proof.verify().verified
+    larger = replace(proof.claim.weight, C=proof.claim.weight.C * report.margin_rs * 1.01)
+    assert not replace(proof, claim=replace(proof.claim, weight=larger)).verify(time_cap=2).verified
+    if len(report.certificates) > 1 and report.certificates[1].holds:
+        assert report.certificates[1].verify().verified
+
+
+def test_the_sums_over_all_aliases():
+    """Against 30 000 aliases taken one by one; a plant that does not roll off has no bound."""
+    G, T, K = control.tf([3], [1, 1]), 0.05, gain(2.0, 0.05)
+    loop, omega = assemble(the_set(G, gain(0.2)), K, None, 0.0), np.array([0.5, 5.0, 40.0])
+    k = np.arange(1, 30_001)[:, None]
+    alias = np.concatenate([2 * np.pi * k / T - omega, 2 * np.pi * k / T + omega])
+    hold, size = 2 * np.sin(omega * T / 2) / (alias * T), 3 / np.sqrt(1 + alias**2)
+    curves = loop.curves(omega)
+    sums = loop.at_points(curves).sums()
+    for ours, truth in (
+        (sums.F, 0.2 * hold * size),
+        (sums.G, hold * size),
+        (sums.FF, (0.2 * size) ** 2),
+        (sums.GG, (hold * size) ** 2),
+    ):
+        assert ours == pytest.approx(truth.sum(axis=0), rel=3e-3)
+        assert np.all(ours >= truth.sum(axis=0) * (1 - 1e-9))
+    own = np.abs(2 * np.sinc(omega * T / 2 / np.pi) * 0.2 * response(control.ss(G), omega))
+    assert curves.rs == pytest.approx(np.abs(curves.S) * (own + 2 * sums.F), rel=1e-9)
+    flat = the_set(control.tf([1, 3], [1, 1]), gain(0.2))
+    assert np.isinf(assemble(flat, K, None, 0.0).curves(omega).rs).all()
