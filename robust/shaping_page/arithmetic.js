@@ -8,6 +8,7 @@
 
 const TWO_PI = 2 * Math.PI;
 const AT_A_POLE = 1e140; // stands for a response at a pole on the axis
+const RULES = 1e4; // times all aliases together: then the plant at a frequency is told from the sampled one
 const STEEP = 0.35; // phase step [rad] of 1 + L between two frequencies above which there are too few
 const ROUNDS = 6, MOST_INSERTED = 400, PIECES = 8, MAXIMA = 8, NEARLY = 0.8;
 
@@ -107,10 +108,44 @@ function partsOf(state, dt) { return state.elements.map(element => polynomials(e
 function prepare(content) {
   const omega = Float64Array.from(content.omega), dt = content.dt;
   const K = solver(content.K), P = content.w_P ? solver(content.w_P) : null;
-  const models = content.models.map(model => ({ ...model, solveG: solver(model.G), solveW: solver(model.w) }));
+  const models = content.models.map(model => ({
+    ...model, solveG: solver(model.G), solveW: solver(model.w),
+    solveHeld: model.aliases && model.aliases.G ? solver(model.aliases.G) : null,
+  }));
   const problem = { omega, dt, models, K, P, K_poles: content.K_poles, demand: Boolean(content.w_P) };
   problem.base = fixed(problem, omega);
   return problem;
+}
+
+/** What stands for |w| in b = K S w where a set of continuous plants is sampled: the sum over every alias omega_k of
+ * |h_k F_k|, F = G w or w and h_k the hold, or of an operator the root of the sum of |F_k|^2. [gr, gi] is G as sampled. */
+function aliasSize(model, omega, gr, gi) {
+  const { dt, delay, n, tail, operator } = model.aliases, step = TWO_PI / dt, out = [0, 0];
+  const hold = Math.abs(Math.sin(omega * dt / 2) / (dt / 2));
+  let total = operator ? tail : tail * Math.sin(Math.min(omega * dt / 2, Math.PI / 2));
+  let own = 0, w0 = 0, restR = 0, restI = 0, rest = 0;
+  for (let k = -n; k <= n; k++) {
+    const at = omega + k * step;
+    model.solveW(Math.abs(at), out);
+    let F = Math.hypot(out[0], out[1]);
+    if (k === 0) w0 = F;
+    if (model.solveHeld) {
+      model.solveHeld(Math.abs(at), out);
+      const size = Math.hypot(out[0], out[1]);
+      F *= size;
+      if (k !== 0) {
+        const turn = -(omega * dt / 2 + at * delay), h = hold / at, im = at < 0 ? -out[1] : out[1];
+        restR += h * (out[0] * Math.cos(turn) - im * Math.sin(turn));
+        restI += h * (out[0] * Math.sin(turn) + im * Math.cos(turn));
+        rest += size * Math.abs(h);
+      }
+    }
+    if (k === 0) own = F; else total += operator ? F * F : F * hold / Math.abs(at);
+  }
+  const h0 = hold / omega;
+  // beside a pole on the axis the plant at omega itself is what the sampled one leaves, as rounding moves both poles alike
+  if (model.solveHeld && own * h0 > RULES * rest * w0) own = Math.hypot(gr - restR, gi - restI) / h0 * w0;
+  return operator ? Math.sqrt(total + own * own) : total + own * h0;
 }
 
 /** Plant times the controller to begin with, q without what is shaped, and |w_P|, at some frequencies. */
@@ -132,6 +167,10 @@ function fixed(problem, omega) {
       for (const factor of model.read) {
         const [fr, fi] = factor === "G" ? [gr, gi] : [kr[i], ki[i]], keep = ar * fr - ai * fi;
         ai = ar * fi + ai * fr; ar = keep;
+      }
+      if (model.aliases) {
+        const R = aliasSize(model, omega[i], gr, gi);
+        ar = kr[i] * R; ai = ki[i] * R;
       }
       qr[i] = ar; qi[i] = ai;
     }

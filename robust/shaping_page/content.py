@@ -23,6 +23,7 @@ from robust.uncertain.model import UncertaintyModel
 __all__ = ["page_content"]
 
 BEYOND = 1e300
+UNFILTERED = 1e120  # stands for a sum over aliases without a bound: its square is a number still
 #: How far beyond the lines the winding is followed [decades], and points on each of those.
 BELOW, ABOVE, SPARSE = 5, 3, 4
 #: Frequencies up to Nyquist, relative to it.
@@ -99,7 +100,29 @@ def described(name: str, model: UncertaintyModel, loop: Loop) -> dict[str, Any]:
         # JSON has no infinity: beyond every plot
         "low": np.minimum(low, BEYOND)[: omega.size].tolist(),
         "high": np.minimum(high, BEYOND)[: omega.size].tolist(),
-        "set": f"{model.form}, {model.perturbation}",
+        "set": f"{model.form}, {model.perturbation}" + ", aliases left to the check" * left_out(loop),
+        "aliases": encoded_aliases(loop),
+    }
+
+
+def left_out(loop: Loop) -> bool:
+    """Whether the page shows rs without the aliases: their condition in an inverse form is no size of K S."""
+    return loop.aliases is not None and loop.aliases.inverse
+
+
+def encoded_aliases(loop: Loop) -> dict[str, Any] | None:
+    """What the page adds up over the aliases of a frequency (`robust.analysis.aliases`); None where there are none."""
+    aliases = loop.aliases
+    if aliases is None or aliases.inverse:
+        return None
+    tail = float((aliases.beyond.FF if aliases.operator else aliases.beyond.F)[0])
+    return {
+        "dt": aliases.dt,
+        "delay": aliases.delay,
+        "n": int(aliases.single[-1]),
+        "tail": min(tail, UNFILTERED),
+        "operator": aliases.operator,
+        "G": encoded_response(aliases.plant) if aliases.through else None,
     }
 
 
