@@ -62,7 +62,7 @@ def main() -> None:
     for K, delay in (of_example_14() + random_loops(220, 1))[:: args.every]:
         begin = time.process_time()
         proof = robust.prove_saturated(MACHINE, K, slip, Fs=FS, limit=LIMIT, delay=delay)
-        if proof.verdict.startswith("proved"):
+        if proof.verdict.is_proved:
             proofs.append((proof, K, delay))
             seconds.append(time.process_time() - begin)
     kicks = np.array([proof.kick / proof.kick_linear for proof, _, _ in proofs if np.isfinite(proof.kick)])

@@ -17,6 +17,7 @@ import numpy as np
 from robust import UncertaintyModel, check
 from robust.analysis.claims import claim_of
 from robust.certificates.stability import instability
+from robust.shared.states import Stability
 from robust.systems.closed_loop import closed_loop
 from robust.verification.claim import as_given
 from robust.verification.loops import verify_loop
@@ -144,10 +145,10 @@ def poles(n_loops, seed=2):
             seconds.append(time.process_time() - begin)
             count["decided"] += 1
             count["wrong"] += found.holds != true
-            count["undecided"] += found.unclear
-            wrong = instability(control.StateSpace(*closed_loop(G, beside, ("e",), ("r",)), G.dt))
-            count["undecided in floating point"] += wrong.startswith("undecided")
-            count["wrong in floating point"] += not wrong.startswith("undecided") and (not wrong) != true
+            count["undecided"] += not (found.holds or found.violated)
+            floats = instability(control.StateSpace(*closed_loop(G, beside, ("e",), ("r",)), G.dt))
+            count["undecided in floating point"] += floats.state is Stability.UNDECIDED
+            count["wrong in floating point"] += floats.state is not Stability.UNDECIDED and floats.stable != true
     print(f"{n_loops} ill-conditioned loops beside the boundary: {dict(count)}; {np.median(seconds):.3f} s median")
 
 

@@ -253,7 +253,7 @@ def prove(
     if out is not None:
         write_text(out, f"{text}\n")
         say("wrote " + ", ".join(map(str, [out, *save_proofs(proofs, out)])))
-    end(proofs, all(proof.verdict == "proved" for proof in proofs), json)
+    end(proofs, all(proof.verdict.is_proved for proof in proofs), json)
 
 
 @app.command()

@@ -138,9 +138,9 @@ def check(
     of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
     of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": probability_of(model)}
     claim = claim_of(model, K, loop.w_P, delay)
-    wrong = nominal_instability(loop)
-    if wrong:
-        return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, wrong), stable=False, **of)
+    nominal = nominal_instability(loop)
+    if not nominal.stable:
+        return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, nominal), stable=False, **of)
     curves = loop.curves(reaching(omega, loop.top))
     peaks = find_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])

@@ -13,7 +13,7 @@ from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph, shown
 from robust.analysis.disk_margin import LoopMargins
-from robust.analysis.verdict import factor, judge_structure, judged, structure_sentences
+from robust.analysis.verdict import factor, judge_structure, judged, nominal_verdict, structure_sentences
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.stability import instability
@@ -23,8 +23,10 @@ from robust.mu.lower import searched
 from robust.mu.parameter_margin import ParameterMargin, parameter_margin
 from robust.mu.real_parameters import Crossing, crossing
 from robust.mu.upper import bound, mu_upper, refined
+from robust.shared.states import Verdict
 from robust.systems.grids import structure_grid
 from robust.systems.lti import along
+from robust.systems.stability import StabilityResult
 from robust.uncertain.interconnection import UncertainSystem
 
 __all__ = ["StructuredReport", "bound_at", "check_structure"]
@@ -58,7 +60,7 @@ class StructuredReport:
         That perturbation, block by block at margin_broken = 1: a number in [-1, 1] for a real block, the size of a
         complex one.
     certificates : tuple of Certificate
-    verdict : str
+    verdict : Verdict
         "robust", "statistically robust", "not robust" or "not certified", as for `RobustnessReport`.
     reason, proved, not_proved : str
         In words.
@@ -96,7 +98,7 @@ class StructuredReport:
     omega_rp: float = np.nan
     worst: Any = None
     certificates: tuple[Certificate, ...] = ()
-    verdict: str
+    verdict: Verdict
     reason: str
     proved: str
     not_proved: str
@@ -174,9 +176,9 @@ def check_structure(
         raise ValueError("system must have at least one block to check, got none")
     deadline = time.monotonic() + positive("time_cap", time_cap)
     omega = structure_grid(system.N)
-    wrong = instability(system.N)
-    if wrong:
-        return unstable(omega, wrong)
+    nominal = instability(system.N)
+    if not nominal.stable:
+        return unstable(omega, nominal)
     curves = bound_curves(system, omega, deadline - 0.5 * time_cap)
     broken, worst = worst_found(system, curves, deadline - 0.3 * time_cap)
     certificates = proofs(system, curves, deadline) if certify and curves.peak < 1 and not broken <= 1 else ()
@@ -209,7 +211,7 @@ def check_structure(
     )
 
 
-def unstable(omega: np.ndarray, wrong: str) -> StructuredReport:
+def unstable(omega: np.ndarray, nominal: StabilityResult) -> StructuredReport:
     """The report on a loop that is not stable to begin with: no bounds."""
     nothing = np.full(omega.size, np.nan)
     return StructuredReport(
@@ -217,8 +219,8 @@ def unstable(omega: np.ndarray, wrong: str) -> StructuredReport:
         mu=nothing,
         mu_rp=nothing,
         nominally_stable=False,
-        verdict="not certified" if wrong.startswith("undecided") else "not robust",
-        reason=f"the nominal loop is {wrong}",
+        verdict=nominal_verdict(nominal),
+        reason=f"the nominal loop is {nominal}",
         proved="Nothing.",
         not_proved="Everything: mu means nothing for a loop that is not stable.",
     )

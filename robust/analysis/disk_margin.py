@@ -340,8 +340,8 @@ def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
         # e = r - L e, closed through one
         P = control.StateSpace(L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt)
         S = lower(P, control.StateSpace([], [], [], one, L.dt))
-        unstable = instability(S)
-        return S, f"the loop is {unstable}" if unstable else ""
+        nominal = instability(S)
+        return S, "" if nominal.stable else f"the loop is {nominal}"
     square(L.noutputs, L.ninputs)
     omega, response = np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
     if not np.isfinite(response).all():

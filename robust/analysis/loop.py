@@ -16,13 +16,14 @@ from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.certificates.intervals import Magnitude, magnitude
 from robust.certificates.stability import LARGEST_EXACT, beside_boundary
+from robust.shared.states import Stability
 from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series, inverse
 from robust.systems.grids import climb, highest, loop_grid
 from robust.systems.lti import constant, responder, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
-from robust.systems.stability import certain_poles, moved_out
+from robust.systems.stability import StabilityResult, certain_poles, moved_out
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.verification.claim import as_given
@@ -243,27 +244,26 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
     return loop
 
 
-def nominal_instability(loop: Loop) -> str:
-    """Empty where every pole of the nominal loop, hidden modes included, is strictly stable; else what is wrong.
+def nominal_instability(loop: Loop) -> StabilityResult:
+    """Whether every pole of the nominal loop, hidden modes included, is strictly stable.
 
     Floating point decides far from the boundary, exact arithmetic beside it, unless the loop is too large.
     """
-    said = apparently(loop)
+    apparent = apparently(loop)
     if not beside_boundary(loop.nominal, loop.poles):
-        return said
+        return apparent
     if loop.given.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > LARGEST_EXACT:
-        return said
-    found = stable_loop(as_given(loop.given), as_given(loop.K), delay=loop.delay)
-    if found.holds or found.unclear:
-        return "" if found.holds else said
-    if said.startswith("unstable"):
-        return said
-    where = said.partition("a pole of the nominal loop ")[2].partition(" cannot")[0]
-    return f"unstable: the nominal loop has a pole {where}".rstrip() + ", on the stability boundary or beyond it"
+        return apparent
+    exact = stable_loop(as_given(loop.given), as_given(loop.K), delay=loop.delay)
+    if exact.holds:
+        return StabilityResult(state=Stability.STABLE)
+    if not exact.violated or apparent.unstable:
+        return apparent
+    return replace(apparent, state=Stability.UNSTABLE, of_loop=True, at_boundary=True)
 
 
-def apparently(loop: Loop) -> str:
-    """Empty where every pole of the loop is stable beyond rounding; else what is wrong, or left open.
+def apparently(loop: Loop) -> StabilityResult:
+    """Whether every pole of the loop is stable beyond rounding, one is unstable, or rounding leaves it open.
 
     A delay in a continuous loop is taken as it is, not by its approximation.
     """
@@ -272,17 +272,19 @@ def apparently(loop: Loop) -> str:
     excess = np.abs(poles) - 1 if loop.dt else poles.real
     unstable = excess > moved
     if unstable.any() and not waiting:
-        return f"unstable: the nominal loop has a pole at {poles[int(np.argmax(excess))]:.4g}"
+        return StabilityResult(state=Stability.UNSTABLE, pole=complex(poles[int(np.argmax(excess))]), of_loop=True)
     if np.any(excess[~unstable] >= -moved[~unstable]):
         worst = int(np.argmax(np.where(unstable, -np.inf, excess + moved)))
-        where = f"at {poles[worst]:.4g}" + (" without its delay" if waiting else "")
-        return f"undecided: a pole of the nominal loop {where} cannot be told from the stability boundary"
+        pole = complex(poles[worst])
+        return StabilityResult(state=Stability.UNDECIDED, pole=pole, of_loop=True, without_delay=waiting)
     if not waiting:
-        return ""
+        return StabilityResult(state=Stability.STABLE)
     total = unstable.sum() + moved_out(in_series(loop.K, loop.short), loop.pade_delay)
     if np.isnan(total):
-        return "undecided: with its delay the nominal loop cannot be told from one on the stability boundary"
-    return f"unstable: the nominal loop with its delay has {total:g} unstable poles" if total else ""
+        return StabilityResult(state=Stability.UNDECIDED, of_loop=True)
+    if not total:
+        return StabilityResult(state=Stability.STABLE)
+    return StabilityResult(state=Stability.UNSTABLE, of_loop=True, n_unstable=float(total))
 
 
 def weighted(loop: Loop) -> control.StateSpace:
@@ -329,4 +331,5 @@ def sensitivity(plant: control.StateSpace, seen: control.StateSpace, loop: Loop,
 
 def stable_with(plant: control.StateSpace, seen: control.StateSpace, loop: Loop) -> bool:
     """Whether the loop is stable with another plant, `seen` as its controller sees it."""
-    return not nominal_instability(replace(loop, G=seen, short=plant if loop.pade_delay else seen, given=plant))
+    other = replace(loop, G=seen, short=plant if loop.pade_delay else seen, given=plant)
+    return nominal_instability(other).stable

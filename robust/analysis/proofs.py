@@ -14,8 +14,9 @@ from robust.analysis.claims import claimed
 from robust.analysis.loop import Loop, weighted
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import EXACT, Certificate, refused
-from robust.certificates.intervals import Outcome, around, prove
+from robust.certificates.intervals import IntervalProof, around, prove
 from robust.certificates.single_loop import LoopFactors, product, prove_loop
+from robust.shared.states import Outcome
 from robust.systems.bilinear import continuous_image
 from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import Matrices, constant, over_frequency, response, timebase
@@ -58,8 +59,7 @@ def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, claim: LoopClaim, c
         return Proofs(certificates=(), violated=peak >= 1)
     stability = claimed(prove_stability(loop, omega, solver), claim, STABILITY)
     stability = stability if settled(stability) else prove_exactly(stability, claim, STABILITY, loop.top)
-    violated = stability.reason.startswith("violated")
-    stable = stability.holds and not violated
+    violated, stable = stability.violated, stability.holds
     if not stable or loop.w_P is None:
         return Proofs(certificates=(stability,), violated=violated, stable=stable)
     performance = prove_performance(loop, omega, claim)
@@ -107,7 +107,7 @@ def best_aliased_scaling(loop: Loop, omega: np.ndarray) -> float:
 
 def settled(found: Certificate) -> bool:
     """Whether a proof was found, or a place where there is none."""
-    return found.holds or found.reason.startswith("violated")
+    return found.outcome is not Outcome.UNDECIDED
 
 
 def prove_exactly(failed: Certificate, claim: LoopClaim, name: str, top: float) -> Certificate:
@@ -115,10 +115,12 @@ def prove_exactly(failed: Certificate, claim: LoopClaim, name: str, top: float) 
     found = verify_loop(replace(claim, claims=(name,)), time_cap=BUDGET)
     if found.verified:
         everywhere = np.array([[0.0, top]])
-        proof = replace(failed, holds=True, method=EXACT, intervals=everywhere, reason="")
+        proof = replace(failed, outcome=Outcome.HOLDS, method=EXACT, intervals=everywhere, reason="")
         return claimed(proof, claim, name, scaling=claim.scaling)
     reason = dict(found.failed).get(name, "")
-    return replace(failed, reason=reason) if reason.startswith("violated") or not failed.reason else failed
+    if name in found.violated:
+        return replace(failed, outcome=Outcome.VIOLATED, reason=reason)
+    return failed if failed.reason else replace(failed, reason=reason)
 
 
 def prove_stability(loop: Loop, omega: np.ndarray, solver: str) -> Certificate:
@@ -217,17 +219,18 @@ def starting_points(loop: Loop, A: np.ndarray, omega: np.ndarray) -> np.ndarray:
     return around(np.concatenate([size, loop.x_of(omega[[0, omega.size // 2, -1]])]))
 
 
-def in_omega(loop: Loop, outcome: Outcome) -> Outcome:
+def in_omega(loop: Loop, outcome: IntervalProof) -> IntervalProof:
     """An outcome on the axis of `prove`, in rad/s."""
     return replace(outcome, intervals=loop.omega_of(outcome.intervals), violated_at=loop.omega_of(outcome.violated_at))
 
 
-def as_certificate(subject: str, outcome: Outcome, method: str, before: str = "") -> Certificate:
+def as_certificate(subject: str, outcome: IntervalProof, method: str, before: str = "") -> Certificate:
     """The outcome of a proof by intervals as a certificate."""
     if outcome.holds:
         return Certificate(
-            subject=subject, holds=True, level=1.0, method=method, intervals=outcome.intervals, reason=""
+            subject=subject, outcome=Outcome.HOLDS, level=1.0, method=method, intervals=outcome.intervals, reason=""
         )
     if np.isfinite(outcome.violated_at):
-        return refused(subject, 1.0, f"violated at {hertz(outcome.violated_at)}: {outcome.reason}")
+        where = f"violated at {hertz(outcome.violated_at)}: {outcome.reason}"
+        return refused(subject, 1.0, where, outcome=Outcome.VIOLATED)
     return refused(subject, 1.0, "; ".join(part for part in (before, f"{method}: {outcome.reason}") if part))

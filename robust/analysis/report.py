@@ -13,6 +13,7 @@ from robust.analysis.curves import Curves, Peaks
 from robust.analysis.verdict import factor, judged
 from robust.certificates.certificate import Certificate
 from robust.performance.classical import ClassicalMargins, classical_margins
+from robust.shared.states import Verdict
 from robust.uncertain.forms import FORMS, loop_discs
 
 __all__ = ["RobustnessReport", "fill_report"]
@@ -44,7 +45,7 @@ class RobustnessReport:
         What was proved over all frequencies.
     perturbation : str
         Class of the set: "LTI", "statistical" or "operator".
-    verdict : str
+    verdict : Verdict
         "robust", "statistically robust", "not robust" or "not certified".
     reason, advice : str
         Why, and what limits the margin and what to measure or change next.
@@ -107,7 +108,7 @@ class RobustnessReport:
     omega_disk: float = np.nan
     certificates: tuple[Certificate, ...] = ()
     perturbation: str
-    verdict: str
+    verdict: Verdict
     reason: str
     advice: str
     proved: str

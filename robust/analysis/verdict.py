@@ -12,6 +12,8 @@ from robust.analysis.aliases import Shares
 from robust.analysis.curves import Peaks
 from robust.analysis.loop import Loop
 from robust.analysis.proofs import Proofs
+from robust.shared.states import Verdict
+from robust.systems.stability import StabilityResult
 from robust.uncertain.forms import FORMS
 from robust.uncertain.joint import told
 from robust.uncertain.model import UncertaintyModel
@@ -22,6 +24,7 @@ __all__ = [
     "folding_sentence",
     "judge_structure",
     "judged",
+    "nominal_verdict",
     "on_lines_only",
     "on_set",
     "on_unstable",
@@ -118,7 +121,7 @@ def probability_of(model: Any) -> str:
     return f"{text}, all lines together with {estimated}" if estimated else text
 
 
-def judged(verdict: str, probability: str) -> str:
+def judged(verdict: Verdict, probability: str) -> str:
     """The verdict in capitals, what it means, and with which probability the set holds what it was made for."""
     return f"{verdict.upper()} ({VERDICTS[verdict]}{'; ' if probability else ''}{probability})"
 
@@ -221,11 +224,16 @@ def on_set(
     }
 
 
-def on_unstable(model: UncertaintyModel, loop: Loop, reason: str) -> dict[str, str]:
+def nominal_verdict(nominal: StabilityResult) -> Verdict:
+    """The verdict on a loop whose nominal is not stable, or cannot be told to be."""
+    return Verdict.NOT_ROBUST if nominal.unstable else Verdict.NOT_CERTIFIED
+
+
+def on_unstable(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> dict[str, str]:
     """Every word of the report on a loop that is not stable to begin with: no margins."""
     return {
-        "verdict": "not certified" if reason.startswith("undecided") else "not robust",
-        "reason": reason,
+        "verdict": nominal_verdict(nominal),
+        "reason": f"{nominal}",
         "advice": "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
         "proved": "Nothing.",
         "not_proved": "Everything: margins mean nothing for a loop that is not stable.",
@@ -237,16 +245,16 @@ def on_lines_only(
     omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
 ) -> dict[str, str]:
     """Every word of the report on a plant that is known on its lines only; `loop` in words, peak the largest rs."""
-    verdict, lines_only = "not certified", "holds on the measured lines only"
+    verdict, lines_only = Verdict.NOT_CERTIFIED, "holds on the measured lines only"
     if not clear:
         reason = "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
     elif encirclements != wanted:
-        verdict = "not robust"
+        verdict = Verdict.NOT_ROBUST
         reason = (
             f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
         )
     elif has_set and peak >= 1:
-        verdict, reason = "not robust", f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
+        verdict, reason = Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
     elif has_set:
         reason = f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
     else:
@@ -263,40 +271,45 @@ def on_lines_only(
 
 def judge(
     model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, folding: Shares | None, certify: bool
-) -> tuple[str, str]:
+) -> tuple[Verdict, str]:
     """The verdict on stability and why."""
     if folding is not None and folding.total >= 1:
         if folding.own >= 1:
             return (
-                "not robust",
+                Verdict.NOT_ROBUST,
                 f"a plant of the set is unstable in this loop: rs = {folding.own:.4g} at {hertz(folding.omega)}",
             )
-        return "not certified", cure_of_folding(folding, model)
+        return Verdict.NOT_CERTIFIED, cure_of_folding(folding, model)
     if proofs.violated:
         found = f"rs = {peaks.rs[0]:.4g} at {hertz(peaks.rs[1])}"
         how = proofs.certificates[0].reason if proofs.certificates else found
-        return "not robust", f"a plant of the set is unstable in this loop: {how}"
+        return Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: {how}"
     if proofs.stable:
         kind = {
-            "LTI": ("robust", "every linear time-invariant perturbation of the set leaves the loop stable"),
-            "operator": ("robust", "every perturbation of the set, nonlinear ones included, leaves the loop stable"),
-            "statistical": ("statistically robust", "the loop is stable with every linear plant of the set"),
+            "LTI": (Verdict.ROBUST, "every linear time-invariant perturbation of the set leaves the loop stable"),
+            "operator": (
+                Verdict.ROBUST,
+                "every perturbation of the set, nonlinear ones included, leaves the loop stable",
+            ),
+            "statistical": (Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"),
         }
         verdict, reason = kind[model.perturbation]
         samples = "; it is a set of sampled plants, and says nothing of what happens between the samples"
         return verdict, reason + (samples if loop.dt and loop.aliases is None else "")
     below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
     if not certify:
-        return "not certified", f"{below}, and no proof was asked for (certify=False)"
-    return "not certified", f"{below}, but no proof was found: {proofs.certificates[0].reason}"
+        return Verdict.NOT_CERTIFIED, f"{below}, and no proof was asked for (certify=False)"
+    return Verdict.NOT_CERTIFIED, f"{below}, but no proof was found: {proofs.certificates[0].reason}"
 
 
 #: Every verdict, and what it means.
 VERDICTS = {
-    "robust": "proved for every perturbation of the set",
-    "statistically robust": "holds for the whole set at its confidence; no stability proof for the nonlinear plant",
-    "not robust": "fails for a plant of the set, or for the nominal one",
-    "not certified": "neither proved nor disproved",
+    Verdict.ROBUST: "proved for every perturbation of the set",
+    Verdict.STATISTICALLY_ROBUST: (
+        "holds for the whole set at its confidence; no stability proof for the nonlinear plant"
+    ),
+    Verdict.NOT_ROBUST: "fails for a plant of the set, or for the nominal one",
+    Verdict.NOT_CERTIFIED: "neither proved nor disproved",
 }
 
 
@@ -309,26 +322,32 @@ def factor(margin: float) -> str:
 
 def judge_structure(
     system: Any, curves: Any, broken: float, certify: bool, certificates: tuple[Any, ...], cut: Any
-) -> tuple[str, str]:
+) -> tuple[Verdict, str]:
     """The verdict on the stability of a loop with several uncertainties and why; `cut` a `ParameterMargin` or None."""
     if broken <= 1:
         return (
-            "not robust",
+            Verdict.NOT_ROBUST,
             f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
         )
     peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
     if certificates and certificates[0].holds:
         if any(block.perturbation == "statistical" for block in system.blocks.values()):
-            return "statistically robust", "the loop is stable with every linear plant of the set"
-        return "robust", "every perturbation of the set leaves the loop stable"
+            return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"
+        return Verdict.ROBUST, "every perturbation of the set leaves the loop stable"
     if peak >= 1:
         reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
         late = " by the time cap" if curves.late else ""
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
-        return "not certified", f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
+        return Verdict.NOT_CERTIFIED, f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
     if not certify:
-        return "not certified", f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)"
-    return "not certified", f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}"
+        return (
+            Verdict.NOT_CERTIFIED,
+            f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)",
+        )
+    return (
+        Verdict.NOT_CERTIFIED,
+        f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}",
+    )
 
 
 def structure_sentences(system: Any, stable: bool, performs: bool) -> tuple[str, str]:

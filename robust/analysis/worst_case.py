@@ -104,9 +104,9 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     if not isinstance(model, UncertaintyModel) or model.measured_only:
         raise ValueError("model must be an UncertaintyModel with a parametric nominal to make plants of")
     loop = assemble(model, K, w_P, delay)
-    wrong = nominal_instability(loop)
-    if wrong:
-        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {wrong}")
+    nominal = nominal_instability(loop)
+    if not nominal.stable:
+        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
     omega = loop.grid(model.omega)
     band = (float(model.omega[0]), float(model.omega[-1]))
     peak_b, where = loop.peak(lambda points: loop.curves(points).rs, omega, band)

@@ -17,6 +17,7 @@ from nlfrf.shared.arguments import positive
 from nlfrf.shared.wording import shown
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.solver import TIME_CAP, attempt
+from robust.shared.states import Outcome
 from robust.systems.bilinear import to_continuous, to_discrete
 from robust.systems.lti import Matrices, scaled_states, timebase
 from robust.systems.norms import EPS, hinf_norm, well_conditioned
@@ -83,7 +84,7 @@ def certify_norm(
     def proved(method: str) -> Certificate:
         return Certificate(
             subject=subject,
-            holds=True,
+            outcome=Outcome.HOLDS,
             level=level,
             method=method,
             intervals=everywhere,

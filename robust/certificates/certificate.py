@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf.shared.values import value
+from robust.shared.states import Outcome
 from robust.verification.claim import LoopClaim
 from robust.verification.loops import Verification, verify_loop
 from robust.verification.norms import NormClaim, verify_norm
@@ -22,15 +23,16 @@ EXACT = "exact arithmetic"  # where nothing is left to floating point
 class Certificate:
     """What was proved, how, and if not, why not.
 
-    `holds` is judged in floating point, with slacks far above its rounding; `verify` proves the same again to the last
-    bit, from the matrices as they were given.
+    The outcome is judged in floating point, with slacks far above its rounding; `verify` proves the same again to the
+    last bit, from the matrices as they were given.
 
     Fields
     ------
     subject : str
         What the bound is about.
-    holds : bool
-        True only if the numbers were judged and passed.
+    outcome : Outcome
+        "holds" only if the numbers were judged and passed; "violated" only if a frequency was found where what had to
+        be below the level is not; else "undecided".
     level : float
         The norm is below this level at every frequency.
     method : str
@@ -41,7 +43,7 @@ class Certificate:
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
-        Why it does not hold; empty when it does.
+        Why it does not hold, for people; empty when it does.
     claim : LoopClaim, NormClaim or another
         What holds, with every number as given, to be proved again; None where the proof is of another kind (mu).
     again : callable, optional
@@ -64,13 +66,23 @@ class Certificate:
     """
 
     subject: str
-    holds: bool
+    outcome: Outcome
     level: float
     method: str
     intervals: np.ndarray
     reason: str
     claim: Any = None
     again: Callable[..., Verification] | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether the bound was proved."""
+        return self.outcome is Outcome.HOLDS
+
+    @property
+    def violated(self) -> bool:
+        """Whether a frequency was found at which the bound fails."""
+        return self.outcome is Outcome.VIOLATED
 
     @property
     def judged(self) -> str:
@@ -104,6 +116,7 @@ class Certificate:
         return Verification(verified=False, proved=(), failed=((self.subject, reason),), bits=0)
 
 
-def refused(subject: str, level: float, reason: str) -> Certificate:
-    """A certificate that does not hold."""
-    return Certificate(subject=subject, holds=False, level=level, method="", intervals=np.zeros((0, 2)), reason=reason)
+def refused(subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED) -> Certificate:
+    """A certificate that does not hold: undecided, or violated."""
+    nothing = np.zeros((0, 2))
+    return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=nothing, reason=reason)

@@ -19,7 +19,7 @@ from nlfrf.shared.values import value
 from robust.systems.lti import Matrices, poles, timebase, zeros
 from robust.systems.norms import crossings, largest_gain
 
-__all__ = ["SLACK", "Magnitude", "Outcome", "around", "inside", "magnitude", "prove"]
+__all__ = ["SLACK", "IntervalProof", "Magnitude", "around", "inside", "magnitude", "prove"]
 
 
 MAX_INTERVALS = 600
@@ -111,7 +111,7 @@ def magnitude(system: control.StateSpace) -> Magnitude:
 
 
 @value
-class Outcome:
+class IntervalProof:
     """Intervals proved (I, 2), whether they cover everything, the violation found (nan: none), and what went wrong."""
 
     intervals: np.ndarray
@@ -130,7 +130,7 @@ def prove(
     most: int = MAX_INTERVALS,
     slack: float = SLACK,
     changes: Callable[[float, float], tuple[np.ndarray, np.ndarray] | None] | None = None,
-) -> Outcome:
+) -> IntervalProof:
     """Prove that the loop stays below one on [0, top].
 
     frozen(low, high) : the loop with its weights at their upper bounds on the interval; exact(x) : the true value
@@ -149,8 +149,8 @@ def prove(
     done: list[tuple[float, float]] = []
     count = 0
 
-    def stop(reason: str, where: float = np.nan) -> Outcome:
-        return Outcome(intervals=np.array(done).reshape(-1, 2), holds=False, violated_at=where, reason=reason)
+    def stop(reason: str, where: float = np.nan) -> IntervalProof:
+        return IntervalProof(intervals=np.array(done).reshape(-1, 2), holds=False, violated_at=where, reason=reason)
 
     while todo:
         count += 1
@@ -177,7 +177,7 @@ def prove(
             return stop(f"undecided at {inner:.6g}")
         else:
             todo += [(inner, high), (low, inner)]
-    return Outcome(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
+    return IntervalProof(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
 
 
 def around(points: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import control
 import numpy as np
 
 from nlfrf.shared.values import value
-from robust.certificates.intervals import Outcome
+from robust.certificates.intervals import IntervalProof
 from robust.systems.closed_loop import worst_sensitivity
 from robust.systems.lti import in_s, on_axis, poles, response, timebase, zeros
 
@@ -164,7 +164,7 @@ class LoopFactors:
             return np.where((b < 1) & ~np.isnan(found), found, np.inf)
 
 
-def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: float) -> Outcome:
+def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: float) -> IntervalProof:
     """Prove |b| < 1, or with w_P that |w_P| max |S_p| < 1, at every frequency up to top [rad/s].
 
     lines : frequencies [rad/s] to cut at first.
@@ -180,8 +180,8 @@ def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: fl
     done: list[np.ndarray] = []
     count = 0
 
-    def stop(reason: str, where: float = np.nan) -> Outcome:
-        return Outcome(intervals=np.zeros((0, 2)), holds=False, violated_at=where, reason=reason)
+    def stop(reason: str, where: float = np.nan) -> IntervalProof:
+        return IntervalProof(intervals=np.zeros((0, 2)), holds=False, violated_at=where, reason=reason)
 
     low, high = edges[:-1], edges[1:]
     while low.size:
@@ -221,4 +221,4 @@ def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: fl
             else:
                 low, high, end = np.array([end]), np.array([10 * end]), 10 * end
     intervals = np.concatenate(done)
-    return Outcome(intervals=intervals[np.argsort(intervals[:, 0])], holds=True, violated_at=np.nan, reason="")
+    return IntervalProof(intervals=intervals[np.argsort(intervals[:, 0])], holds=True, violated_at=np.nan, reason="")

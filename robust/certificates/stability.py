@@ -5,9 +5,10 @@ from __future__ import annotations
 import control
 import numpy as np
 
+from robust.shared.states import Stability
 from robust.systems.lti import timebase
 from robust.systems.norms import EPS
-from robust.systems.stability import apparent_instability, certain_poles
+from robust.systems.stability import StabilityResult, apparent_instability, certain_poles
 from robust.verification.poles import stable_matrix
 
 __all__ = ["LARGEST_EXACT", "beside_boundary", "instability"]
@@ -28,21 +29,22 @@ def beside_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.ndar
     return bool(np.any(np.abs(excess) <= BESIDE * rounding))
 
 
-def instability(system: control.StateSpace) -> str:
-    """Empty where every pole of the system, its matrix taken as it is, is strictly stable; else what is wrong.
+def instability(system: control.StateSpace) -> StabilityResult:
+    """Whether every pole of the system, its matrix taken as it is, is strictly stable.
 
     >>> on_the_axis = control.ss([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    >>> instability(on_the_axis).split(",")[1]
-    ' on the stability boundary or beyond it'
+    >>> found = instability(on_the_axis)
+    >>> found.state, found.at_boundary
+    ('unstable', True)
     """
-    said = apparent_instability(system)
+    apparent = apparent_instability(system)
     if not system.nstates or system.nstates > LARGEST_EXACT or not beside_boundary(system):
-        return said
-    found = stable_matrix(system.A, discrete=bool(timebase(system)))
-    if found.holds or found.unclear:
-        return "" if found.holds else said
-    if said.startswith("unstable"):
-        return said
+        return apparent
+    exact = stable_matrix(system.A, discrete=bool(timebase(system)))
+    if exact.holds:
+        return StabilityResult(state=Stability.STABLE)
+    if not exact.violated or apparent.unstable:
+        return apparent
     poles = certain_poles(system)[0]
     worst = poles[int(np.argmax(np.abs(poles) if timebase(system) else poles.real))]
-    return f"unstable: a pole at {worst:.4g}, on the stability boundary or beyond it"
+    return StabilityResult(state=Stability.UNSTABLE, pole=complex(worst), at_boundary=True)

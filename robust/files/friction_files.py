@@ -14,6 +14,7 @@ from robust.friction_proof.flexible import modal_damping, undamped
 from robust.friction_proof.levels import friction_class
 from robust.friction_proof.linear_uncertainty import friction_frequency_test
 from robust.friction_proof.proof import FrictionProof, prove_friction
+from robust.shared.states import FrictionVerdict
 from robust.sliding.machine import SlidingMachine, sliding_machine
 
 __all__ = ["class_from_files", "linear_part_tested", "prove_all", "save_proofs"]
@@ -48,8 +49,8 @@ def prove_all(
 ) -> tuple[FrictionProof, ...]:
     """A proof for each machine, the least proved first: what is claimed of a machine has to hold with each damping."""
     proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
-    worth = {"refuted": 0, "not decided": 1, "proved": 2}
-    return tuple(sorted(proofs, key=lambda proof: worth[proof.verdict]))
+    worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.PROVED)
+    return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
 
 
 def linear_part_tested(files: Sequence[Path], nominal: Path | None, K: Any, friction: AnyFriction, delay: float) -> str:

@@ -19,6 +19,7 @@ from robust.fixed_structure.plants import DiscsOnLines, SeenPlant, see, stacked_
 from robust.fixed_structure.proved import largest_proved_gain, machines_of
 from robust.fixed_structure.starts import find_start, given_start, loops_stable
 from robust.fixed_structure.structures import FASTEST, FASTEST_SAMPLED, Basis, ControllerStructure, structure_of
+from robust.shared.states import Stability
 from robust.synthesis.design import Design
 from robust.systems.lti import constant, response, timebase
 from robust.systems.nyquist import unstable_poles
@@ -161,8 +162,8 @@ def checked_start(task: DesignTask, start: Any) -> np.ndarray:
     """The parameters of a controller that was given to start from, or a refusal."""
     theta = given_start(task.basis, start, task.at)
     K = task.basis.controller(theta)
-    good, why = loops_stable(K, task.seen, task.n_unstable)
-    if not good:
+    state, why = loops_stable(K, task.seen, task.n_unstable)
+    if state is not Stability.STABLE:
         raise ValueError(f"start must stabilise the plant, got one with which {why}")
     if task.stable and unstable_poles(K, task.basis.dt):
         raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
@@ -236,12 +237,13 @@ def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
 def judged_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""
     K = task.basis.controller(theta)
-    good, trouble = loops_stable(K, task.seen, task.n_unstable)
+    state, trouble = loops_stable(K, task.seen, task.n_unstable)
+    good = state is Stability.STABLE
     k = response(K, task.at.omega)
     ones = np.ones(k.size, complex)
     gamma = np.nan
     if task.gamma is not None:
-        gamma = float(task.gamma.measure(ones, k).max()) if good else np.inf if "unstable" in trouble else np.nan
+        gamma = float(task.gamma.measure(ones, k).max()) if good else np.inf if state is Stability.UNSTABLE else np.nan
     if not good:
         return Design(K=K, gamma=gamma, met=False, reason=f"not found: {trouble}", history=history)
     failed = []

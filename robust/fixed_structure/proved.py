@@ -244,7 +244,7 @@ def all_proved(
     proofs = []
     for machine in machines:
         proof = prove_friction(machine, K, friction, delay=delay)
-        if proof.verdict != "proved":
+        if not proof.verdict.is_proved:
             return None
         proofs.append(proof)
     return tuple(proofs)

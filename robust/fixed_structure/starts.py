@@ -13,6 +13,7 @@ from robust.analysis.loop import Loop, nominal_instability
 from robust.fixed_structure.demands import Demand
 from robust.fixed_structure.plants import SeenPlant
 from robust.fixed_structure.structures import Basis
+from robust.shared.states import Stability
 from robust.systems.closed_loop import closed_loop
 from robust.systems.lti import response, timebase
 from robust.systems.nyquist import continued, half_turns, integrators, unstable_poles, winding
@@ -69,36 +70,36 @@ def in_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.
     return theta if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0 else -theta
 
 
-def loops_stable(K: control.StateSpace, seen: list[SeenPlant], n_unstable: int) -> tuple[bool, str]:
+def loops_stable(K: control.StateSpace, seen: list[SeenPlant], n_unstable: int) -> tuple[Stability, str]:
     """Whether K stabilises every plant of the family, by poles or by winding number, and if not, what was found."""
     for i, at in enumerate(seen):
         who = f" of plant {i + 1}" if len(seen) > 1 else ""
         if at.loop is not None:
             found, why = stable_by_poles(at.loop, K)
-            if not found:
-                return False, f"the loop{who} {why}"
+            if found is not Stability.STABLE:
+                return found, f"the loop{who} {why}"
             continue
         dt = timebase(K)
         turns, clear = winding(at.omega[at.known], at.G[at.known], K, dt)
         if not clear:
             return (
-                False,
+                Stability.UNDECIDED,
                 f"the lines{who} are too far apart, or end too early, to count how often 1 + L winds about zero",
             )
         if turns != n_unstable + unstable_poles(K, dt):
-            return False, f"the loop{who} is unstable: 1 + L winds {turns} times about zero"
-    return True, ""
+            return Stability.UNSTABLE, f"the loop{who} is unstable: 1 + L winds {turns} times about zero"
+    return Stability.STABLE, ""
 
 
-def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[bool, str]:
+def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
     """Whether every pole of a parametric loop is stable beyond rounding."""
     closed = replace(loop, K=K)
     try:
         closed_loop(loop.G, K, ("e",), ("r",))
     except ValueError:
-        return False, "is not well posed"
-    wrong = nominal_instability(closed)
-    return not wrong, f"is {wrong}"
+        return Stability.UNDECIDED, "is not well posed"
+    nominal = nominal_instability(closed)
+    return nominal.state, f"is {nominal}"
 
 
 def find_start(
@@ -147,7 +148,8 @@ def find_start(
             if any(abs(np.log(centres[k] / c)) < 0.5 for c in used):
                 continue
             K = basis.controller(theta[k])
-            if (allow_unstable or unstable_poles(K, basis.dt) == 0) and loops_stable(K, seen, n_unstable)[0]:
+            may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
+            if may_be_given and loops_stable(K, seen, n_unstable)[0] is Stability.STABLE:
                 found.append(theta[k])
                 used.append(centres[k])
         if len(found) >= wanted:

@@ -15,6 +15,7 @@ from robust.friction_proof.bristle_multipliers import bristle_rows, bristle_weig
 from robust.friction_proof.classes import AnyFriction
 from robust.friction_proof.dissipation import maxwell_slip_dissipation
 from robust.friction_proof.multipliers import filter_rates, rows, weights
+from robust.shared.states import Outcome
 from robust.sliding.loop import SlidingLoop
 from robust.sliding.response import frequencies, mobility
 from robust.sliding.springs import unstable_spring
@@ -132,7 +133,9 @@ def outcome(
 ) -> FrictionCertificate:
     """What was proved, where no reason speaks against it."""
     intervals = np.array([[0.0, np.inf]])
-    proof = Certificate(subject=SUBJECT, holds=True, level=0.0, method=METHOD, intervals=intervals, reason="")
+    proof = Certificate(
+        subject=SUBJECT, outcome=Outcome.HOLDS, level=0.0, method=METHOD, intervals=intervals, reason=""
+    )
     certificate = refused(SUBJECT, 0.0, reason) if reason else proof
     return FrictionCertificate(
         certificate=certificate, multipliers=found, omega=omega, form=form, numbers=numbers, energy=energy

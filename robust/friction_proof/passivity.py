@@ -14,6 +14,7 @@ import numpy as np
 
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz
+from robust.shared.states import FrictionVerdict
 from robust.sliding.loop import SlidingLoop
 from robust.sliding.machine import SlidingMachine
 from robust.systems.lti import timebase
@@ -53,20 +54,23 @@ class Damping:
         return ratio(self.top(rational(y)), self.bottom(rational(y))) if np.isfinite(y) else self.end
 
 
-def passive_verdict(machine: SlidingMachine, K: Any, delay: float, loop: SlidingLoop) -> tuple[str, str]:
+def passive_verdict(machine: SlidingMachine, K: Any, delay: float, loop: SlidingLoop) -> tuple[FrictionVerdict, str]:
     """Verdict and reason: "proved" where the loop is stable and leaves damping at the port at every frequency."""
     if loop.F.shape[0] > MOST_STATES:
-        return "not decided", f"the loop has {loop.F.shape[0]} states, and at most {MOST_STATES} are decided exactly"
+        return (
+            FrictionVerdict.NOT_DECIDED,
+            f"the loop has {loop.F.shape[0]} states, and at most {MOST_STATES} are decided exactly",
+        )
     seen = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
     if not stable_loop(seen, as_given(K), delay=delay).holds:
         return (
-            "not decided",
+            FrictionVerdict.NOT_DECIDED,
             "the sliding loop, with all states of its controller, is not strictly stable: one may drift at rest",
         )
     if loop.T:
         why = not_one_mass(machine, delay / loop.T)
         if why:
-            return "not decided", why
+            return FrictionVerdict.NOT_DECIDED, why
         c, _ = mass_and_damper(machine)
         left = sampled_damping(c, K, delay)
     else:
@@ -125,7 +129,7 @@ def sampled_damping(c: float, K: Any, delay: float) -> Damping:
     )
 
 
-def judged(left: Damping, c: float, T: float) -> tuple[str, str]:
+def judged(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, str]:
     """The verdict on what is left: more than nothing at every frequency, as is proved over the rationals."""
     y, least = smallest(left)
     where = place(y, T)
@@ -134,15 +138,18 @@ def judged(left: Damping, c: float, T: float) -> tuple[str, str]:
         words = f"c = {c:.4g} Ns/m, and {c - least:.4g} Ns/m are needed" if T else f"{-least:.4g} Ns/m are missing"
         if -least > BOUNDLESS * size:
             words = "no damping is enough"
-        return "not decided", f"not passive {where}: {words}"
+        return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
     claimed = least - BELOW * max(least, size) if least > 2 * BELOW * size else least / 2
     rest = left.top - left.bottom * rational(claimed)
     found = positive_on_half_line(rest, deadline=time.monotonic() + SECONDS)
     if not (found.holds and rest[left.degree] > 0):
-        return "not decided", f"not shown that damping is left at every frequency: {found.reason or 'not at the end'}"
+        return (
+            FrictionVerdict.NOT_DECIDED,
+            f"not shown that damping is left at every frequency: {found.reason or 'not at the end'}",
+        )
     needed = f"c = {c:.4g} Ns/m, and at most {c - claimed:.4g} Ns/m are needed"
     words = needed if T else f"at least {claimed:.4g} Ns/m of damping is left at the friction port"
-    return "proved", f"{words} (most critical {where}; proved for all frequencies)"
+    return FrictionVerdict.PROVED, f"{words} (most critical {where}; proved for all frequencies)"
 
 
 def smallest(left: Damping) -> tuple[float, float]:

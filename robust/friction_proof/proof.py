@@ -15,6 +15,7 @@ from robust.friction_proof.classes import AnyFriction
 from robust.friction_proof.passivity import passive_verdict
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.verify import verify_friction
+from robust.shared.states import FrictionVerdict
 from robust.sliding.bounded import hunting_bound, sure_kick
 from robust.sliding.loop import SlidingLoop, sliding_loop
 from robust.sliding.machine import SlidingMachine
@@ -23,7 +24,7 @@ from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
 from robust.verification.claim import Matrices, as_given
 
-__all__ = ["OTHER", "FrictionProof", "claimed", "matrices_of", "prove_friction", "reference_rate"]
+__all__ = ["OTHER", "FrictionProof", "claimed", "matrices_of", "prove_friction", "reference_rate", "scope"]
 
 CLASS = ("K0", "stiction", "bristle_time", "microdamping")
 #: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
@@ -43,7 +44,7 @@ class FrictionProof:
 
     Fields
     ------
-    verdict : str
+    verdict : FrictionVerdict
         "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
         to rest, with integral action where it should. "refuted", said of the class and not of the machine: a named
         member makes the loop unstable; yours may be another. "not decided": neither.
@@ -86,7 +87,7 @@ class FrictionProof:
     ('proved', None)
     """
 
-    verdict: str
+    verdict: FrictionVerdict
     claim: str
     not_claimed: str
     reason: str
@@ -103,8 +104,8 @@ class FrictionProof:
     form: np.ndarray
 
     def __str__(self) -> str:
-        lines = [f"{self.verdict}: {self.claim if self.verdict == 'proved' else self.reason}"]
-        if self.verdict == "proved" and self.reason:
+        lines = [f"{self.verdict}: {self.claim if self.verdict.is_proved else self.reason}"]
+        if self.verdict.is_proved and self.reason:
             lines.append(self.reason)
         if np.isfinite(self.K0_max):
             times = self.K0_max / self.friction.K0
@@ -183,14 +184,14 @@ def prove_friction(
     found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
     found |= bounded_words(machine, loop, Fs)
     if spring is not None:
-        found |= {"verdict": "refuted", "reason": refutation(spring, loop, friction)}
+        found |= {"verdict": FrictionVerdict.REFUTED, "reason": refutation(spring, loop, friction)}
     elif friction.kind in ("Maxwell slip", "bristle"):
         found |= certified(machine, K, delay, loop, friction, limits)
     elif friction.kind == "bounded":
         found |= bounded_verdict(loop, found["error_bound"])
     else:
         found |= dict(zip(("verdict", "reason"), passive_verdict(machine, K, delay, loop), strict=True))
-    found["claim"] = claim(machine, friction, K, delay, found) if found["verdict"] == "proved" else ""
+    found["claim"] = claim(machine, friction, K, delay, found) if found["verdict"].is_proved else ""
     return FrictionProof(
         machine=machine,
         friction=friction,
@@ -217,17 +218,17 @@ def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict
     return {"kick_sure": kick, "error_bound": bound if np.isfinite(bound) else np.nan}
 
 
-def bounded_verdict(loop: SlidingLoop, error_bound: float) -> dict[str, str]:
+def bounded_verdict(loop: SlidingLoop, error_bound: float) -> dict[str, Any]:
     """Proved where there is a bound; nothing is said at the stability boundary, or where it takes too long."""
     if np.isfinite(error_bound):
-        return {"verdict": "proved", "reason": ""}
+        return {"verdict": FrictionVerdict.PROVED, "reason": ""}
     growth = loop.growth() + 0.0
     size = f"|z| = {beside_one(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
     what = (
         "is on the stability boundary" if growth >= -ROUNDING else "takes too long to follow, as far as its modes lie"
     )
     return {
-        "verdict": "not decided",
+        "verdict": FrictionVerdict.NOT_DECIDED,
         "reason": f"no bound was found: the sliding loop, with all states of its controller, {what} (without friction "
         f"it has a pole of {size})",
     }
@@ -246,9 +247,10 @@ def certified(
     try:
         proof = certify(loop, friction, reference)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
-        return {"verdict": "not decided", "reason": f"numerical failure: {error}"}
+        return {"verdict": FrictionVerdict.NOT_DECIDED, "reason": f"numerical failure: {error}"}
     holds = proof.certificate.holds
-    found: dict[str, Any] = {"verdict": "proved" if holds else "not decided", "reason": proof.certificate.reason}
+    verdict = FrictionVerdict.PROVED if holds else FrictionVerdict.NOT_DECIDED
+    found: dict[str, Any] = {"verdict": verdict, "reason": proof.certificate.reason}
     found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
     if proof.numbers is not None and proof.energy is not None:
         energy = {name: getattr(proof.energy, name) for name in ("V", "P", "counts")}
@@ -310,12 +312,17 @@ def beside_one(size: float) -> str:
 
 def claim(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any]) -> str:
     """What is proved, in one sentence."""
-    dt = timebase(K)
-    clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
-    late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""
     rest = (
         f"Stays within {found['error_bound']:.3g} m of rest in the end"
         if friction.kind == "bounded"
         else "Comes to rest from every state"
     )
-    return f"{rest} with every {friction.words}, for the linear part {machine.words}, {clock}{late}."
+    return f"{rest} {scope(machine, friction, K, delay)}."
+
+
+def scope(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float) -> str:
+    """With which friction, machine and clock a claim is made, in words."""
+    dt = timebase(K)
+    clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
+    late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""
+    return f"with every {friction.words}, for the linear part {machine.words}, {clock}{late}"

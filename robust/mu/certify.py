@@ -20,6 +20,7 @@ from robust.certificates.intervals import SLACK, around, inside, prove
 from robust.certificates.stability import instability
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, bounded
+from robust.shared.states import Outcome
 from robust.systems.bilinear import continuous_image
 from robust.systems.lti import Matrices, along, timebase
 from robust.systems.norms import sign_changes, well_conditioned
@@ -76,9 +77,9 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
     s = fitting("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     level = positive("level", level)
     subject = "structured singular value"
-    wrong = instability(N)
-    if wrong:
-        return refused(subject, level, f"the system is not stable: {wrong}")
+    nominal = instability(N)
+    if not nominal.stable:
+        return refused(subject, level, f"the system is not stable: {nominal}")
     deadline = time.monotonic() + positive("time_cap", time_cap)
     frozen = frozen_scalings(N, s, blocks, level, deadline - 0.5 * time_cap)
     real = bool(s.skew.size)
@@ -100,7 +101,7 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
         return refused(subject, level, f"the bound does not stay below the level: at {hertz(omega)} {outcome.reason}")
     return Certificate(
         subject=subject,
-        holds=True,
+        outcome=Outcome.HOLDS,
         level=level,
         method="Hamiltonian, interval by interval",
         intervals=np.array([[omega_of(low), omega_of(high)] for low, high in outcome.intervals]),

@@ -159,9 +159,9 @@ def parameter_margin(N_ss: Any, blocks: Any, *, gap: float = 0.05, time_cap: flo
     gap, deadline = positive("gap", gap), time.monotonic() + positive("time_cap", time_cap)
     if "real" not in s.kinds:
         raise ValueError("blocks must hold a real one, got none: certify_mu is for complex ones")
-    wrong = instability(N)
-    if wrong:
-        raise ValueError(f"N_ss must be stable, got one that is {wrong}")
+    nominal = instability(N)
+    if not nominal.stable:
+        raise ValueError(f"N_ss must be stable, got one that is {nominal}")
     search, low = begun(N, s, blocks, deadline)
     kept = search
     while search.broken > low * (1 + gap) and low < LARGEST:
@@ -238,8 +238,7 @@ def decided(search: Search) -> Search:
             return replace(search, reason=f"the time cap was reached with {len(waiting)} parts of the box open")
         box = waiting.pop()
         N = part_of(search, box)
-        wrong = "unstable" if N is None else instability(N)
-        if N is not None and not wrong:
+        if N is not None and instability(N).stable:
             proof, peak_at = proof_of(search, N)
             if proof is not None:
                 proved.append(box)
@@ -312,7 +311,7 @@ def along_ray(search: Search, x: np.ndarray) -> Search:
 
     def unstable(t: float) -> bool:
         N = part_of(point, (t * x, np.zeros(x.size)))
-        return N is None or instability(N).startswith("unstable")
+        return N is None or instability(N).unstable
 
     high = next((t for t in (1.0, 1.0 + 1e-6, 1.0 + 1e-3) if unstable(t)), None)
     if high is None or high * size >= search.broken:

@@ -145,8 +145,8 @@ def crossing(
     delta = np.zeros(s.shape[::-1])
     delta[cols, rows] = size * y[of]
     at, beyond = loop.closed(size * y * np.array([[1.0], [1.001]]))
-    said = instability(control.StateSpace(beyond, np.zeros((N.nstates, 1)), np.zeros((1, N.nstates)), 0.0, N.dt))
-    if not said.startswith("unstable"):
+    farther = control.StateSpace(beyond, np.zeros((N.nstates, 1)), np.zeros((1, N.nstates)), 0.0, N.dt)
+    if not instability(farther).unstable:
         return None
     poles = np.linalg.eigvals(at)
     pole = poles[np.argmax(np.abs(poles) if loop.dt else poles.real)]

@@ -12,6 +12,7 @@ from robust.analysis.check import check
 from robust.loopshaping.bounds import loop_bounds
 from robust.plot.band import mark_band
 from robust.plot.colours import COLOR, hz
+from robust.shared.states import Verdict
 from robust.uncertain.model import UncertaintyModel
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class LoopPicture:
         """Stability, worst demand and crossover in a line."""
         report = self.report
         if not report.nominally_stable:
-            return "unstable" if "unstable" in report.reason else "stability cannot be told"
+            return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability cannot be told"
         over = np.flatnonzero(np.abs(report.G * report.K) > 1)
         crossover = f", crossover {hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
         return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"

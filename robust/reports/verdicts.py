@@ -8,13 +8,16 @@ from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
 from robust.friction_proof.proof import FrictionProof
 from robust.reports.parts import Section
+from robust.shared.states import FrictionVerdict
 
 __all__ = ["both_verdicts", "friction_section", "in_short"]
 
 MEANS = {
-    "proved": "comes to rest with every friction of the class, from every state",
-    "refuted": "said of the class, not of the machine: a named member makes the loop unstable; yours may be another",
-    "not decided": "neither proved nor refuted",
+    FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
+    FrictionVerdict.REFUTED: (
+        "said of the class, not of the machine: a named member makes the loop unstable; yours may be another"
+    ),
+    FrictionVerdict.NOT_DECIDED: "neither proved nor refuted",
 }
 
 
@@ -23,7 +26,7 @@ def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
     friction = proof.friction.words
     away = f"surely, with any friction of the given force, from a kick of {proof.kick_sure:.3g} m/s"
     fails = away if np.isfinite(proof.kick_sure) else "no kick from which it surely does is known"
-    if proof.verdict == "proved":
+    if proof.verdict.is_proved:
         fails = "never, with a friction of the class"
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),

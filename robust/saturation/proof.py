@@ -12,11 +12,12 @@ from nlfrf.shared.values import value
 from robust.certificates.certificate import Certificate
 from robust.friction_proof.certify import certify
 from robust.friction_proof.classes import AnyFriction
-from robust.friction_proof.proof import OTHER, claimed, prove_friction, reference_rate
+from robust.friction_proof.proof import OTHER, claimed, prove_friction, reference_rate, scope
 from robust.friction_verification.claim import Actuator, FrictionClaim
 from robust.friction_verification.verify import verify_friction
 from robust.saturation.loop import CutLoop, cut_open
 from robust.saturation.search import Reach, kick_of, reaches
+from robust.shared.states import FrictionVerdict, Outcome
 from robust.sliding.machine import SlidingMachine
 from robust.storage.search import METHOD
 from robust.systems.realisation import state_space
@@ -37,7 +38,7 @@ class SaturatedProof:
 
     Fields
     ------
-    verdict : str
+    verdict : FrictionVerdict
         "proved": from every state. "proved up to a kick": from rest, relaxed, up to `kick`; beyond it nothing is said.
         "refuted": without saturation already, of the class and not of the machine. "not decided".
     claim, not_claimed, reason : str
@@ -71,7 +72,7 @@ class SaturatedProof:
     'proved'
     """
 
-    verdict: str
+    verdict: FrictionVerdict
     claim: str
     not_claimed: str
     reason: str
@@ -84,8 +85,8 @@ class SaturatedProof:
     certificate: Certificate | None
 
     def __str__(self) -> str:
-        said = self.claim if self.verdict.startswith("proved") else self.reason
-        more = [self.reason] if self.verdict.startswith("proved") and self.reason else []
+        said = self.claim if self.verdict.is_proved else self.reason
+        more = [self.reason] if self.verdict.is_proved and self.reason else []
         return "\n".join([f"{self.verdict}: {said}", *more, self.not_claimed])
 
 
@@ -140,30 +141,30 @@ def prove_saturated(
     if friction.kind not in ("Maxwell slip", "bristle"):
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.words}")
     known: dict[str, Any] = {"friction": friction, "Fs": Fs, "limit": limit}
-    if plain.verdict != "proved":
+    if plain.verdict is not FrictionVerdict.PROVED:
         return nothing(plain.verdict, f"without saturation: {plain.reason}", known)
     K = state_space("K", K)
     cut = cut_open(machine, K, delay)
     rest, offset = cut.loop.rest()
     left = limit - Fs * float(abs(cut.asked @ rest) + np.abs(cut.asked) @ offset)
     if left <= 0:
-        return nothing("not decided", "holding the friction takes all of the limit", known)
+        return nothing(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit", known)
     if not machine.velocity @ machine.B_port > 0:
-        return nothing("not decided", "a kick at the friction port moves no velocity at once", known)
+        return nothing(FrictionVerdict.NOT_DECIDED, "a kick at the friction port moves no velocity at once", known)
     try:
         linear = certify(cut.loop, friction, reference_rate(machine, cut.loop)).energy
         kick_linear = 0.0 if linear is None else kick_of(machine, cut, linear, left)
         reach = reaches(machine, K, friction, delay, left) if friction.kind == "Maxwell slip" else None
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
-        return nothing("not decided", f"numerical failure: {error}", known)
+        return nothing(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}", known)
     everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
     certificate, kick, share = plain.certificate, kick_linear, 0.0
     if reach is not None and reach.kick > kick_linear:
         exact = claimed(machine, K, delay, friction, reach.numbers)
         certificate, kick, share = certificate_of(exact, reach, known), reach.kick, reach.share
     return SaturatedProof(
-        verdict="proved" if everywhere else "proved up to a kick",
-        claim=told(plain.claim, np.inf if everywhere else kick, Fs, limit),
+        verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
+        claim=claim(np.inf if everywhere else kick, scope(machine, friction, K, delay), Fs, limit),
         reason="" if everywhere else why_local(cut, friction),
         not_claimed=NOT_CLAIMED.format(other=OTHER[friction.kind], Fs=Fs, limit=limit),
         kick=kick,
@@ -174,7 +175,7 @@ def prove_saturated(
     )
 
 
-def nothing(verdict: str, reason: str, known: dict[str, Any]) -> SaturatedProof:
+def nothing(verdict: FrictionVerdict, reason: str, known: dict[str, Any]) -> SaturatedProof:
     """Nothing is proved with the actuator."""
     numbers: dict[str, Any] = {"kick": 0.0, "kick_linear": 0.0, "share": 0.0, "certificate": None}
     return SaturatedProof(verdict=verdict, claim="", not_claimed=NOTHING, reason=reason, **numbers, **known)
@@ -187,7 +188,7 @@ def certificate_of(claim: FrictionClaim, reach: Reach, known: dict[str, Any]) ->
     actuator = Actuator(sector=reach.sector, forgets=reach.forgets, weights=reach.weights, **limits)
     return Certificate(
         subject=SUBJECT,
-        holds=True,
+        outcome=Outcome.HOLDS,
         level=0.0,
         method=METHOD,
         intervals=np.array([[0.0, np.inf]]),
@@ -197,15 +198,13 @@ def certificate_of(claim: FrictionClaim, reach: Reach, known: dict[str, Any]) ->
     )
 
 
-def told(claim: str, kick: float, Fs: float, limit: float) -> str:
-    """The claim of the loop that never saturates, as one with an actuator that does, and of a kick where it is."""
-    start = "Comes to rest from every state"
-    if not claim.startswith(start):
-        raise ValueError(f"claim must begin with {start!r}, got {claim!r}")
+def claim(kick: float, scope: str, Fs: float, limit: float) -> str:
+    """What is proved, in one sentence: from every state where the kick is infinite, else up to that kick."""
+    rest = "Comes to rest from every state"
     if np.isfinite(kick):
         hit = f"a kick of at most {1e3 * kick:.3g} mm/s at the friction port"
-        claim = f"At rest and relaxed, comes to rest again after {hit}{claim[len(start) :]}"
-    return f"{claim[:-1]}, with an actuator of {limit:g} N and friction of at most {Fs:g} N."
+        rest = f"At rest and relaxed, comes to rest again after {hit}"
+    return f"{rest} {scope}, with an actuator of {limit:g} N and friction of at most {Fs:g} N."
 
 
 def why_local(cut: CutLoop, friction: AnyFriction) -> str:

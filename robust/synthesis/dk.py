@@ -205,8 +205,8 @@ def synthesise_scaled(
     found = hinfsyn(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=time_cap)
     if not found.found:
         return found.K, found.gamma, f"synthesis found nothing: {found.reason}"
-    wrong = instability(lower(P, found.K))
-    return found.K, found.gamma, f"the loop without its scalings is {wrong}" if wrong else ""
+    plain = instability(lower(P, found.K))
+    return found.K, found.gamma, "" if plain.stable else f"the loop without its scalings is {plain}"
 
 
 def judge_by_mu(P: control.StateSpace, K: control.StateSpace, blocks: Any, omega: Any) -> DkDesign:

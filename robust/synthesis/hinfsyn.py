@@ -229,7 +229,7 @@ def synthesised(
             closed = lower(P, K) if K else None
         except (ValueError, np.linalg.LinAlgError):
             continue
-        if K is None or instability(closed):
+        if K is None or not instability(closed).stable:
             continue
         achieved = hinf_norm(closed)[0]
         reason = "" if achieved <= gamma * 1.001 else f"the norm reached is above the level {gamma:.4g} asked for"

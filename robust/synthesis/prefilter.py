@@ -124,9 +124,9 @@ def following(model: Any, K: Any, delay: float) -> Loop:
     if not isinstance(model, UncertaintyModel) or model.measured_only:
         raise ValueError(f"model must be an UncertaintyModel with a parametric nominal, got {shown(model)}")
     loop = assemble(model, K, None, nonnegative("delay", delay))
-    wrong = nominal_instability(loop)
-    if wrong:
-        raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {wrong}")
+    nominal = nominal_instability(loop)
+    if not nominal.stable:
+        raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {nominal}")
     return loop
 
 

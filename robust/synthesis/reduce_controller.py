@@ -23,7 +23,6 @@ from robust.systems.realisation import state_space
 __all__ = ["Reduction", "reduce_controller"]
 
 
-PROVED = ("robust", "statistically robust")
 CLOSE = 0.1  # max |T_r - T| where no performance was proved
 
 
@@ -123,7 +122,7 @@ def reduce_controller(
     if order is not None and integer("order", order, least=0) >= K.nstates:
         raise ValueError(f"order must be below the {K.nstates} states of K, got {order}")
     before = check(model, K, w_P=w_P, delay=delay)
-    if order is None and before.verdict not in PROVED:
+    if order is None and not before.verdict.is_robust:
         raise ValueError(
             f"K must be one of which something is proved, got '{before.verdict}': {before.reason}. Give an order "
             "to reduce it all the same."
@@ -209,7 +208,7 @@ def ranked(
 
 def compared(K: control.StateSpace, report: RobustnessReport, before: RobustnessReport) -> tuple[bool, str]:
     """Whether everything that was proved before is proved again, and what is not."""
-    if before.verdict in PROVED and report.verdict != before.verdict:
+    if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
     if before.robust_performance and not report.robust_performance:
         return False, "robust performance is not proved any more"

@@ -178,7 +178,7 @@ def judged(P: control.StateSpace, problem: Plant, found: Found, step: float, dea
             closed = lower(P, K) if K else None
         except (ValueError, np.linalg.LinAlgError):
             continue
-        if K is None or closed is None or instability(closed):
+        if K is None or closed is None or not instability(closed).stable:
             continue
         achieved = norm_as_given(closed)
         if achieved < found.gamma:

@@ -6,10 +6,69 @@ import control
 import numpy as np
 from scipy.linalg import eig
 
+from nlfrf.shared.values import value
+from robust.shared.states import Stability
 from robust.systems.lti import evened, poles, response, timebase
 from robust.systems.norms import EPS, crossings
 
-__all__ = ["apparent_instability", "certain_poles", "moved_out", "stable", "strong_parts"]
+__all__ = ["StabilityResult", "apparent_instability", "certain_poles", "moved_out", "stable", "strong_parts"]
+
+
+@value
+class StabilityResult:
+    """Whether a system is stable, and the pole that decides; its text is for people.
+
+    Fields
+    ------
+    state : Stability
+    pole : complex
+        The pole nearest to the stability boundary, or farthest beyond it; nan where none is named.
+    of_loop : bool
+        Whether it is a pole of the nominal loop, of which the text then speaks.
+    without_delay : bool
+        Whether it is a pole of the loop without its delay.
+    at_boundary : bool
+        Whether exact arithmetic found it on the boundary or beyond it, where rounding could not tell.
+    n_unstable : float
+        Unstable poles of a loop with its delay, where those were counted; nan elsewhere.
+    """
+
+    state: Stability
+    pole: complex = complex(np.nan, np.nan)
+    of_loop: bool = False
+    without_delay: bool = False
+    at_boundary: bool = False
+    n_unstable: float = np.nan
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole is strictly stable, beyond doubt."""
+        return self.state is Stability.STABLE
+
+    @property
+    def unstable(self) -> bool:
+        """Whether a pole is surely not stable."""
+        return self.state is Stability.UNSTABLE
+
+    def __bool__(self) -> bool:
+        raise TypeError("a StabilityResult is neither true nor false: ask for .stable or .unstable")
+
+    def __str__(self) -> str:
+        if self.stable:
+            return f"{self.state}"
+        named = not np.isnan(self.pole)
+        where = (f" at {self.pole:.4g}" if named else "") + (" without its delay" if self.without_delay else "")
+        if self.unstable and not np.isnan(self.n_unstable):
+            what = f"the nominal loop with its delay has {self.n_unstable:g} unstable poles"
+        elif self.unstable:
+            beyond = ", on the stability boundary or beyond it" if self.at_boundary else ""
+            what = f"{'the nominal loop has ' if self.of_loop else ''}a pole{where}{beyond}"
+        elif named:
+            what = f"a pole{' of the nominal loop' if self.of_loop else ''}{where} cannot be told from the stability "
+            what += "boundary"
+        else:
+            what = "with its delay the nominal loop cannot be told from one on the stability boundary"
+        return f"{self.state}: {what}"
 
 
 def moved_out(L: control.StateSpace, delay: float) -> float:
@@ -80,16 +139,15 @@ def strong_parts(A: np.ndarray) -> list[np.ndarray]:
     return [np.flatnonzero(first == k) for k in np.unique(first)]
 
 
-def apparent_instability(system: control.StateSpace) -> str:
-    """Empty where every pole is stable beyond rounding, else what is wrong, or left open."""
+def apparent_instability(system: control.StateSpace) -> StabilityResult:
+    """Whether every pole is stable beyond rounding, one is unstable, or rounding leaves it open."""
     poles, moved = certain_poles(system)
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     if not poles.size or np.all(excess < -moved):
-        return ""
+        return StabilityResult(state=Stability.STABLE)
     worst = int(np.argmax(excess + moved))
-    if excess[worst] > moved[worst]:
-        return f"unstable: a pole at {poles[worst]:.4g}"
-    return f"undecided: a pole at {poles[worst]:.4g} cannot be told from the stability boundary"
+    state = Stability.UNSTABLE if excess[worst] > moved[worst] else Stability.UNDECIDED
+    return StabilityResult(state=state, pole=complex(poles[worst]))
 
 
 def stable(system: control.StateSpace) -> bool:

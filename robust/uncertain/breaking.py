@@ -113,9 +113,9 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
     if not isinstance(model, MatrixUncertainty):
         raise ValueError(f"model must be a MatrixUncertainty, got {shown(model)}")
     system = model.loop(K)
-    wrong = instability(system.N)
-    if wrong:
-        raise ValueError(f"K must leave the nominal loop stable, got one that is {wrong}")
+    nominal = instability(system.N)
+    if not nominal.stable:
+        raise ValueError(f"K must leave the nominal loop stable, got one that is {nominal}")
     N = system.loop
     omega, mu = refined(N, system.structure, structure_grid(N))
     dt = timebase(N)

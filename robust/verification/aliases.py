@@ -27,7 +27,7 @@ from robust.verification.axis import WHOLE_SAMPLES, Axis, Squares, loop_axis, sq
 from robust.verification.claim import ALIASED, OPERATOR_PERFORMANCE, STABILITY, LoopClaim
 from robust.verification.conditions import Terms
 from robust.verification.exact import Quotient, quotient, rational
-from robust.verification.half_line import Decision
+from robust.verification.half_line import Decision, proved, undecided
 from robust.verification.intervals import LOWEST, MOST_INTERVALS, NARROWEST, sampled_terms
 from robust.verification.jets import Jet, line, lower_bound, of_polynomial
 from robust.verification.stability import squared
@@ -408,7 +408,7 @@ def below_one_with_aliases(
     todo = [(0.0, top)]
     for count in range(MOST_INTERVALS):
         if not todo:
-            return Decision(holds=True)
+            return proved()
         low, high = todo.pop()
         a, b = arb(low), arb(high)
         others = aliases.sums(a, b)
@@ -418,9 +418,9 @@ def below_one_with_aliases(
         if bound < 1 or (bound < NEARLY and holds_together(aliases, claim, name, t, sizes, others, squared_line(a, b))):
             continue
         if high - low <= NARROWEST * high or high < LOWEST * top:
-            return Decision(holds=False, reason=f"undecided near {high:.6g} rad/s", unclear=True)
+            return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.monotonic() > deadline:
-            return Decision(holds=False, reason=f"undecided after {count} intervals, as time was up")
+            return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]
-    return Decision(holds=False, reason=f"undecided after {MOST_INTERVALS} intervals")
+    return undecided(f"undecided after {MOST_INTERVALS} intervals")

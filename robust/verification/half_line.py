@@ -8,13 +8,15 @@ with the square root of the distance from zero, so that a polynomial that nearly
 from __future__ import annotations
 
 import time
+from enum import Enum, auto
 from typing import Any
 
 import numpy as np
 
 from nlfrf.shared.values import value
+from robust.shared.states import Outcome
 
-__all__ = ["Decision", "bernstein", "positive_on_half_line"]
+__all__ = ["Decision", "bernstein", "positive_on_half_line", "proved", "refuted", "undecided"]
 
 
 NARROWEST = 1e-13
@@ -23,15 +25,48 @@ MOST_PIECES = 4000
 
 @value
 class Decision:
-    """Whether a statement was proved; if not, where it is false (nan: nowhere found), and why not.
+    """Whether a statement was proved or disproved; where it is false (nan: no place is named), and why, for people.
 
-    `unclear` says that more digits may decide it.
+    `needs_digits` says of an undecided one that more digits may decide it.
     """
 
-    holds: bool
+    outcome: Outcome
     violated_at: float = np.nan
     reason: str = ""
-    unclear: bool = False
+    needs_digits: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether it was proved."""
+        return self.outcome is Outcome.HOLDS
+
+    @property
+    def violated(self) -> bool:
+        """Whether it was disproved."""
+        return self.outcome is Outcome.VIOLATED
+
+
+def proved() -> Decision:
+    """Decide that it holds."""
+    return Decision(outcome=Outcome.HOLDS)
+
+
+def refuted(reason: str, at: float = np.nan) -> Decision:
+    """Decide that it is false."""
+    return Decision(outcome=Outcome.VIOLATED, violated_at=at, reason=reason)
+
+
+def undecided(reason: str, *, needs_digits: bool = False) -> Decision:
+    """Leave it open."""
+    return Decision(outcome=Outcome.UNDECIDED, reason=reason, needs_digits=needs_digits)
+
+
+class Signs(Enum):
+    """What the Bernstein coefficients of a piece say of it."""
+
+    POSITIVE = auto()
+    MIXED = auto()
+    UNCLEAR = auto()
 
 
 def bernstein(p: Any, low: Any, high: Any) -> list[Any]:
@@ -43,11 +78,11 @@ def bernstein(p: Any, low: Any, high: Any) -> list[Any]:
     return [coefficients[k] for k in range(n, -1, -1)]
 
 
-def signs(coefficients: list[Any]) -> str:
-    """Whether the piece is "proved", ends included, is to be "split", or "unclear" for want of digits."""
+def bernstein_signs(coefficients: list[Any]) -> Signs:
+    """Whether all are positive, so that the piece is, ends included; some negative; or unclear for want of digits."""
     if all(c >= 0 for c in coefficients) and coefficients[0] > 0 and coefficients[-1] > 0:
-        return "proved"
-    return "split" if any(c < 0 for c in coefficients) else "unclear"
+        return Signs.POSITIVE
+    return Signs.MIXED if any(c < 0 for c in coefficients) else Signs.UNCLEAR
 
 
 def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
@@ -64,26 +99,26 @@ def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
     coefficients = p.coeffs()
     if not coefficients or not coefficients[0] > 0:
         below = not coefficients or bool(coefficients[0] <= 0)
-        where = 0.0 if below else np.nan
-        return Decision(holds=False, violated_at=where, reason="not positive at zero", unclear=not below)
+        said = "not positive at zero"
+        return refuted(said, 0.0) if below else undecided(said, needs_digits=True)
     low, high = root_bounds([arb(c) for c in coefficients])
     todo: list[tuple[float, float]] = [(0.0, low), (low, high), (high, np.inf)]
     for _ in range(MOST_PIECES):
         if not todo:
-            return Decision(holds=True)
+            return proved()
         if time.monotonic() > deadline:
-            return Decision(holds=False, reason="undecided, as time was up")
+            return undecided("undecided, as time was up")
         a, b = todo.pop()
-        found = signs(bernstein(p, exactly(p, a), exactly(p, b)) if np.isfinite(b) else beyond(p, a))
-        if found == "proved":
+        found = bernstein_signs(bernstein(p, exactly(p, a), exactly(p, b)) if np.isfinite(b) else beyond(p, a))
+        if found is Signs.POSITIVE:
             continue
         middle = between(a, b)
         if p(exactly(p, middle)) <= 0:
-            return Decision(holds=False, violated_at=middle, reason="negative there")
-        if found == "unclear" or (np.isfinite(b) and b - a <= NARROWEST * b) or not 1e-290 < middle < 1e290:
-            return Decision(holds=False, reason=f"undecided near {middle:.6g}", unclear=True)
+            return refuted("negative there", middle)
+        if found is Signs.UNCLEAR or (np.isfinite(b) and b - a <= NARROWEST * b) or not 1e-290 < middle < 1e290:
+            return undecided(f"undecided near {middle:.6g}", needs_digits=True)
         todo += [(a, middle), (middle, b)]
-    return Decision(holds=False, reason=f"undecided after {MOST_PIECES} pieces")
+    return undecided(f"undecided after {MOST_PIECES} pieces")
 
 
 def beyond(p: Any, low: float) -> list[Any]:

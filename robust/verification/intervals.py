@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from math import inf, nan, sqrt
+from math import inf, sqrt
 from typing import Any
 
 from robust.verification.axis import Axis, Squares
 from robust.verification.conditions import Terms
-from robust.verification.half_line import Decision
+from robust.verification.half_line import Decision, proved, refuted, undecided
 from robust.verification.jets import cosine, line, lower_bound, of_polynomial, sine
 
 __all__ = ["LOWEST", "MOST_INTERVALS", "NARROWEST", "positive_on_intervals", "sampled_terms"]
@@ -39,31 +39,30 @@ def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: fl
     else:
         top = first_of_tail(found, asked)
         if top == inf:
-            return Decision(holds=False, reason="undecided at infinite frequency", unclear=True)
+            return undecided("undecided at infinite frequency", needs_digits=True)
         terms = delayed_terms(axis, found)
     for expression in asked(terms(arb(0), arb(0))):
         if not expression.p[0] > 0:
-            below = bool(expression.p[0] <= 0)
-            where = 0.0 if below else nan
-            return Decision(holds=False, violated_at=where, reason="not positive at zero", unclear=not below)
+            said = "not positive at zero"
+            return refuted(said, 0.0) if expression.p[0] <= 0 else undecided(said, needs_digits=True)
     todo = [(0.0, top)]
     for count in range(MOST_INTERVALS):
         if not todo:
-            return Decision(holds=True)
+            return proved()
         low, high = todo.pop()
         middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
         if all(lower_bound(jet) > 0 for jet in asked(terms(middle, half))):
             continue
         narrow = high - low <= 1e-3 * high
         if narrow and any(jet.p[0] <= 0 for jet in asked(terms(middle, arb(0)))):
-            return Decision(holds=False, violated_at=(low + high) / 2, reason="negative there")
+            return refuted("negative there", (low + high) / 2)
         if high - low <= NARROWEST * high or high < LOWEST * top:
-            return Decision(holds=False, reason=f"undecided near {high:.6g} rad/s", unclear=True)
+            return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if count % 64 == 63 and time.monotonic() > deadline:
-            return Decision(holds=False, reason=f"undecided after {count} intervals, as time was up")
+            return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]
-    return Decision(holds=False, reason=f"undecided after {MOST_INTERVALS} intervals")
+    return undecided(f"undecided after {MOST_INTERVALS} intervals")
 
 
 def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:

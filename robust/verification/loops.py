@@ -8,6 +8,7 @@ a continuous weight around a sampled one is taken as it is, interval by interval
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 from nlfrf.shared.values import value
@@ -17,12 +18,12 @@ from robust.verification.axis import Axis, at_infinity, axis_of, polynomials, sq
 from robust.verification.claim import ALIASED, LoopClaim
 from robust.verification.conditions import Terms, conditions
 from robust.verification.exact import rational
-from robust.verification.half_line import Decision, positive_on_half_line
+from robust.verification.half_line import Decision, positive_on_half_line, proved, refuted, undecided
 from robust.verification.intervals import positive_on_intervals
 from robust.verification.poles import stable_quotients
 from robust.verification.stability import routh
 
-__all__ = ["Verification", "said", "verify_loop"]
+__all__ = ["Verification", "verification", "verify_loop"]
 
 
 BITS = (192, 640, 2048)
@@ -41,9 +42,11 @@ class Verification:
     proved : tuple of str
         The claims that were.
     failed : tuple of (str, str)
-        The claims that were not, and why not: false, or undecided.
+        The claims that were not, and why not, for people.
     bits : int
         Precision at which the last of them was decided; 0 where none was.
+    violated : tuple of str
+        Of those that failed the ones proved false; the others are undecided.
 
     References
     ----------
@@ -60,6 +63,7 @@ class Verification:
     proved: tuple[str, ...]
     failed: tuple[tuple[str, str], ...]
     bits: int
+    violated: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         lines = [f"{claim}: proved, rigorous" for claim in self.proved]
@@ -105,13 +109,23 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
         for bits in BITS:
             with ctx.workprec(bits):
                 judge(claim, decided, deadline)
-            if all(found.holds or not found.unclear for found in decided.values()) or time.monotonic() > deadline:
+            if not any(found.needs_digits for found in decided.values()) or time.monotonic() > deadline:
                 break
     except ValueError as error:
         return Verification(verified=False, proved=(), failed=(("the loop", str(error)),), bits=0)
-    proved = tuple(name for name, found in decided.items() if found.holds)
-    failed = tuple((name, said(found)) for name, found in decided.items() if not found.holds)
-    return Verification(verified=not failed, proved=proved, failed=failed, bits=bits)
+    return verification(decided, bits)
+
+
+def verification(decided: dict[str, Decision], bits: int) -> Verification:
+    """Return what was decided, claim by claim."""
+    failed = tuple((name, described(found)) for name, found in decided.items() if not found.holds)
+    return Verification(
+        verified=not failed,
+        proved=tuple(name for name, found in decided.items() if found.holds),
+        failed=failed,
+        bits=bits,
+        violated=tuple(name for name, found in decided.items() if found.violated),
+    )
 
 
 def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
@@ -121,18 +135,15 @@ def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> No
         raise ValueError(f"the loop must have at most {MOST_STATES} states to be verified")
 
     def open_still(name: str) -> bool:
-        return name not in decided or (not decided[name].holds and decided[name].unclear)
+        return name not in decided or decided[name].needs_digits
 
     if open_still(NOMINAL):
         decided[NOMINAL] = stable_quotients(axis.G, axis.K, axis.delay)
     if open_still(WEIGHTS):
         decided[WEIGHTS] = stable_weights(axis)
     if not (decided[NOMINAL].holds and decided[WEIGHTS].holds):
-        for name in claim.claims:
-            decided[name] = Decision(holds=False, reason="not looked at")
-        unclear = any(found.unclear for found in decided.values())
-        for name in claim.claims if unclear else ():
-            decided[name] = Decision(holds=False, reason="not looked at", unclear=True)
+        needs_digits = decided[NOMINAL].needs_digits or decided[WEIGHTS].needs_digits
+        decided.update({name: undecided("not looked at", needs_digits=needs_digits) for name in claim.claims})
         return
     found = squares(axis)
     scaling = rational(claim.scaling)
@@ -163,33 +174,35 @@ def stable_weights(axis: Axis) -> Decision:
     for polynomial, degree in parts + ([] if axis.W is None else [(axis.W.num, axis.W.degree)]):
         if not (found := routh(polynomial, degree)).holds:
             return found
-    return Decision(holds=True)
+    return proved()
 
 
 def on_the_half_line(axis: Axis, expressions: list[Any], ends: list[Any], deadline: float) -> Decision:
     """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:
-            where = "at the Nyquist frequency" if axis.dt else "at infinite frequency"
-            return Decision(holds=False, reason=f"not below the limit {where}", unclear=not end <= 0)
+            said = f"not below the limit at {'the Nyquist' if axis.dt else 'infinite'} frequency"
+            return refuted(said) if end <= 0 else undecided(said, needs_digits=True)
         found = positive_on_half_line(expression, deadline=deadline)
         if not found.holds:
             return located(axis, found)
-    return Decision(holds=True)
+    return proved()
 
 
 def located(axis: Axis, found: Decision) -> Decision:
     """A place y on the axis as a frequency [rad/s], only to be read."""
     from math import atan, sqrt
 
-    x = sqrt(found.violated_at) if found.violated_at >= 0 else found.violated_at
+    if not found.violated_at >= 0:
+        return found
+    x = sqrt(found.violated_at)
     dt = int(axis.dt.p) / int(axis.dt.q)
     omega = 2 / dt * atan(x) if dt else x
-    return Decision(holds=False, violated_at=omega, reason=found.reason, unclear=found.unclear)
+    return replace(found, violated_at=omega)
 
 
-def said(found: Decision) -> str:
-    """Why a claim was not verified."""
+def described(found: Decision) -> str:
+    """Why a claim was not verified, in words."""
     if found.violated_at >= 0:
         return f"violated at {hertz(found.violated_at)}"
     return found.reason

@@ -12,8 +12,8 @@ from typing import Any
 from nlfrf.shared.values import value
 from robust.verification.claim import Matrices
 from robust.verification.exact import rational, rational_matrix
-from robust.verification.half_line import Decision, positive_on_half_line
-from robust.verification.loops import Verification, said
+from robust.verification.half_line import Decision, positive_on_half_line, proved, refuted, undecided
+from robust.verification.loops import Verification, verification
 from robust.verification.matrices import positive_definite
 from robust.verification.stability import routh
 
@@ -22,7 +22,7 @@ __all__ = ["NormClaim", "decide_norm", "verify_norm"]
 
 MOST_STATES = 40
 BITS = (256, 1024, 4096)
-UNSTABLE = Decision(holds=False, reason="not looked at")
+UNSTABLE = undecided("not looked at")
 
 
 @value
@@ -39,9 +39,7 @@ def verify_norm(claim: NormClaim) -> Verification:
         decided = decide_norm(claim)
     except ValueError as error:
         return Verification(verified=False, proved=(), failed=(("the system", str(error)),), bits=0)
-    failed = tuple((name, said(found)) for name, found in decided.items() if not found.holds)
-    proved = tuple(name for name, found in decided.items() if found.holds)
-    return Verification(verified=not failed, proved=proved, failed=failed, bits=BITS[-1])
+    return verification(decided, BITS[-1])
 
 
 def decide_norm(claim: NormClaim) -> dict[str, Decision]:
@@ -61,10 +59,10 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
     if system.dt and n:
         shifted = A + identity(n)
         if shifted.det() == 0:
-            return {"stability": Decision(holds=False, reason="a pole at -1")}
+            return {"stability": refuted("a pole at -1")}
         back = shifted.inv()
         A, B, C, D = back * (A - identity(n)), back * B * rational(2.0), C * back, D - C * back * B
-    stable = routh(A.charpoly(), n) if n else Decision(holds=True)
+    stable = routh(A.charpoly(), n) if n else proved()
     return {"stability": stable, "norm": bounded(A, B, C, D, claim.level) if stable.holds else UNSTABLE}
 
 
@@ -75,9 +73,9 @@ def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
     n, m = A.nrows(), D.ncols()
     R = identity(m) * (rational(level) ** 2) - D.transpose() * D
     if not positive_definite(R):
-        return Decision(holds=False, reason="not below the level at infinite frequency")
+        return refuted("not below the level at infinite frequency")
     if n == 0:
-        return Decision(holds=True)
+        return proved()
     inverse = R.inv()
     F = A + B * inverse * D.transpose() * C
     upper, lower = B * inverse * B.transpose(), C.transpose() * C + C.transpose() * D * inverse * D.transpose() * C
@@ -85,11 +83,11 @@ def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
     rows += [x + y for x, y in zip((-lower).tolist(), (-F.transpose()).tolist(), strict=True)]
     p = fmpq_mat(rows).charpoly().coeffs()[::2]  # in s^2 = -y
     on_axis = [c if (k + n) % 2 == 0 else -c for k, c in enumerate(p)]
-    found = Decision(holds=False)
+    found = undecided("not looked at")
     for bits in BITS:
         with ctx.workprec(bits):
             found = positive_on_half_line(arb_poly(on_axis))
-        if found.holds or not found.unclear:
+        if not found.needs_digits:
             break
     return found
 

@@ -14,7 +14,7 @@ import numpy as np
 from robust.verification.axis import loop_axis
 from robust.verification.claim import Matrices
 from robust.verification.exact import Quotient, mapped, rational_matrix
-from robust.verification.half_line import Decision
+from robust.verification.half_line import Decision, proved, undecided
 from robust.verification.stability import hurwitz_with_delay, routh
 
 __all__ = ["stable_loop", "stable_matrix", "stable_quotients"]
@@ -26,8 +26,8 @@ BITS = (256, 1024, 4096)
 def stable_loop(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
     """Whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
 
-    Hold and delay count as in `LoopClaim`, the delay of a continuous loop as it is. `holds` where it is stable;
-    where not, `unclear` says that it could not be decided.
+    Hold and delay count as in `LoopClaim`, the delay of a continuous loop as it is. It `holds` where
+    it is stable, and is `violated` where it is not.
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
@@ -38,12 +38,12 @@ def stable_loop(plant: Matrices, controller: Matrices, *, delay: float = 0.0) ->
     """
     from flint import ctx
 
-    found = Decision(holds=False, unclear=True)
+    found = undecided("not looked at", needs_digits=True)
     for bits in BITS:
         with ctx.workprec(bits):
             G, K, _, rest = loop_axis(plant, controller, delay)
             found = stable_quotients(G, K, rest)
-        if found.holds or not found.unclear:
+        if not found.needs_digits:
             break
     return found
 
@@ -57,7 +57,7 @@ def stable_matrix(A: np.ndarray, *, discrete: bool = False) -> Decision:
     """
     n = len(A)
     if not n:
-        return Decision(holds=True)
+        return proved()
     p = rational_matrix(np.asarray(A, dtype=float)).charpoly()
     return routh(mapped(Quotient(num=p, den=p, degree=n)).den if discrete else p, n)
 

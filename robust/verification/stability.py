@@ -9,19 +9,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from robust.verification.half_line import Decision
+from robust.verification.half_line import Decision, proved, refuted, undecided
 
 __all__ = ["hurwitz", "hurwitz_with_delay", "routh", "squared"]
 
 
 BITS = (192, 768, 3072)
 MOST_BITS = 4096
+BESIDE = "not told from the stability boundary"
 
 
 def hurwitz(p: Any, degree: int) -> Decision:
     """Whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
 
-    p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it unclear.
+    p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it undecided.
 
     >>> from flint import fmpq_poly
     >>> hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
@@ -34,12 +35,7 @@ def hurwitz(p: Any, degree: int) -> Decision:
     for _ in range(degree + 1):
         pivot = rows[0][0]
         if not pivot > 0:
-            unclear = not pivot <= 0
-            return Decision(
-                holds=False,
-                reason="not told from the stability boundary" if unclear else "a pole is not stable",
-                unclear=unclear,
-            )
+            return refuted("a pole is not stable") if pivot <= 0 else undecided(BESIDE, needs_digits=True)
         above, below = rows
         if not below:
             break
@@ -49,7 +45,7 @@ def hurwitz(p: Any, degree: int) -> Decision:
         ratio = pivot / below[0]
         padded = [*below[1:], *[0] * (len(above) - len(below))]
         rows = [below, [a - ratio * b for a, b in zip(above[1:], padded, strict=False)]]
-    return Decision(holds=True)
+    return proved()
 
 
 def routh(p: Any, degree: int) -> Decision:
@@ -61,7 +57,7 @@ def routh(p: Any, degree: int) -> Decision:
     for bits in BITS:
         with ctx.workprec(bits):
             found = hurwitz(arb_poly(p), degree)
-        if not found.unclear:
+        if not found.needs_digits:
             return found
     return hurwitz(p, degree)
 
@@ -80,11 +76,11 @@ def hurwitz_with_delay(den: Any, num: Any, degree: int, delay: Any) -> Decision:
 
     total = den + num
     if total[0] == 0:
-        return Decision(holds=False, reason="a pole at zero")
+        return refuted("a pole at zero")
     if not abs(den[degree]) > abs(num[degree]):
-        return Decision(holds=False, reason="the loop gain does not fall below one at infinite frequency")
+        return refuted("the loop gain does not fall below one at infinite frequency")
     if total[degree] == 0:
-        return Decision(holds=False, reason="the loop without its delay is not well posed", unclear=True)
+        return undecided("the loop without its delay is not well posed", needs_digits=True)
     bits = 128
     while bits <= MOST_BITS:
         with ctx.workprec(bits):
@@ -93,9 +89,9 @@ def hurwitz_with_delay(den: Any, num: Any, degree: int, delay: Any) -> Decision:
                 moved = crossed(den, num, arb(delay))
                 if moved is not None:
                     count = outside + moved
-                    return Decision(holds=count == 0, reason="" if count == 0 else f"{count} poles are not stable")
+                    return proved() if count == 0 else refuted(f"{count} poles are not stable")
         bits *= 4
-    return Decision(holds=False, reason="not told from the stability boundary", unclear=True)
+    return undecided(BESIDE, needs_digits=True)
 
 
 def roots_outside(p: Any) -> int | None:

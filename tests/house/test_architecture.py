@@ -25,6 +25,7 @@ ARROWS = {
     "nlfrf.studies": "bench identification records excitation",
     "nlfrf.plot": "multivariable identification records excitation",
     "nlfrf.doctor": "",
+    "robust.shared": "",
     "robust.systems": "",
     "robust.verification": "",
     "robust.friction_verification": "verification",

@@ -76,10 +76,10 @@ FIELDS = {
     robust.RobustnessReport: "omega S T rs np_ rp nominally_stable robustly_stable robust_performance margin_rs "
     "margin_rp omega_rs omega_rp disk_margin certificates perturbation verdict reason advice",
     robust.MuBound: "value scaling delta",
-    robust.Certificate: "holds level intervals reason",
+    robust.Certificate: "outcome level intervals reason",
     robust.WorstCase: "gain omega plant",
 }
-PROPERTIES = {nlfrf.Multisine: "f0 f u rms crest_factor", nlfrf.Bla: "omega"}
+PROPERTIES = {nlfrf.Multisine: "f0 f u rms crest_factor", nlfrf.Bla: "omega", robust.Certificate: "holds"}
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__qualname__)

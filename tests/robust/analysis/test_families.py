@@ -36,9 +36,10 @@ def test_every_door_decides_beside_the_boundary(dt):
     model = UncertaintyModel(G, 1e-17, "multiplicative", np.array([1.0]), np.array([1e-18]), perturbation="LTI")
     for gain, stable in ((limit, False), (np.nextafter(limit, 0), True)):
         K = control.ss([], [], [], [[gain]], dt)
-        said = nominal_instability(assemble(model, K, None, 0.0))
-        assert (not said) == stable
-        assert "on the stability boundary or beyond it" in said or stable
+        nominal = nominal_instability(assemble(model, K, None, 0.0))
+        assert nominal.stable == stable
+        assert nominal.unstable == nominal.at_boundary == (not stable)
+        assert "on the stability boundary or beyond it" in str(nominal) or stable
         beside = disk_margin(G * control.ss([], [], [], [[gain * (1 - 1e-13 * stable)]], dt))  # the sum rounds
         assert (beside.alpha > 0) == stable
         if stable:
@@ -54,4 +55,4 @@ def test_every_door_decides_beside_the_boundary(dt):
         assert report.verdict != "not certified" or stable
     for A, stable in (([[0.0, 1.0], [-1.0, 0.0]], False), ([[0.0, 1.0], [-1.0, -5e-324]], True)):
         system = control.ss(A, [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-        assert (not instability(system)) == stable
+        assert instability(system).stable == stable

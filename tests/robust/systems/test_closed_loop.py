@@ -4,6 +4,7 @@ import control
 import numpy as np
 import pytest
 
+from robust.shared.states import Stability
 from robust.systems.closed_loop import (
     closed_loop,
     factor_allowed,
@@ -141,9 +142,11 @@ def test_poles_on_the_boundary_are_not_decided():
     undamped = control.StateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], [[0]], 0)
     found, moved = certain_poles(undamped)
     assert np.all(np.abs(found.real) <= moved)
-    assert instability(undamped)
-    assert instability(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0)) == ""
-    assert "pole at 1" in instability(control.StateSpace([[1.0]], [[0.0]], [[0.0]], [[0.0]], 0))
+    assert instability(undamped).state is not Stability.STABLE
+    assert instability(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0)).stable
+    found = instability(control.StateSpace([[1.0]], [[0.0]], [[0.0]], [[0.0]], 0))
+    assert (found.state, found.pole) == (Stability.UNSTABLE, 1)
+    assert "pole at 1" in str(found)
 
 
 @pytest.mark.parametrize("gain", [0.5, 0.9, 1.1, 3.0])

@@ -48,10 +48,10 @@ def test_zero_and_infinity():
     assert positive_on_half_line(fmpq_poly([1000, -1])).violated_at >= 1000
 
 
-def test_coefficients_that_are_not_known_well_enough_are_unclear():
+def test_coefficients_that_are_not_known_well_enough_are_undecided():
     found = positive_on_half_line(arb_poly([arb(1), arb(-2), arb(1, 1e-3)]))
     assert not found.holds
-    assert found.unclear
+    assert found.needs_digits
 
 
 @settings(max_examples=60, deadline=None)

@@ -1,0 +1,133 @@
+"""A state is an enum: nothing in the packages decides by the words of a sentence, which may be reworded at any time."""
+
+import ast
+
+import pytest
+
+from tests.house.test_architecture import ROOMS
+
+#: Names, attributes and functions that hold words for people.
+PROSE = {
+    *("reason", "reasons", "why", "wrong", "failure", "failed", "trouble", "message", "words", "sentence", "text"),
+    *("said", "told", "what", "where", "claim", "not_claimed", "proved", "not_proved", "advice", "context", "verdict"),
+    *("probability", "words", "before", "note", "notes", "summary", "warning", "error", "evidence", "subject", "how"),
+    *("level_source", "state", "outcome"),
+}
+#: Ways to take a sentence apart.
+CUTS = {
+    *("startswith", "endswith", "partition", "rpartition", "split", "rsplit", "find", "index", "removeprefix"),
+    "removesuffix",
+}
+#: module:function that takes words apart which are no message, reviewed one by one: what they are instead.
+REVIEWED = {
+    "nlfrf.doctor:needed": "a requirement of the metadata of a package",
+    "nlfrf.readers.clock:spelled": "a number in a file",
+    "nlfrf.readers.layout:head_of": "the beginning of a file",
+    "nlfrf.readers.lvm:contents": "a file",
+    "nlfrf.shared.cards:meanings": "a docstring, for a table in a notebook",
+    "nlfrf.shared.cards:held": "the repr of an array, for a table in a notebook",
+    "nlfrf.shared.plain:plain": "white space made even in what is only printed",
+    "nlfrf.files.channels:read_channels": "white space made even in what is only printed",
+    "nlfrf.shared.own_process:read_apart": "the name of the exception that ended another process",
+    "nlfrf.identification.bla:bound": "how the level was read, a token that files keep",
+    "nlfrf.multivariable.frm:covariance_of": "how the level was read, a token that files keep",
+    "nlfrf.records.regular_grids:played_lines": "the name of a grid",
+    "robust.fixed_structure.structures:structure_of": "the name of a structure that a user gave",
+    "robust.friction_verification.verify:verify_friction": "the parts of a claim, by name",
+    "robust.reports.data:opinion_section": "the label of a row that gets another one",
+    "robust.reports.data:nominal_section": "the label of a row that gets another one",
+    "robust.reports.matrix:the_set": "the label of a row that gets another one",
+    "robust.reports.verdicts:both_verdicts": "the label of a row that gets another one",
+    "robust.uncertain.model:__str__": "a unit",
+}
+
+
+def name_of(node):
+    """The name that a thing goes by: of a call its function, of an element that of the whole."""
+    if isinstance(node, ast.Call):
+        return name_of(node.func) if not isinstance(node.func, ast.Attribute) else node.func.attr
+    if isinstance(node, ast.Subscript):
+        return name_of(node.value)
+    return getattr(node, "attr", getattr(node, "id", ""))
+
+
+def returns_words():
+    """Functions of the packages that are said to return a text."""
+    return {
+        node.name
+        for tree in ROOMS.values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and isinstance(node.returns, ast.Name) and node.returns.id == "str"
+    }
+
+
+def is_prose(node, words):
+    if isinstance(node, ast.Call) and name_of(node) == "str":
+        return True
+    return name_of(node) in (words | PROSE if isinstance(node, ast.Call) else PROSE)
+
+
+def is_text(node):
+    """A text that is not empty, or several."""
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        return any(map(is_text, node.elts))
+    return isinstance(node, ast.Constant) and isinstance(node.value, str) and bool(node.value)
+
+
+def branches(tree, words):
+    """(function, line, code) of everything that takes words apart or compares them with a text."""
+    within = {}
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef):
+            within |= dict.fromkeys(ast.walk(function), function.name)
+    for node in ast.walk(tree):
+        found = False
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in CUTS:
+            found = is_prose(node.func.value, words)
+        elif isinstance(node, ast.Call) and name_of(node.func) in ("match", "search", "fullmatch", "findall"):
+            found = any(is_prose(given, words) for given in node.args[1:])
+        elif isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            kinds = (ast.In, ast.NotIn, ast.Eq, ast.NotEq)
+            found = any(isinstance(op, kinds) for op in node.ops) and (
+                any(is_prose(side, words) for side in sides) and any(map(is_text, sides))
+            )
+        elif isinstance(node, ast.Match):
+            found = is_prose(node.subject, words)
+        if found:
+            yield within.get(node, ""), node.lineno, ast.unparse(node)
+
+
+def test_nothing_is_decided_by_the_words_of_a_sentence():
+    words = returns_words()
+    found = {
+        f"{name}:{function}": f"{name}:{line}: {code}"
+        for name, tree in ROOMS.items()
+        for function, line, code in branches(tree, words)
+    }
+    assert not {place: code for place, code in found.items() if place not in REVIEWED}
+    assert set(REVIEWED) <= set(found), "reviewed places that are no more"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        'found.reason.startswith("violated")',
+        'wrong.startswith("undecided")',
+        'said.partition("a pole of the nominal loop ")[2]',
+        '"unstable" in report.reason',
+        "claim.startswith(start)",
+        'report.verdict == "robust"',
+        'proof.verdict not in ("proved", "refuted")',
+        'str(found).split(":")',
+        'reasons[0].endswith("boundary")',
+        're.match("violated", certificate.reason)',
+    ],
+)
+def test_the_check_sees_each_kind_of_branch(code):
+    assert list(branches(ast.parse(code), set()))
+
+
+@pytest.mark.parametrize("code", ["if not reason: pass", 'reason == ""', "f'{reason}'.upper()", "path.split('/')"])
+def test_the_check_leaves_be_what_is_no_branch_on_words(code):
+    assert not list(branches(ast.parse(code), set()))
