@@ -29,6 +29,7 @@ from robust.analysis.loop_level import find_state
 
 LEVELS = (0.1, 0.3, 1.0, 3.0, 10.0)  # rms of the force, in the experiment and at the loop [N]
 FAMILY = (0.3, 1.0, 3.0)  # from 0.1 to 10 N the set is so wide that no loop is called robust on it
+EXPERIMENTS = (*[(rms,) for rms in LEVELS], FAMILY)
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # of the reference [m]
 BAND = {"fs": 4096, "n_samples": 16384, "f_min": 1.25, "f_max": 250}
 CROSSOVERS, GAINS = (5.0, 10.0, 20.0, 40.0, 80.0, 120.0), (0.25, 0.5, 1.0, 2.0)  # [Hz], and factors on each design
@@ -119,11 +120,11 @@ def run_loops(
     noise = np.random.default_rng(seed).standard_normal(MOVED)
     force = np.pad(noise / noise.std(), (0, ALONE))
     # the prediction is linear in the size of a signal: once for each loop
-    units = {"noise": {"disturbance": robust.NoiseSignal(1.0)}, "step": {"reference": robust.StepSignal(1.0)}}
-    predicted = {
-        kind: [robust.predict_level(model, K, robust.LoopSignals(**unit)) for K in loops]
-        for kind, unit in units.items()
+    units = {
+        "noise": robust.LoopSignals(disturbance=robust.NoiseSignal(1.0)),
+        "step": robust.LoopSignals(reference=robust.StepSignal(1.0)),
     }
+    predicted = {kind: [robust.predict_level(model, K, unit) for K in loops] for kind, unit in units.items()}
     for kind, sizes in sizes_of.items():
         for size in sizes:
             r = np.full(n, size if kind == "step" else 0.0)
@@ -150,7 +151,7 @@ def true_level(response: nlfrf.LoopResponse, force: np.ndarray, kind: str) -> tu
 
 def study(
     seed: int,
-    experiments: tuple[tuple[float, ...], ...] = (*((rms,) for rms in LEVELS), FAMILY),
+    experiments: tuple[tuple[float, ...], ...] = EXPERIMENTS,
     noise: tuple[float, ...] = LEVELS,
     steps: tuple[float, ...] = STEPS,
 ) -> list[Run]:

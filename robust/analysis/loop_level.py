@@ -189,8 +189,8 @@ CONSEQUENCES = {
     "rest.",
     Consequence.LEAVES: "The set was not measured at this level, and its verdict says nothing of the machine there. "
     "Measure there too, and give all levels to uncertainty.",
-    Consequence.DISAGREES: "Input and output disagree, as the loop has another spectrum than the record had; friction "
-    "goes by the motion. Measure with the spectrum of the loop, or at levels that hold both.",
+    Consequence.DISAGREES: "Input and output disagree, as the loop has another spectrum than the record had: the set "
+    "was not measured at this level. Measure with the spectrum of the loop, or at levels that hold both.",
     Consequence.UNKNOWN: "The levels that were measured are not known, so nothing is said of them. Make the model "
     "anew from its records, or give them as bla.",
 }
