@@ -35,7 +35,7 @@ from robust.uncertain.evidence import rms_levels
 from robust.uncertain.forms import numerator
 from robust.uncertain.model import UncertaintyModel
 
-__all__ = ["LevelState", "LoopLevel", "SignalLevel", "find_state", "predict_level"]
+__all__ = ["LevelState", "LoopLevel", "SignalLevel", "find_state", "predict_level", "require_parametric"]
 
 
 #: Factor that a level may leave the measured ones by and still count as one of them: one record is a range of width
@@ -278,8 +278,7 @@ def predict_level(
     >>> bool(abs(level.y**2 - 1 / 4 * 100 / 102) < 1e-6), bool(level.y < level.y_worst)
     (True, True)
     """
-    if not isinstance(model, UncertaintyModel) or model.measured_only:
-        raise ValueError(f"model must be an UncertaintyModel with a parametric nominal, got {shown(model)}")
+    require_parametric(model)
     of_kind("signals", signals, LoopSignals)
     loop = assemble(model, K, None, delay)
     if not stable(loop.nominal):
@@ -304,14 +303,22 @@ def predict_level(
     )
 
 
+def require_parametric(model: Any) -> None:
+    """Refuse a plant whose loop has no response between lines, or more than one port."""
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError(
+            f"model must be an UncertaintyModel with a parametric nominal for its level in a loop, got {shown(model)}"
+        )
+
+
 def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
     """(2, 2) lowest and highest rms of u, and of y, over the records; nan where one of them does not tell."""
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.evidence]
     else:
-        blas = [bla] if isinstance(bla, Bla) else list(bla)
-        for one in blas:
-            of_kind("bla", one, Bla)
+        blas = [bla] if isinstance(bla, Bla) else list(bla) if isinstance(bla, Sequence) else []
+        if not blas or not all(isinstance(one, Bla) for one in blas):
+            raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
         levels = [rms_levels(one) for one in blas]
     if not levels:
         return np.full((2, 2), np.nan)

@@ -325,6 +325,10 @@ def test_signals_that_do_not_fit_the_loop(K, signals, message):
         (lambda: StepSignal(float("inf")), "height must be finite"),
         (lambda: SampledSignal(np.ones(1), 9.0), "samples must be at least two"),
         (lambda: robust.predict_level(LAG, 1.0, LoopSignals(noise=SineSignal(1, 1))), "model"),
+        (
+            lambda: robust.predict_level(plant_set(), 1.0, LoopSignals(noise=SineSignal(1, 1)), bla=[1]),
+            "bla must be an",
+        ),
         (lambda: robust.predict_level(plant_set(), 1.0, SineSignal(1.0, 1.0)), "signals must be of type LoopSignals"),
     ],
 )
