@@ -25,7 +25,7 @@ from nlfrf.shared.arguments import of_kind
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.analysis.curves import Curves
-from robust.analysis.loop import Loop, assemble
+from robust.analysis.loop import Loop, assemble, nominal_instability
 from robust.performance.loop_signals import Density, Lines, LoopSignals, Spectrum, Transient, find_spectrum
 from robust.performance.steps import simulate_samples, simulate_step
 from robust.systems.closed_loop import worst_sensitivity
@@ -281,8 +281,8 @@ def predict_level(
     require_parametric(model)
     of_kind("signals", signals, LoopSignals)
     loop = assemble(model, K, None, delay)
-    if not stable(loop.nominal):
-        raise ValueError("K must stabilise the nominal plant for its loop to have a level, got an unstable loop")
+    if wrong := nominal_instability(loop):
+        raise ValueError(f"K must stabilise the nominal plant for its loop to have a level, got one that is {wrong}")
     band = (float(model.omega[0]), float(model.omega[-1]))
     found = tuple(
         signal_level(name, find_spectrum(name, signal, loop.dt), loop, model.omega, band)
@@ -327,7 +327,7 @@ def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) ->
 
 def find_state(rms: float, low: float, high: float) -> LevelState:
     """Where a level lies against the lowest and the highest measured."""
-    if not np.isfinite([rms, low, high]).all():
+    if np.isnan([rms, low, high]).any():
         return LevelState.UNKNOWN
     if rms > high * NEAR:
         return LevelState.ABOVE
@@ -466,6 +466,8 @@ def integrate(of: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> np.n
 def transient_level(name: str, spectrum: Transient, loop: Loop) -> dict[str, float]:
     """Rms of plant input and output of the nominal loop in a transient from rest."""
     system = closed_to_plant(loop, name)
+    if not stable(system):  # the approximation of a delay, in a loop that is stable with the delay itself
+        return {"u": float("nan"), "y": float("nan")}
     if spectrum.samples is None:
         _, out = simulate_step(system)
         swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)

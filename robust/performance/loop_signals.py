@@ -291,7 +291,9 @@ def find_spectrum(name: str, signal: Any, dt: float) -> Spectrum:
             )
         return periodic_lines(signal) if signal.periodic else Transient(samples=signal.samples, fs=float(signal.fs))
     if isinstance(signal, SineSignal):
-        return below_nyquist(name, Lines(omega=np.array([signal.omega]), power=np.array([signal.amplitude**2 / 2])), dt)
+        return below_nyquist(
+            name, Lines(omega=np.array([signal.omega]), power=np.array([signal.amplitude * signal.amplitude / 2])), dt
+        )
     if isinstance(signal, Multisine):
         return below_nyquist(name, Lines(omega=2 * np.pi * signal.f, power=signal.amplitude**2 / 2), dt)
     if isinstance(signal, NoiseSignal):
@@ -324,15 +326,15 @@ def band_density(name: str, signal: NoiseSignal, dt: float) -> Density:
     if np.isnan(high):
         if not dt:
             raise ValueError(
-                f"{name} must have an omega_max in a continuous loop, got none: white noise has no finite rms"
+                f"{name} must end at a frequency (omega_max) in a continuous loop, got none: its rms is infinite"
             )
         high = np.pi / dt
-    if dt and high * dt > np.pi * (1 + 1e-9):
+    if dt and max(high * dt, signal.omega_min * dt * (1 + 1e-6)) > np.pi * (1 + 1e-9):
         raise ValueError(
-            f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s, got omega_max "
-            f"{high:g} rad/s"
+            f"{name} must lie below the Nyquist frequency of the controller, {np.pi / dt:g} rad/s, got a band up to "
+            f"{max(high, signal.omega_min):g} rad/s"
         )
-    density = signal.rms**2 / (high - signal.omega_min)
+    density = signal.rms * signal.rms / (high - signal.omega_min)
     return Density(
         of=lambda omega: np.full(np.shape(omega), density),
         low=signal.omega_min,

@@ -262,6 +262,14 @@ def test_states_against_the_measured_levels():
     assert "inf times below" in str(still)
 
 
+def test_numbers_out_of_all_proportion_are_above():
+    bla = nlfrf.identify(record_of(1, 1, 0.1))
+    model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
+    for signal in (SineSignal(1e300, 20.0), NoiseSignal(1e300, 2 * np.pi, 2 * np.pi * 60)):
+        level = level_of(model, 0.1, disturbance=signal)
+        assert (level.u_state, level.y_state) == (ABOVE, ABOVE)
+
+
 def test_what_is_not_known_is_said_so(tmp_path):
     bla = nlfrf.identify(record_of(1, 1, 0.1))
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=2))
@@ -291,7 +299,7 @@ def test_power_outside_the_measured_band_is_named():
     ("K", "signals", "message"),
     [
         (-2.0, {"noise": SineSignal(1.0, 1.0)}, "K must stabilise"),
-        (1.0, {"noise": NoiseSignal(1.0)}, "noise must have an omega_max"),
+        (1.0, {"noise": NoiseSignal(1.0)}, "noise must end at a frequency"),
         (1.0, {"noise": control.tf([1, 1], [1, 2])}, "noise must be shaped by a strictly proper system"),
         (control.tf([1], [1], 0.1), {"noise": SineSignal(1.0, 40.0)}, "noise must lie below the Nyquist frequency"),
         (control.tf([1], [1], 0.1), {"noise": NoiseSignal(1.0, 0.0, 40.0)}, "noise must lie below the Nyquist"),
