@@ -189,18 +189,49 @@ def quantiles(ratios: list[float]) -> str:
     return f"{middle:.2f} ({low:.2f} to {high:.2f})"
 
 
-def state_table(runs: list[Run], kind: str, *, one_level: bool) -> list[str]:
+def predicted_place(run: Run) -> robust.LevelState:
+    """Above where input or output is; inside where both are; else below."""
+    states = {run.u_state, run.y_state}
+    if robust.LevelState.ABOVE in states:
+        return robust.LevelState.ABOVE
+    return robust.LevelState.INSIDE if states == {robust.LevelState.INSIDE} else robust.LevelState.BELOW
+
+
+def state_table(runs: list[Run], kind: str) -> list[str]:
     """The words of the prediction: how many behave, and true over predicted rms of those that do not run away."""
-    chosen = [run for run in runs if run.kind == kind and (len(run.experiment) == 1) == one_level]
-    rows = ["| u | y | behave | cycle | run away | as predicted | true over predicted u | y |", "|---" * 8 + "|"]
-    for states in sorted({(run.u_state.value, run.y_state.value) for run in chosen}):
-        here = [run for run in chosen if (run.u_state.value, run.y_state.value) == states]
-        count = Counter(run.outcome for run in here)
-        rows.append(
-            f"| {states[0]} | {states[1]} | {sum(run.behaves for run in here)} of {len(here)} | "
-            f"{count[Outcome.CYCLES]} | {count[Outcome.RUNS_AWAY]} | {sum(run.as_predicted for run in here)} | "
-            f"{quantiles([run.true_u / run.u for run in here])} | {quantiles([run.true_y / run.y for run in here])} |"
-        )
+    rows = [
+        "| identified at | predicted | behave | cycle | run away | motion as predicted | true over predicted motion |",
+        "|---" * 7 + "|",
+    ]
+    for several in (False, True):
+        for place in (robust.LevelState.INSIDE, robust.LevelState.BELOW, robust.LevelState.ABOVE):
+            here = [
+                run
+                for run in runs
+                if (run.kind, len(run.experiment) > 1, predicted_place(run)) == (kind, several, place)
+            ]
+            if not here:
+                continue
+            count = Counter(run.outcome for run in here)
+            rows.append(
+                f"| {'three levels' if several else 'one level'} | {place.value} | "
+                f"{sum(run.behaves for run in here)} of {len(here)} | {count[Outcome.CYCLES]} | "
+                f"{count[Outcome.RUNS_AWAY]} | {100 * np.mean([run.as_predicted for run in here]):.0f} % | "
+                f"{quantiles([run.true_y / run.y for run in here])} |"
+            )
+    return rows
+
+
+def bound_table(runs: list[Run]) -> list[str]:
+    """How often the true motion stays under its bound over the set, where that is finite and no loop ran away."""
+    rows = ["| predicted | under the bound over the set |", "|---|---|"]
+    for place in (robust.LevelState.INSIDE, robust.LevelState.BELOW, robust.LevelState.ABOVE):
+        here = [
+            run.true_y <= run.y_worst
+            for run in runs
+            if predicted_place(run) is place and np.isfinite([run.y_worst, run.true_y]).all()
+        ]
+        rows.append(f"| {place.value} | {sum(here)} of {len(here)} |")
     return rows
 
 
@@ -218,14 +249,10 @@ def main() -> None:
     for kind, what in (("noise", "noise of force [N rms]"), ("step", "a step of the reference [m]")):
         print(f"\nbehave after {what}")
         print("\n".join(behaves_table(runs, kind)))
-        for one_level, name in ((True, "one level"), (False, "three levels")):
-            print(f"\npredicted level, {what}, identified at {name}")
-            print("\n".join(state_table(runs, kind, one_level=one_level)))
-    bounded = [run for run in runs if np.isfinite(run.y_worst) and np.isfinite(run.true_y)]
-    inside = [run for run in bounded if run.y_state is robust.LevelState.INSIDE and run.behaves]
-    for name, some in (("all", bounded), ("inside and behaving", inside)):
-        held = sum(run.true_y <= run.y_worst for run in some)
-        print(f"\ntrue rms of y under its bound over the set, {name}: {held} of {len(some)}")
+        print(f"\nwhat the predicted level said, {what}")
+        print("\n".join(state_table(runs, kind)))
+    print("\nmotion under noise of force, of loops that did not run away")
+    print("\n".join(bound_table(runs)))
 
 
 if __name__ == "__main__":

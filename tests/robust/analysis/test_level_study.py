@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from benchmarks.level_of_loop import Outcome, behaves_table, judge, state_table, study
+from benchmarks.level_of_loop import Outcome, behaves_table, bound_table, judge, state_table, study
 from robust import LevelState
 
 
@@ -19,7 +19,8 @@ def test_a_seed_of_the_study():
     assert broken
     assert all(run.u_state is LevelState.ABOVE and run.y_state is LevelState.ABOVE for run in broken)
     assert behaves_table(runs, "noise")[2].startswith(f"| 0.1 N | {len(here)} of {len(here)} |")
-    assert any("| above | above |" in row for row in state_table(runs, "noise", one_level=True))
+    assert any(row.startswith("| one level | above |") for row in state_table(runs, "noise"))
+    assert bound_table(runs)[2].split("|")[1].strip() == "inside"
     t = np.arange(7500) / 1000
     for v, outcome in (
         (np.sin(300 * t) * 1e-3, Outcome.CYCLES),
