@@ -10,6 +10,7 @@ from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
+from robust.analysis.loop_level import LoopLevel
 from robust.analysis.verdict import factor, judged
 from robust.certificates.certificate import Certificate
 from robust.performance.classical import ClassicalMargins, classical_margins
@@ -72,6 +73,8 @@ class RobustnessReport:
         Unit of the plant, y over u, where it is known.
     probability : str
         With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
+    level : LoopLevel or None
+        At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
 
     References
     ----------
@@ -122,6 +125,7 @@ class RobustnessReport:
     band: Any = None
     unit: str = ""
     probability: str = ""
+    level: LoopLevel | None = None
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -194,6 +198,8 @@ class RobustnessReport:
             )
         if self.nominally_stable:
             lines += paragraph("loop gain", str(self.classical))
+        if self.level is not None:
+            lines += paragraph("level", str(self.level))
         lines += paragraph("next", self.advice)
         lines += paragraph("loop", self.context)
         return "\n".join(lines)
