@@ -11,6 +11,10 @@ from .analysis.family import LoopFamily as LoopFamily
 from .analysis.family import sample_loops as sample_loops
 from .analysis.gap import ncf_margin as ncf_margin
 from .analysis.gap import nu_gap as nu_gap
+from .analysis.loop_level import LevelState as LevelState
+from .analysis.loop_level import LoopLevel as LoopLevel
+from .analysis.loop_level import SignalLevel as SignalLevel
+from .analysis.loop_level import predict_level as predict_level
 from .analysis.report import RobustnessReport as RobustnessReport
 from .analysis.worst_case import WorstCase as WorstCase
 from .analysis.worst_case import worst_case as worst_case
@@ -84,6 +88,11 @@ from .mu.upper import mu_upper as mu_upper
 from .performance.classical import ClassicalMargins as ClassicalMargins
 from .performance.loop_gains import LoopGains as LoopGains
 from .performance.loop_gains import loop_gains as loop_gains
+from .performance.loop_signals import LoopSignals as LoopSignals
+from .performance.loop_signals import NoiseSignal as NoiseSignal
+from .performance.loop_signals import SampledSignal as SampledSignal
+from .performance.loop_signals import SineSignal as SineSignal
+from .performance.loop_signals import StepSignal as StepSignal
 from .performance.steps import StepResponse as StepResponse
 from .performance.steps import step_response as step_response
 

@@ -16,7 +16,15 @@ from nlfrf.shared.command import Json, Version, end, number, run, speaker, worki
 from nlfrf.shared.whole_files import write_text
 from robust.files.friction_files import class_from_files, linear_part_tested, prove_all, save_proofs
 from robust.files.pid_gains import told_gains
-from robust.reports.command import check_pictures, demanded, hand_over, measured, model_of_one, model_pictures
+from robust.reports.command import (
+    check_pictures,
+    demanded,
+    hand_over,
+    measured,
+    model_of_one,
+    model_pictures,
+    named_signals,
+)
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
 
@@ -34,6 +42,16 @@ OPTIONS = dict(
 BLAS = (".npz", ".h5", ".hdf5")
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 Picture = Annotated[Path | None, typer.Option(help="Picture to write (.png, .pdf, .svg).")]
+#: What acts on a loop, from which the level is predicted at which it moves the machine.
+StepHeight = Annotated[float | None, typer.Option("--reference-step", help="Level: height of a step of the reference.")]
+DisturbanceRms = Annotated[
+    float | None, typer.Option("--disturbance", help="Level: rms of white noise at the plant input.")
+]
+NoiseRms = Annotated[float | None, typer.Option("--noise", help="Level: rms of white noise of the sensor.")]
+NoiseBand = Annotated[
+    float | None,
+    typer.Option("--up-to", help="Level: highest frequency of that noise [Hz]; needed in a continuous loop."),
+]
 
 
 @app.callback()
@@ -172,6 +190,10 @@ def check(
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
     no_certify: Annotated[bool, typer.Option("--no-certify", help="Look at a grid only; proves nothing.")] = False,
     solver: Annotated[str, typer.Option(help="CLARABEL or SCS.")] = "CLARABEL",
+    reference_step: StepHeight = None,
+    disturbance: DisturbanceRms = None,
+    noise: NoiseRms = None,
+    up_to: NoiseBand = None,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="Report to write (.txt); its certificate comes beside it.")
     ] = None,
@@ -187,11 +209,13 @@ def check(
     if len({path.stem for path in controller}) < len(controller):
         raise ValueError(f"controller must be files of different names, got {', '.join(map(str, controller))}")
     plant, say, reports = robust.load_model(model), speaker(json), {}
-    w_P = demanded(plant, bandwidth, peak, error)
+    w_P, signals = demanded(plant, bandwidth, peak, error), named_signals(reference_step, disturbance, noise, up_to)
     for path in controller:
         K = robust.load_controller(path)
         with working("checking"):
-            report = robust.check(plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver)
+            report = robust.check(
+                plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver, signals=signals
+            )
         several, gains = len(controller) > 1, told_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
         if out is not None:
@@ -327,6 +351,10 @@ def report(
     force: Annotated[
         float | None, typer.Option(help="Largest friction force [N], for the kick it runs away from.")
     ] = None,
+    reference_step: StepHeight = None,
+    disturbance: DisturbanceRms = None,
+    noise: NoiseRms = None,
+    up_to: NoiseBand = None,
     title: Annotated[str, typer.Option(help="Heading of the report.")] = "Controller report",
     notes: Annotated[str, typer.Option(help="What else its reader should know.")] = "",
 ) -> None:
@@ -349,6 +377,7 @@ def report(
             w_P=w_P,
             delay=delay,
             friction=proof,
+            signals=named_signals(reference_step, disturbance, noise, up_to),
             title=title,
             notes=notes,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import is_dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ def plain(thing: Any, most: float = np.inf) -> Any:
     """The same as dictionaries, lists, texts and numbers; systems as their matrices, all else in its own words."""
     if thing is None or isinstance(thing, str | bool | int):
         return thing
+    if isinstance(thing, Enum):
+        return plain(thing.value, most)
     if isinstance(thing, np.generic):
         return plain(thing.item(), most)
     if isinstance(thing, float):

@@ -13,5 +13,6 @@ verdict          what was found, in words: verdict, reason, advice, what is prov
 worst_case       the one plant of the set that hurts most, to replay
 family           loops around random plants of the set, to look at
 disk_margin      gain and phase at once, in all channels at once
+loop_level       predict at which level a loop moves the machine, and compare that with the measured levels
 gap              the distance between plants (nu-gap), and the margin of a loop for it
 """

@@ -30,10 +30,12 @@ from robust.analysis.claims import claim_of
 from robust.analysis.curves import Peaks
 from robust.analysis.disk_margin import disk_margins
 from robust.analysis.loop import Loop, assemble, find_peaks, nominal_instability
+from robust.analysis.loop_level import predict_level, require_parametric
 from robust.analysis.proofs import prove_set
 from robust.analysis.report import RobustnessReport, fill_report
 from robust.analysis.verdict import folding_sentence, on_set, on_unstable, probability_of
 from robust.certificates.solver import SOLVERS
+from robust.performance.loop_signals import LoopSignals
 from robust.systems.grids import reaching
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.measured import warn_of_unknown_hold
@@ -65,6 +67,7 @@ def check(
     certify: bool = ...,
     solver: str = ...,
     n_unstable: int = ...,
+    signals: LoopSignals | None = ...,
 ) -> RobustnessReport: ...
 
 
@@ -77,6 +80,7 @@ def check(
     certify: bool = True,
     solver: str = "CLARABEL",
     n_unstable: int = 0,
+    signals: LoopSignals | None = None,
 ) -> RobustnessReport | StructuredReport:
     """Check a controller against a model with uncertainty, and say what was proved.
 
@@ -99,6 +103,9 @@ def check(
         "CLARABEL" or "SCS", for the bounded-real certificate.
     n_unstable : int
         Unstable open-loop poles of an FRF, for the winding number.
+    signals : LoopSignals, optional
+        Reference, disturbance and noise, from which the report predicts the level at which the loop moves the machine,
+        as `predict_level` does; of an UncertaintyModel with a parametric nominal.
 
     Returns
     -------
@@ -108,7 +115,8 @@ def check(
     Raises
     ------
     ValueError
-        Parts that do not fit each other: sampling times, an unstable w_P, a loop without a solution.
+        Parts that do not fit each other: sampling times, an unstable w_P, a loop without a solution, signals that do
+        not fit the loop or the model.
 
     References
     ----------
@@ -125,6 +133,8 @@ def check(
     ('robust', True)
     """
     one_of("solver", solver, SOLVERS)
+    if signals is not None:
+        require_parametric(model)
     if isinstance(model, MatrixUncertainty):
         return check_matrix(model, K, w_P, delay, certify)
     if isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False):
@@ -142,6 +152,8 @@ def check(
     if not nominal.stable:
         return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, nominal), stable=False, **of)
     curves = loop.curves(reaching(omega, loop.top))
+    if signals is not None:
+        of["level"] = predict_level(model, K, signals, delay=delay)
     peaks = find_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
     curves = curves.joined(loop.curves(places[~np.isnan(places)])).between(omega[0], omega[-1])

@@ -10,6 +10,7 @@ from nlfrf.shared.cards import Sketch
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
+from robust.analysis.loop_level import LoopLevel
 from robust.analysis.verdict import factor, judged
 from robust.certificates.certificate import Certificate
 from robust.performance.classical import ClassicalMargins, classical_margins
@@ -75,6 +76,8 @@ class RobustnessReport:
         With which probability the set holds a line, and all lines, of another realisation; empty where none is claimed.
     folding : str
         Of a set of continuous plants under a sampled controller: what rs is made of where it is largest.
+    level : LoopLevel or None
+        At which level the loop moves the machine, where the signals in it were named and the nominal loop is stable.
 
     References
     ----------
@@ -126,6 +129,7 @@ class RobustnessReport:
     unit: str = ""
     probability: str = ""
     folding: str = ""
+    level: LoopLevel | None = None
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -204,6 +208,8 @@ class RobustnessReport:
             )
         if self.nominally_stable:
             lines += paragraph("loop gain", str(self.classical))
+        if self.level is not None:
+            lines += paragraph("level", str(self.level))
         lines += paragraph("next", self.advice)
         lines += paragraph("loop", self.context)
         return "\n".join(lines)

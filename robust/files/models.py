@@ -44,6 +44,7 @@ __all__ = [
 
 MODEL_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-controller"
 EVIDENCE = tuple(field.name for field in fields(Evidence))
+LEVELS = ("rms_u", "rms_y")
 
 
 def save_model(model: UncertaintyModel | MatrixUncertainty, path: PathLike) -> None:
@@ -246,9 +247,11 @@ def controller(name: str, K: Any) -> control.StateSpace:
 
 def decoded_evidence(content: dict[str, Any]) -> Evidence:
     """What a model remembers of a record."""
-    parts = {part: decoded(content[part]) for part in EVIDENCE}
+    numbers = {part: float(decoded(content.get(part))) for part in LEVELS}  # files of before do not say
+    numbers["confirmed"] = float(decoded(content["confirmed"]))
+    parts = {part: decoded(content[part]) for part in EVIDENCE if part not in numbers}
     pairs = parts["G"].reshape(-1, 2)
-    return Evidence(**(parts | {"G": pairs[:, 0] + 1j * pairs[:, 1], "confirmed": float(parts["confirmed"])}))
+    return Evidence(**(parts | numbers | {"G": pairs[:, 0] + 1j * pairs[:, 1]}))
 
 
 def holds_model(path: PathLike) -> bool:

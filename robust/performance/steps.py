@@ -16,7 +16,7 @@ from robust.systems.realisation import state_space
 from robust.systems.sampling import delayed, sampled
 from robust.systems.stability import stable
 
-__all__ = ["StepResponse", "step_response"]
+__all__ = ["StepResponse", "simulate_samples", "simulate_step", "step_response"]
 
 
 DELAY_ORDER = 8
@@ -122,16 +122,34 @@ def step_response(plant: Any, K: Any, *, delay: float = 0.0, duration: float | N
     if not stable(loop):
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
     final = float(evaluate(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, 0, 0].real)
+    t, out = simulate_step(loop, None if duration is None else positive("duration", duration))
+    return judged(t, out[0], out[1], final, cut=duration is None)
+
+
+def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and (outputs, n) of a stable system of one input after a unit step, until it has settled."""
+    A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
     s = in_s(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
-    horizon = positive("duration", duration) if duration is not None else 8 / slow if slow < np.inf else 10 * dt
+    horizon = duration if duration is not None else 8 / slow if slow < np.inf else 10 * dt
     if dt:
         t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, LONGEST))) * dt
         x = states(A, B, np.zeros(A.shape[0]), t.size)
     else:
         t, x = in_growing_steps(A, B, 1 / (FINE * fast) if fast else 1.0, horizon)
-    out = C @ x + D
-    return judged(t, out[0], out[1], final, cut=duration is None)
+    return t, C @ x + D
+
+
+def simulate_samples(system: control.StateSpace, samples: np.ndarray, fs: float) -> np.ndarray:
+    """(outputs, n) of a system of one input that rests before the samples at fs [Hz], each held until the next."""
+    A, B, C, D = system.A, system.B, system.C, system.D
+    if not timebase(system):
+        A, B = held(A, B, 1 / fs)
+    x, out = np.zeros(A.shape[0]), np.empty((C.shape[0], samples.size))
+    for k, sample in enumerate(samples):
+        out[:, k] = C @ x + D[:, 0] * sample
+        x = A @ x + B[:, 0] * sample
+    return out
 
 
 def in_growing_steps(A: np.ndarray, B: np.ndarray, step: float, horizon: float) -> tuple[np.ndarray, np.ndarray]:

@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 
 import nlfrf
+from nlfrf.shared.arguments import nonnegative, positive
 from nlfrf.shared.command import working
 from nlfrf.shared.whole_files import write_text
 from robust.files.certificates import save_certificate, verify_certificate
 from robust.files.models import load_model
 from robust.modelling.weight_formulas import performance_weight
 from robust.performance.loop_gains import loop_gains
+from robust.performance.loop_signals import LoopSignals, NoiseSignal, StepSignal
 from robust.systems.sampling import discretize
 from robust.uncertain.matrix_model import MatrixUncertainty
 
-__all__ = ["check_pictures", "demanded", "hand_over", "measured", "model_of_one", "model_pictures"]
+__all__ = ["check_pictures", "demanded", "hand_over", "measured", "model_of_one", "model_pictures", "named_signals"]
 
 
 Pictures = list[tuple[Callable[..., Any], Any]]
@@ -50,6 +52,18 @@ def demanded(model: Any, bandwidth: float | None, peak: float, error: float) -> 
         return None
     w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
     return discretize(w_P, model.nominal.dt) if isinstance(model, MatrixUncertainty) and model.nominal.dt else w_P
+
+
+def named_signals(
+    step: float | None, disturbance: float | None, noise: float | None, up_to: float | None
+) -> LoopSignals | None:
+    """What the options name as acting on a loop: a height, two rms, the end of a band [Hz]; None where none is."""
+    end = float("nan") if up_to is None else 2 * np.pi * positive("up-to", up_to)
+    signals: dict[str, Any] = {} if step is None else {"reference": StepSignal(step)}
+    for name, rms in (("disturbance", disturbance), ("noise", noise)):
+        if rms is not None:
+            signals[name] = NoiseSignal(nonnegative(name, rms), omega_max=end)
+    return LoopSignals(**signals) if signals else None
 
 
 def model_pictures(model: Any, blas: Any) -> Pictures:

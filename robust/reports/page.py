@@ -19,10 +19,12 @@ from nlfrf.shared.whole_files import path_of, write_text
 from nlfrf.shared.wording import shown
 from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
+from robust.analysis.loop_level import require_parametric
 from robust.analysis.report import RobustnessReport
 from robust.analysis.verdict import VERDICTS
 from robust.friction_proof.proof import FrictionProof
 from robust.modelling.nominal import NominalFit
+from robust.performance.loop_signals import LoopSignals
 from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
 from robust.reports.matrix import matrix_sections
 from robust.reports.same_loop import refuse_another, refuse_another_matrix
@@ -47,6 +49,7 @@ def write_report(
     delay: float = 0.0,
     report: Any = None,
     friction: FrictionProof | None = None,
+    signals: LoopSignals | None = None,
     title: str = "Controller report",
     notes: str = "",
 ) -> Any:
@@ -75,6 +78,8 @@ def write_report(
         not given.
     friction : FrictionProof, optional
         What `prove_friction` said of the same controller: told beside the verdict of the check.
+    signals : LoopSignals, optional
+        What acts on the loop, as in `check`, where the check is done here; a report that is handed over has its own.
     title, notes : str
         Heading, and what else the reader should know.
 
@@ -110,6 +115,8 @@ def write_report(
     if isinstance(model, MatrixUncertainty):
         if delay or friction is not None:
             raise ValueError("delay and friction must be left out for a MatrixUncertainty: a delay is in its nominal")
+        if signals is not None:
+            require_parametric(model)
         return matrix_report(path, model, K, several(bla), several(record), nominal, w_P, report, title, notes)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {shown(model)}")
@@ -119,7 +126,9 @@ def write_report(
     refuse_others("nominal", several(nominal), NominalFit)
     blas = several(bla) or [nlfrf.identify(one) for one in records]
     if report is None:
-        report = check(model, K, w_P=w_P, delay=delay)
+        report = check(model, K, w_P=w_P, delay=delay, signals=signals)
+    elif signals is not None:
+        raise ValueError("signals must be given to the check whose report is handed over, got both here")
     else:
         refuse_another(report, model, K, w_P, delay)
     if not (friction is None or isinstance(friction, FrictionProof)):

@@ -42,6 +42,7 @@ def verdict_section(report: RobustnessReport) -> Section:
             ("margins", margins_text(report)),
             ("proved", report.proved),
             ("not proved", report.not_proved),
+            *([] if report.level is None else [("level of the loop", str(report.level))]),
             ("what to do next", report.advice),
         ),
     )

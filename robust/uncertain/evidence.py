@@ -16,6 +16,7 @@ __all__ = [
     "averaged",
     "evidence_of",
     "matrix_evidence_of",
+    "rms_levels",
 ]
 
 
@@ -42,6 +43,9 @@ class Evidence:
         Variance of the FRF of one realisation about the BLA by distortion, noise left out.
     confirmed : float
         How far the roughness of G confirms the level: variance over that behind `Bla.bound`, as a median.
+    rms_u, rms_y : float
+        Rms of the input and of the output on the excited lines [unit of u, unit of y]: the level at which G holds. nan
+        where it is not known, as in files of 0.1.0.
 
     Notes
     -----
@@ -64,6 +68,8 @@ class Evidence:
     variance: np.ndarray
     scatter: np.ndarray
     confirmed: float
+    rms_u: float = float("nan")
+    rms_y: float = float("nan")
 
 
 @value
@@ -104,21 +110,44 @@ def matrix_evidence_of(frm: Frm) -> MatrixEvidence:
     return MatrixEvidence(omega=frm.omega, G=G, C=C, gamma=gamma, dof=np.minimum(frm.dof, 1e6))
 
 
-def evidence_of(bla: Bla) -> Evidence:
-    """What a record says of its lines."""
+def evidence_of(bla: Bla, recorded: Bla | None = None) -> Evidence:
+    """What a record says of its lines.
+
+    recorded : the same before a hold was put into G, from which the level of the input is computed; bla when not given.
+    """
     # relative to |G|, as a level follows it across a resonance; but not where G itself is below its scatter
     size = np.maximum(np.abs(bla.G) ** 2 + bla.var_bound, np.finfo(float).tiny ** 0.5)
     level, rough = averaged(bla.var_bound / size), averaged(bla.roughness() / size)
     ratio = np.divide(rough, level, out=np.ones(level.size), where=level > 0)
     share = np.minimum(np.where(np.isfinite(ratio), ratio, 1.0), 1.0)
     variance = level * share * size
+    rms_u, rms_y = rms_levels(bla if recorded is None else recorded)
     return Evidence(
         omega=bla.omega,
         G=bla.G,
         variance=variance,
         scatter=bla.n_realizations * bla.distorted_share() * variance,
         confirmed=float(np.median(share)),
+        rms_u=rms_u,
+        rms_y=rms_y,
     )
+
+
+def rms_levels(bla: Bla) -> tuple[float, float]:
+    """Rms of input and output on the excited lines, mean power over realisations; nan where the output is not known.
+
+    A Bla keeps Y and not U. Realisations have one amplitude |U|, so that the mean of |Y / U|^2 is |G|^2 + (M - 1) times
+    the variance of their mean. Of noise, the coherence is the share of |Y|^2 that G U makes.
+    """
+    Y = bla.levels.excited
+    if Y.shape[-1] != bla.f.size:
+        return float("nan"), float("nan")
+    power_y = np.mean(np.abs(Y) ** 2, axis=0) / 2
+    linear = np.where(np.isfinite(bla.coherence), bla.coherence, 1.0)
+    gain = np.abs(bla.G) ** 2 + (bla.n_realizations - 1) * bla.var_total
+    # a line without any response does not tell its input
+    power_u = np.divide(power_y * linear, gain, out=np.zeros(gain.size), where=gain > 0)
+    return float(np.sqrt(power_u.sum())), float(np.sqrt(power_y.sum()))
 
 
 def averaged(x: np.ndarray) -> np.ndarray:

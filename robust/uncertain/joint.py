@@ -33,9 +33,12 @@ LEAST_DRAWS = 400
 FOLLOWS = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
 
 
-def known_jointly(model: Any, blas: list[Bla]) -> Any:
-    """The model with what it remembers of its records, and the joint probabilities: of several levels the least."""
-    evidence = tuple(evidence_of(bla) for bla in blas)
+def known_jointly(model: Any, blas: list[Bla], recorded: list[Bla] | None = None) -> Any:
+    """The model with what it remembers of its records, and the joint probabilities: of several levels the least.
+
+    recorded : the same before the hold of the model was put into them; blas when not given.
+    """
+    evidence = tuple(evidence_of(bla, one) for bla, one in zip(blas, recorded or blas, strict=True))
     found = [
         chance(model, one, misfit(bla, nominal_response(model.nominal, bla.omega)))
         for one, bla in zip(evidence, blas, strict=True)

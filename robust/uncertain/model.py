@@ -95,7 +95,7 @@ class UncertaintyModel:
         Estimated probability that a whole FRF lies in the set, all its lines together: that of another realisation, and
         the BLA. Of several levels the least; nan where the set was not made of a record.
     evidence : tuple of Evidence
-        What is remembered of each record, for `validate`: its lines, FRF and scatter.
+        What is remembered of each record: its lines, FRF and scatter for `validate`, its level for `predict_level`.
 
     Raises
     ------
@@ -368,6 +368,7 @@ def uncertainty(
     nominal, delay, dt = as_nominal(nominal)
     if own := own_set(bla, nominal, row, (below, above), dt, asked | {"systematic": systematic}):
         return UncertaintyModel(nominal=nominal, form=form, delay=delay, **own)
+    recorded = many
     if not isinstance(nominal, control.FrequencyResponseData):
         many = [behind_hold(b, dt) for b in many]
     systematic = None if systematic is None else real("systematic", systematic)
@@ -397,4 +398,4 @@ def uncertainty(
         W1=W1,
         W2=W2,
     )
-    return known_jointly(made, many)
+    return known_jointly(made, many, recorded)

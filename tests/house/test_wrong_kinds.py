@@ -48,6 +48,7 @@ def things():
     sound |= {"n_con": 1, "frm": frm, "friction": robust.any_bounded(1.0), "mass": 1.0, "stiffness": 1e4, "K0": 1e5}
     sound |= {"machine": robust.sliding_machine(1.0, 1e4, 10.0), "records": [record], "delay": 0.01}
     sound |= {"v": np.zeros(10), "omega_bc": 10.0, "content": model, "gain": 2.0, "phase": 30.0, "kp": 1.0, "Fs": 1.0}
+    sound |= {"signals": robust.LoopSignals(disturbance=robust.SineSignal(0.1, 10.0))}
     sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record)}
     return sound, (object(), None, [object()], "nothing.here", several, multi, frm, nominal, record)
 

@@ -1,0 +1,486 @@
+"""Predict at which level a loop moves the machine, and compare that with the levels at which it was measured.
+
+    r --->(+)- e ->[ K ]--(+)--- u -->[ G ]--(+)--> y        from r and n:  u = K S r,  y = G K S r
+          -^               ^d                 |              from d:        u = S d,    y = G S d
+           +------------------------(+)<------+
+                                     ^n
+
+A best linear approximation holds at its level: a machine with friction that moves more slides more, one that moves
+less sticks. u is the whole plant input, as in the record; y is the plant output, without the noise of its sensor.
+Spectra go through the closed-loop gains of the nominal plant, and through the largest gain that any plant of the set
+has at each frequency. That is an upper bound for every plant of the set: none need be the worst at all frequencies.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf.shared.arguments import of_kind
+from nlfrf.shared.values import value
+from nlfrf.shared.wording import shown
+from robust.analysis.curves import Curves
+from robust.analysis.loop import Loop, assemble, nominal_instability
+from robust.performance.loop_signals import Density, Lines, LoopSignals, Spectrum, Transient, find_spectrum
+from robust.performance.steps import simulate_samples, simulate_step
+from robust.systems.closed_loop import worst_sensitivity
+from robust.systems.lti import finite
+from robust.systems.stability import stable
+from robust.uncertain.evidence import rms_levels
+from robust.uncertain.forms import numerator
+from robust.uncertain.model import UncertaintyModel
+
+__all__ = ["LevelState", "LoopLevel", "SignalLevel", "find_state", "predict_level", "require_parametric"]
+
+
+#: Factor that a level may leave the measured ones by and still count as one of them: one record is a range of width
+#: zero. A convention: between 0.1 and 2.5 N a factor of 1.5 moves the resonance of the built-in rig by 1 to 6 %.
+NEAR = 1.5
+#: A step as the sinusoid of the same swing: the friction of a swing is that of its amplitude (describing functions).
+RMS_OF_SWING = 1 / np.sqrt(8)
+#: Share of the power in the measured band from which on the rest is not worth a word.
+MOST_OF_IT = 0.5
+#: Relative accuracy of an integrated power, nodes of a panel, and how often a panel is halved.
+ACCURACY, NODES, HALVINGS = 1e-7, 5, 40
+
+
+class LevelState(enum.Enum):
+    """Where a predicted rms lies against the measured ones, with a factor of 1.5 left to either side.
+
+    Fields
+    ------
+    INSIDE, BELOW, ABOVE : among the levels measured, below all, above all.
+    UNKNOWN : no level was measured, or the record did not keep it.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4: a BLA holds for one class
+    of excitations.
+
+    Examples
+    --------
+    >>> LevelState("above") is LevelState.ABOVE
+    True
+    """
+
+    INSIDE = "inside"
+    BELOW = "below"
+    ABOVE = "above"
+    UNKNOWN = "unknown"
+
+
+@value
+class SignalLevel:
+    """What one signal of a loop does to the plant.
+
+    Fields
+    ------
+    name : str
+        "reference", "disturbance" or "noise".
+    u, y : float
+        Rms of the plant input and output by it, of the nominal loop [unit of u, unit of y]; means are left out. Of a
+        step that of the sinusoid with the same swing, of a record from rest that over its duration.
+    u_worst, y_worst : float
+        Upper bound of these over the set; inf where the set holds an unstable loop, nan of a transient.
+    u_in_band, y_in_band : float
+        Share of that power in the measured band; nan of a transient.
+
+    References
+    ----------
+    SP 2.2.1; K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 5.
+
+    Examples
+    --------
+    >>> from robust import LoopSignals, NoiseSignal, UncertaintyModel
+    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> level = predict_level(model, 1.0, LoopSignals(disturbance=NoiseSignal(1.0, omega_max=50.0)))
+    >>> [one.name for one in level.signals]
+    ['disturbance']
+    """
+
+    name: str
+    u: float
+    y: float
+    u_worst: float = float("nan")
+    y_worst: float = float("nan")
+    u_in_band: float = float("nan")
+    y_in_band: float = float("nan")
+
+
+@value
+class LoopLevel:
+    """The level at which a loop moves the machine, against the levels at which it was measured.
+
+    Fields
+    ------
+    signals : tuple of SignalLevel
+        Each signal by itself.
+    u, y : float
+        Rms of all of them together at plant input and output [unit of u, unit of y], as if independent.
+    u_worst, y_worst : float
+        Upper bound of these over the set; inf where the set holds an unstable loop, nan with a transient.
+    u_measured, y_measured : (2,) ndarray
+        Lowest and highest rms of the records behind the set; nan where not known.
+    u_state, y_state : LevelState
+        Where u and y lie against these.
+    unit : str
+        Unit of the plant, y over u, where it is known.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4.
+
+    Examples
+    --------
+    >>> from robust import LoopSignals, SineSignal, UncertaintyModel
+    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> level = predict_level(model, 1.0, LoopSignals(reference=SineSignal(1.0, 1.0)))
+    >>> round(2 * level.y**2, 6), level.y_state.value                        # |T|^2 = 1/(1 + 4)
+    (0.2, 'unknown')
+    """
+
+    signals: tuple[SignalLevel, ...]
+    u: float
+    y: float
+    u_worst: float
+    y_worst: float
+    u_measured: np.ndarray
+    y_measured: np.ndarray
+    u_state: LevelState
+    y_state: LevelState
+    unit: str = ""
+
+    @property
+    def inside(self) -> bool:
+        """Whether plant input and output both lie among the measured levels."""
+        return self.u_state is LevelState.INSIDE and self.y_state is LevelState.INSIDE
+
+    def share_in_band(self, name: str) -> float:
+        """Share of the power of "u" or "y" that lies in the measured band; nan with a transient, or without power."""
+        power = np.array([getattr(one, name) ** 2 for one in self.signals])
+        share = np.array([getattr(one, f"{name}_in_band") for one in self.signals])
+        total = power.sum()
+        return float(np.sum(power[power > 0] * share[power > 0]) / total) if total > 0 else float("nan")
+
+    def __str__(self) -> str:
+        top, _, bottom = self.unit.rpartition("/")
+        parts = [describe_rms(self, name, unit.removeprefix("1")) for name, unit in (("u", bottom), ("y", top))]
+        return f"{'; '.join(parts)}. {CONSEQUENCES[find_consequence(self.u_state, self.y_state)]}"
+
+
+class Consequence(enum.Enum):
+    """What the states of input and output mean together for the set."""
+
+    HOLDS = enum.auto()
+    LEAVES = enum.auto()
+    DISAGREES = enum.auto()
+    UNKNOWN = enum.auto()
+
+
+CONSEQUENCES = {
+    Consequence.HOLDS: "The set was measured at this level, not at those below it that the loop passes as it comes to "
+    "rest.",
+    Consequence.LEAVES: "The set was not measured at this level, and its verdict says nothing of the machine there. "
+    "Measure there too, and give all levels to uncertainty.",
+    Consequence.DISAGREES: "Input and output disagree, as the loop has another spectrum than the record had: the set "
+    "was not measured at this level. Measure with the spectrum of the loop, or at levels that hold both.",
+    Consequence.UNKNOWN: "The levels that were measured are not known, so nothing is said of them. Make the model "
+    "anew from its records, or give them as bla.",
+}
+
+
+def find_consequence(u: LevelState, y: LevelState) -> Consequence:
+    """What the states of input and output mean together."""
+    if LevelState.UNKNOWN in (u, y):
+        return Consequence.UNKNOWN
+    if u is not y:
+        return Consequence.DISAGREES
+    return Consequence.HOLDS if u is LevelState.INSIDE else Consequence.LEAVES
+
+
+def describe_rms(level: LoopLevel, name: str, unit: str) -> str:
+    """One end of the plant in words: predicted, measured, and how far apart."""
+    rms, worst, state = (getattr(level, f"{name}{part}") for part in ("", "_worst", "_state"))
+    low, high = getattr(level, f"{name}_measured")
+    text = f"{name} {' '.join([f'{rms:.3g}', *unit.split()])} rms"
+    if np.isfinite(worst):
+        text += f" (over the set at most {worst:.3g})"
+    if state is not LevelState.UNKNOWN:
+        measured = f"the measured {low:.3g}" + f" to {high:.3g}" * bool(high > low)
+        times = rms / high if state is LevelState.ABOVE else low / rms if rms > 0 else np.inf
+        far = "" if state is LevelState.INSIDE else f"{times:.3g} times "
+        text += f", {far}{state.value} {measured}"
+    share = level.share_in_band(name)
+    if share < MOST_OF_IT:
+        text += f", {100 * (1 - share):.0f} % of its power outside the measured band, where the plant is assumed"
+    return text
+
+
+def predict_level(
+    model: UncertaintyModel,
+    K: Any,
+    signals: LoopSignals,
+    *,
+    delay: float = 0.0,
+    bla: Bla | Sequence[Bla] | None = None,
+) -> LoopLevel:
+    """Predict the rms at plant input and output in closed loop, and whether the machine was measured at that level.
+
+    The prediction is that of the linear loop; its bound over the set leaves out what the set adds above the Nyquist
+    frequency of a sampled loop. Where it leaves the measured levels the machine has another best linear
+    approximation, and neither the prediction nor a verdict on the set holds there.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        The plant, with a parametric nominal.
+    K : control.StateSpace, TransferFunction or float
+        Controller, negative feedback u = K (r - y); a sampled one sees a continuous nominal behind its hold, and the
+        rms is then that at the sampling instants.
+    signals : LoopSignals
+        What acts on the loop.
+    delay : float
+        Computation delay [s] on top of what the model contains.
+    bla : nlfrf.Bla or list of them, optional
+        Records whose levels count as measured; those that the model remembers when not given.
+
+    Returns
+    -------
+    LoopLevel
+
+    Raises
+    ------
+    ValueError
+        A plant that is known on its lines only; a loop that is not stable, which has no level; signals that do not fit
+        the loop: its sampling time, lines above its Nyquist frequency, white noise that reaches u or y unfiltered.
+
+    References
+    ----------
+    SP 2.2.1 and 7.4; K. J. Åström, *Introduction to Stochastic Control Theory*, 1970, chapter 5 (the power of filtered
+    noise).
+
+    Examples
+    --------
+    White noise of intensity one at the input of 1/(s + 1) under K = 1: y has the variance 1/(2 (1 + 1)).
+
+    >>> from robust import LoopSignals
+    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> white = control.tf([100.0], [1, 100.0])                              # nearly white, and of finite power
+    >>> level = predict_level(model, 1.0, LoopSignals(disturbance=white))
+    >>> bool(abs(level.y**2 - 1 / 4 * 100 / 102) < 1e-6), bool(level.y < level.y_worst)
+    (True, True)
+    """
+    require_parametric(model)
+    of_kind("signals", signals, LoopSignals)
+    loop = assemble(model, K, None, delay)
+    nominal = nominal_instability(loop)
+    if not nominal.stable:
+        raise ValueError(f"K must stabilise the nominal plant for its loop to have a level, got one that is {nominal}")
+    band = (float(model.omega[0]), float(model.omega[-1]))
+    found = tuple(
+        signal_level(name, find_spectrum(name, signal, loop.dt), loop, model.omega, band)
+        for name, signal in signals.named().items()
+    )
+    totals = {
+        part: float(np.sqrt(sum(getattr(one, part) ** 2 for one in found))) for part in ("u", "y", "u_worst", "y_worst")
+    }
+    measured = measured_levels(model, bla)
+    return LoopLevel(
+        signals=found,
+        **totals,
+        u_measured=measured[0],
+        y_measured=measured[1],
+        u_state=find_state(totals["u"], *measured[0]),
+        y_state=find_state(totals["y"], *measured[1]),
+        unit=model.unit,
+    )
+
+
+def require_parametric(model: Any) -> None:
+    """Refuse a plant whose loop has no response between lines, or more than one port."""
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError(
+            f"model must be an UncertaintyModel with a parametric nominal for its level in a loop, got {shown(model)}"
+        )
+
+
+def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:
+    """(2, 2) lowest and highest rms of u, and of y, over the records; nan where one of them does not tell."""
+    if bla is None:
+        levels = [(one.rms_u, one.rms_y) for one in model.evidence]
+    else:
+        blas = [bla] if isinstance(bla, Bla) else list(bla) if isinstance(bla, Sequence) else []
+        if not blas or not all(isinstance(one, Bla) for one in blas):
+            raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
+        levels = [rms_levels(one) for one in blas]
+    if not levels:
+        return np.full((2, 2), np.nan)
+    return np.array([np.min(levels, axis=0), np.max(levels, axis=0)]).T
+
+
+def find_state(rms: float, low: float, high: float) -> LevelState:
+    """Where a level lies against the lowest and the highest measured."""
+    if np.isnan([rms, low, high]).any():
+        return LevelState.UNKNOWN
+    if rms > high * NEAR:
+        return LevelState.ABOVE
+    return LevelState.BELOW if rms < low / NEAR else LevelState.INSIDE
+
+
+def signal_level(
+    name: str, spectrum: Spectrum, loop: Loop, lines: np.ndarray, band: tuple[float, float]
+) -> SignalLevel:
+    """What one signal does to plant input and output."""
+    if isinstance(spectrum, Transient):
+        return SignalLevel(name=name, **transient_level(name, spectrum, loop))
+
+    def gains(omega: np.ndarray) -> np.ndarray:
+        """(4, W) squared gain to u and to y: of the nominal plant, and the largest over the set."""
+        return squared_gains(loop.curves(omega), loop.form, name)
+
+    if isinstance(spectrum, Lines):
+        at = spectrum.omega if not loop.dt else np.minimum(spectrum.omega, np.pi / loop.dt * (1 - 1e-12))
+        powers = spectrum.power * gains(at)
+        total = powers.sum(axis=1)
+        inside = powers[:, (spectrum.omega >= band[0]) & (spectrum.omega <= band[1])].sum(axis=1)
+    else:
+        total, inside = integrated(name, spectrum, gains, loop, lines, band)
+    with np.errstate(invalid="ignore"):
+        share = np.where(total > 0, inside / total, np.nan)
+    rms = np.sqrt(total)
+    return SignalLevel(
+        name=name,
+        u=float(rms[0]),
+        y=float(rms[1]),
+        u_worst=float(rms[2]),
+        y_worst=float(rms[3]),
+        u_in_band=float(share[0]),
+        y_in_band=float(share[1]),
+    )
+
+
+def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
+    """(4, W) |.|^2 from a signal to u and y, nominal and largest over the set, each at its own worst plant.
+
+    With S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) it is G_p S_p = S (G + g D)/(1 + b D), which
+    `worst_sensitivity` bounds exactly as it does S_p.
+    """
+    G, S, a, b = finite(curves.G), curves.S, curves.a, curves.b
+    g = numerator(form, curves.w, G, curves.W) / curves.W
+    with np.errstate(all="ignore"):
+        # where G is zero only the part of the set is left: S g D/(1 + b D)
+        GS = np.where(G == 0, 0.0, G * S)
+        worst_GS = np.where(
+            G == 0,
+            np.abs(S * g) / np.where(np.abs(b) < 1, 1 - np.abs(b), 0.0),
+            worst_sensitivity(GS, g / np.where(G == 0, 1.0, G), b),
+        )
+    parts = np.array([np.abs(S), np.abs(GS), worst_sensitivity(S, a, b), worst_GS])
+    if name != "disturbance":
+        parts = parts * np.abs(finite(curves.K))
+    return parts**2
+
+
+def integrated(
+    name: str,
+    spectrum: Density,
+    gains: Callable[[np.ndarray], np.ndarray],
+    loop: Loop,
+    lines: np.ndarray,
+    band: tuple[float, float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """(4,) powers over all frequencies of a density, and over the measured band."""
+    refuse_white(name, spectrum, loop)
+    low, high = spectrum.low, spectrum.high
+    grid = np.concatenate([loop.grid(lines), spectrum.places, spectrum.places * 3, spectrum.places / 3, band])
+    grid = np.unique(grid[(grid > low) & (grid < high)])
+    last = grid[-1] * 10 if grid.size else max(1.0, low * 10)
+    edges = np.concatenate([[low], grid, [high if np.isfinite(high) else last]])
+
+    def power(omega: np.ndarray) -> np.ndarray:
+        return np.asarray(spectrum.of(omega) * gains(omega))
+
+    def tail(x: np.ndarray) -> np.ndarray:
+        """The rest up to infinity, with omega = last / x: what falls as 1/omega^2 is constant there."""
+        return np.asarray(power(last / x) * last / x**2)
+
+    panels = integrate(power, edges)
+    middle = (edges[1:] + edges[:-1]) / 2
+    inside = panels[:, (middle > band[0]) & (middle < band[1])].sum(axis=1)
+    rest = 0.0 if np.isfinite(high) else integrate(tail, np.array([0.0, 0.5, 1.0])).sum(axis=1)
+    return panels.sum(axis=1) + rest, inside
+
+
+def refuse_white(name: str, spectrum: Density, loop: Loop) -> None:
+    """Refuse noise of infinite power at the plant: white in continuous time, with a direct path to u or y."""
+    if np.isfinite(spectrum.high) or spectrum.direct == 0:
+        return
+    direct = closed_to_plant(loop, name).D[:, 0]
+    if np.any(direct != 0):
+        reached = " and ".join(one for one, part in zip("uy", direct, strict=True) if part != 0)
+        raise ValueError(
+            f"{name} must be shaped by a strictly proper system in this loop, got one with a direct term: white noise "
+            f"reaches {reached} with infinite rms. Add a pole where the real noise ends"
+        )
+
+
+def integrate(of: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> np.ndarray:
+    """(k, panels) integrals of (k, W) functions between edges, by Gauss-Legendre on panels, halved as needed."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+
+    def gauss(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        half = (high - low) / 2
+        at = ((high + low) / 2)[:, None] + half[:, None] * nodes
+        values = of(at.ravel())
+        return np.asarray((values.reshape(len(values), *at.shape) * weights).sum(axis=2) * half)
+
+    low, high, owner = edges[:-1], edges[1:], np.arange(edges.size - 1)
+    coarse = gauss(low, high)
+    out = np.zeros_like(coarse)
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        left, right = gauss(low, middle), gauss(middle, high)
+        fine = left + right
+        total = np.sum(out, axis=1) + np.sum(fine, axis=1)
+        with np.errstate(invalid="ignore"):
+            # an infinite bound stays infinite, however fine the panel
+            wrong = np.abs(fine - coarse) > ACCURACY * np.maximum(np.abs(fine), 1e-3 * total[:, None])
+        again = (wrong & np.isfinite(fine)).any(axis=0)
+        np.add.at(out.T, owner[~again], fine[:, ~again].T)
+        if not again.any():
+            return out
+        low, high = np.r_[low[again], middle[again]], np.r_[middle[again], high[again]]
+        coarse = np.hstack([left[:, again], right[:, again]])
+        owner = np.r_[owner[again], owner[again]]
+    np.add.at(out.T, owner, coarse.T)
+    return out
+
+
+def transient_level(name: str, spectrum: Transient, loop: Loop) -> dict[str, float]:
+    """Rms of plant input and output of the nominal loop in a transient from rest."""
+    system = closed_to_plant(loop, name)
+    if not stable(system):  # the approximation of a delay, in a loop that is stable with the delay itself
+        return {"u": float("nan"), "y": float("nan")}
+    if spectrum.samples is None:
+        _, out = simulate_step(system)
+        swing = np.maximum(out.max(axis=1), 0.0) - np.minimum(out.min(axis=1), 0.0)
+        rms = np.abs(spectrum.height) * swing * RMS_OF_SWING
+    else:
+        rms = simulate_samples(system, spectrum.samples, spectrum.fs).std(axis=1)
+    return {"u": float(rms[0]), "y": float(rms[1])}
+
+
+def closed_to_plant(loop: Loop, name: str) -> control.StateSpace:
+    """The nominal loop from a signal to plant input and output; the sign of the noise does not matter to an rms."""
+    if name != "disturbance":
+        return loop.closed(("u", "y"), ("r",))
+    closed = loop.closed(("u", "y"), ("p_in",))
+    return control.StateSpace(closed.A, closed.B, closed.C, closed.D + np.array([[1.0], [0.0]]), closed.dt)
