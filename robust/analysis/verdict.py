@@ -24,6 +24,7 @@ __all__ = [
     "folding_sentence",
     "judge_structure",
     "judged",
+    "meaning",
     "nominal_verdict",
     "on_lines_only",
     "on_set",
@@ -41,6 +42,8 @@ CURES = {
     "weight": "the weight, not the radius: give it a higher order",
     "assumed": "what is assumed where nothing was measured: measure there",
 }
+#: What a verdict on a set around a sampled nominal does not cover.
+SAMPLES = "; it is a set of sampled plants, and says nothing of what happens between the samples"
 SAID, RULES = 1.26, 2.0  # what the weight has beyond the radius is said from 2 dB on, and rules from 6 dB on
 
 
@@ -123,7 +126,12 @@ def probability_of(model: Any) -> str:
 
 def judged(verdict: Verdict, probability: str) -> str:
     """The verdict in capitals, what it means, and with which probability the set holds what it was made for."""
-    return f"{verdict.upper()} ({VERDICTS[verdict]}{'; ' if probability else ''}{probability})"
+    return f"{verdict.upper()} ({meaning(verdict, probability)}{'; ' if probability else ''}{probability})"
+
+
+def meaning(verdict: Verdict, probability: str) -> str:
+    """What a verdict means; of a statistical set without a probability no confidence is spoken of."""
+    return WITHOUT_CONFIDENCE if verdict is Verdict.STATISTICALLY_ROBUST and not probability else VERDICTS[verdict]
 
 
 def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
@@ -294,8 +302,7 @@ def judge(
             "statistical": (Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"),
         }
         verdict, reason = kind[model.perturbation]
-        samples = "; it is a set of sampled plants, and says nothing of what happens between the samples"
-        return verdict, reason + (samples if loop.dt and loop.aliases is None else "")
+        return verdict, reason + (SAMPLES if loop.dt and loop.aliases is None else "")
     below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
     if not certify:
         return Verdict.NOT_CERTIFIED, f"{below}, and no proof was asked for (certify=False)"
@@ -311,6 +318,11 @@ VERDICTS = {
     Verdict.NOT_ROBUST: "fails for a plant of the set, or for the nominal one",
     Verdict.NOT_CERTIFIED: "neither proved nor disproved",
 }
+#: The same of a set from a radius or from plants of the user's own, where no class of perturbation was named.
+WITHOUT_CONFIDENCE = (
+    "holds for every linear plant of the set, of which no confidence is known; no stability proof for the nonlinear "
+    'plant. A claim about the perturbation is made by perturbation="LTI" or "operator"'
+)
 
 
 def factor(margin: float) -> str:
@@ -331,9 +343,10 @@ def judge_structure(
         )
     peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
     if certificates and certificates[0].holds:
+        samples = SAMPLES if system.N.dt else ""
         if any(block.perturbation == "statistical" for block in system.blocks.values()):
-            return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"
-        return Verdict.ROBUST, "every perturbation of the set leaves the loop stable"
+            return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set" + samples
+        return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
     if peak >= 1:
         reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
         late = " by the time cap" if curves.late else ""
@@ -374,5 +387,10 @@ def structure_sentences(system: Any, stable: bool, performs: bool) -> tuple[str,
         )
     if system.inputs and not performs:
         missing.append("the performance demand for the whole set")
+    if system.N.dt:
+        missing.append("perturbations of a continuous plant between the samples: the set is one of sampled plants")
     text = "; ".join(missing or ["anything outside the set"])
-    return f"{what} with {' and '.join(parts)}, all at once, at all frequencies.", text[0].upper() + text[1:] + "."
+    where = "at all frequencies"
+    if system.N.dt:
+        where += f" up to Nyquist ({0.5 / system.N.dt:.4g} Hz), of the samples"
+    return f"{what} with {' and '.join(parts)}, all at once, {where}.", text[0].upper() + text[1:] + "."

@@ -21,7 +21,7 @@ from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.loop_level import require_parametric
 from robust.analysis.report import RobustnessReport
-from robust.analysis.verdict import VERDICTS
+from robust.analysis.verdict import meaning
 from robust.friction_proof.proof import FrictionProof
 from robust.modelling.nominal import NominalFit
 from robust.performance.loop_signals import LoopSignals
@@ -194,7 +194,7 @@ def page(**content: Any) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = files("robust.reports").joinpath("page.html.jinja").read_text(encoding="utf-8")
     written = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    return environment.from_string(template).render(**content, meaning=VERDICTS, written=written)
+    return environment.from_string(template).render(**content, meaning=meaning, written=written)
 
 
 def several(thing: Any) -> list[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robust.analysis.report import RobustnessReport
-from robust.analysis.verdict import VERDICTS
+from robust.analysis.verdict import meaning
 from robust.friction_proof.proof import FrictionProof
 from robust.reports.parts import Section
 from robust.shared.states import FrictionVerdict
@@ -31,7 +31,7 @@ def both_verdicts(report: RobustnessReport, proof: FrictionProof) -> tuple[tuple
     return (
         ("", "check: a set of linear plants", "proof: a class of friction"),
         ("verdict", report.verdict, proof.verdict),
-        ("it means", VERDICTS[report.verdict], MEANS[proof.verdict]),
+        ("it means", meaning(report.verdict, report.probability), MEANS[proof.verdict]),
         ("because", report.reason, proof.reason or proof.claim),
         ("it is about", report.proved or "the nominal plant and what was measured around it", f"every {friction}"),
         ("linear part", "as far from the nominal as the set is wide", f"{proof.machine.words}, exactly"),

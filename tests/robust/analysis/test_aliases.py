@@ -154,6 +154,28 @@ def test_a_set_of_sampled_plants_speaks_of_the_samples():
         assert report.folding == ""
 
 
+def test_a_loop_of_several_uncertainties_that_is_sampled_speaks_of_the_samples():
+    from robust import Block, check_structure, interconnection
+
+    plant = control.ss([[0.5]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], 0.1, inputs=["u", "d"], outputs=["y"])
+    K = control.ss([], [], [], [[-0.2]], 0.1, inputs=["y"], outputs=["u"])
+    report = check_structure(interconnection([plant, K], {"gain": Block("y", "d", 0.1, perturbation="operator")}))
+    assert report.verdict == "robust"
+    assert "between the samples" in report.reason
+    assert "of the samples" in report.proved
+
+
+def test_no_confidence_is_spoken_of_where_none_is_known():
+    """A radius of one's own without a class: neither a confidence of nan nor one that nobody gave."""
+    omega = np.geomspace(0.1, 10, 20)
+    model = uncertainty((omega, np.full(20, 0.1)), control.tf([1], [1, 1]), order=0, above="flat")
+    text = str(check(model, 0.5))
+    assert "STATISTICALLY ROBUST" in text
+    assert "at its confidence" not in text
+    assert "no confidence is known" in " ".join(text.split())
+    assert "nan" not in text
+
+
 def test_performance_counts_every_alias():
     """|w_P| |S|/(1 - |K S| sum |h F|) by brute force, met at 0.98 of it and not at 1.02."""
     G, w, K = light_mode()
