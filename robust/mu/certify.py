@@ -31,7 +31,7 @@ __all__ = ["certify_mu"]
 
 N_GRID = 300
 MOST_INTERVALS = 5000
-SLACK_REAL = 1e-9  # a large G brings the norm close to one, and what N may be off down by as much
+SLACK_REAL = 1e-9  # of the norm with real blocks, for rounding in it; what N may be off is in the level
 Scaling = tuple[np.ndarray, ...]
 
 
@@ -81,8 +81,10 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
     if not nominal.stable:
         return refused(subject, level, f"the system is not stable: {nominal}")
     deadline = time.monotonic() + positive("time_cap", time_cap)
-    frozen = frozen_scalings(N, s, blocks, level, deadline - 0.5 * time_cap)
     real = bool(s.skew.size)
+    # a large G brings the norm so near to one that slack on it is none on mu: with real blocks the level has it
+    proved = level * (1 - SLACK) if real else level
+    frozen = frozen_scalings(N, s, blocks, proved, deadline - 0.5 * time_cap)
     outcome = prove(
         frozen.loop,
         frozen.size,
@@ -174,8 +176,8 @@ class FrozenScalings:
         """Where the form that real blocks ask for may become singular."""
         A, B, C, D = self.matrices
         D_L, D_R, G = self.scaling(inside(low, high))
-        into, below = np.linalg.inv(D_R), self.level * (1 - SLACK)
-        return sign_changes((A, B @ into, D_L @ C / below, D_L @ D @ into / below), G / self.level)
+        into = np.linalg.inv(D_R)
+        return sign_changes((A, B @ into, D_L @ C / self.level, D_L @ D @ into / self.level), G / self.level)
 
 
 def frozen_scalings(
