@@ -12,15 +12,17 @@ import nlfrf
 import robust
 from nlfrf.shared.arguments import one_of, positive
 from nlfrf.shared.axes import write_pictures
-from nlfrf.shared.command import Json, Version, end, number, run, speaker, working
+from nlfrf.shared.command import Commands, Json, Version, end, number, run, speaker, working
+from nlfrf.shared.outputs import require_writable, signature
 from nlfrf.shared.whole_files import write_text
+from robust.files.certificates import certificate_of
 from robust.files.friction_files import class_from_files, linear_part_tested, prove_all, save_proofs
 from robust.files.pid_gains import told_gains
 from robust.reports.command import check_pictures, demanded, hand_over, measured, model_of_one, model_pictures
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
 
-app = typer.Typer(
+app = Commands(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -93,9 +95,8 @@ def model(
         )
     print(result)
     robust.save_model(result, out)
-    print(f"wrote {out}")
     if picture is not None:
-        draw(picture, model_pictures(result, blas))
+        write_pictures(picture, model_pictures(result, blas))
 
 
 @app.command()
@@ -158,7 +159,6 @@ def design(
     short = method == "mixsyn" and result.gamma > 1
     if short:
         say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
-    say(f"wrote {out}")
     end(result, result.met and not short, json)
 
 
@@ -186,19 +186,23 @@ def check(
     refuse_demand(bandwidth, error)
     if len({path.stem for path in controller}) < len(controller):
         raise ValueError(f"controller must be files of different names, got {', '.join(map(str, controller))}")
+    several = len(controller) > 1
+    files = {path: [named_after(path, one, several) for one in (out, picture)] for path in controller}
+    require_writable(*(one for pair in files.values() for one in pair if one is not None))
+    require_writable(*(certificate_of(report) for report, _ in files.values() if report is not None))
     plant, say, reports = robust.load_model(model), speaker(json), {}
     w_P = demanded(plant, bandwidth, peak, error)
     for path in controller:
         K = robust.load_controller(path)
         with working("checking"):
             report = robust.check(plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver)
-        several, gains = len(controller) > 1, told_gains(K, getattr(plant, "unit", ""))
+        gains = told_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
-        if out is not None:
-            hand_over(report, out.with_stem(f"{out.stem}-{path.stem}") if several else out, say)
-        if picture is not None:
-            target = picture.with_stem(f"{picture.stem}-{path.stem}") if several else picture
-            draw(target, check_pictures(plant, K, report), say)
+        text, drawing = files[path]
+        if text is not None:
+            hand_over(report, text, say)
+        if drawing is not None:
+            write_pictures(drawing, check_pictures(plant, K, report))
         reports[str(path)] = report
     good = all(r.robustly_stable and (r.robust_performance or w_P is None) for r in reports.values())
     end(reports, good, json)
@@ -242,6 +246,8 @@ def prove(
 
     Exit code 0 where it is proved, of every machine; 1 where not.
     """
+    if out is not None:
+        require_writable(*(certificate_of(out, number) for number in range(2)))
     machines, friction, text = class_from_files(machine, nominal, stiffness, stiction)
     with working("proving"):
         K = robust.load_controller(controller)
@@ -251,8 +257,8 @@ def prove(
     say = speaker(json)
     say(text)
     if out is not None:
-        write_text(out, f"{text}\n")
-        say("wrote " + ", ".join(map(str, [out, *save_proofs(proofs, out)])))
+        write_text(out, f"{text}\n\n{signature('robust prove')}\n")
+        save_proofs(proofs, out)
     end(proofs, all(proof.verdict == "proved" for proof in proofs), json)
 
 
@@ -278,7 +284,7 @@ def orders(
     if picture is not None:
         from robust.plot import plot_fit, plot_orders
 
-        draw(picture, [(plot_orders, scan), (plot_fit, scan.fit)])
+        write_pictures(picture, [(plot_orders, scan), (plot_fit, scan.fit)])
 
 
 @app.command()
@@ -299,7 +305,6 @@ def export(
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
     else:
         raise ValueError(f"out must end in .mat or .csv, got {out}")
-    print(f"wrote {out}")
 
 
 @app.command()
@@ -354,7 +359,6 @@ def report(
         )
     held = f" ({result.probability})" if result.probability else ""
     print(f"verdict: {result.verdict}{held}" + ("" if proof is None else f"; friction: {proof.verdict}"))
-    print(f"wrote {out}")
 
 
 @app.command()
@@ -372,7 +376,11 @@ def shape(
     refuse_demand(bandwidth, error)
     parts = [model_of_one(path) for path in model], controller and robust.load_controller(controller)
     write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
-    print(f"wrote {out}")
+
+
+def named_after(controller: Path, out: Path | None, several: bool) -> Path | None:
+    """The file for one of several controllers."""
+    return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
 def refuse_demand(bandwidth: float | None, error: float) -> None:
@@ -380,12 +388,6 @@ def refuse_demand(bandwidth: float | None, error: float) -> None:
     positive("error", error)
     if bandwidth is not None:
         positive("bandwidth", bandwidth)
-
-
-def draw(path: Path, pictures: list[Any], say: Any = print) -> None:
-    """Several pictures side by side in one file."""
-    write_pictures(path, pictures)
-    say(f"wrote {path}")
 
 
 def main() -> None:

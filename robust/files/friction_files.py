@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import nlfrf
-from robust.files.certificates import save_certificate
+from robust.files.certificates import certificate_of, save_certificate
 from robust.files.models import load_model
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
 from robust.friction_proof.flexible import modal_damping, undamped
@@ -62,12 +62,8 @@ def linear_part_tested(files: Sequence[Path], nominal: Path | None, K: Any, fric
     return f"\n\nTwo standard deviations. {test}"
 
 
-def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> list[Path]:
+def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> None:
     """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
-    written: list[Path] = []
-    for proof in proofs:
-        if proof.certificate is not None and proof.certificate.claim is not None:
-            number = f".{len(written) + 1}" if written else ""
-            written.append(out.with_suffix(f"{number}.certificate.json"))
-            save_certificate(proof, written[-1])
-    return written
+    proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
+    for number, proof in enumerate(proved):
+        save_certificate(proof, certificate_of(out, number))
