@@ -16,7 +16,7 @@ from nlfrf.shared.command import Commands, Json, Version, end, number, run, spea
 from nlfrf.shared.outputs import require_writable, signature
 from nlfrf.shared.whole_files import write_text
 from robust.files.certificates import certificate_of
-from robust.files.friction_files import class_from_files, linear_part_tested, prove_all, save_proofs
+from robust.files.friction_files import class_from_files, controller_of, linear_part_tested, prove_all, save_proofs
 from robust.files.pid_gains import told_gains
 from robust.reports.command import check_pictures, demanded, hand_over, measured, model_of_one, model_pictures
 from robust.shaping_page.command import write_from_files
@@ -248,9 +248,9 @@ def prove(
     """
     if out is not None:
         require_writable(*(certificate_of(out, number) for number in range(2)))
-    machines, friction, text = class_from_files(machine, nominal, stiffness, stiction)
+    machines, friction, text = class_from_files(machine, controller, nominal, stiffness, stiction)
+    K = controller_of(controller, nominal or machine[0])
     with working("proving"):
-        K = robust.load_controller(controller)
         proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
         tested = linear_part_tested(machine, nominal, K, friction, delay)
     text += "\n\n".join(map(str, proofs)) + tested
@@ -342,7 +342,7 @@ def report(
     w_P = demanded(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
-        machines, friction, _ = class_from_files([model], None, stiffness, stiction)
+        machines, friction, _ = class_from_files([model], controller, None, stiffness, stiction)
         proof = prove_all(machines, K, friction, delay=delay, Fs=force)[0]
     with working("checking and drawing"):
         result = robust.write_report(
