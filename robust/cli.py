@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,7 +18,7 @@ from nlfrf.shared.outputs import require_writable, signature
 from nlfrf.shared.whole_files import write_text
 from robust.files.certificates import certificate_of
 from robust.files.friction_files import class_from_files, controller_of, linear_part_tested, prove_all, save_proofs
-from robust.files.pid_gains import told_gains
+from robust.files.pid_gains import told_gains, unusual_gains
 from robust.reports.command import check_pictures, demanded, hand_over, measured, model_of_one, model_pictures
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
@@ -114,6 +115,9 @@ def design(
         typer.Option(help="ncfsyn: loop shaping; mixsyn: mixed sensitivity; pid: fixed structure from the FRF."),
     ] = "ncfsyn",
     structure: Annotated[str, typer.Option(help="P, I, PI, PD, PID, lead, lead-lag or order-n (pid).")] = "PID",
+    positive_gains: Annotated[
+        bool, typer.Option("--positive", help="Keep Kp, Ki and Kd positive, as a PLC wants them (pid).")
+    ] = False,
     peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
     json: Json = False,
@@ -124,11 +128,14 @@ def design(
     """
     one_of("method", method, ("ncfsyn", "mixsyn", "pid"))
     refuse_demand(bandwidth, error)
+    if positive_gains and method != "pid":
+        raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
         plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else model_of_one(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with working("designing"):
-            result = robust.design_frf(plant, structure, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay)
+            asked: dict[str, Any] = {"M_S": peak, "omega_c": omega_c, "dt": sample_time, "delay": delay}
+            result = robust.design_frf(plant, structure, positive=positive_gains, **asked)
         words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
     else:
         if bandwidth is None:
@@ -150,10 +157,12 @@ def design(
         if not result.met:
             raise ValueError(f"model must let a controller be found: {result.reason}")
         words = f"gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}"
+    if unusual := unusual_gains(result.K):
+        warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = speaker(json)
-    say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit)}")
+    say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit, plc=True)}")
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
