@@ -17,12 +17,13 @@ from nlfrf.doctor import examine
 from nlfrf.excitation.lines import KINDS
 from nlfrf.files.multirecords import holds_multirecord
 from nlfrf.shared.arguments import nonnegative
-from nlfrf.shared.command import Json, Version, end, run, speaker
+from nlfrf.shared.axes import save_figure
+from nlfrf.shared.command import Commands, Json, Version, end, run, speaker
+from nlfrf.shared.outputs import require_writable
 from nlfrf.shared.plain import as_json
-from nlfrf.shared.whole_files import write_whole
 from nlfrf.shared.wording import counted
 
-app = typer.Typer(
+app = Commands(
     help="Best linear approximations with a distortion bound from one multisine experiment.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -106,7 +107,6 @@ def design(
         f"{ms.kind} multisine, {ms.f.size} lines excited from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
         f"period {ms.n_samples / ms.fs:g} s, rms {np.max(ms.rms):g}, crest factor {ms.crest_factor.max():.2f}{several}"
     )
-    print(f"wrote {out}")
 
 
 @app.command()
@@ -156,7 +156,7 @@ def simulate(
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
     nlfrf.save_record(record, out)
     runs = counted(ms.phase.shape[-2], "experiment" if several else "realisation")
-    print(f"wrote {out}: {runs} x {record.n_periods} periods x {record.n_samples} samples")
+    print(f"{runs} x {record.n_periods} periods x {record.n_samples} samples")
 
 
 @app.command()
@@ -203,7 +203,7 @@ def identify(
     level_from: Annotated[str, typer.Option(help="auto, detection or roughness.")] = "auto",
     detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
     opinion: Annotated[bool, typer.Option("--opinion", help="Compare with the roughness of the FRF.")] = False,
-    csv: Annotated[bool, typer.Option("--csv", help="Write a table beside the result.")] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Write a table, too: mid-bla.csv beside mid.npz.")] = False,
     json: Json = False,
 ) -> None:
     """Best linear approximation, distortion level and bound from a measured record.
@@ -223,6 +223,7 @@ def identify(
         identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json)
         return
     say, targets = speaker(json), targets_of(out, outputs)
+    require_writable(*targets, *map(table_of, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     blas = nlfrf.identify(records, **how)
     for name, record, bla, target in zip(outputs, records, blas, targets, strict=True):
@@ -231,8 +232,7 @@ def identify(
         if opinion:
             say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
         if csv:
-            nlfrf.export_csv(bla, target.with_suffix(".csv"))
-        say(f"wrote {target}")
+            nlfrf.export_csv(bla, table_of(target))
     end(dict(zip(outputs, blas, strict=True)), True, json)
 
 
@@ -266,9 +266,8 @@ def plot(
     else:
         pictures.plot_bla(content, confidence=confidence, ax=top)
         pictures.plot_levels(content, ax=bottom)
-    write_whole(out, lambda target: figure.savefig(target, dpi=120))
+    save_figure(out, figure, dpi=120)
     plt.close(figure)
-    print(f"wrote {out}")
 
 
 @app.command()
@@ -285,7 +284,7 @@ def reproduce(
     with progress_bar("simulating") as advance:
         findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=resume)
     print((out / "findings.md").read_text().strip() if markdown else "\n\n".join(map(str, findings)))
-    print(f"wrote {len(findings)} findings and the figures in {out}")
+    print(f"{len(findings)} findings")
 
 
 @app.command()
@@ -303,12 +302,19 @@ def doctor() -> None:
 
 def identify_matrix(record: nlfrf.MultiRecord, how: dict[str, Any], out: Path, csv: bool, json: bool) -> None:
     """Several inputs: one matrix, in one file, and a table beside it where one is asked for."""
-    frm, say = nlfrf.identify(record, **how), speaker(json)
-    say(frm)
-    for target in dict.fromkeys([out, *[out.with_suffix(".csv")] * csv]):
+    is_table = out.suffix.lower() == ".csv"
+    targets = [out, *[table_of(out)] * (csv and not is_table)]
+    require_writable(*targets)
+    frm = nlfrf.identify(record, **how)
+    speaker(json)(frm)
+    for target in targets:
         (nlfrf.export_csv if target.suffix.lower() == ".csv" else nlfrf.save_frm)(frm, target)
-        say(f"wrote {target}")
     end(frm, True, json)
+
+
+def table_of(out: Path) -> Path:
+    """The table beside a result: mid.npz has mid-bla.csv, because mid.csv is likely to be the measurement."""
+    return out.with_name(f"{out.stem}.csv" if out.stem == "bla" or out.stem.endswith("-bla") else f"{out.stem}-bla.csv")
 
 
 def targets_of(out: Path, outputs: list[str]) -> list[Path]:

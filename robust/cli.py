@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,10 +13,12 @@ import nlfrf
 import robust
 from nlfrf.shared.arguments import one_of, positive
 from nlfrf.shared.axes import write_pictures
-from nlfrf.shared.command import Json, Version, end, number, run, speaker, working
+from nlfrf.shared.command import Commands, Json, Version, end, number, run, speaker, working
+from nlfrf.shared.outputs import require_writable, signature
 from nlfrf.shared.whole_files import write_text
-from robust.files.friction_files import class_from_files, linear_part_tested, prove_all, save_proofs
-from robust.files.pid_gains import told_gains
+from robust.files.certificates import certificate_of
+from robust.files.friction_files import class_from_files, controller_of, linear_part_tested, prove_all, save_proofs
+from robust.files.pid_gains import told_gains, unusual_gains
 from robust.reports.command import (
     check_pictures,
     demanded,
@@ -28,7 +31,7 @@ from robust.reports.command import (
 from robust.shaping_page.command import write_from_files
 from robust.uncertain.forms import RELATIVE
 
-app = typer.Typer(
+app = Commands(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -111,9 +114,8 @@ def model(
         )
     print(result)
     robust.save_model(result, out)
-    print(f"wrote {out}")
     if picture is not None:
-        draw(picture, model_pictures(result, blas))
+        write_pictures(picture, model_pictures(result, blas))
 
 
 @app.command()
@@ -131,6 +133,9 @@ def design(
         typer.Option(help="ncfsyn: loop shaping; mixsyn: mixed sensitivity; pid: fixed structure from the FRF."),
     ] = "ncfsyn",
     structure: Annotated[str, typer.Option(help="P, I, PI, PD, PID, lead, lead-lag or order-n (pid).")] = "PID",
+    positive_gains: Annotated[
+        bool, typer.Option("--positive", help="Keep Kp, Ki and Kd positive, as a PLC wants them (pid).")
+    ] = False,
     peak: Annotated[float, typer.Option(help="Largest |S| allowed (mixsyn, pid).")] = 2.0,
     error: Annotated[float, typer.Option(help="|S| allowed at zero frequency (mixsyn).")] = 1e-2,
     json: Json = False,
@@ -141,11 +146,14 @@ def design(
     """
     one_of("method", method, ("ncfsyn", "mixsyn", "pid"))
     refuse_demand(bandwidth, error)
+    if positive_gains and method != "pid":
+        raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
         plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else model_of_one(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with working("designing"):
-            result = robust.design_frf(plant, structure, M_S=peak, omega_c=omega_c, dt=sample_time, delay=delay)
+            asked: dict[str, Any] = {"M_S": peak, "omega_c": omega_c, "dt": sample_time, "delay": delay}
+            result = robust.design_frf(plant, structure, positive=positive_gains, **asked)
         words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
     else:
         if bandwidth is None:
@@ -167,16 +175,17 @@ def design(
         if not result.met:
             raise ValueError(f"model must let a controller be found: {result.reason}")
         words = f"gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}"
+    if unusual := unusual_gains(result.K):
+        warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = speaker(json)
-    say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit)}")
+    say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit, plc=True)}")
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
     if short:
         say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
-    say(f"wrote {out}")
     end(result, result.met and not short, json)
 
 
@@ -208,6 +217,10 @@ def check(
     refuse_demand(bandwidth, error)
     if len({path.stem for path in controller}) < len(controller):
         raise ValueError(f"controller must be files of different names, got {', '.join(map(str, controller))}")
+    several = len(controller) > 1
+    files = {path: [named_after(path, one, several) for one in (out, picture)] for path in controller}
+    require_writable(*(one for pair in files.values() for one in pair if one is not None))
+    require_writable(*(certificate_of(report) for report, _ in files.values() if report is not None))
     plant, say, reports = robust.load_model(model), speaker(json), {}
     w_P, signals = demanded(plant, bandwidth, peak, error), named_signals(reference_step, disturbance, noise, up_to)
     for path in controller:
@@ -216,13 +229,13 @@ def check(
             report = robust.check(
                 plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver, signals=signals
             )
-        several, gains = len(controller) > 1, told_gains(K, getattr(plant, "unit", ""))
+        gains = told_gains(K, getattr(plant, "unit", ""))
         say(f"{path}:\n{report}{gains}\n" if several else f"{report}{gains}")
-        if out is not None:
-            hand_over(report, out.with_stem(f"{out.stem}-{path.stem}") if several else out, say)
-        if picture is not None:
-            target = picture.with_stem(f"{picture.stem}-{path.stem}") if several else picture
-            draw(target, check_pictures(plant, K, report), say)
+        text, drawing = files[path]
+        if text is not None:
+            hand_over(report, text, say)
+        if drawing is not None:
+            write_pictures(drawing, check_pictures(plant, K, report))
         reports[str(path)] = report
     good = all(r.robustly_stable and (r.robust_performance or w_P is None) for r in reports.values())
     end(reports, good, json)
@@ -266,17 +279,19 @@ def prove(
 
     Exit code 0 where it is proved, of every machine; 1 where not.
     """
-    machines, friction, text = class_from_files(machine, nominal, stiffness, stiction)
+    if out is not None:
+        require_writable(*(certificate_of(out, number) for number in range(2)))
+    machines, friction, text = class_from_files(machine, controller, nominal, stiffness, stiction)
+    K = controller_of(controller, nominal or machine[0])
     with working("proving"):
-        K = robust.load_controller(controller)
         proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
         tested = linear_part_tested(machine, nominal, K, friction, delay)
     text += "\n\n".join(map(str, proofs)) + tested
     say = speaker(json)
     say(text)
     if out is not None:
-        write_text(out, f"{text}\n")
-        say("wrote " + ", ".join(map(str, [out, *save_proofs(proofs, out)])))
+        write_text(out, f"{text}\n\n{signature('robust prove')}\n")
+        save_proofs(proofs, out)
     end(proofs, all(proof.verdict.is_proved for proof in proofs), json)
 
 
@@ -302,7 +317,7 @@ def orders(
     if picture is not None:
         from robust.plot import plot_fit, plot_orders
 
-        draw(picture, [(plot_orders, scan), (plot_fit, scan.fit)])
+        write_pictures(picture, [(plot_orders, scan), (plot_fit, scan.fit)])
 
 
 @app.command()
@@ -323,7 +338,6 @@ def export(
         write_text(out, "\n".join(["b0,b1,b2,a0,a1,a2", *rows]) + "\n")
     else:
         raise ValueError(f"out must end in .mat or .csv, got {out}")
-    print(f"wrote {out}")
 
 
 @app.command()
@@ -365,7 +379,7 @@ def report(
     w_P = demanded(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:
-        machines, friction, _ = class_from_files([model], None, stiffness, stiction)
+        machines, friction, _ = class_from_files([model], controller, None, stiffness, stiction)
         proof = prove_all(machines, K, friction, delay=delay, Fs=force)[0]
     with working("checking and drawing"):
         result = robust.write_report(
@@ -383,7 +397,6 @@ def report(
         )
     held = f" ({result.probability})" if result.probability else ""
     print(f"verdict: {result.verdict}{held}" + ("" if proof is None else f"; friction: {proof.verdict}"))
-    print(f"wrote {out}")
 
 
 @app.command()
@@ -401,7 +414,11 @@ def shape(
     refuse_demand(bandwidth, error)
     parts = [model_of_one(path) for path in model], controller and robust.load_controller(controller)
     write_from_files(out, *parts, (model, controller), (bandwidth, peak, error), dt=sample_time, delay=delay)
-    print(f"wrote {out}")
+
+
+def named_after(controller: Path, out: Path | None, several: bool) -> Path | None:
+    """The file for one of several controllers."""
+    return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
 
 
 def refuse_demand(bandwidth: float | None, error: float) -> None:
@@ -409,12 +426,6 @@ def refuse_demand(bandwidth: float | None, error: float) -> None:
     positive("error", error)
     if bandwidth is not None:
         positive("bandwidth", bandwidth)
-
-
-def draw(path: Path, pictures: list[Any], say: Any = print) -> None:
-    """Several pictures side by side in one file."""
-    write_pictures(path, pictures)
-    say(f"wrote {path}")
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from nlfrf.shared.outputs import Role
 from nlfrf.shared.whole_files import write_arrays
 from nlfrf.shared.wording import shown
 
@@ -101,7 +102,7 @@ def run_each(
                 i = running.pop(future)
                 result = future.result()
                 if folder is not None:
-                    write_arrays(folder / names[i], result)
+                    write_arrays(folder / names[i], result, role=Role.KEPT)
                 n_done += 1
                 if progress is not None:
                     progress(n_done, total)

@@ -201,6 +201,17 @@ class Channels:
             time = next((one for one in beside if self.arrays[one].size == self.arrays[name].size), None)
         return (self.second_of(time) or np.nan) * np.ravel(self.arrays[time]) if isinstance(time, str) else None
 
+    def seconds(self, name: str) -> np.ndarray | None:
+        """The time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""
+        full = self.full_name(name)
+        clock = self.clocks.get(full, self.clocks.get(""))
+        if clock is None and full in self.arrays:
+            home = full.rpartition(".")[0]
+            as_long = [time for time in self.times if self.arrays[time].size == self.arrays[full].size]
+            clock = min(as_long, key=lambda time: time.rpartition(".")[0] != home, default=None)
+        second = self.second_of(clock) if isinstance(clock, str) else None
+        return None if second is None else second * np.ravel(self.arrays[clock]).astype(float, copy=False)
+
     @property
     def times(self) -> list[str]:
         """Names of the time channels, those that a clock can be read from in front."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import struct
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.stored_values import load_value, save_value
 from nlfrf.shared.arguments import integer, of_kind
+from nlfrf.shared.outputs import PLAYED, Role, require_writable
 from nlfrf.shared.whole_files import path_of, save_mat, write_whole
 
 __all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
@@ -17,6 +20,7 @@ __all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
 
 MULTISINE_SCHEMA = "nlfrf-multisine"
 ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
+TO_PLAY = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
 DESIGNS = {MULTISINE_SCHEMA: Multisine, ORTHOGONAL_SCHEMA: OrthogonalMultisine}
 
 
@@ -38,7 +42,8 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     Raises
     ------
     ValueError
-        Another suffix; a sampling frequency that is not a whole number for a WAV file, which can hold no other.
+        Another suffix; a sampling frequency that is not a whole number for a WAV file, which can hold no other; a file
+        with the name of the ``.npz`` beside it that is no design.
 
     Examples
     --------
@@ -52,25 +57,57 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     >>> folder.cleanup()
     """
     of_kind("ms", ms, Multisine, OrthogonalMultisine)
-    path = path_of(path)
+    path, beside = path_of(path), path_of(path).with_suffix(".npz")
     schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u
+    peak = float(np.abs(u).max())
+    if suffix in TO_PLAY:
+        require_writable(beside, role=Role.DERIVED)  # before the first of two files is there
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs
         table, header = np.column_stack([t, *to_play(u)]), ",".join(["t [s]", *played_names(ms)])
         write_whole(path, lambda to: np.savetxt(to, table, delimiter=",", header=header, comments="", fmt="%.17g"))
     elif suffix == ".mat":
-        save_mat(path, {"u": u, "fs": np.array(ms.fs), "f": ms.f, "amplitude": ms.amplitude, "phase": ms.phase})
+        save_mat(
+            path,
+            {
+                "kind": np.array(PLAYED),
+                "u": u,
+                "fs": np.array(ms.fs),
+                "f": ms.f,
+                "amplitude": ms.amplitude,
+                "phase": ms.phase,
+            },
+        )
     elif suffix == ".wav":
         from scipy.io import wavfile
 
         rate = integer("fs of a .wav file", ms.fs, least=1)
-        samples = (to_play(u).T / np.abs(u).max()).astype(np.float32)
-        write_whole(path, lambda target: wavfile.write(target, rate, samples))
+        samples = (to_play(u).T / peak).astype(np.float32)
+
+        def write(target: Path) -> None:
+            wavfile.write(target, rate, samples)
+            add_remark(target, f"full scale is {peak:.17g}")
+
+        write_whole(path, write)
     else:
         save_value(ms, schema, path, u=u)
         return
-    save_value(ms, schema, path.with_suffix(".npz"), u=u, peak=np.array(np.abs(u).max()))
+    save_value(ms, schema, beside, role=Role.DERIVED, u=u, peak=np.array(peak))
+
+
+def add_remark(path: Path, text: str) -> None:
+    """Add a LIST chunk to a WAV file: the program that wrote it, and a comment (Microsoft RIFF, INFO list)."""
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        return name + struct.pack("<I", len(content)) + content + b"\0" * (len(content) % 2)
+
+    remark = chunk(b"LIST", b"INFO" + chunk(b"ISFT", b"nlfrf\0") + chunk(b"ICMT", text.encode() + b"\0"))
+    with path.open("r+b") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.write(remark)
+        stream.seek(4)
+        stream.write(struct.pack("<I", size + len(remark) - 8))
 
 
 def to_play(u: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import numpy as np
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.channels import Channels, read_channels
+from nlfrf.files.lost_rows import LostRows, find_lost_rows
 from nlfrf.files.results import loaded
 from nlfrf.identification.bla import Bla
 from nlfrf.multivariable.frm import Frm
@@ -71,6 +72,8 @@ class FileContents:
         The lines that are excited, in words; of a file of this package what it holds.
     schema : str
         What this package wrote, empty for a file of others.
+    lost : str
+        Rows that are missing by the time column, and the periods that are whole all the same; empty where none is.
 
     Examples
     --------
@@ -92,6 +95,7 @@ class FileContents:
     period: float
     lines: str
     schema: str
+    lost: str = ""
 
     @property
     def command(self) -> str:
@@ -123,6 +127,8 @@ class FileContents:
         if self.schema:
             lines += [self.lines, f"written by this package, as {self.schema}"]
             return "\n".join([*lines, f"run:   {self.command}"] if table else lines)
+        if self.lost:
+            lines.append(f"lost:  {self.lost}")
         if self.u or self.y:
             lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}; {self.lines}")
             lines.append("add:   --hold zoh where the input is a command, --hold band-limited where it was measured")
@@ -172,7 +178,12 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         channels = tuple(described(file, name, stream) for name, stream in streams.items())
     times = {name for name in streams if is_time(name)} | {clock for clock in file.clocks.values() if clock in streams}
     candidates = {name: stream for name, stream in streams.items() if name not in times and varies(stream)}
-    u, period, lines = guessed_input(file, candidates)
+    rows = {name: lost_rows_of(file, name) for name in candidates}
+    filled = {
+        name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
+    }
+    u, period, lines = guessed_input(file, filled)
+    lost = rows.get(u)
     return FileContents(
         path=str(path),
         channels=channels,
@@ -182,7 +193,16 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         period=period,
         lines=lines,
         schema="",
+        lost="" if lost is None else lost.describe(round(period)),
     )
+
+
+def lost_rows_of(file: Channels, name: str) -> LostRows | None:
+    """Rows that the time column shows to be lost, of one channel."""
+    try:
+        return find_lost_rows(file.seconds(name), file.sampling_frequency(None, (name,)))
+    except ValueError:  # no clock is known
+        return None
 
 
 def of_own(file: Channels) -> FileContents:

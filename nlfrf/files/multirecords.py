@@ -13,6 +13,7 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.files.channels import Channels, paths_of, read_channels
 from nlfrf.files.designs import load_design
+from nlfrf.files.lost_rows import keep_whole_periods
 from nlfrf.files.stored_records import MULTIRECORD_SCHEMA, Asked, stored_multirecord
 from nlfrf.records.record import SAME_CLOCK
 from nlfrf.records.reference import Design
@@ -112,12 +113,20 @@ def load_multirecord(
     clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+    asked = keep_whole_periods(
+        [file.seconds(u[0]) for file in files],
+        list(signals.values()),
+        signals.get("r", signals["u"])[0][0],
+        clocks[0],
+        Asked(n_samples, lines, n_discard, resample, design, hold),
+        [file.path for file in files],
+    )
     return multirecord_from_samples(
         **signals,
         fs=clocks[0],
-        n_samples=n_samples,
+        n_samples=asked.n_samples,
         lines=lines,
-        n_discard=n_discard,
+        n_discard=asked.n_discard,
         resample=resample,
         inputs=tuple(u),
         outputs=tuple(y),

@@ -12,6 +12,7 @@ from nlfrf.excitation.lines import LineGrid
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.files.channels import Channels, paths_of, read_channels
 from nlfrf.files.designs import load_multisine
+from nlfrf.files.lost_rows import keep_whole_periods
 from nlfrf.files.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, Asked, stored_records
 from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.samples import records_from_streams
@@ -122,7 +123,8 @@ def load_record(
     Warns
     -----
     DataWarning
-        A sampling frequency that is not that of the file, a time channel without a unit.
+        A sampling frequency that is not that of the file, a time channel without a unit, one that shows lost rows: the
+        periods that are whole by their times are kept.
 
     Examples
     --------
@@ -182,6 +184,11 @@ def measured_records(
     clocks = [file.sampling_frequency(fs, asked_for) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+    groups = [*(streams[signal] for signal in names), *streams["y"].values()]
+    times = [file.seconds(names["u"]) for file in files]
+    asked = keep_whole_periods(
+        times, groups, streams.get("r", streams["u"])[0], clocks[0], asked, [f.path for f in files]
+    )
     whole({signal: streams[signal] for signal in names}, streams["y"])
     found = {name: [names["u"], name] for name in outputs}
     for name in outputs:

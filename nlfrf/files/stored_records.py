@@ -17,6 +17,7 @@ from nlfrf.records.record import Record, join_records, joined
 from nlfrf.records.reference import fill_reference, played_reference
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import integer, of_kind
+from nlfrf.shared.outputs import SIMULATED, is_command
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, path_of, save_mat, write_arrays, write_whole
 from nlfrf.shared.wording import shown
@@ -100,6 +101,8 @@ def content_of(record: Record | MultiRecord) -> dict[str, np.ndarray]:
         content |= {name: np.array(json.dumps(getattr(record, name))) for name in CHANNELS}
     else:
         content |= {name: np.array(getattr(record, name)) for name in LABELS}
+    if is_command():  # `nlfrf simulate`: no other command writes records, and what was measured must never say this
+        content[SIMULATED] = np.array(True)
     return content if record.r is None else {**content, "r": record.r}
 
 

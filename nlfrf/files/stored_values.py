@@ -13,6 +13,7 @@ import numpy as np
 from nlfrf.excitation.lines import LineGrid
 from nlfrf.files.channels import Channels, read_channels
 from nlfrf.identification.bla import DistortionLevels
+from nlfrf.shared.outputs import Role
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, path_of, write_arrays
 
@@ -25,7 +26,9 @@ NAMES = ("inputs", "outputs")
 AXES = "realization period sample"
 
 
-def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np.ndarray) -> None:
+def save_value(
+    thing: Any, schema: str, path: str | os.PathLike[str], *, role: Role = Role.NAMED, **more: np.ndarray
+) -> None:
     """Write every field of a value, those of the values inside it by dotted names, names of channels as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
     for name in field_names(thing):
@@ -41,7 +44,7 @@ def save_value(thing: Any, schema: str, path: str | os.PathLike[str], **more: np
             content |= {f"{name}.{inner}": getattr(part, inner) for inner in field_names(part)}
         else:
             content[name] = np.asarray(part)
-    write_arrays(path_of(path), content)
+    write_arrays(path_of(path), content, role=role)
 
 
 def load_value(kinds: Mapping[str, Any], path: str | os.PathLike[str]) -> Any:

@@ -163,6 +163,12 @@ def records_from_streams(
         cut = {name: cut_stream(signal, tracks, n_periods, n_samples) for name, signal in kept.items()}
     else:
         examine_outputs(kept, cut, tracks, lines, resample=False)  # what is left after all cures is refused
+    if resample and n_periods > 1 and cut["u"].shape[1] == 1:
+        data_warning(
+            f"resample leaves one period of {n_periods}: the others hold lost or repeated samples. In one period noise "
+            "and distortion cannot be told apart, and the bound is as wide as both. Measure again, or leave resample "
+            "out where a time column shows the lost rows"
+        )
     if resample and all(tracks):  # so that f0 is what the input repeats at
         fs /= float(np.mean([where.spacing for where in tracks if where]))
     if design is not None:

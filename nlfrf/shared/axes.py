@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nlfrf.shared.outputs import PICTURE, Role
 from nlfrf.shared.whole_files import write_whole
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ __all__ = [
     "matrix_axes",
     "note",
     "phase_band",
+    "save_figure",
     "under",
     "write_pictures",
 ]
@@ -210,11 +212,18 @@ def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., Any], Any]
     figure, places = plt.subplots(1, len(pictures), figsize=(7.5 * len(pictures), 4.8), layout="constrained")
     for ax, (plot, content) in zip(np.atleast_1d(places), pictures, strict=True):
         plot(content, ax=ax)
-    kind = path.suffix.lstrip(".").lower()
-    if kind not in figure.canvas.get_supported_filetypes():
+    if path.suffix.lstrip(".").lower() not in figure.canvas.get_supported_filetypes():
         raise ValueError(f"picture must be a file that matplotlib writes (.png, .pdf, .svg), got {path}")
-    write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=130))
+    save_figure(path, figure, dpi=130)
     plt.close(figure)
+
+
+def save_figure(path: Path, figure: Any, *, dpi: int, role: Role = Role.NAMED) -> None:
+    """Write a figure that says who drew it, in the formats that can say so."""
+    kind = path.suffix.lstrip(".").lower()
+    said = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
+    metadata = {} if said is None else {"metadata": {said: PICTURE}}
+    write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=dpi, **metadata), role=role)
 
 
 def phase_band(G: np.ndarray, radius: np.ndarray) -> np.ndarray:

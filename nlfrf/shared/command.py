@@ -2,18 +2,74 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from nlfrf.shared.outputs import outputs, require_writable
 from nlfrf.shared.plain import as_json
 
-__all__ = ["Json", "Version", "end", "number", "run", "speaker", "working"]
+__all__ = ["Commands", "Json", "Version", "end", "number", "run", "speaker", "working"]
+
+WRITTEN = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
+OVERWRITE = "Replace a file that no such command made; an input is never replaced."
+
+
+class Commands(typer.Typer):
+    """The commands of a program. Each keeps its inputs from its outputs, and names every file that it wrote."""
+
+    def command(self, *arguments: Any, **options: Any) -> Callable[[Any], Any]:
+        """Register a command; one with an output has `--overwrite`, too."""
+        register = super().command(*arguments, **options)
+
+        def add(function: Any) -> Any:
+            register(with_outputs(function))
+            return function
+
+        return add
+
+
+def with_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The same command, whose outputs are held against its inputs and named at its end."""
+    signature = inspect.signature(function)
+    if not set(WRITTEN) & set(signature.parameters):
+        return function
+
+    @functools.wraps(function)
+    def run_with_outputs(*, overwrite: bool, **given: Any) -> None:
+        read = [path for name, value in given.items() if name not in WRITTEN for path in paths_in(value)]
+        with outputs(read, overwrite=overwrite) as running:
+            require_writable(*(path for name in WRITTEN for path in paths_in(given.get(name)) if not path.is_dir()))
+            try:
+                function(**given)
+            finally:  # of a command that fails half way, too
+                for path in running.written:
+                    typer.echo(f"wrote {path}", err=bool(given.get("json")))
+
+    # where --force is the largest friction force, it has the one name only
+    names = ("--overwrite",) if "force" in signature.parameters else ("--overwrite", "--force")
+    hints = get_type_hints(function, include_extras=True)
+    hints["overwrite"] = Annotated[bool, typer.Option(*names, help=OVERWRITE)]
+    overwrite = inspect.Parameter("overwrite", inspect.Parameter.KEYWORD_ONLY, default=False)
+    parameters = [*signature.parameters.values(), overwrite]
+    run_with_outputs.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[one.replace(annotation=hints[one.name]) for one in parameters]
+    )
+    run_with_outputs.__annotations__ = hints
+    return run_with_outputs
+
+
+def paths_in(value: Any) -> list[Path]:
+    """The paths among what a parameter was given."""
+    return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
 
 def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapping[str, str]) -> None:

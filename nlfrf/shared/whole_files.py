@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from nlfrf.shared.outputs import Role, admit, require_writable, target_of
 from nlfrf.shared.wording import shown
 
 __all__ = ["VERSION", "path_of", "save_mat", "write_arrays", "write_text", "write_whole"]
@@ -25,7 +26,7 @@ def path_of(path: Any) -> Path:
     return Path(path)
 
 
-def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> None:
+def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED) -> None:
     """Write a file whole or not at all: `write` fills a file beside it, which then takes its place.
 
     Parameters
@@ -34,17 +35,29 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None]) -> 
         Where the file is to be.
     write : callable
         Is given the path to write to.
+    role : Role
+        Where the name comes from: it decides which existing file may be replaced, see `nlfrf.shared.outputs`.
+
+    Raises
+    ------
+    ValueError
+        A file that has to stay.
+    FileNotFoundError
+        A folder that does not exist.
     """
     path = path_of(path)
-    if not path.parent.is_dir():
+    target = target_of(path)
+    if not target.parent.is_dir():
         raise FileNotFoundError(f"path must lie in an existing folder, got {str(path)!r}")
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    require_writable(path, role=role)
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     os.close(handle)
     beside = Path(name)
     try:
         write(beside)
+        admit(path, beside, role)
         beside.chmod(0o666 & ~current_umask())
-        beside.replace(path)
+        beside.replace(target)
     finally:
         beside.unlink(missing_ok=True)
 
@@ -56,13 +69,13 @@ def current_umask() -> int:
     return mask
 
 
-def write_arrays(path: Path, content: Mapping[str, np.ndarray]) -> None:
+def write_arrays(path: Path, content: Mapping[str, np.ndarray], *, role: Role = Role.NAMED) -> None:
     """Write named arrays in the format that the suffix says."""
     suffix = path.suffix.lower()
     if suffix == ".npz":
-        write_whole(path, lambda target: save_arrays(target, content))
+        write_whole(path, lambda target: save_arrays(target, content), role=role)
     elif suffix in (".h5", ".hdf5"):
-        write_whole(path, lambda target: save_hdf5(target, content))
+        write_whole(path, lambda target: save_hdf5(target, content), role=role)
     else:
         raise ValueError(f"path must end in .npz or .h5, got {path.name!r}")
 
@@ -92,10 +105,10 @@ def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
                 file.create_dataset(name, data=array)
 
 
-def write_text(path: str | os.PathLike[str], text: str) -> None:
+def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAMED) -> None:
     """Write text as UTF-8, whole or not at all."""
 
     def write(beside: Path) -> None:
         beside.write_text(text, encoding="utf-8")
 
-    write_whole(path, write)
+    write_whole(path, write, role=role)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
-__all__ = ["counted", "hertz", "in_unit", "inverse_unit", "paragraph", "ratio_unit", "shown"]
+__all__ = ["counted", "hertz", "in_unit", "in_words", "inverse_unit", "listed", "paragraph", "ratio_unit", "shown"]
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 
 
 def shown(thing: Any) -> str:
@@ -26,6 +29,24 @@ def hertz(omega: float) -> str:
 def counted(n: int, what: str) -> str:
     """A count with its noun."""
     return f"{n} {what}" + "s" * (n != 1)
+
+
+def in_words(n: int, what: str) -> str:
+    """A count with its noun, small numbers in words.
+
+    >>> in_words(1, "sample"), in_words(2, "sample"), in_words(40, "sample")
+    ('one sample', 'two samples', '40 samples')
+    """
+    return f"{NUMBERS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(NUMBERS) else counted(n, what)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names with commas and an "and" between them.
+
+    >>> listed(["1"]), listed(["1", "3"]), listed(["1", "3", "4"])
+    ('1', '1 and 3', '1, 3 and 4')
+    """
+    return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
 
 
 def paragraph(label: str, text: str) -> list[str]:

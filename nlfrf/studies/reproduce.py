@@ -19,7 +19,9 @@ import numpy as np
 from nlfrf.bench.rig import paper_rig
 from nlfrf.bench.simulate import simulate
 from nlfrf.shared.arguments import integer
-from nlfrf.shared.whole_files import write_text, write_whole
+from nlfrf.shared.axes import save_figure
+from nlfrf.shared.outputs import Role, require_writable
+from nlfrf.shared.whole_files import write_text
 from nlfrf.studies.ensembles import GRIDS, LEVELS, Ensembles, ensemble, paper_multisine
 from nlfrf.studies.figures import pictures
 from nlfrf.studies.findings import Finding, findings
@@ -31,6 +33,9 @@ __all__ = ["reproduce"]
 
 #: Levels of the study [N rms], 10 dB apart.
 STUDIED = 0.0025 * 10 ** np.arange(0, 3.1, 0.5)
+
+FIGURES = (*(f"figure{k}" for k in range(3, 8)), "random_odd", "excitations", "levels")
+FILES = (*(f"{name}.png" for name in FIGURES), "findings.json", "findings.md")
 
 
 def reproduce(
@@ -60,12 +65,18 @@ def reproduce(
     Returns
     -------
     list of Finding
+
+    Raises
+    ------
+    ValueError
+        Too few realisations; a file in the place of the folder, or in it one of these names that holds something else.
     """
     m, seed = integer("n_realizations", n_realizations, least=10), integer("seed", seed, least=0)
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"out must be a folder, got the file {folder}")
     folder.mkdir(parents=True, exist_ok=True)
+    require_writable(*(folder / name for name in FILES), role=Role.DERIVED)  # hours before they are written
     rig, rng, few = paper_rig(), np.random.default_rng(seed), max(4, m // 10)
     total = m * (len(LEVELS) * len(GRIDS) + len(SIGNALS) + 1) + few * STUDIED.size
     done = 0
@@ -89,10 +100,15 @@ def reproduce(
     study = level_study(rig, ms, STUDIED, n_discard=4, executor=executor, progress=count(done), resume=resume)
     found = [*found, *remarks]
     for name, figure in pictures(ensembles, signals, study, rig):
-        write_whole(folder / f"{name}.png", lambda path, f=figure: f.savefig(path, dpi=110))  # type: ignore[misc]
-    content = {"n_realizations": m, "seed": seed, "findings": [asdict(finding) for finding in found]}
-    write_text(folder / "findings.json", json.dumps(content, indent=2) + "\n")
-    write_text(folder / "findings.md", table(found, m))
+        save_figure(folder / f"{name}.png", figure, dpi=110, role=Role.DERIVED)
+    content = {
+        "schema": "nlfrf-findings",
+        "n_realizations": m,
+        "seed": seed,
+        "findings": [asdict(finding) for finding in found],
+    }
+    write_text(folder / "findings.json", json.dumps(content, indent=2) + "\n", role=Role.DERIVED)
+    write_text(folder / "findings.md", table(found, m), role=Role.DERIVED)
     return found
 
 
@@ -109,4 +125,6 @@ def table(found: list[Finding], n_realizations: int) -> str:
         yes = "yes" if finding.holds else "**no**"
         rows.append(f"| {finding.name} | {finding.claim} | {finding.paper} | {ours} | {finding.criterion} | {yes} |")
     notes = [f"- {finding.name}: {finding.remark}" for finding in found if finding.remark]
-    return "\n".join([*rows, "", "## Where and why ours differs", "", *notes, ""])
+    return "\n".join(
+        [*rows, "", "## Where and why ours differs", "", *notes, "", "<!-- written by 'nlfrf reproduce' -->", ""]
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,16 @@ from robust.verification.claim import LoopClaim, Matrices, as_given, differences
 from robust.verification.file import read_claim, write_claim
 from robust.verification.loops import Verification, verify_loop
 
-__all__ = ["save_certificate", "verify_certificate"]
+__all__ = ["certificate_of", "save_certificate", "verify_certificate"]
+
+
+def certificate_of(report: Path, number: int = 0) -> Path:
+    """The certificate beside a text report, of several proofs by number.
+
+    >>> certificate_of(Path("r.txt")).name, certificate_of(Path("r.txt"), 1).name
+    ('r.certificate.json', 'r.2.certificate.json')
+    """
+    return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
 
 
 def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, path: PathLike) -> None:

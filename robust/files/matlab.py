@@ -10,6 +10,7 @@ import control
 import numpy as np
 from scipy.io import savemat
 
+from nlfrf.shared.outputs import Role, require_writable, signature
 from nlfrf.shared.whole_files import path_of, write_text, write_whole
 from robust.files.biquads import polynomials, told_sections
 from robust.files.json_files import PathLike
@@ -41,7 +42,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
     Raises
     ------
     ValueError
-        A path that does not end in .mat.
+        A path that does not end in .mat; a file with the name of the loader that is none.
     FileNotFoundError
         A folder that does not exist.
 
@@ -64,20 +65,22 @@ def export_matlab(content: Any, path: PathLike) -> None:
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
     if isinstance(content, UncertaintyModel):
-        struct, loader = model_struct(content), MODEL_LOADER
+        struct, script = model_struct(content), MODEL_LOADER
     elif isinstance(content, MatrixUncertainty):
-        struct, loader = matrix_struct(content), MATRIX_LOADER
+        struct, script = matrix_struct(content), MATRIX_LOADER
     else:
         K = controller("content", content)
-        struct, loader = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **told_sections(K)}, CONTROLLER_LOADER
+        struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **told_sections(K)}, CONTROLLER_LOADER
+    loader = path.with_name(f"load_{name}.m")
+    require_writable(loader, role=Role.DERIVED)  # before the first of two files is there
 
     def write_mat(beside: Path) -> None:
         savemat(beside, {"content": struct}, oned_as="column")
 
     write_whole(path, write_mat)
     said = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
-    text = re.sub("NAME|'FILE'|FILE", lambda found: said[found[0]], loader)
-    write_text(path.with_name(f"load_{name}.m"), text)
+    text = re.sub("NAME|'FILE'|FILE", lambda found: said[found[0]], script) + f"% {signature('robust export')}\n"
+    write_text(loader, text, role=Role.DERIVED)
 
 
 def model_struct(model: UncertaintyModel) -> dict[str, Any]:

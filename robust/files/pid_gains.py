@@ -10,12 +10,12 @@ import numpy as np
 
 from nlfrf.shared.arguments import of_kind, positive
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import inverse_unit
+from nlfrf.shared.wording import inverse_unit, listed
 from robust.systems.bilinear import continuous_image
 from robust.systems.lti import poles, response, timebase
 from robust.systems.realisation import state_space
 
-__all__ = ["PidGains", "pid_gains", "told_gains"]
+__all__ = ["PidGains", "pid_gains", "told_gains", "unusual_gains"]
 
 
 INTEGRATOR = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
@@ -66,6 +66,43 @@ class PidGains:
         """Td = Kd/Kp of the ideal form [s]; nan where kp is zero."""
         return self.kd / self.kp if self.kp else float("nan")
 
+    @property
+    def has_ideal_form(self) -> bool:
+        """Whether Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) has positive times: all gains have the sign of kp."""
+        return self.kp != 0 and all(gain * self.kp >= 0 for gain in (self.ki, self.kd))
+
+    def plc_parameters(self) -> list[str]:
+        """What the ideal form is called in the blocks of Siemens and TwinCAT, a line each; nothing where it has none.
+
+        A time of zero switches its part off in each of them. The blocks work in samples of their own: the loop is the
+        one that was checked where their cycle is short against every time.
+
+        References
+        ----------
+        Siemens, *SIMATIC S7-1200, S7-1500 PID control* (A5E35300227), 9.1 (PID_Compact); *Standard software for S7-300
+        and S7-400 PID control* (C79000-G7076-C516) (CONT_C). Beckhoff, *Tc2_ControllerToolbox* (FB_CTRL_PID).
+
+        Examples
+        --------
+        >>> for row in PidGains(kp=2.0, ki=4.0, kd=0.1, filter_time=0.01).plc_parameters():
+        ...     print(row)
+        Siemens PID_Compact: Gain = 2, Ti = 0.5 s, Td = 0.05 s, TdFiltRatio = 0.2, PWeighting = 1, DWeighting = 1
+        Siemens CONT_C: GAIN = 2, TI = 0.5 s, TD = 0.05 s, TM_LAG = 0.01 s
+        TwinCAT FB_CTRL_PID: fKp = 2, tTn = 0.5 s, tTv = 0.05 s, tTd = 0.01 s
+        """
+        if not self.has_ideal_form:
+            return []
+        gain = f"{self.kp:.6g}"
+        integral = f"{self.integral_time if self.ki else 0.0:.6g} s"
+        derivative, lag = f"{self.derivative_time if self.kd else 0.0:.6g} s", f"{self.filter_time:.6g} s"
+        ratio = f"{self.filter_time / self.derivative_time if self.kd else 0.0:.6g}"
+        return [
+            f"Siemens PID_Compact: Gain = {gain}, Ti = {integral}, Td = {derivative}, TdFiltRatio = {ratio}, "
+            "PWeighting = 1, DWeighting = 1",
+            f"Siemens CONT_C: GAIN = {gain}, TI = {integral}, TD = {derivative}, TM_LAG = {lag}",
+            f"TwinCAT FB_CTRL_PID: fKp = {gain}, tTn = {integral}, tTv = {derivative}, tTd = {lag}",
+        ]
+
     def difference_equation(self) -> list[str]:
         """Lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order once a sample.
 
@@ -92,7 +129,12 @@ class PidGains:
         said += [f"Kd = {self.kd:.6g}{times_s or ' s'}", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
         form = "Kp" + " + Ki/s" * bool(self.ki) + " + Kd s/(Tf s + 1)" * bool(self.kd)
         rows = [f"parallel, {form}: {', '.join(said)}"]
-        if self.kp and (self.ki or self.kd):
+        if self.kp and not self.has_ideal_form:
+            times = [f"Ti = {self.integral_time:.4g} s"] * bool(self.ki) + [
+                f"Td = {self.derivative_time:.4g} s"
+            ] * bool(self.kd)
+            rows.append(f"ideal: none that a PLC takes, as {' and '.join(times)} would be negative times")
+        elif self.kp and (self.ki or self.kd):
             times = [said[0]]
             times += [f"Ti = {self.integral_time:.6g} s"] if self.ki else []
             times += [f"Td = {self.derivative_time:.6g} s", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
@@ -157,10 +199,28 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
     )
 
 
-def told_gains(K: Any, unit: str) -> str:
-    """The gains of a controller that is a PID, a row each, for the end of a text; nothing of one that is none."""
+def told_gains(K: Any, unit: str, *, plc: bool = False) -> str:
+    """The gains of a PID, a row each, for the end of a text, also by the names of a PLC; nothing of what is no PID."""
     with suppress(ValueError):
-        return "".join(f"\nPID {row}" for row in str(pid_gains(K, unit=unit)).splitlines())
+        gains = pid_gains(K, unit=unit)
+        return "".join(f"\nPID {row}" for row in [*str(gains).splitlines(), *gains.plc_parameters() * plc])
+    return ""
+
+
+def unusual_gains(K: Any) -> str:
+    """Why no PLC takes the gains of a controller, empty where one does or where it is no PID.
+
+    >>> unusual_gains(control.tf([0.1, -2.0, 30.0], [0.01, 1.0, 0.0]))
+    'the PID has Kp = -2.3, Ki = 30 and Kd = 0.123: no PLC takes gains of different signs'
+    >>> unusual_gains(2.0)
+    ''
+    """
+    with suppress(ValueError):
+        gains = pid_gains(K)
+        named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
+        if len({gain > 0 for gain in named.values() if gain}) > 1:
+            said = listed([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
+            return f"the PID has {said}: no PLC takes gains of different signs"
     return ""
 
 

@@ -20,7 +20,7 @@ from robust.fixed_structure.starts import loops_stable
 from robust.fixed_structure.structures import Basis
 from robust.systems.nyquist import unstable_poles
 
-__all__ = ["DesignTask", "better", "iterate"]
+__all__ = ["DesignTask", "better", "iterate", "linear_rows"]
 
 
 WORKING_LINES = 80
@@ -40,6 +40,7 @@ class DesignTask:
     rows: list[Demand]
     gamma: Demand | None
     stable: bool
+    positive: bool
     n_unstable: int
     Y: np.ndarray
     X: np.ndarray
@@ -88,11 +89,12 @@ class DesignTask:
 
 
 def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
-    """(Q, n) what keeps the controller proper, stable and, where asked for, its roots real: rows @ theta >= 0."""
+    """(Q, n) rows @ theta >= 0: the controller stays proper, stable and, if asked, its roots real, gains positive."""
     basis, n_y = task.basis, task.basis.n_y
     shape = basis.structure
     if not shape.free:
-        return np.concatenate([np.sign(theta[:1]), np.zeros(basis.n_x)])[None, :]
+        scale = np.concatenate([np.sign(theta[:1]), np.zeros(basis.n_x)])[None, :]
+        return np.vstack([scale, np.sign(theta[0]) * basis.gain_rows()]) if task.positive else scale
     if task.stable:
         # Y may not vanish on the circle through -slowest and -fastest: its roots stay inside
         span = basis.fastest - basis.slowest

@@ -34,6 +34,7 @@ def design_frf(
     integrators: int = 0,
     filter_time: float | None = None,
     stable: bool = True,
+    positive: bool = False,
     start: Any = None,
     n_starts: int = 1,
     n_unstable: int = 0,
@@ -87,6 +88,9 @@ def design_frf(
         Time constant of the derivative filter [s] of PD and PID; chosen by the design when not given.
     stable : bool
         Keep the controller itself stable (integrators aside).
+    positive : bool
+        Keep Kp, Ki and Kd of a PID (or a part of one) positive: no PLC takes a negative time Ti = Kp/Ki or Td = Kd/Kp.
+        A filter time that is not given is then the best of six.
     start : control system, optional
         A stabilising controller of the structure to begin from; searched for when not given.
     n_starts : int
@@ -146,6 +150,7 @@ def design_frf(
         "integrators": integrators,
         "filter_time": filter_time,
         "stable": stable,
+        "positive_gains": positive,
         "start": start,
         "n_starts": n_starts,
         "n_unstable": n_unstable,

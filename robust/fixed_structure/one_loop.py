@@ -13,12 +13,19 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf.shared.arguments import integer, nonnegative, one_of, positive, real
 from nlfrf.shared.wording import hertz, shown
-from robust.fixed_structure.convex_concave import DesignTask, better, iterate
+from robust.fixed_structure.convex_concave import DesignTask, better, iterate, linear_rows
 from robust.fixed_structure.demands import end_row, limit_rows, objective_row, weight_rows
 from robust.fixed_structure.plants import DiscsOnLines, SeenPlant, see, stacked_plants
 from robust.fixed_structure.proved import largest_proved_gain, machines_of
 from robust.fixed_structure.starts import find_start, given_start, loops_stable
-from robust.fixed_structure.structures import FASTEST, FASTEST_SAMPLED, Basis, ControllerStructure, structure_of
+from robust.fixed_structure.structures import (
+    FASTEST,
+    FASTEST_SAMPLED,
+    PID_PARTS,
+    Basis,
+    ControllerStructure,
+    structure_of,
+)
 from robust.shared.states import Stability
 from robust.synthesis.design import Design
 from robust.systems.lti import constant, response, timebase
@@ -31,6 +38,7 @@ __all__ = ["design_loop"]
 #: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
 #: be missed by for that to be done from where it is.
 LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1
+FILTERS = 6  # time constants of a derivative filter that are tried where gains have to be positive
 #: What a demand may be missed by, recomputed on those lines.
 MISSED = 1e-3
 
@@ -55,6 +63,7 @@ def design_loop(
     integrators: int,
     filter_time: float | None,
     stable: bool,
+    positive_gains: bool,
     start: Any,
     n_starts: int,
     n_unstable: int,
@@ -64,6 +73,7 @@ def design_loop(
     progress: Callable[[int, float], Any] | None,
 ) -> Design:
     """`design_frf` of a plant of one input and output."""
+    given = {name: what for name, what in locals().items() if name not in ("plant", "structure")}
     began = time.perf_counter()
     one_of("aim", aim, ("auto", "gamma", "gain"))
     dt, delay = nonnegative("dt", dt), nonnegative("delay", delay)
@@ -83,13 +93,26 @@ def design_loop(
     ask = partial(asked, aim=aim, weights=weights, limits=limits, end_gain=positive("end_gain", end_gain))
     seen = [look(p) for p in plants]
     basis = basis_for(shape, stacked_plants(seen), dt, fixed)
+    if positive_gains and shape.name not in PID_PARTS:
+        raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
+    if positive_gains and not constant(basis.fixed):
+        raise ValueError("positive must be left out with a factor that is fixed: the whole is no PID then")
+    if positive_gains and shape.free:
+        return best_filter(plant, structure, basis, given)
 
     def closer(K: list[control.StateSpace]) -> DesignTask:
         """The task on the lines too that controllers, or their loops, have features on."""
         own = [look(p, K=K) for p in plants]
         at = stacked_plants(own)
         of_lines = {"at": at, **ask(own, at), **basis.on_lines(at.omega)}
-        return DesignTask(basis=basis, seen=seen, stable=bool(stable), n_unstable=n_unstable, **of_lines)
+        return DesignTask(
+            basis=basis,
+            seen=seen,
+            stable=bool(stable),
+            positive=bool(positive_gains),
+            n_unstable=n_unstable,
+            **of_lines,
+        )
 
     task = closer([basis.known_modes()])
     starts = [checked_start(task, start)] if start is not None else found_starts(task, n_starts)
@@ -97,6 +120,46 @@ def design_loop(
     if prove is not None:
         theta, why = proved_parameters(task, theta, prove, delay, why)
     return judged_design(closer([basis.controller(theta)]), theta, history, why)
+
+
+def best_filter(plant: Any, structure: Any, basis: Basis, given: dict[str, Any]) -> Design:
+    """A design that has positive gains of itself, else the best over the time constants of the derivative filter.
+
+    With the time constant given the gains are linear in the parameters, so that they are kept positive by the convex
+    program itself; with a free one that constraint is bilinear.
+    """
+    found, refused = [], None
+    freely = design_loop(plant, structure, **{**given, "positive_gains": False})
+    if has_positive_gains(freely.K, basis.dt):
+        return freely
+    given |= {"time_cap": given["time_cap"] / FILTERS}
+    for pole in np.geomspace(basis.slowest, 0.9 * basis.fastest, FILTERS):
+        try:
+            found.append(design_loop(plant, structure, **{**given, "filter_time": float(1 / pole)}))
+        except ValueError as error:  # no start, with this filter
+            refused = error
+    if not found:
+        assert refused is not None
+        raise refused
+    omega = np.array([1e-3 * basis.omega_mid])
+
+    def merit(design: Design) -> tuple[bool, float]:
+        return not design.met, design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
+
+    return min(found, key=merit)
+
+
+def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
+    """Whether all gains of a PID with a derivative filter are positive: those with which it is itself."""
+    p = K.poles()
+    s = np.sort(np.abs(2 / dt * (p - 1) / (p + 1) if dt else p))
+    filter_time = 1 / s[-1]
+    omega = np.geomspace(1e-2, 1.0, 12) * min(s[-1], 1 / dt if dt else np.inf)
+    s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
+    parts = [np.ones_like(s), s / (filter_time * s + 1)] + ([1 / s] if K.nstates > 1 else [])
+    columns = np.array(parts) / response(K, omega)
+    gains = np.linalg.lstsq(np.hstack([columns.real, columns.imag]).T, np.repeat([1.0, 0.0], omega.size))[0]
+    return bool(np.all(gains >= 0))
 
 
 def settled(
@@ -165,6 +228,8 @@ def checked_start(task: DesignTask, start: Any) -> np.ndarray:
     state, why = loops_stable(K, task.seen, task.n_unstable)
     if state is not Stability.STABLE:
         raise ValueError(f"start must stabilise the plant, got one with which {why}")
+    if task.positive and np.any(linear_rows(task, theta) @ theta < 0):
+        raise ValueError("start must have gains that are all positive, got one that is negative")
     if task.stable and unstable_poles(K, task.basis.dt):
         raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
     return theta
@@ -181,8 +246,14 @@ def found_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
         task.objective,
         n_unstable=task.n_unstable,
         allow_unstable=not task.stable,
+        positive=task.positive,
         wanted=n_starts,
     )
+    if not starts and task.positive:
+        raise ValueError(
+            f"positive must be left out: no simple {task.basis.structure.name} of positive gains was found that "
+            "stabilises the plant. Where y falls as u rises, change the sign of one of them"
+        )
     if not starts:
         raise ValueError(
             f"start must be given: no simple {task.basis.structure.name} controller was found that stabilises "

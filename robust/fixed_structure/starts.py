@@ -111,6 +111,7 @@ def find_start(
     *,
     n_unstable: int,
     allow_unstable: bool,
+    positive: bool,
     wanted: int,
 ) -> list[np.ndarray]:
     """Parameters of stabilising simple controllers, those that come nearest to the demands first; may be empty."""
@@ -134,6 +135,9 @@ def find_start(
     theta, centres = theta[which], centres[which]
     theta[:, basis.n_y :] *= gains[:, None]
     Y, X = Y[which], X[which] * gains[:, None]
+    if positive:
+        good = np.all(theta @ basis.gain_rows().T >= 0, axis=1)
+        theta, centres, Y, X = theta[good], centres[good], Y[good], X[good]
     hard = np.max([np.ones(len(theta)), *(row.on(thin).measure(Y, X).max(axis=-1) for row in rows)], axis=0)
     if aim is not None:
         best = aim.on(thin).measure(Y, X).max(axis=-1)
@@ -143,7 +147,7 @@ def find_start(
     found: list[np.ndarray] = []
     used: list[float] = []
     order = np.lexsort((best, hard))
-    for batch in np.array_split(order, max(1, order.size // 200)):
+    for batch in np.array_split(order, max(1, order.size // 200)) if order.size else []:
         for k in batch[likely(basis, theta[batch], seen, n_unstable)]:
             if any(abs(np.log(centres[k] / c)) < 0.5 for c in used):
                 continue

@@ -18,7 +18,7 @@ from robust.systems.connections import in_series
 from robust.systems.lti import response
 from robust.systems.realisation import from_roots
 
-__all__ = ["FASTEST", "FASTEST_SAMPLED", "Basis", "ControllerStructure", "structure_of"]
+__all__ = ["FASTEST", "FASTEST_SAMPLED", "PID_PARTS", "Basis", "ControllerStructure", "structure_of"]
 
 
 #: The fastest pole of a free denominator over the highest frequency looked at, and over 2/T where sampled.
@@ -34,6 +34,8 @@ NAMED = {
     "lead": (1, 0, 1),
     "lead-lag": (2, 0, 2),
 }
+#: Those whose parameters are gains that a PLC takes.
+PID_PARTS = ("P", "I", "PI", "PD", "PID")
 
 
 @value
@@ -253,6 +255,22 @@ class Basis:
         far = np.abs(1 - found) < 1e-7
         s = self.a * (1 + found[~far]) / (1 - found[~far])
         return np.concatenate([s, np.full(missing, -self.a)])
+
+    def gain_rows(self) -> np.ndarray:
+        """(Q, n) rows @ theta are Kp, Ki and Kd, as many as the structure has, each times a positive number.
+
+        K = x(s) / (s^m (Tf s + 1)) is a PID whose gains are linear in x where Tf is given: from the lowest power on,
+        each coefficient of x has in it the gain before times Tf.
+        """
+        shape = self.structure
+        if shape.name not in PID_PARTS or shape.free:
+            raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got {shape.name!r}")
+        T = np.array([self.polynomial(e) for e in np.eye(self.n_x)]).T[::-1]  # coefficients, lowest power first
+        filter_time = self.a * sum((-1 / p).real for p in shape.poles)
+        rows = [T[0]]
+        for k in range(1, self.n_x):
+            rows.append(T[k] - filter_time * rows[-1])
+        return np.hstack([np.zeros((self.n_x, self.n_y)), np.array(rows)])
 
     def known_modes(self) -> control.StateSpace:
         """A system with the poles that every controller of the structure has, but for its integrators."""

@@ -11,8 +11,9 @@ import numpy as np
 import nlfrf
 from nlfrf.shared.arguments import nonnegative, positive
 from nlfrf.shared.command import working
+from nlfrf.shared.outputs import signature
 from nlfrf.shared.whole_files import write_text
-from robust.files.certificates import save_certificate, verify_certificate
+from robust.files.certificates import certificate_of, save_certificate, verify_certificate
 from robust.files.models import load_model
 from robust.modelling.weight_formulas import performance_weight
 from robust.performance.loop_gains import loop_gains
@@ -87,12 +88,10 @@ def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
 
 def hand_over(report: Any, out: Path, say: Any) -> None:
     """Write a report, and what was proved beside it, verified."""
-    write_text(out, f"{report}\n")
-    say(f"wrote {out}")
-    handed = out.with_suffix(".certificate.json")
+    write_text(out, f"{report}\n\n{signature('robust check')}\n")
+    handed = certificate_of(out)
     if any(certificate.holds and certificate.claim is not None for certificate in report.certificates):
         save_certificate(report, handed)
-        say(f"wrote {handed}")
         with working("verifying"):
             say(verify_certificate(handed))
     elif handed.exists():

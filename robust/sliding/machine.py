@@ -9,7 +9,6 @@ import numpy as np
 
 from nlfrf.shared.arguments import nonnegative, positive
 from nlfrf.shared.values import value
-from nlfrf.shared.wording import shown
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable
 
@@ -125,13 +124,15 @@ def from_model(model: Any, port: bool) -> SlidingMachine:
     if timebase(G):
         raise ValueError(f"mass must be a continuous model, got one sampled at dt = {G.dt:g} s. Fit it with dt=0")
     if np.any(G.D != 0):
-        raise ValueError("mass must be a strictly proper model, got a direct term. Fit it with n_zeros <= n_poles - 2")
+        raise ValueError(
+            "mass must be a strictly proper model, got a direct term. Fit it with two poles more than zeros"
+        )
     B, C = np.asarray(G.B, float), np.asarray(G.C, float)
     size = np.linalg.norm(C[-1]) * np.linalg.norm(B, axis=0)
     if np.any(np.abs(C[-1] @ B) > ROUNDING * size):
         raise ValueError(
-            f"mass must have a velocity at its friction port (C B = 0 there), got a jump of {shown(C[-1] @ B)} m/Ns. "
-            "Fit it with n_zeros <= n_poles - 2"
+            "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by "
+            f"{np.abs(C[-1] @ B).max():.3g} m/s per N of force. Fit it with at least two poles more than zeros"
         )
     words = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
     return SlidingMachine(

@@ -61,7 +61,7 @@ HEAVY = {
     "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
     "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels nlfrf.coupled.step_kernels "
     "nlfrf.coupled.run_kernels",
-    "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files",
+    "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files nlfrf.shared.outputs",
     "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
     "robust.friction_proof.bristle_multipliers robust.friction_proof.linear_uncertainty",
     "jinja2": "robust.reports.page",

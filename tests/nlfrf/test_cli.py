@@ -82,8 +82,9 @@ def test_several_inputs_make_a_matrix(nlfrf_command, tmp_path, suffix):
     code, out, _ = nlfrf_command("identify", "run0.npz", "run1.npz", *asked, "-o", f"G{suffix}", "--csv")
     assert code == 0
     assert "FRM of 2 outputs by 2 inputs" in out
-    assert out.count("wrote G.csv") == 1
-    assert (tmp_path / "G.csv").read_text().startswith("f [Hz],Re x/fx,Im x/fx,bound x/fx,Re x/fy")
+    table = "G.csv" if suffix == ".csv" else "G-bla.csv"
+    assert out.count(f"wrote {table}") == 1
+    assert (tmp_path / table).read_text().startswith("f [Hz],Re x/fx,Im x/fx,bound x/fx,Re x/fy")
     code, _, err = nlfrf_command("identify", "run0.npz", "run1.npz", *asked, "--opinion", "-o", "H.npz")
     assert code == 2
     assert "opinion must be left out for several inputs" in err
@@ -156,7 +157,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         assert code == 0, step
         said.append(out)
     assert "2 experiments of 2 inputs" in said[0]
-    assert "wrote run.npz: 2 experiments x 2 periods x 1024 samples" in said[2]
+    assert "2 experiments x 2 periods x 1024 samples\nwrote run.npz\n" in said[2]
     frm, row = load_frm(tmp_path / "G.npz"), load_frm(tmp_path / "row.npz")
     assert (frm.inputs, frm.outputs, row.outputs) == (("Fx", "Fy"), ("x", "y"), ("y",))
     assert 25 < frm.f[np.argmax(np.abs(frm.G[0, 0]))] < 33

@@ -61,6 +61,7 @@ def test_a_gap_is_cured_wherever_it_is(where, period, place):
     assert np.mean(np.abs(bla.G - truth(bla.f)) < bla.bound()) > 0.85
 
 
+@pytest.mark.filterwarnings("ignore:resample leaves one period")
 @pytest.mark.parametrize("where", ["y", "u", "both"])
 @pytest.mark.parametrize("n_periods", [2, 3, 4])
 @pytest.mark.parametrize(("first", "later"), [(1, -1), (5, -5), (1, 1)])
@@ -106,6 +107,7 @@ def test_a_gap_of_u_alone_before_all_sound_periods_is_refused(n_periods):
         nlfrf.record_from_samples(u, y[: u.size], fs=FS, n_samples=N, resample=True)
 
 
+@pytest.mark.filterwarnings("ignore:resample leaves one period")
 def test_a_gap_of_u_alone_between_sound_periods_is_cured():
     # of three sound periods two steps: the pace was taken from the middle of them
     _, u, y, truth = played(0.1, 4, 3, settled=True)

@@ -1,0 +1,99 @@
+"""Each refusal of `robust prove` ends with commands, and these commands go on."""
+
+import re
+import shlex
+import sys
+
+import control
+import numpy as np
+import pytest
+
+import robust
+from nlfrf import save_bla
+from robust import cli
+from tests.support.bla import make_bla
+
+F = np.arange(1, 240) * 0.5
+
+
+def two_masses(spring):
+    """1 kg on a friction spring [N/m] and 8e4 N/m to ground, with 0.5 kg on a belt: a flexible machine."""
+
+    def G(s):
+        carriage = 0.5 * s**2 + 20 * s + 3e5
+        belt = 3e5 * (0.5 * s**2) / carriage
+        return 1 / (s**2 + 40 * s + 8e4 + spring + belt)
+
+    return G
+
+
+@pytest.fixture
+def prove(monkeypatch, capsys, tmp_path):
+    """Run the command in a folder of BLAs at three levels, a model as `robust model` makes it, and controllers."""
+    monkeypatch.chdir(tmp_path)
+    for name, spring in (("low", 5.1e4), ("mid", 5e4), ("high", 0.0)):
+        G = two_masses(spring)
+        size = np.abs(G(2j * np.pi * F))
+        save_bla(make_bla(G, F, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
+    for name, spring in (("a", 5.1e4), ("b", 5e4), ("c", 0.0)):  # above their resonance: no mass on a spring is seen
+        G, f = two_masses(spring), F[F > 75]
+        size = np.abs(G(2j * np.pi * f))
+        save_bla(make_bla(G, f, f0=0.5, sigma_noise=1e-3 * size, sigma_distortion=1e-3 * size, rng=1), f"{name}.npz")
+    robust.save_controller(control.ss([], [], [], [[1e3]], 1e-3), "K.json")
+
+    def run(line):
+        monkeypatch.setattr(sys, "argv", shlex.split(line))
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        said = capsys.readouterr()
+        return stop.value.code or 0, said.out, said.err
+
+    assert run("robust model high.npz --poles 4 -o default.json")[0] == 0
+    assert run("robust model high.npz --poles 4 --zeros 2 --sample-time 0.002 -o sampled.json")[0] == 0
+    assert run("robust model high.npz --poles 4 --zeros 2 -o good.json")[0] == 0
+    return run
+
+
+def commands_in(refusal):
+    """The command lines of a refusal, with what the user has to know put in."""
+    known = {"NEWTON_PER_METRE": "5e4", "BLA.npz": "high.npz", "HERTZ": "5", "SECONDS": "0.001"}
+    found = re.findall(r"robust (?:prove|model|design) [^;,]*", refusal.strip())
+    for name, number in known.items():
+        found = [line.replace(name, number) for line in found]
+    return [line.replace("LOW", "low").replace("MID", "mid").replace("HIGH", "high") for line in found]
+
+
+@pytest.mark.parametrize(
+    ("asked", "word"),
+    [
+        ("default.json K.json", "--nominal default.json"),  # 4aa289a did not name it
+        (
+            "default.json K.json --stiffness 5e4",
+            "at least two poles more than zeros",
+        ),  # 4aa289a: n_zeros <= n_poles - 2
+        ("sampled.json K.json --stiffness 5e4", "must be a continuous model"),
+        ("low.npz K.json", "got 1 BLA"),
+        ("low.npz mid.npz K.json", "got 2 BLAs"),
+        ("a.npz b.npz c.npz K.json", "--nominal nominal.json"),
+        ("low.npz mid.npz high.npz K.json --nominal default.json", "at least two poles more than zeros"),
+        ("low.npz mid.npz high.npz default.json K.json", "got both"),
+        ("default.json sampled.json K.json", "must be one model, got 2"),
+        ("good.json default.json --stiffness 5e4", "robust-controller"),
+    ],
+)
+def test_whoever_follows_the_refusals_gets_a_verdict(prove, asked, word):
+    line = f"robust prove {asked}"
+    code, _, err = prove(line)
+    assert code == 2
+    assert word in err
+    for _ in range(4):
+        commands = commands_in(err)
+        assert commands, err
+        assert "n_poles" not in err
+        last = next(k for k, one in enumerate(commands) if one.startswith("robust prove") or k == len(commands) - 1)
+        for one in commands[: last + 1]:
+            code, out, err = prove(one)
+        if code != 2:
+            break
+    assert code in (0, 1), err
+    assert out.startswith(("modal damping", "Assumed")) or "proved" in out or "wrote K.json" in out
