@@ -1,4 +1,4 @@
-"""Load thousands of damaged files of each format: only documented errors, no hang, no blow-up of memory.
+"""Load thousands of damaged files of each format and of JSON: only documented errors, no hang, no blow-up of memory.
 
 python -m benchmarks.fuzz_loaders [--files 2000]
 """
@@ -15,7 +15,33 @@ from pathlib import Path
 import numpy as np
 
 import nlfrf
+import robust
 from tests.nlfrf.files.test_files import FORMATS, fuzz_loader  # the same fuzz as in the tests, longer
+from tests.robust.files.test_certificates import K, make_model
+from tests.support.measurement_files import damaged
+
+
+def fuzz_json(folder, n, rng):
+    """(name, refused) of n damaged files of each kind of JSON; all but a ValueError in a clean line is let through."""
+    report = robust.check(make_model(), K)
+    kinds = (
+        ("model", robust.save_model, make_model(), robust.load_model),
+        ("controller", robust.save_controller, K, robust.load_controller),
+        ("certificate", robust.save_certificate, report, robust.verify_certificate),
+    )
+    for name, save, thing, load in kinds:
+        path = folder / f"{name}.json"
+        save(thing, path)
+        content, refused = path.read_bytes(), 0
+        for _ in range(n):
+            path.write_bytes(damaged(content, rng))
+            try:
+                load(path)
+            except ValueError as error:
+                refused += 1
+                if not str(error).isprintable():
+                    raise AssertionError("a refusal has one clean line") from error
+        yield name, refused
 
 
 def main():
@@ -38,6 +64,9 @@ def main():
             f"{suffix:<5} {n} damaged files: {refused} refused, {n - refused} read, none else; "
             f"{elapsed:.1f} s, peak memory so far {peak:.0f} MB"
         )
+    with tempfile.TemporaryDirectory() as folder:
+        for name, refused in fuzz_json(Path(folder), n, rng):
+            print(f"{name} {n} damaged files: {refused} refused, {n - refused} read, none else")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Load thousands of damaged files of each foreign format: only documented errors, no hang.
+"""Load thousands of damaged files of each foreign format, and files made to do harm: only documented errors, no hang.
 
 python -m benchmarks.fuzz_readers [--files 2000] [--only .tdms]
 
@@ -13,14 +13,18 @@ import importlib.util
 import io
 import os
 import pickle
+import sys
 import tempfile
 import time
 import warnings
 from pathlib import Path
 
+import numpy as np
+
 from nlfrf.files import channels
 from nlfrf.readers import matlab
-from nlfrf.shared.own_process import FACTOR, MEMORY, most, receive, send
+from nlfrf.shared.own_process import FACTOR, MEMORY, receive, send
+from tests.support.hostile_files import FAMILIES, harm_of
 from tests.support.measurement_files import WRITERS, fuzz
 
 SECONDS = 20.0
@@ -75,18 +79,32 @@ def forked(room, path):
     if kind == "error":
         raise ValueError(told)
     told.seek(0)
-    return receive(told, most(path))
+    return receive(told, path.stat().st_size)
 
 
 def main():
     """Print what happened."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--files", type=int, default=2000)
-    parser.add_argument("--only", nargs="*", default=list(WRITERS))
+    parser.add_argument("--only", nargs="*", default=[*WRITERS, *FAMILIES])
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
+    harm = 0
+    for family in [name for name in asked.only if name in FAMILIES]:
+        n = min(asked.files, 5) if "expands" in family else asked.files // 10  # a gigabyte each, or a process each
+        begin, rng, done = time.perf_counter(), np.random.default_rng(2), 0
+        with tempfile.TemporaryDirectory() as folder:
+            for _ in range(n):
+                path = FAMILIES[family](Path(folder), rng)
+                wrong = harm_of(path)
+                path.unlink()
+                done += bool(wrong)
+                if wrong:
+                    print(f"{family}, {path.name}: {wrong}")
+        harm += done
+        print(f"{family:<14} {n} hostile files: {done} did harm; {time.perf_counter() - begin:.1f} s", flush=True)
     channels.read_apart = matlab.read_apart = forked
-    for suffix in asked.only:
+    for suffix in [name for name in asked.only if name in WRITERS]:
         CRASHED.clear()
         begin = time.perf_counter()
         with tempfile.TemporaryDirectory() as folder:
@@ -97,6 +115,7 @@ def main():
             f"{len(CRASHED)} crashed or hung in their own process; {elapsed:.1f} s",
             flush=True,
         )
+    sys.exit(harm > 0)
 
 
 if __name__ == "__main__":

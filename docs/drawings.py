@@ -97,7 +97,7 @@ def bound(bla: nlfrf.Bla) -> Figure:
     figure = Figure(figsize=(7.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
     G, r = np.abs(bla.G), bla.bound(of="realization")
-    low, high = 20 * np.log10(np.maximum(G - r, 1e-3 * G)), 20 * np.log10(G + r)
+    low, high = 20 * np.log10(np.maximum(G - r, 0.1 * G)), 20 * np.log10(G + r)
     ax.fill_between(bla.f, low, high, color="#1f6fd1", alpha=0.25)
     ax.plot(bla.f, 20 * np.log10(G), color=KINDS["excited"], lw=1.4)
     ax.set(xlabel="frequency [Hz]", ylabel="|G| [dB]", title="the FRF, and where that of another record lies")

@@ -18,7 +18,7 @@ from nlfrf.excitation.lines import KINDS
 from nlfrf.files.multirecords import holds_multirecord
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.axes import save_figure
-from nlfrf.shared.command import Commands, Json, Version, end, run, speaker
+from nlfrf.shared.command import Commands, Json, Version, end, run, speaker, terminal
 from nlfrf.shared.outputs import require_writable
 from nlfrf.shared.plain import as_json
 from nlfrf.shared.wording import counted
@@ -342,10 +342,9 @@ class progress_bar:
     """A progress bar on standard error that takes (done, total)."""
 
     def __init__(self, label: str) -> None:
-        from rich.console import Console
         from rich.progress import Progress
 
-        self.bar = Progress(console=Console(stderr=True), transient=True)
+        self.bar = Progress(console=terminal(), transient=True)
         self.task = self.bar.add_task(label, total=None)
 
     def __enter__(self) -> Any:

@@ -29,6 +29,7 @@ from robust.reports.command import (
     named_signals,
 )
 from robust.shaping_page.command import write_from_files
+from robust.shared.states import FrictionVerdict
 from robust.uncertain.forms import RELATIVE
 
 app = Commands(
@@ -292,7 +293,7 @@ def prove(
     if out is not None:
         write_text(out, f"{text}\n\n{signature('robust prove')}\n")
         save_proofs(proofs, out)
-    end(proofs, all(proof.verdict.is_proved for proof in proofs), json)
+    end(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
 
 
 @app.command()

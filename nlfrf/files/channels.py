@@ -14,10 +14,12 @@ from nlfrf.files import npz
 from nlfrf.files.moments import hold_moments
 from nlfrf.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
 from nlfrf.readers.clock import RATES, STEPS, UNIT, frequency_of, hertz_of, is_time, seconds_of, unit_of
+from nlfrf.readers.layout import once
 from nlfrf.shared.arguments import data_warning, positive
-from nlfrf.shared.own_process import read_apart
+from nlfrf.shared.own_process import Found, read_apart
 from nlfrf.shared.values import value
 from nlfrf.shared.whole_files import path_of
+from nlfrf.shared.wording import one_line
 
 __all__ = ["OTHERWISE", "SUFFIXES", "Channels", "paths_of", "read_channels"]
 
@@ -61,7 +63,7 @@ class Channels:
 
     def full_name(self, name: str) -> str:
         """The name of a channel as the file has it: "input" finds "input (V)" and "run.input", where one is meant."""
-        if name in self.arrays:
+        if (name := one_line(name)) in self.arrays:
             return name
         for short in (lambda known: UNIT.sub("", known), lambda known: UNIT.sub("", known).rsplit(".", 1)[-1]):
             found = [known for known in self.arrays if short(known) == name]
@@ -126,7 +128,7 @@ class Channels:
         if array is None or array.dtype.kind not in "US" or array.size != 1:
             return ""
         item = array.reshape(-1)[0]
-        return item.decode() if isinstance(item, bytes) else str(item)
+        return one_line(item.decode(errors="replace") if isinstance(item, bytes) else str(item))
 
     def sampling_frequency(self, given: float | None = None, names: tuple[str, ...] = ()) -> float:
         """As given, else what the file says of these channels, of all, or by its time channel [Hz].
@@ -312,11 +314,11 @@ READERS = {
     ".lvm": Reader(lvm.contents),
     ".h5": HDF5,
     ".hdf5": HDF5,
-    ".tdms": Reader(tdms.contents, extra="tdms"),
+    ".tdms": Reader(tdms, apart=True, extra="tdms"),
     **dict.fromkeys((".mf4", ".mdf"), MDF),
-    **dict.fromkeys((".uff", ".unv"), Reader(uff.contents, extra="uff")),
+    **dict.fromkeys((".uff", ".unv"), Reader(uff, apart=True, extra="uff")),
     **dict.fromkeys((".parquet", ".feather"), Reader(columns, apart=True, extra="parquet")),
-    ".wav": Reader(wav.contents),
+    ".wav": Reader(wav, apart=True),
 }
 SUFFIXES = ", ".join(READERS)
 
@@ -366,6 +368,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         raise ValueError(
             f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHERWISE}"
         ) from None
+    arrays, units, clocks, notes = with_plain_names(arrays, units, clocks, notes)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
         said = "; ".join(f"{name!r} {why}" for name, why in notes.items())
@@ -383,6 +386,19 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     times = [name for name in numeric if is_time(name) and numeric[name].size > 1 and numeric[name].dtype.kind in "fiu"]
     return Channels(
         path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
+    )
+
+
+def with_plain_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Found:
+    """The same with names, units and notes that are one line each and command no terminal, whoever reads them."""
+    texts = [clock for clock in clocks.values() if isinstance(clock, str)]
+    names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
+    named = {"": ""} | dict(zip(names, once(list(map(one_line, names))), strict=True))  # of those alike after it, too
+    return (
+        {named[name]: array for name, array in arrays.items()},
+        {named[name]: one_line(unit) for name, unit in units.items()},
+        {named[name]: named[clock] if isinstance(clock, str) else clock for name, clock in clocks.items()},
+        {named[name]: one_line(note) for name, note in notes.items()},
     )
 
 

@@ -16,6 +16,7 @@ from nlfrf.identification.bla import DistortionLevels
 from nlfrf.shared.outputs import Role
 from nlfrf.shared.values import field_names
 from nlfrf.shared.whole_files import VERSION, path_of, write_arrays
+from nlfrf.shared.wording import one_line
 
 __all__ = ["AXES", "load_value", "names_of", "refuse_newer", "save_value", "value_of"]
 
@@ -94,12 +95,13 @@ def names_of(field: str, array: np.ndarray) -> tuple[str, ...]:
         names = None
     if not (isinstance(names, list) and all(isinstance(name, str) for name in names)):
         raise ValueError(f"path must hold names as a list in JSON for {field}, got {str(array)[:60]!r}")
-    return tuple(names)
+    return tuple(map(one_line, names))
 
 
 def plain(array: np.ndarray) -> Any:
     """A number or a text from an array without axes, any other array as it is."""
-    return array.item() if array.ndim == 0 else array
+    held = array.item() if array.ndim == 0 else array
+    return one_line(held) if isinstance(held, str) else held
 
 
 def refuse_newer(file: Channels, schema: str, axes: str) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from nlfrf.identification.bla import Bla
 from nlfrf.identification.second_opinion import DISAGREE, SecondOpinion
-from nlfrf.plot.look import COLOR, DEEPEST, MARKER, cut
+from nlfrf.plot.look import COLOR, MARKER, OVER, cut
 from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_band
+from nlfrf.shared.axes import axes, bode_axes, db, finished, follow_lines, gain_band, labelled, phase_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,13 +53,10 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
 def draw_magnitude(ax: Any, bla: Bla, confidence: float) -> None:
     """|G| with its bound as a band around it, and the axis that it is on."""
     size, radius = np.abs(bla.G), bla.bound(confidence)
-    low = db(np.maximum(size - radius, 10 ** (-DEEPEST / 20) * size.max()))
     label = f"{100 * confidence:g} % bound"
-    ax.fill_between(bla.f, low, db(size + radius), color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+    gain_band(ax, bla.f, size, size - radius, size + radius, color=COLOR["bound"], label=label, over=OVER)
     ax.plot(bla.f, db(size), ".-", ms=3, lw=1.2, color=COLOR["excited"], label="|G|, best linear approximation")
-    floor = db(size[size > 0].min()) - 20 if np.any(size > 0) else None
-    if ax.get_ylim()[0] < (floor or -np.inf) and len(ax.get_lines()) == 1:  # a bound above |G| has no lower edge
-        ax.set_ylim(bottom=floor)
+    follow_lines(ax)
     ax.set(ylabel=f"magnitude [dB, {bla.unit or 'unit of y / u'}]")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf.shared.axes import db, note
 
-__all__ = ["COLOR", "DEEPEST", "MARKER", "ROUNDING", "TONES", "cut"]
+__all__ = ["COLOR", "DEEPEST", "MARKER", "OVER", "ROUNDING", "TONES", "cut"]
 
 
 # one colour a kind of line in every picture, told apart by colour-blind readers too
@@ -16,6 +16,7 @@ COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#9
 TONES = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")  # of several inputs, or directions
 MARKER = {"excited": ".", "odd": "x", "even": "+"}  # and in grey
 ROUNDING = 120.0  # dB under the input; what lies lower is of no interest
+OVER = "bound over 100 %: G may be 0"  # of a band without a lower edge
 DEEPEST = 160.0  # dB under the output, or the FRF; the same
 
 

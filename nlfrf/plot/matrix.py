@@ -8,9 +8,9 @@ import numpy as np
 
 from nlfrf.multivariable.frm import Frm
 from nlfrf.multivariable.gains import RelativeGains, SingularValues
-from nlfrf.plot.look import COLOR, TONES
+from nlfrf.plot.look import COLOR, OVER, TONES
 from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, db, finished, finished_matrix, matrix_axes, phase_band
+from nlfrf.shared.axes import axes, db, finished, finished_matrix, gain_band, matrix_axes, phase_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,10 +44,10 @@ def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     size, radius = np.abs(frm.G), frm.bound(confidence)
     label = f"{100 * confidence:g} % bound of the entry"
     for j in range(frm.n_outputs):
-        floor, ceiling = least(size[j]) - ROOM, float(db((size + radius)[j].max())) + ROOM / 4
+        floor, ceiling = least(size[j]) - ROOM / 2, float(db(size[j].max())) + ROOM / 2
         for i, entry in enumerate(made[j]):
-            low = db(np.maximum(size[j, i] - radius[j, i], 10 ** (floor / 20) / 10))
-            entry.fill_between(frm.f, low, db(size + radius)[j, i], color=COLOR["bound"], alpha=0.35, lw=0, label=label)
+            gains = size[j, i], size[j, i] - radius[j, i], size[j, i] + radius[j, i]
+            gain_band(entry, frm.f, *gains, color=COLOR["bound"], label=label, over=OVER)
             entry.plot(frm.f, db(size[j, i]), dotted(frm), ms=2, lw=1.0, color=COLOR["excited"], label="|G|")
             entry.set(xscale="log", ylim=(floor, ceiling))
     return finished_matrix(made, foot, "frequency [Hz]")
@@ -107,19 +107,17 @@ def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Ax
     """
     of_kind("found", found, SingularValues)
     ax = axes(ax)
-    floor = least(found.sigma) - 2 * ROOM
     for i, sigma in enumerate(found.sigma):
-        low = db(np.maximum(found.low[i], 10 ** (floor / 20)))
         color = TONES[i % len(TONES)]
-        ax.fill_between(found.f, low, db(found.high[i]), color=color, alpha=0.2, lw=0)
+        gains = sigma, found.low[i], found.high[i]
+        gain_band(ax, found.f, *gains, color=color, alpha=0.2, label="_band", over="the matrix may be singular")
         ax.plot(found.f, db(sigma), LINES[i % len(LINES)], lw=1.4, color=color, label=f"singular value {i + 1}")
     ax.fill_between([], [], [], color="0.5", alpha=0.3, lw=0, label=f"{100 * found.confidence:g} % bound of the matrix")
-    bottom = min(least(found.sigma), least(found.low)) - ROOM / 3
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel="singular values of G [dB]",
-        ylim=(max(floor, bottom), float(db(found.high.max())) + ROOM / 3),
+        ylim=(least(found.sigma) - ROOM / 2, float(db(found.sigma.max())) + ROOM / 2),
         title="Gain in the strongest and in the weakest direction",
     )
     return finished(ax)

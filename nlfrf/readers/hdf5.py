@@ -13,6 +13,7 @@ UNITS = ("unit", "units", "unit_string", "einheit")
 RATES = ("fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "samplingfrequency", "rate")
 STEPS = ("dt", "ts", "sample_time", "sampletime", "sampling_time", "wf_increment")
 START = "wf_start_offset"
+TEXT = 1 << 16  # characters that a text may have
 #: What numbers are multiplied by and moved by: by the netCDF conventions, and of whole numbers as others call it.
 SCALINGS = (("scale_factor", "add_offset"), ("scale", "offset"), ("slope", "intercept"))
 NAMES = ("columns", "channels", "channel_names", "names", "labels")
@@ -23,6 +24,14 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
 
     Long datasets are handed over unread, to be read a block at a time; so the file stays open as long as they do. This
     room is loaded by its path in a process of its own, so it imports nothing of this package.
+
+    HDF5 can take numbers from any other file of the machine, by its path. What is read is one file, so a file that
+    does so is refused as a whole: mat-io, which reads some of them again, would follow its links.
+
+    Raises
+    ------
+    ValueError
+        A dataset with external storage or a virtual one, a link to another file.
     """
     import h5py
 
@@ -33,6 +42,7 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     starts: dict[str, np.ndarray] = {}
 
     def add(place: str, node: Any) -> None:
+        require_own_numbers(place, node)
         attributes = plain(node)
         said = {key.lower(): held for key, held in attributes.items()}
         prefix = place.replace("/", ".")
@@ -60,6 +70,23 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     add("", file)
     file.visititems(add)
     return arrays | starts, units, clocks, notes
+
+
+def require_own_numbers(place: str, node: Any) -> None:
+    """Refuse a dataset whose numbers lie in other files, and a group with a link to one."""
+    import h5py
+
+    why = ""
+    if isinstance(node, h5py.Dataset):
+        why = "has external storage" if node.external else "is a virtual dataset" if node.is_virtual else ""
+    else:
+        # of the classes of links, h5py knows three and HDF5 lets programs add others
+        for name in node:
+            link = node.get(name, getlink=True)
+            if not isinstance(link, h5py.HardLink | h5py.SoftLink):
+                place, why = f"{place}/{name}".lstrip("/"), "is a link to another file"
+    if why:
+        raise ValueError(f"its {place[:60]!r} {why}: other files are never read, copy the numbers into it")
 
 
 class Unread:
@@ -113,7 +140,8 @@ def columns(name: str, node: Any, said: dict[str, Any]) -> dict[str, Any]:
     if node.dtype.kind not in "fiubc":
         return {}
     if said.get("matlab_class") == "char":
-        return {name: np.array("".join(map(chr, np.ravel(node[()]).tolist())))}
+        text = node[()] if node.size < TEXT else np.empty(0, int)
+        return {name: np.array("".join(map(chr, np.ravel(text).tolist())))}
     names: list[str] = next((said[key] for key in NAMES if isinstance(said.get(key), list)), [])
     scaling = scaling_of(node, said) if node.dtype.kind in "fiu" else None
     if node.ndim == 2 and names and len(names) in node.shape:

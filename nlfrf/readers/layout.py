@@ -9,7 +9,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import NamedTuple
 
-__all__ = ["EMPTY", "MARKS", "UNIT_CELL", "Layout", "decoded", "layout_of"]
+__all__ = ["EMPTY", "MARKS", "UNIT_CELL", "Layout", "decoded", "layout_of", "once"]
 
 
 HEAD, SAMPLE = 400, 60  # lines that are looked at, and those of them by which columns are told apart

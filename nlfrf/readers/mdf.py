@@ -14,15 +14,19 @@ __all__ = ["contents"]
 def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
     """Channels by name (``group.name`` where several groups have it), each with the times of its group.
 
-    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    This room is loaded by its path in a process of its own, so it imports nothing of this package. An MDF file can name
+    other files as its attachments, which asammdf opens on its own for some channels: none is opened here.
     """
     from asammdf import MDF
+    from asammdf.blocks.mdf_v4 import MDF4
+
+    MDF4._extract_attachment = without_attachment
 
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     clocks: dict[str, Any] = {}
     notes: dict[str, str] = {}
-    with MDF(str(path)) as file:
+    with MDF(str(path), process_bus_logging=False) as file:
         masters = dict(file.masters_db)
         listed = [
             (g, i, str(channel.name))
@@ -45,3 +49,8 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
             if signal.unit:
                 units[unique] = str(signal.unit)
     return arrays, units, clocks, notes
+
+
+def without_attachment(*_: Any, **__: Any) -> tuple[bytes, Path, bytes]:
+    """In place of the attachment of a channel: nothing, by the name of no file."""
+    return b"", Path(), b""

@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf.readers.clock import is_time, told_clock, unit_of
 from nlfrf.readers.layout import EMPTY, MARKS, Layout, decoded, layout_of
-from nlfrf.shared.own_process import Found
+from nlfrf.shared.own_process import Found, require_size
 
 __all__ = ["contents", "table"]
 
@@ -37,8 +37,11 @@ def table(start: bytes, path: Path | None = None) -> Found:
     head = start[:START]
     text = decoded(head[: head.rfind(b"\n") + 1] or head if len(head) == START else head)
     layout = layout_of(text)
+    size, n_lines = len(start) if path is None else path.stat().st_size, lines_in(start, path)
+    require_size(8 * len(layout.names) * n_lines, size)  # a short row is filled up with nan
+    long = path is not None and size > START
     try:
-        frame, notes = parsed(lambda: numbers_of(start, path, layout.first), layout, rows_in(start, path))
+        frame, notes = parsed(lambda: numbers_of(start, path, layout.first), layout, n_lines if long else 0)
     except ValueError as error:  # pandas counts from the first row of numbers
         raise ValueError(re.sub(r"(?<=in line )\d+", lambda n: str(int(n[0]) + layout.first), str(error))) from None
     notes |= {
@@ -84,11 +87,12 @@ def own_axes(names: list[str]) -> tuple[dict[str, str], dict[str, str]]:
     return (axes, units) if len(set(axes.values())) > 1 else ({}, {})
 
 
-def rows_in(start: bytes, path: Path | None) -> int:
-    """About how many rows a long table has, by the first of them; 0 where it is short."""
-    if path is None or len(start) < START:
-        return 0
-    return int(1.05 * start.count(b"\n") * path.stat().st_size / len(start)) + ROWS
+def lines_in(start: bytes, path: Path | None) -> int:
+    """How many lines a table has at most."""
+    if path is None:
+        return 1 + start.count(b"\n") + start.count(b"\r")
+    with path.open("rb") as stream:
+        return 1 + sum(part.count(b"\n") + part.count(b"\r") for part in iter(lambda: stream.read(1 << 20), b""))
 
 
 def numbers_of(start: bytes, path: Path | None, n_lines: int) -> Any:

@@ -12,7 +12,11 @@ __all__ = ["contents"]
 
 
 def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Channels as ``group.channel``, with their units and the step of their waveforms."""
+    """Channels as ``group.channel``, with their units and the step of their waveforms.
+
+    This room is loaded by its path in a process of its own, so it imports nothing of this package. The file is handed
+    over open: by its path npTDMS would take what an index file beside it says of it.
+    """
     from nptdms import TdmsFile
 
     arrays: dict[str, np.ndarray] = {}
@@ -20,7 +24,9 @@ def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[st
     clocks: dict[str, Any] = {}
     notes: dict[str, str] = {}
     logging.getLogger("nptdms").setLevel(logging.ERROR)  # what it cannot read is refused here, not printed
-    for group in TdmsFile.read(path).groups():
+    with path.open("rb") as stream:
+        file = TdmsFile.read(stream)
+    for group in file.groups():
         for channel in group.channels():
             name, array = f"{group.name}.{channel.name}", np.asarray(channel[:])
             if array.dtype.kind == "M":

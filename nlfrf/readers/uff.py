@@ -15,7 +15,10 @@ AXES = {1: "x", -1: "-x", 2: "y", -2: "-y", 3: "z", -3: "-z"}
 
 
 def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Time records by the names of their points, else by node and direction, each with its step or its times."""
+    """Time records by the names of their points, else by node and direction, each with its step or its times.
+
+    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    """
     import pyuff
 
     found = pyuff.UFF(str(path)).read_sets()

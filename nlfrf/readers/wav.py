@@ -12,7 +12,10 @@ __all__ = ["contents"]
 
 
 def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
-    """Channels ch1, ch2, ..., whole numbers divided by their full scale."""
+    """Channels ch1, ch2, ..., whole numbers divided by their full scale.
+
+    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    """
     from scipy.io import wavfile
 
     with warnings.catch_warnings():

@@ -8,6 +8,7 @@ plain         any value as JSON has it
 wording       frequencies, counts, strange things, labelled paragraphs in words
 outputs       what a command may write: never onto its inputs, nor over what no command made
 whole_files   files that are written whole or not at all
+strict_json   JSON from a file, held against a published schema
 own_process   files read by a library that may crash, in a process of its own
 command       what the two commands share: versions, warnings and refusals in one line
 axes          axes, grids and decibels of every picture

@@ -20,7 +20,10 @@ __all__ = [
     "db",
     "finished",
     "finished_matrix",
+    "follow_lines",
+    "gain_band",
     "labelled",
+    "lower_edge",
     "matrix_axes",
     "note",
     "phase_band",
@@ -32,6 +35,8 @@ __all__ = [
 
 LETTERS = 15.0  # of a legend in an inch, its markers counted as
 MARKER = 6
+DEEP = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
+HEADROOM = 6.0  # dB that are left free above and below the curves of a picture, at least
 GROWS = 1.25  # what a layout adds to the width that the axes had to begin with
 
 
@@ -161,7 +166,8 @@ def labelled(bottom: Any, top: Any) -> None:
     said = set(bottom.get_legend_handles_labels()[1])
     for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
         if label not in said:
-            bottom.plot([], [], label=label, **look(handle))
+            draw = bottom.plot if hasattr(handle, "get_marker") else bottom.fill_between
+            draw(*[[]] * (2 if draw == bottom.plot else 3), label=label, **look(handle))
         handle.set_label(f"_{label}")
 
 
@@ -170,7 +176,9 @@ def look(handle: Any) -> dict[str, Any]:
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
         kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
         return {name: getattr(handle, f"get_{name}")() for name in kept}
-    return {"color": handle.get_facecolor()[0], "linewidth": 7}
+    face, edge = handle.get_facecolor(), handle.get_edgecolor()
+    drawn = {"facecolor": face[0] if len(face) else "none", "edgecolor": edge[0] if len(edge) else "none"}
+    return drawn | {"hatch": handle.get_hatch(), "linewidth": 0}
 
 
 def columns(ax: Any, labels: list[str]) -> int:
@@ -224,6 +232,48 @@ def save_figure(path: Path, figure: Any, *, dpi: int, role: Role = Role.NAMED) -
     said = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
     metadata = {} if said is None else {"metadata": {said: PICTURE}}
     write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=dpi, **metadata), role=role)
+
+
+def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """Where a band of gains ends below, for a logarithmic axis: zero has no place there, so DEEP under the curve."""
+    return np.maximum(low, 10 ** (-DEEP / 20) * size)
+
+
+def gain_band(
+    ax: Any,
+    f: np.ndarray,
+    size: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    *,
+    color: Any,
+    label: str,
+    over: str,
+    alpha: float = 0.35,
+) -> None:
+    """Draw gains `low` to `high` as a band in decibels about the curve `size`.
+
+    Where `low` is not above zero the band has no lower edge. It ends DEEP under the curve there, is hatched, and the
+    legend says by `over` what that means.
+    """
+    edge, top = db(lower_edge(size, low)), db(np.minimum(high, 1e3 * size))
+    ax.fill_between(f, edge, top, color=color, alpha=alpha, lw=0, label=label)
+    endless = ~(low > 0) & (size > 0)
+    if endless.any():
+        beside = endless.copy()  # half a step is none: hatched up to the next line on both sides
+        beside[1:] |= endless[:-1]
+        beside[:-1] |= endless[1:]
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": color, "hatch": "/////", "lw": 0}
+        ax.fill_between(f, edge, top, where=beside, label=over, **look)
+
+
+def follow_lines(ax: Any) -> None:
+    """Fit the vertical axis to the curves and points that are drawn, whatever the bands around them do."""
+    seen = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
+    values = np.concatenate([y[np.isfinite(y)] for y in seen]) if seen else np.zeros(0)
+    if values.size:
+        free = max(HEADROOM, 0.08 * float(np.ptp(values)))
+        ax.set_ylim(float(values.min()) - free, float(values.max()) + HEADROOM)
 
 
 def phase_band(G: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -5,19 +5,21 @@ from __future__ import annotations
 import functools
 import inspect
 import re
+import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TextIO, get_type_hints
 
 import typer
 
 from nlfrf.shared.outputs import outputs, require_writable
 from nlfrf.shared.plain import as_json
+from nlfrf.shared.wording import one_line, printable
 
-__all__ = ["Commands", "Json", "Version", "end", "number", "run", "speaker", "working"]
+__all__ = ["Commands", "Json", "Version", "end", "number", "run", "speaker", "terminal", "working"]
 
 WRITTEN = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
 OVERWRITE = "Replace a file that no such command made; an input is never replaced."
@@ -72,13 +74,53 @@ def paths_in(value: Any) -> list[Path]:
     return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
 
+class Printable:
+    """A text stream that writes out whatever in a text would command the terminal behind it (`printable`)."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text so."""
+        self.stream.write(printable(text))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write several so."""
+        self.write("".join(lines))
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "buffer":  # the way around it, which click takes where it finds one
+            raise AttributeError(name)
+        return getattr(self.stream, name)
+
+
+@contextmanager
+def printable_streams() -> Iterator[None]:
+    """Everything that is printed, whoever prints it, cleaned: names in files, paths, messages of libraries."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (Printable(stream) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+def terminal() -> Any:
+    """A console of rich on standard error itself: what moves there is drawn by codes that are meant."""
+    from rich.console import Console
+
+    return Console(file=getattr(sys.stderr, "stream", sys.stderr))
+
+
 def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
     """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
 
     Warnings of the classes `shown` are one line there too, each once. `options` says which parameters of the library
-    have another name on the command line: in messages they have that one.
+    have another name on the command line: in messages they have that one. What names in a file could do to a terminal
+    is undone on the way, in everything that is printed.
     """
-    with warnings.catch_warnings():
+    with printable_streams(), warnings.catch_warnings():
         for category in shown:
             warnings.simplefilter("always", category)
         said: set[str] = set()
@@ -89,7 +131,7 @@ def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapp
             if not issubclass(category, shown):  # of a library below: nothing that a user of ours can mend
                 others(message, category, *where, **more)
                 return
-            text = in_options(str(message), options)
+            text = in_options(one_line(str(message)), options)
             if text not in said:  # of several outputs, each warns of what they share
                 typer.echo(f"{name}: warning: {text}", err=True)
             said.add(text)
@@ -125,8 +167,8 @@ def in_options(text: str, options: Mapping[str, str]) -> str:
 def in_one_line(error: Exception) -> str:
     """What went wrong, for a command line: the system's own errors name their file first."""
     if isinstance(error, OSError) and error.strerror and error.filename:
-        return f"{error.filename} could not be opened: {error.strerror.lower()}"
-    return str(error)
+        return f"{one_line(str(error.filename))} could not be opened: {error.strerror.lower()}"
+    return one_line(str(error))
 
 
 def speaker(json: bool) -> Callable[[Any], None]:
@@ -153,9 +195,7 @@ def number(name: str, text: str) -> float:
 @contextmanager
 def working(what: str) -> Iterator[None]:
     """A spinner on standard error while something takes its time."""
-    from rich.console import Console
-
-    with Console(stderr=True).status(what):
+    with terminal().status(what):
         yield
 
 

@@ -1,8 +1,11 @@
-"""A file read in a process of its own, with a time and a memory limit.
+"""A file read in a process of its own, with a time and a memory limit; and how large what is read from a file may be.
 
 Libraries in C can hang, run out of memory or crash on a damaged file, and nothing in Python can stop them. So such a
 file is read by a child, which hands the arrays over through a pipe, a block at a time: neither of the two ever holds
 an array twice. Whatever happens to the child ends as one clear error here.
+
+Compressed files, and headers that lie, can ask for any amount of memory. `require_size` is the one limit of every
+reader, in a process of its own or not: it is called with what the headers announce, before anything is unpacked.
 
     {"arrays": [[name, type, shape], ...], "units": ..., "clocks": ..., "notes": ...}  newline  the arrays, in C order
 """
@@ -21,11 +24,14 @@ from typing import IO, Any
 
 import numpy as np
 
-__all__ = ["FACTOR", "MEMORY", "Found", "most", "read_apart", "receive", "send"]
+__all__ = ["FACTOR", "MEMORY", "Found", "read_apart", "receive", "require_size", "send"]
 
 
 SECONDS, PER_BYTE = 20.0, 1e-7  # time allowed: a start, and a slow disk
-MEMORY, FACTOR = 4 << 30, 20  # bytes allowed: a base, and so many times the size of the file
+#: Bytes that what is read from a file may take: a base, and so many times the size of the file. Noise of 16 bits
+#: compresses 4 times as float64, a CSV of one digit a cell takes 4 times its size; constants have the base.
+UNPACKED, FACTOR = 1 << 30, 20
+MEMORY = 4 << 30  # bytes of address space that a process of its own may have instead of UNPACKED, with its libraries
 BLOCK = 1 << 20  # bytes handed over at a time
 #: What a file holds, by name: arrays, units, clocks (a frequency [Hz] or the name of a time channel; "" is for all
 #: channels), and why something in it is no signal.
@@ -56,7 +62,7 @@ def read_apart(room: str, path: Path) -> Found:
         received = False
         try:
             assert reader.stdout is not None
-            found = receive(reader.stdout, most(path))
+            found = receive(reader.stdout, path.stat().st_size)
             received = True
         finally:
             if not received:
@@ -70,24 +76,35 @@ def read_apart(room: str, path: Path) -> Found:
     if code != 0 or found is None:
         if said and said[-1].startswith("ModuleNotFoundError"):
             raise ModuleNotFoundError(said[-1], name=said[-1].split("'")[1])
-        raise ValueError(said[-1] if said else f"its library crashed, exit code {code}")
+        raise ValueError(said[-1].removeprefix("ValueError: ") if said else f"its library crashed, exit code {code}")
     return found
 
 
-def most(path: Path) -> int:
-    """Bytes that what is read from a file may take."""
-    return MEMORY + FACTOR * path.stat().st_size
+def require_size(wanted: int, file_size: int) -> None:
+    """Refuse arrays of so many bytes from a file of that size where they are more than any file may unpack to.
+
+    >>> require_size(10**9, 1000)
+    >>> require_size(3 * 10**9, 2_900_000)
+    Traceback (most recent call last):
+        ...
+    ValueError: it unpacks to 3 GB, and a file of 0.0029 GB may to 1.13 GB: 1 GiB and 20 times its size
+    """
+    limit = UNPACKED + FACTOR * file_size
+    if wanted > limit:
+        raise ValueError(
+            f"it unpacks to {wanted / 1e9:.3g} GB, and a file of {file_size / 1e9:.2g} GB may to {limit / 1e9:.3g} GB: "
+            f"{UNPACKED >> 30} GiB and {FACTOR} times its size"
+        )
 
 
-def receive(stream: IO[bytes], limit: int) -> Found | None:
-    """What `send` wrote; None where it ends before it is whole."""
+def receive(stream: IO[bytes], file_size: int) -> Found | None:
+    """What `send` wrote of a file of that size; None where it ends before it is whole."""
     head = stream.readline()
     if not head.endswith(b"\n"):
         return None
     about = json.loads(head)
     kinds = [(name, np.dtype(kind), tuple(shape)) for name, kind, shape in about["arrays"]]
-    if sum(kind.itemsize * int(np.prod(shape, dtype=object)) for _, kind, shape in kinds) > limit:
-        raise MemoryError
+    require_size(sum(kind.itemsize * int(np.prod(shape, dtype=object)) for _, kind, shape in kinds), file_size)
     arrays = {}
     for name, kind, shape in kinds:
         arrays[name] = np.empty(shape, kind)
@@ -129,7 +146,8 @@ def child(room: str, path: Path) -> None:
     try:
         import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (most(path), most(path)))
+        most = MEMORY + FACTOR * path.stat().st_size
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
     except (ImportError, ValueError, OSError):
         pass  # no such limit on this system
     with os.fdopen(os.dup(1), "wb") as answer:

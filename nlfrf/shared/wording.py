@@ -2,15 +2,57 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
-__all__ = ["counted", "hertz", "in_unit", "in_words", "inverse_unit", "listed", "paragraph", "ratio_unit", "shown"]
+__all__ = [
+    "counted",
+    "hertz",
+    "in_unit",
+    "in_words",
+    "inverse_unit",
+    "listed",
+    "one_line",
+    "paragraph",
+    "printable",
+    "ratio_unit",
+    "shown",
+]
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+#: What commands a terminal or turns the direction of the text behind it: control characters but the line break and the
+#: tab, marks of direction and of no width, tags, halves of a pair (bytes of a file name that are no text).
+COMMANDS = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
+)
+BREAKS = re.compile("[\t\n\x0b\f\r\x85\u2028\u2029]+")
+
+
+def printable(text: str) -> str:
+    r"""Return a text with every character that commands a terminal written out, as JSON writes it.
+
+    >>> printable("force\x1b[2J [N]\n")
+    'force\\u001b[2J [N]\n'
+    """
+
+    def written_out(found: re.Match[str]) -> str:
+        raw = found[0].encode("utf-16-be", "surrogatepass").hex()
+        return "".join(f"\\u{raw[i : i + 4]}" for i in range(0, len(raw), 4))
+
+    return COMMANDS.sub(written_out, text)
+
+
+def one_line(text: str) -> str:
+    r"""Return a text that comes from a file or names a thing, printable and without line breaks.
+
+    >>> one_line("Force\r\n[N]"), one_line("u\x9b2J")
+    ('Force [N]', 'u\\u009b2J')
+    """
+    return printable(BREAKS.sub(" ", text))
 
 
 def shown(thing: Any) -> str:

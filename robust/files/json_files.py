@@ -1,7 +1,7 @@
 """Systems and numbers as JSON, exact to the bit, in files with a versioned schema.
 
 A number is written with the digits that give it back exactly; a complex one as [re, im]; nan as null, infinities as
-strings. A file is written whole or not at all.
+strings. A file is written whole or not at all, and what is read is held against the schema that is published.
 """
 
 from __future__ import annotations
@@ -13,21 +13,19 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.shared.whole_files import path_of, write_text
+from nlfrf.shared.strict_json import parse_json, require_schema
+from nlfrf.shared.whole_files import write_text
 from nlfrf.shared.wording import shown
 
 __all__ = [
     "VERSION",
     "PathLike",
-    "damaged",
     "decoded",
     "decoded_system",
     "encoded",
     "encoded_system",
-    "parsed",
     "read",
     "written",
-    "yes_or_no",
 ]
 
 
@@ -52,8 +50,8 @@ def decoded(content: Any) -> Any:
         if isinstance(content, list):
             return np.array([decoded(item) for item in content], dtype=float)
         return np.nan if content is None else float(content)
-    except (ValueError, OverflowError):  # of a whole number too large for a float
-        raise ValueError(f"path must hold numbers where its schema has them, got {shown(content)}") from None
+    except ValueError:  # of rows that are not equally long
+        raise ValueError(f"path must hold rows of the same length, got {shown(content)}") from None
 
 
 def encoded_system(system: Any) -> dict[str, Any]:
@@ -66,23 +64,21 @@ def encoded_system(system: Any) -> dict[str, Any]:
 
 def decoded_system(content: dict[str, Any]) -> Any:
     """The way back; an empty A, B or C takes its shape from the others."""
-    if content["kind"] not in ("ss", "frf"):
-        raise ValueError(f'path must hold systems of the kind "ss" or "frf", got {shown(content["kind"])}')
     if content["kind"] == "frf":
-        pairs = decoded(content["G"])
-        return control.FrequencyResponseData(pairs[:, 0] + 1j * pairs[:, 1], decoded(content["omega"]), content["dt"])
+        omega, pairs = decoded(content["omega"]), decoded(content["G"])
+        if pairs.shape != (*omega.shape, 2) or not omega.size:
+            raise ValueError(f"G must have one pair for each of {omega.size} frequencies, got the shape {pairs.shape}")
+        return control.FrequencyResponseData(pairs[:, 0] + 1j * pairs[:, 1], omega, content["dt"])
     D = np.atleast_2d(decoded(content["D"]))
+    if not D.size:
+        raise ValueError("D must have a number for each input and output, got none")
     n = len(content["A"])
     shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n)}
-    A, B, C = (np.reshape(decoded(content[name]), shape) for name, shape in shapes.items())
-    return control.StateSpace(A, B, C, D, content["dt"])
-
-
-def yes_or_no(name: str, content: Any) -> bool:
-    """A truth value: not whatever else counts as one."""
-    if not isinstance(content, bool):
-        raise ValueError(f"path must hold true or false for {name}, got {shown(content)}")
-    return content
+    matrices = {name: decoded(content[name]) for name in shapes}
+    for name, shape in shapes.items():
+        if matrices[name].shape != shape and (matrices[name].size or np.prod(shape)):
+            raise ValueError(f"{name} must have the shape {shape}, got {matrices[name].shape}")
+    return control.StateSpace(*(np.reshape(matrices[name], shapes[name]) for name in shapes), D, content["dt"])
 
 
 def written(content: dict[str, Any], path: PathLike) -> None:
@@ -90,18 +86,9 @@ def written(content: dict[str, Any], path: PathLike) -> None:
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def parsed(path: PathLike) -> Any:
-    """What a JSON file holds, or a refusal."""
-    text = path_of(path).read_text(encoding="utf-8", errors="replace")
-    try:
-        return json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise ValueError(f"path must be a whole JSON file, got {path}: {error}") from None
-
-
 def read(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]:
     """Schema and content of a JSON file of one of these schemas, or a refusal."""
-    content = parsed(path)
+    content = parse_json(path)
     found = content.get("schema") if isinstance(content, dict) else type(content).__name__
     if not isinstance(content, dict) or found not in schemas:
         wanted = " or ".join(f"a {schema} file" for schema in schemas)
@@ -110,10 +97,5 @@ def read(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]
         raise ValueError(
             f"path must hold version {VERSION} of {found}, got {path} with version {shown(content.get('version'))}"
         )
+    require_schema(content, path, "robust", str(found))
     return str(found), content
-
-
-def damaged(schema: str, path: PathLike, error: Exception) -> ValueError:
-    """The refusal of a file that says what it is but is not whole."""
-    lacks = f"without {error}" if isinstance(error, KeyError) else "with other things where its numbers and systems are"
-    return ValueError(f"path must hold a whole {schema} file, got {path} {lacks}")

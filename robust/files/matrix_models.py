@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from nlfrf.shared.wording import shown
-from robust.files.json_files import VERSION, decoded, decoded_system, encoded, encoded_system, yes_or_no
+from nlfrf.shared.wording import one_line
+from robust.files.json_files import VERSION, decoded, decoded_system, encoded, encoded_system
 from robust.uncertain.evidence import MatrixEvidence
 from robust.uncertain.matrix_model import MatrixUncertainty
 
@@ -45,8 +45,8 @@ def encoded_matrix(model: MatrixUncertainty) -> dict[str, Any]:
 def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
     """The way back."""
     sides: dict[str, Any] = {side: tuple(decoded_system(one) for one in content[side]) for side in SIDES}
-    names: dict[str, Any] = {name: texts(name, content[name]) for name in NAMES}
-    words: dict[str, Any] = {name: texts(name, [content[name]])[0] for name in TEXTS}
+    names: dict[str, Any] = {name: tuple(map(one_line, content[name])) for name in NAMES}
+    words: dict[str, Any] = {name: one_line(content[name]) for name in TEXTS}
     numbers: dict[str, Any] = {name: float(decoded(content[name])) for name in NUMBERS}
     other, records = content.get("other"), content.get("measured", [])  # files of before have one, or do not say
     measured = tuple(decoded_record(one) for one in (records if isinstance(records, list) else [records]))
@@ -56,7 +56,7 @@ def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
         nominal=decoded_system(content["nominal"]),
         omega=decoded(content["omega"]),
         radius=decoded(content["radius"]),
-        simultaneous=yes_or_no("simultaneous", content["simultaneous"]),
+        simultaneous=content["simultaneous"],
         **sides,
         **names,
         **words,
@@ -69,12 +69,9 @@ def decoded_record(content: Any) -> MatrixEvidence:
     parts = {part: decoded(content[part]) for part in REAL}
     for part in COMPLEX:
         pairs = decoded(content[part])
+        if pairs.ndim != 4 or len(pairs) != parts["omega"].size:
+            raise ValueError(f"{part} must have one matrix for each line of the record, got the shape {pairs.shape}")
         parts[part] = pairs[..., 0] + 1j * pairs[..., 1]
+    if parts["dof"].shape != parts["omega"].shape:
+        raise ValueError(f"dof must have one number for each line of the record, got {parts['dof'].size}")
     return MatrixEvidence(**parts)
-
-
-def texts(name: str, content: Any) -> tuple[str, ...]:
-    """Texts, and nothing else."""
-    if not isinstance(content, list) or not all(isinstance(one, str) for one in content):
-        raise ValueError(f"path must hold text for {name}, got {shown(content)}")
-    return tuple(content)

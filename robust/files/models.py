@@ -8,20 +8,18 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.shared.wording import shown
+from nlfrf.shared.strict_json import parse_json
+from nlfrf.shared.wording import one_line, shown
 from robust.files.biquads import told_sections
 from robust.files.json_files import (
     VERSION,
     PathLike,
-    damaged,
     decoded,
     decoded_system,
     encoded,
     encoded_system,
-    parsed,
     read,
     written,
-    yes_or_no,
 )
 from robust.files.matrix_models import MATRIX_SCHEMA, decoded_matrix, encoded_matrix
 from robust.systems.realisation import multivariable, state_space
@@ -134,32 +132,29 @@ def load_model(path: PathLike) -> Any:
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
     schema, content = read(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
-    try:
-        if schema == MATRIX_SCHEMA:
-            return decoded_matrix(content)
-        return UncertaintyModel(
-            nominal=decoded_system(content["nominal"]),
-            weight=decoded_system(content["weight"]),
-            form=content["form"],
-            omega=decoded(content["omega"]),
-            radius=decoded(content["radius"]),
-            confidence=float(decoded(content["confidence"])),
-            perturbation=content["perturbation"],
-            simultaneous=yes_or_no("simultaneous", content["simultaneous"]),
-            delay=float(decoded(content["delay"])),
-            extrapolation=str(content["extrapolation"]),
-            source=str(content["source"]),
-            hold=str(content.get("hold", "unknown")),  # files of 0.1.0 do not say
-            fs=float(decoded(content.get("fs"))),
-            unit=str(content.get("unit", "")),
-            joint=float(decoded(content.get("joint"))),  # nor these, those of before
-            joint_bla=float(decoded(content.get("joint_bla"))),
-            evidence=tuple(decoded_evidence(one) for one in content.get("evidence", ())),
-            **{name: decoded_system(content[name]) for name in ("W1", "W2") if name in content},
-            **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
-        )
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
-        raise damaged(schema, path, error) from None
+    if schema == MATRIX_SCHEMA:
+        return decoded_matrix(content)
+    return UncertaintyModel(
+        nominal=decoded_system(content["nominal"]),
+        weight=decoded_system(content["weight"]),
+        form=content["form"],
+        omega=decoded(content["omega"]),
+        radius=decoded(content["radius"]),
+        confidence=float(decoded(content["confidence"])),
+        perturbation=content["perturbation"],
+        simultaneous=content["simultaneous"],
+        delay=float(decoded(content["delay"])),
+        extrapolation=one_line(content["extrapolation"]),
+        source=one_line(content["source"]),
+        hold=content.get("hold", "unknown"),  # files of 0.1.0 do not say
+        fs=float(decoded(content.get("fs"))),
+        unit=one_line(content.get("unit", "")),
+        joint=float(decoded(content.get("joint"))),  # nor these, those of before
+        joint_bla=float(decoded(content.get("joint_bla"))),
+        evidence=tuple(decoded_evidence(one) for one in content.get("evidence", ())),
+        **{name: decoded_system(content[name]) for name in ("W1", "W2") if name in content},
+        **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
+    )
 
 
 def save_controller(K: Any, path: PathLike) -> None:
@@ -233,10 +228,7 @@ def load_controller(path: PathLike) -> control.StateSpace:
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
     _, content = read(path, (CONTROLLER_SCHEMA,))
-    try:
-        return controller("K", decoded_system(content["K"]))
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
-        raise damaged(CONTROLLER_SCHEMA, path, error) from None
+    return controller("K", decoded_system(content["K"]))
 
 
 def controller(name: str, K: Any) -> control.StateSpace:
@@ -250,11 +242,14 @@ def decoded_evidence(content: dict[str, Any]) -> Evidence:
     numbers = {part: float(decoded(content.get(part))) for part in LEVELS}  # files of before do not say
     numbers["confirmed"] = float(decoded(content["confirmed"]))
     parts = {part: decoded(content[part]) for part in EVIDENCE if part not in numbers}
+    shapes = {part: parts[part].shape[:1] for part in parts}
+    if len(set(shapes.values())) > 1:
+        raise ValueError(f"evidence must have one number a line for {', '.join(shapes)}, got {shown(shapes)}")
     pairs = parts["G"].reshape(-1, 2)
     return Evidence(**(parts | numbers | {"G": pairs[:, 0] + 1j * pairs[:, 1]}))
 
 
 def holds_model(path: PathLike) -> bool:
     """Whether a JSON file says that it is a model."""
-    content = parsed(path)
+    content = parse_json(path)
     return isinstance(content, dict) and content.get("schema") in (MODEL_SCHEMA, MATRIX_SCHEMA)

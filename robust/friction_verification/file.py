@@ -7,7 +7,8 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from nlfrf.shared.whole_files import path_of, write_text
+from nlfrf.shared.strict_json import parse_json, require_schema
+from nlfrf.shared.whole_files import write_text
 from robust.friction_verification.claim import FrictionClaim, content, from_content
 from robust.verification.claim import digest
 
@@ -37,18 +38,15 @@ def write_friction_claim(
 
 def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
     """The claim of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
-    try:
-        entries = json.loads(path_of(path).read_text(encoding="utf-8"))
-    except json.JSONDecodeError:
-        return None
+    entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
         return None
     if entries.get("version") not in READ:
         raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
-    said = entries.pop("digest", None)
-    if said != digest(entries):
+    if entries.get("digest") != digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
             "Something in it was changed."
         )
+    require_schema(entries, path, "robust", SCHEMA)
     return from_content(entries["claim"])

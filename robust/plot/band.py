@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["BESIDE", "mark_band", "show_all_of"]
+__all__ = ["BESIDE", "OVER", "mark_band", "show_all_of"]
 
 
 BESIDE = np.sqrt(10.0)  # half a decade beside the band is shown
+OVER = "over 100 %: the set holds 0"  # of a band without a lower edge
 ROOM = 1.3  # around something that happens further out
 
 

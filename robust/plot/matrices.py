@@ -10,11 +10,11 @@ import numpy as np
 
 from nlfrf import Frm
 from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, db, finished, finished_matrix, matrix_axes
+from nlfrf.shared.axes import axes, db, finished, finished_matrix, gain_band, lower_edge, matrix_axes
 from robust.analysis.check_structure import StructuredReport
 from robust.modelling.nominal import behind_hold
 from robust.performance.loop_gains import LoopGains
-from robust.plot.band import BESIDE, mark_band, show_all_of
+from robust.plot.band import BESIDE, OVER, mark_band, show_all_of
 from robust.plot.colours import COLOR, MEASURED, hz
 from robust.systems.lti import along, timebase
 from robust.uncertain.matrix_model import MatrixUncertainty
@@ -56,11 +56,11 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | Sequence[Frm] | None = 
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
     for (j, i), one in np.ndenumerate(made):
         floor = float(db(size[j][:, within].min())) - ROOM
-        low = db(np.maximum(size[j, i] - reach[j, i], 10 ** (floor / 20) / 10))
-        one.fill_between(f, low, db(size + reach)[j, i], color=COLOR["weight"], alpha=0.25, lw=0, label="the set")
+        gains = size[j, i], size[j, i] - reach[j, i], size[j, i] + reach[j, i]
+        gain_band(one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER)
         for k, (measured, color) in enumerate(zip(frms, cycle(MEASURED))):
             gain, radius = np.abs(measured.G[j, i]), measured.bound()[j, i]
-            ends = [db(gain) - db(np.maximum(gain - radius, 1e-3 * gain)), db(gain + radius) - db(gain)]
+            ends = [db(gain) - db(lower_edge(gain, gain - radius)), db(gain + radius) - db(gain)]
             if measured.f.size <= FEW:
                 one.errorbar(measured.f, db(gain), ends, fmt="none", lw=0.6, color=color)
             label = f"measured, 95 % bound{f' ({k + 1})' * (len(frms) > 1)}"
@@ -68,7 +68,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | Sequence[Frm] | None = 
         one.plot(f, db(size[j, i]), "-", lw=1.4, color=COLOR["radius"], label="nominal")
         one.set_xscale("log")
         mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
-        one.set_ylim(floor, float(db((size + reach)[j][:, within].max())) + ROOM / 3)
+        one.set_ylim(floor, float(db(size[j][:, within].max())) + ROOM)
     return finished_matrix(made, foot, "frequency [Hz]")
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, bode_axes, db, finished, labelled, phase_band
+from nlfrf.shared.axes import axes, bode_axes, db, finished, gain_band, labelled, lower_edge, phase_band
 from robust.modelling.nominal import NominalFit, behind_hold
 from robust.modelling.orders import OrderScan
-from robust.plot.band import BESIDE, mark_band
+from robust.plot.band import BESIDE, OVER, mark_band
 from robust.plot.colours import COLOR, MEASURED, STYLE, hz
 from robust.systems.lti import response, timebase
 from robust.uncertain.forms import FORMS
@@ -70,8 +70,8 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     size = np.abs(G)
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
     floor, ceiling = size.min() * 1e-2, size.max() * 1e2
-    band = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
-    ax.fill_between(hz(omega), *band, color=COLOR["weight"], alpha=0.25, lw=0, label="gains of the set")
+    look: dict[str, Any] = {"color": COLOR["weight"], "alpha": 0.25, "over": OVER}
+    gain_band(ax, hz(omega), size, low, high, label="gains of the set", **look)
     ax.plot(hz(omega), db(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
     mark_band(ax, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
     label = f"|G| [dB, {model.unit or 'unit of y / u'}]"
@@ -100,8 +100,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
     floor, ceiling = size.min() * 10**-1.5, size.max() * 10**1.5
-    gains = (db(np.clip(low, floor, ceiling)), db(np.clip(high, floor, ceiling)))
-    top.fill_between(f, *gains, color=COLOR["weight"], alpha=0.25, lw=0, label="the set")
+    gain_band(top, f, size, low, high, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER)
     phase = np.unwrap(np.angle(G))
     with np.errstate(invalid="ignore"):  # the set is a disc, with its ends on the ray of the nominal
         ratio = (high - low) / (high + low)
@@ -112,8 +111,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     shown: list[np.ndarray] = []
     for one, color in zip(blas, MEASURED * len(blas), strict=False):
         radius, measured = one.bound(), np.abs(one.G)
-        below = np.minimum(radius, 0.999 * measured)  # to its lower edge in dB
-        ends = [db(measured) - db(measured - below), db(measured + radius) - db(measured)]
+        ends = [db(measured) - db(lower_edge(measured, measured - radius)), db(measured + radius) - db(measured)]
         label = f"measured, 95 % bound{f' ({len(shown) + 1})' * (len(blas) > 1)}"
         top.errorbar(one.f, db(measured), ends, fmt="none", lw=0.8, color=color)
         top.plot(one.f, db(measured), ".", ms=4, color=color, label=label)

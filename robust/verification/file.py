@@ -7,7 +7,8 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from nlfrf.shared.whole_files import path_of, write_text
+from nlfrf.shared.strict_json import parse_json, require_schema
+from nlfrf.shared.whole_files import write_text
 from robust.verification.claim import LoopClaim, content, digest, from_content
 
 __all__ = ["SCHEMA", "read_claim", "write_claim"]
@@ -37,23 +38,15 @@ def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
     A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
     that the claim is proved again, and that plant and controller are compared with those one has.
     """
-    text = path_of(path).read_text(encoding="utf-8")
-    try:
-        entries = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}: {error}") from None
+    entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
         raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
     if entries.get("version") != VERSION:
         raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
-    said = entries.pop("digest", None)
-    try:
-        fits = said == digest(entries)
-    except ValueError:  # nan or infinity
-        fits = False
-    if not fits:
+    if entries.get("digest") != digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
             "Something in it was changed."
         )
+    require_schema(entries, path, "robust", SCHEMA)
     return from_content(entries["claim"])

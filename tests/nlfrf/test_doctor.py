@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from nlfrf.doctor import examine
+from nlfrf.doctor import examine, hidden
 
 ROOT = Path(__file__).parents[2]
 
@@ -94,9 +94,63 @@ def test_a_package_of_the_name_that_comes_first_on_the_path(place):
     front = place.parents[2] / "robust"
     front.mkdir()
     (front / "__init__.py").write_text("")
+    line = f"{front} hides the package 'robust' from whatever is run in its folder: rename that folder"
     code, _, err = said(place, ROBUST)
-    assert code == 2
-    assert f"got the one in {front}" in err
+    assert (code, err) == (2, f"robust: {line}\n")
+    code, out, _ = said(place, DOCTOR)
+    assert (code, out.splitlines()[-1]) == (1, line)
+
+
+@pytest.mark.parametrize(
+    ("name", "whose"),
+    [
+        ("robust", "package 'robust'"),
+        ("nlfrf", "package 'nlfrf'"),
+        ("control", "package 'control'"),
+        ("flint", "package 'flint'"),
+        ("random", "module of Python 'random'"),
+    ],
+)
+def test_a_file_of_ones_own_in_the_working_folder_is_seen_by_the_commands(name, whose, place, tmp_path):
+    """As installed: the folder is not on the path of a console script, but on that of everything run in it."""
+    folder = tmp_path / "my work"
+    folder.mkdir()
+    (folder / f"{name}.py").write_text("gain = 3\n")
+    python = place.parents[2] / "bin" / "python"
+    line = f"{folder / name}.py hides the {whose} from whatever is run in its folder: rename that file"
+    script = tmp_path / "bin" / "nlfrf"
+    script.parent.mkdir()
+    script.write_text("from nlfrf.doctor import nlfrf_command; nlfrf_command()\n")
+    command = [str(python), str(script), "doctor"]
+    run = {"cwd": folder, "capture_output": True, "text": True, "timeout": 300, "check": False}
+    done = subprocess.run(command, env={"PATH": ""}, **run)
+    assert (done.returncode, done.stdout.splitlines()[-1], done.stderr) == (1, line, "")
+    # on the path of the command itself it is one line too, and no traceback
+    for which, arguments in (("nlfrf", "doctor"), ("robust", "--version"), ("robust", "check a.json b.json")):
+        if name == "nlfrf":
+            continue  # then nothing of ours is run at all
+        script.write_text(f"import sys; sys.argv[0] = {which!r}\nfrom nlfrf.doctor import {which}_command as c; c()\n")
+        command = [str(python), str(script), *arguments.split()]
+        done = subprocess.run(command, env={"PYTHONPATH": str(folder), "PATH": ""}, **run)
+        assert "Traceback" not in done.stderr, (which, done.stderr)
+        if (name, which) == ("flint", "robust"):
+            continue  # which few commands import, and those say so
+        assert line in (done.stdout if arguments == "doctor" and name != "random" else done.stderr)
+        assert done.returncode == (1 if line in done.stdout else 2)
+
+
+def test_what_hides_nothing_is_not_named(tmp_path):
+    (tmp_path / "random").mkdir()  # no package
+    for name in ("test.py", "mine.py", "control.txt", "robust.json"):
+        (tmp_path / name).write_text("")
+    assert hidden([tmp_path]) == []
+    front, behind = tmp_path / "front", tmp_path / "behind"
+    for folder in (front, behind):
+        folder.mkdir()
+        (folder / "control.py").write_text("")
+    assert [line.split(" hides ")[0] for line in hidden([front, behind])] == [str(front / "control.py")]
+    (front / "some-1.0.dist-info").mkdir()  # modules are installed there
+    assert hidden([front]) == []
 
 
 def test_a_version_below_the_floor_is_a_fault(monkeypatch):

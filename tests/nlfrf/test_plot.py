@@ -6,6 +6,8 @@ import pytest
 
 matplotlib.use("Agg")
 
+from matplotlib import pyplot as plt
+
 from nlfrf import Record, identify, multisine, second_opinion
 from nlfrf import plot as pictures
 from tests.support.pictures import labels, notes
@@ -88,3 +90,55 @@ def test_of_a_long_multisine_the_first_lines_are_seen_one_by_one(ax):
     assert end - start <= 51
     assert all(line.get_xdata().size < 30 for line in ax.get_lines())
     assert ax.get_xlabel() == f"harmonic of 0.25 Hz; it goes on like this up to {long.lines.excited[-1]}"
+
+
+# A bound over 100 %: no lower edge, which a logarithmic axis cannot show
+
+
+@pytest.fixture(scope="module")
+def drowned():
+    """A BLA whose bound exceeds it at both ends, and by far."""
+    ms = multisine(fs=512, n_samples=1024, f_min=1, f_max=200, rng=3)
+    G = 1 / (1 + (1j * ms.f / 30) ** 2 + 0.1j * ms.f / 30)
+    u = np.repeat(ms.u[:, None], 3, axis=1)
+    U = np.fft.rfft(ms.u[0])
+    U[ms.lines.excited] *= G
+    y = np.repeat(np.fft.irfft(U, ms.n_samples)[None, None], 3, axis=1)
+    y = y + 0.25 * np.std(y) * np.random.default_rng(0).standard_normal(y.shape)
+    return identify(Record(u=u, y=y, fs=512, lines=ms.lines))
+
+
+def edges_of(ax):
+    """(f, lowest) of every band that is drawn."""
+    return [path.vertices for band in ax.collections for path in band.get_paths() if len(path.vertices) > 2]
+
+
+@pytest.mark.parametrize("picture", [pictures.plot_bla, pictures.plot_bode])
+def test_a_bound_over_100_percent_is_hatched_named_and_no_curtain(picture, drowned):
+    over = drowned.bound() > np.abs(drowned.G)
+    assert 0.2 < over.mean() < 0.9
+    made = picture(drowned)
+    top, legend = (made, made) if not isinstance(made, tuple) else made
+    assert any("over 100 %: G may be 0" in text.get_text() for text in legend.get_legend().get_texts())
+    assert any(band.get_hatch() for band in top.collections)
+    size = 20 * np.log10(np.abs(drowned.G))
+    for vertices in edges_of(top):
+        deepest = np.interp(vertices[:, 0], drowned.f, size) - 20
+        assert np.all(vertices[:, 1] >= deepest - 1e-9)
+    # the axis follows what is drawn as curves and points
+    drawn = np.concatenate([np.asarray(line.get_ydata(), float) for line in top.get_lines()])
+    drawn = drawn[np.isfinite(drawn)]
+    low, high = top.get_ylim()
+    free = max(6, 0.08 * np.ptp(drawn))
+    assert drawn.min() - free - 1e-9 <= low <= drawn.min()
+    assert drawn.max() <= high <= drawn.max() + free + 1e-9
+    plt.close("all")
+
+
+def test_a_bound_below_100_percent_has_no_word_of_it():
+    bla = identify(Record(u=U, y=U + 0.05 * U**3, fs=128, lines=MS.lines))
+    assert np.all(bla.bound() < np.abs(bla.G))
+    ax = pictures.plot_bla(bla)
+    assert not any("100 %" in text.get_text() for text in ax.get_legend().get_texts())
+    assert not any(band.get_hatch() for band in ax.collections)
+    plt.close("all")

@@ -35,7 +35,8 @@ def test_every_entry_stands_where_it_belongs():
     assert made.shape == (3, 2)
     for (j, i), ax in np.ndenumerate(made):
         np.testing.assert_allclose(curve(ax, "|G|"), 20 * np.log10(np.abs(FRM.G[j, i])))
-        (band,) = ax.collections
+        band, *hatched = ax.collections
+        assert len(hatched) == np.any(FRM.bound()[j, i] >= np.abs(FRM.G[j, i]))  # where it has no lower edge
         top = band.get_paths()[0].vertices[:, 1].max()
         assert top == pytest.approx(20 * np.log10((np.abs(FRM.G) + FRM.bound())[j, i].max()))
     assert [ax.get_ylabel() for ax in made[:, 0]] == ["x  [dB]", "y  [dB]", "angle  [dB]"]

@@ -303,32 +303,32 @@ def test_hdf5_tables_groups_and_attributes(tmp_path):
 @pytest.mark.filterwarnings("ignore")  # readers may warn about what they find; here only errors count
 @pytest.mark.parametrize("suffix", WRITERS)
 def test_damaged_files_raise_documented_errors_only(suffix, tmp_path):
-    n = 1 if suffix in (".mf4", ".dat", ".h5", ".mat", ".parquet", ".feather") else 40  # each in its own process
+    n = 40 if suffix in (".csv", ".lvm") else 1  # each of the others in its own process
     fuzz(suffix, tmp_path, n=n, seed=0)
 
 
 # What is not installed
 
 
-@pytest.mark.parametrize(
-    ("suffix", "package", "extra"), [(".tdms", "nptdms", "tdms"), (".uff", "pyuff", "uff"), (".csv", "pandas", "")]
-)
-def test_a_package_that_is_missing_is_named_with_its_extra(suffix, package, extra, tmp_path, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, package, None)
-    path = tmp_path / f"run{suffix}"
+def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "pandas", None)
+    path = tmp_path / "run.csv"
     path.write_text("t,u,y\n0,1,2\n1,2,3\n2,3,4\n")
-    with pytest.raises(ValueError, match=rf"needs {package}, which is not installed: pip install .*{extra}"):
+    with pytest.raises(ValueError, match=r"needs pandas, which is not installed: pip install "):
         read_channels(path)
 
 
-def test_a_package_missing_in_the_process_apart_is_named_too(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("suffix", "extra"), [(".mf4", "mdf"), (".tdms", "tdms"), (".uff", "uff"), (".parquet", "parquet")]
+)
+def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(suffix, extra, tmp_path, monkeypatch):
     from nlfrf.files import channels
     from nlfrf.shared.own_process import read_apart
 
     room = tmp_path / "room.py"
     room.write_text("def contents(path):\n    import a_package_that_is_missing\n")
-    path = tmp_path / "run.mf4"
+    path = tmp_path / f"run{suffix}"
     path.write_bytes(b"MDF     4.10")
     monkeypatch.setattr(channels, "read_apart", lambda _, path: read_apart(str(room), path))
-    with pytest.raises(ValueError, match=r"needs a_package_that_is_missing, .* pip install 'nlfrf\[mdf\]'"):
+    with pytest.raises(ValueError, match=rf"needs a_package_that_is_missing, .* pip install 'nlfrf\[{extra}\]'"):
         read_channels(path)

@@ -137,17 +137,21 @@ def damaged(text):
     yield "no weight", json.dumps({k: v for k, v in content.items() if k != "weight"}), "must hold a whole robust-model"
     yield "a list", "[1, 2]", "must hold a robust-model file"
     yield "wrong shapes", json.dumps(content | {"radius": [1.0]}), "radius must have one value per frequency"
-    yield "text for numbers", json.dumps(content | {"omega": "many"}), "path must hold numbers"
+    yield "text for numbers", json.dumps(content | {"omega": "many"}), "omega must be a list, got 'many'"
     yield "no matrix", json.dumps(content | {"weight": {"kind": "ss", "dt": 0}}), "must hold a whole robust-model"
     yield (
         "ragged",
         json.dumps(content | {"nominal": content["nominal"] | {"A": [[1.0], [1.0, 2.0]]}}),
-        "path must hold numbers",
+        "path must hold rows of the same length",
     )
     yield "nested without end", "[" * 100_000, "must be a whole JSON file"
-    yield "no such kind", json.dumps(content | {"nominal": content["nominal"] | {"kind": "zpk"}}), "of the kind"
-    yield "no truth value", json.dumps(content | {"simultaneous": "no"}), "true or false for simultaneous"
-    yield "no system", json.dumps(content | {"nominal": 3}), "with other things where its numbers and systems are"
+    yield (
+        "no such kind",
+        json.dumps(content | {"nominal": content["nominal"] | {"kind": "zpk"}}),
+        "nominal must be as its schema says, got .*'kind': 'zpk'",
+    )
+    yield "no truth value", json.dumps(content | {"simultaneous": "no"}), "simultaneous must be true or false"
+    yield "no system", json.dumps(content | {"nominal": 3}), "nominal must be an object, got 3"
 
 
 @pytest.mark.parametrize("case", range(14))
