@@ -10,11 +10,11 @@ import nlfrf
 from robust.files.certificates import save_certificate
 from robust.files.models import load_model
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
-from robust.friction_proof.flexible import modal_damping, undamped
+from robust.friction_proof.flexible import machines_of_nominal
 from robust.friction_proof.levels import friction_class
 from robust.friction_proof.linear_uncertainty import friction_frequency_test
 from robust.friction_proof.proof import FrictionProof, prove_friction
-from robust.sliding.machine import SlidingMachine, sliding_machine
+from robust.sliding.machine import SlidingMachine
 
 __all__ = ["class_from_files", "linear_part_tested", "prove_all", "save_proofs"]
 
@@ -26,9 +26,8 @@ def class_from_files(
     if len(files) == 1:
         if stiffness is None:
             raise ValueError("stiffness must be given with a model [N/m]; BLAs at three levels tell it")
-        G = nominal_of(files[0])
-        machines = undamped(G), sliding_machine(G)
-        return machines, any_maxwell_slip(stiffness, stiction), f"{modal_damping(G)}\n"
+        machines, description = machines_of_nominal(nominal_of(files[0]))
+        return machines, any_maxwell_slip(stiffness, stiction), f"{description}\n"
     given = None if nominal is None else nominal_of(nominal)
     found = friction_class([nlfrf.load_bla(path) for path in files], nominal=given, stiction=stiction)
     friction = found.friction if stiffness is None else any_maxwell_slip(stiffness, stiction)
