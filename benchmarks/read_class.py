@@ -35,6 +35,7 @@ from robust.sliding.springs import unstable_spring
 
 __all__ = ["Case", "Tally", "draw_case", "draw_loops", "measure", "read", "tally_case"]
 
+F_MAX = 200.0  # of the multisines [Hz]
 T = 1e-3  # sampling time of the loops [s]
 ROUTES = ("one mass", "nominal, lowest level", "nominal, highest level")
 FAMILIES = ("Maxwell", "LuGre", "Leuven", "Dahl", "GMS")
@@ -149,7 +150,7 @@ def measure(case: Case, number: int) -> list[nlfrf.Bla]:
     blas = []
     for i, rms in enumerate(case.levels):
         rng = np.random.default_rng([number, i])
-        ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1.0, f_max=200, rms=rms, rng=rng)
+        ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1.0, f_max=F_MAX, rms=rms, rng=rng)
         record = nlfrf.simulate(case.rig, ms, n_periods=2, n_discard=3, oversampling=finely(case))
         if case.noise:
             y = record.y + case.noise * record.y.std() * rng.standard_normal(record.y.shape)
@@ -225,7 +226,10 @@ def trace(case: Case, found: Any, K: Any, delay: float) -> str:
     missing = case.stiffness + case.K0 - k - K0
     if missing > 0 and is_refuted(machine, K, delay, K0 + missing):
         return f"the lowest level: K0 read {missing / case.K0:.2f} of the truth too small"
-    return "a second mode" if case.flexible else "mass and damping"
+    if not case.flexible:
+        return "mass and damping"
+    mode = float(np.abs(np.linalg.eigvals(case.truth.A).imag).max() / (2 * np.pi))
+    return f"a mode {'above' if mode > F_MAX else 'in'} the measured band: {mode:.0f} Hz, band to {F_MAX:g} Hz"
 
 
 def tally_case(case: Case, number: int, n_loops: int, tallies: dict[tuple[bool, str], Tally]) -> list[str]:
@@ -254,12 +258,21 @@ def tally_case(case: Case, number: int, n_loops: int, tallies: dict[tuple[bool, 
             if verdict == "refuted":
                 cause = trace(case, found, K, delay)
                 tally.causes[cause.split(":")[0]] += 1
-                lines.append(f"{number} {case.family}, {route}, FALSE by {cause}: {case}; {found}")
+                lines.append(f"{number} {case.family}, {route}, FALSE by {cause}; {described(case)}; {found}")
     total = tallies[case.good, "any route"]
     total.machines += 1
     total.provable += verdicts.count("proved")
     total.proved += sum(p for p, verdict in zip(any_proved, verdicts, strict=True) if verdict == "proved")
     return lines
+
+
+def described(case: Case) -> str:
+    """The numbers of a machine."""
+    levels = ", ".join(f"{rms:.3g}" for rms in case.levels)
+    return (
+        f"{case.mass:.4g} kg, {case.stiffness / 1e3:.4g} kN/m, K0 {case.K0 / 1e3:.4g} kN/m, delay "
+        f"{1e3 * case.delay:.3g} ms, noise {case.noise:.2g}, levels {levels} N"
+    )
 
 
 def cause_of(refusal: str) -> str:

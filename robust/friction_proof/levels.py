@@ -188,7 +188,7 @@ def friction_class(
     return FrictionClass(
         machine=machines[0],
         friction=friction,
-        evidence=describe(fits, reading, margin, friction, description),
+        evidence=describe(fits, reading, margin, friction, description, band(blas)),
         mass=mass,
         stiffness=np.array([fit.stiffness for fit in fits]),
         damping=np.array([fit.damping for fit in fits]),
@@ -324,7 +324,15 @@ def weighted_mean(values: list[float], stds: list[float]) -> tuple[float, float]
     return mean, float(np.sqrt(max(1.0, excess) / weight.sum()))
 
 
-def describe(fits: list[LevelFit], reading: Reading, margin: float, friction: AnyFriction, around: str) -> str:
+def band(blas: list[Bla]) -> str:
+    """Where all levels have lines; the machine is assumed to be the same beyond."""
+    low, high = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
+    return f"from {low:.3g} to {high:.4g} Hz (a mode beyond is not in it)"
+
+
+def describe(
+    fits: list[LevelFit], reading: Reading, margin: float, friction: AnyFriction, around: str, band: str
+) -> str:
     """Say what was read, what is assumed, and what the data cannot show."""
     low, rest = reading.stiffness_low / 1e3, reading.stiffness_rest / 1e3
     top = fits[0]
@@ -337,7 +345,8 @@ def describe(fits: list[LevelFit], reading: Reading, margin: float, friction: An
     else:
         machine = f"{mass}, k = {low:.4g} kN/m ({widened}), c = 0"
     return (
-        f"Assumed, read from {len(fits)} levels: {machine}; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times what "
-        f"is between the highest level and {rest:.4g} kN/m at rest, and what is below it down to k; misfit at most "
-        f"{misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no level shows. {SUPPORT}"
+        f"Assumed, read from {len(fits)} levels {band}: {machine}; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times "
+        f"what is between the highest level and {rest:.4g} kN/m at rest, and what is below it down to k; misfit at "
+        f"most {misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no level shows. "
+        f"{SUPPORT}"
     )

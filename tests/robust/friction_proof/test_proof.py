@@ -285,7 +285,7 @@ def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
     proof = prove_friction(sliding_machine(late), K, friction, delay=2e-4)
     assert "with 0.7 ms of delay" in proof.claim
     assert proof.certificate.verify().verified
-    with pytest.raises(ValueError, match="delay must be 0 s with a continuous controller, got 0.0005 s"):
+    with pytest.raises(ValueError, match=r"delay must be 0 s with a continuous controller, got 0\.0005 s"):
         prove_friction(sliding_machine(late), 1e3, friction)
 
 
