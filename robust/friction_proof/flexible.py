@@ -13,7 +13,6 @@ import control
 import numpy as np
 
 from nlfrf.shared.wording import hertz
-from robust.modelling.nominal import NominalFit
 from robust.sliding.machine import SlidingMachine, sliding_machine
 from robust.systems.lti import poles, response, zeros
 from robust.systems.realisation import from_roots, state_space
@@ -45,7 +44,7 @@ def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:
 
     The lines scatter, and a fit of p real parameters to n lines takes p/(2 n) of their variance on, on average.
     """
-    if not isinstance(nominal, NominalFit) or np.isnan(nominal.std).any():
+    if np.isnan(getattr(nominal, "std", np.nan)).any():
         return np.zeros(omega.size)
     order = np.argsort(nominal.omega)
     relative = (nominal.std / np.abs(nominal.response))[order]

@@ -22,8 +22,8 @@ from robust.friction_proof.level_fit import (
     nominal_reaction,
     one_mass_reaction,
 )
-from robust.modelling.nominal import behind_hold
 from robust.sliding.machine import SlidingMachine, sliding_machine, with_port_impedance
+from robust.systems.sampling import hold_between
 
 __all__ = ["FrictionClass", "friction_class"]
 
@@ -168,7 +168,7 @@ def friction_class(
         raise ValueError(f"blas must have at least {FEWEST_LINES} lines each, got {fewest}")
     if real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
-    blas = [behind_hold(bla, 0.0) for bla in blas]
+    blas = [bla.times(hold_between(bla.omega, bla.hold, bla.fs, 0.0)) for bla in blas]
     machines: tuple[SlidingMachine, ...] = ()
     description, fits = "", []
     if nominal is None:
