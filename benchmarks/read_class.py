@@ -285,6 +285,7 @@ def cause_of(refusal: str) -> str:
         "span from": "no span",
         "friction slides": "highest level sticks",
         "Turn the sign": "turned sign",
+        "above the band": "a mode above the band",
     }
     return next((words for part, words in causes.items() if part in refusal), refusal)
 

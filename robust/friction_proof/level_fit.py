@@ -91,6 +91,9 @@ class LevelFit:
         Delay [s] that is in the data beyond the model, and its standard deviation.
     misfit_without_delay : float
         The misfit once that delay is taken off.
+    softening, softening_std : float
+        Coefficient of -w^4 [N s^4/m] that a fit with this term asks for, and its standard deviation: a load on a spring
+        of antiresonance w_a far above the band adds m_load/w_a^2 to it.
     """
 
     force: float
@@ -108,6 +111,8 @@ class LevelFit:
     delay: float
     delay_std: float
     misfit_without_delay: float
+    softening: float
+    softening_std: float
 
 
 @value
@@ -166,6 +171,7 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
     misfit = best.chi / free
     spread = variance_inflation(best, misfit)
     tau, tau_std, left = fit_delay(reaction, best)
+    softening, softening_std = fit_softening(reaction, best)
     slow_low, slow_high = profile(solutions, 0, best.chi, spread)
     too_slow = best.rate <= reaction.omega[0] and plain.chi - best.chi > SIGMAS**2 * spread
     return LevelFit(
@@ -184,16 +190,24 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
         delay=tau,
         delay_std=tau_std,
         misfit_without_delay=left,
+        softening=softening,
+        softening_std=softening_std,
     )
 
 
 def fit_rates(omega: np.ndarray, H: np.ndarray, std: np.ndarray) -> tuple[Solution, list[Solution]]:
     """The fit without a slipping element, and all that count: that one, and one for each rate with a >= 0."""
-    base = np.column_stack([np.ones(omega.size), -(omega**2), 1j * omega])
-    plain = least_squares(base, H, std, np.nan)
-    rates = np.geomspace(omega[0], omega[-1], N_RATES)
-    slipping = (least_squares(np.column_stack([base, 1j * omega / (1j * omega + b)]), H, std, b) for b in rates)
+    plain = least_squares(columns_of(omega, np.nan), H, std, np.nan)
+    slipping = (least_squares(columns_of(omega, b), H, std, b) for b in np.geomspace(omega[0], omega[-1], N_RATES))
     return plain, [plain, *(one for one in slipping if one.found[3] >= 0)]
+
+
+def columns_of(omega: np.ndarray, rate: float) -> np.ndarray:
+    """(W, 3 or 4) columns of k, m, c, and of a where the element has a rate."""
+    columns = [np.ones(omega.size), -(omega**2), 1j * omega]
+    if np.isfinite(rate):
+        columns.append(1j * omega / (1j * omega + rate))
+    return np.column_stack(columns)
 
 
 def least_squares(columns: np.ndarray, wanted: np.ndarray, std: np.ndarray, rate: float) -> Solution:
@@ -253,13 +267,10 @@ def misfit_limit(dof: np.ndarray, free: int) -> float:
 
 def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
     """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
-    omega, tau = reaction.omega, 0.0
-    base = [np.ones(omega.size), -(omega**2), 1j * omega]
-    if np.isfinite(best.rate):
-        base.append(1j * omega / (1j * omega + best.rate))
+    omega, tau, base = reaction.omega, 0.0, columns_of(reaction.omega, best.rate)
     for _ in range(DELAY_STEPS):
         H, slope = reaction.delayed(tau)
-        solution = least_squares(np.column_stack([*base, -slope]), H, reaction.std, best.rate)
+        solution = least_squares(np.column_stack([base, -slope]), H, reaction.std, best.rate)
         tau += float(solution.found[-1])
     misfit = solution.chi / (2 * omega.size - 6)
     variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
@@ -267,3 +278,19 @@ def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
     precision = np.abs(reaction.H / reaction.std) ** 2
     variance += MODEL_ERROR**2 * float(precision.sum() / (precision @ omega**2))
     return tau, float(np.sqrt(variance)), misfit
+
+
+def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
+    """Coefficient of -w^4 [N s^4/m] and its standard deviation: the first sign of a mode above the band.
+
+    One term is tested with far more power than the misfit as a whole, which a mode at twice the highest line does not
+    raise by 1 % where that line has a few per cent of noise.
+    """
+    omega, H, std = reaction.omega, reaction.H, reaction.std
+    columns = np.column_stack([columns_of(omega, best.rate), -(omega**4)])
+    solution = least_squares(columns, H, std, best.rate)
+    misfit = solution.chi / (2 * omega.size - columns.shape[1] - 1)
+    variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
+    precision = (omega**4 / std) ** 2  # of the lines for this term, and the model error that they may share
+    variance += MODEL_ERROR**2 * float((precision @ np.abs(H / omega**4) ** 2) / precision.sum())
+    return float(solution.found[-1]), float(np.sqrt(variance))

@@ -273,6 +273,14 @@ def require_model(fits: list[LevelFit], *, around: bool) -> None:
             "be missing in the loop, or be read as softness. Give a nominal with it: "
             'fit_nominal(blas[0], n_poles=2, n_zeros=0, delay="estimate")'
         )
+    softening, softening_std = weighted_mean([fit.softening for fit in fits], [fit.softening_std for fit in fits])
+    if softening > SIGMAS * softening_std and worst.misfit <= worst.misfit_limit:
+        model = "the nominal" if around else "one mass"
+        raise ValueError(
+            f"blas must show no mode beyond {model}, got a reaction that softens with -w^4 by {softening:.2g} +- "
+            f"{softening_std:.1g} N s^4/m, as below a mode above the band: it would be missing in the loop. Measure up "
+            "to it, and give a nominal with it"
+        )
     if worst.misfit > worst.misfit_limit:
         model = "the nominal and a friction at its port" if around else "one mass on a spring"
         better = "of higher order, or fitted at the lowest level, where the friction is a spring"
