@@ -1,4 +1,4 @@
-"""A proof for the machine itself: three levels, a class of friction, a proof for all of it.
+"""A proof for a class of friction: three levels, the machine and the class they support, a proof for all of it.
 
 A mass on a spring with friction is identified at three levels. They tell the machine while it slides, and how much
 stiffer it is while it sticks: a class of friction with infinitely many members. Then controllers with integral action:
@@ -71,7 +71,7 @@ for ax, (name, (K, delay)) in zip(axes, CONTROLLERS.items(), strict=True):
         wavelength=1e-4,
         asymmetry=0.3,
     )
-    rig = nlfrf.Rig(float(assumed.mass[0]), float(assumed.stiffness[0]), law)
+    rig = nlfrf.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, law)  # the machine that is proved
     responses = nlfrf.simulate_loops(rig, [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks, oversampling=8)
     outside = nlfrf.simulate_loops(nlfrf.paper_rig(), [K], np.zeros(4000), fs=1 / T, delay=delay, initial=kicks)
     for kind, found in (("a friction of the class", responses), ("the rig, which creeps: outside the class", outside)):

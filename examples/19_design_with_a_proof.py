@@ -39,7 +39,7 @@ def identified(rms):
 
 def band(K, stiffness):
     """Up to where |S| stays below -3 dB [Hz], on the machine with a spring; nan where the loop is unstable."""
-    plant = robust.sampled(control.ss(control.tf([1], [assumed.mass[0], 0, stiffness])), T)
+    plant = robust.sampled(control.ss(control.tf([1], [1 / assumed.machine.B_force[1], 0, stiffness])), T)
     if np.abs(control.feedback(plant * K).poles()).max() > 1:
         return np.nan
     f = np.geomspace(0.05, 499, 4000)
@@ -55,7 +55,7 @@ def laws():
         options = {"stiction": assumed.friction.stiction, "vs": 0.003, "dwell": 0.02, "asymmetry": 0.3 * i}
         stiffness, strength = assumed.friction.K0 * rng.dirichlet(np.ones(3)), rng.dirichlet(np.ones(3))
         sliders = VaryingSliders(stiffness=stiffness, strength=strength, **options)
-        yield f"class {i + 1}", nlfrf.Rig(float(assumed.mass[0]), float(assumed.stiffness[0]), sliders)
+        yield f"class {i + 1}", nlfrf.Rig(1 / assumed.machine.B_force[1], assumed.stiffness_low, sliders)
 
 
 def shaped(crossover):
@@ -77,13 +77,13 @@ text += [head + "   hardest kick that comes to rest [m/s], swing left after it [
 figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), sharey=True, layout="constrained")
 for ax, (name, (K, checked)) in zip(axes, found.items(), strict=True):
     proof = robust.prove_friction(assumed.machine, K, assumed.friction, Fs=1.0)
-    k = assumed.stiffness[0]
+    k = assumed.stiffness_low
     row = f"{name:20}{checked:22}{proof.verdict:10}{band(K, k + assumed.friction.K0):9.3g} Hz{band(K, k):7.3g} Hz"
     for law, rig in laws():
         starts = np.column_stack([np.zeros(KICKS.size), KICKS])
         responses = nlfrf.simulate_loops(rig, [K], np.zeros(3000), fs=1 / T, initial=starts)
         left = np.array([np.inf if r.diverged else np.ptp(r.x[-1000:]) for r in responses])
-        rests = left < 1e-3 * KICKS / np.sqrt(k / assumed.mass[0])
+        rests = left < 1e-3 * KICKS / np.sqrt(k * assumed.machine.B_force[1])
         first = np.argmin(np.append(rests, False))  # that does not
         hardest = "none" if not first else "all" if first == KICKS.size else f"{KICKS[first - 1]:.2g}"
         row += f"   {law}: {hardest}, {left[:first].max(initial=0):.1g}"

@@ -41,7 +41,7 @@ from .fixed_structure.proved import ProvedDesign as ProvedDesign
 from .fixed_structure.proved import design_proved as design_proved
 from .fixed_structure.structures import ControllerStructure as ControllerStructure
 
-# Friction: how a loop moves, a proof for the machine itself
+# Friction: how a loop moves, a proof for a class of friction
 from .friction_motion.quasi_linear import QuasiLinear as QuasiLinear
 from .friction_motion.quasi_linear import quasi_linear as quasi_linear
 from .friction_proof.classes import any_bounded as any_bounded

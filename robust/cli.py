@@ -268,7 +268,9 @@ def prove(
     stiffness: Annotated[
         float | None, typer.Option(help="Presliding stiffness of the friction [N/m]; read from the BLAs otherwise.")
     ] = None,
-    nominal: Annotated[Path | None, typer.Option(help="Model of the highest level, for a flexible machine.")] = None,
+    nominal: Annotated[
+        Path | None, typer.Option(help="Model of one level, for a flexible machine or one with a delay.")
+    ] = None,
     stiction: Annotated[float, typer.Option(help="Largest over smallest force of a slider.")] = 1.5,
     delay: Annotated[float, typer.Option(help="Computation delay [s].")] = 0.0,
     force: Annotated[float | None, typer.Option(help="Largest friction force [N]: hunting bound or sure kick.")] = None,

@@ -15,12 +15,12 @@ from nlfrf.shared.wording import counted
 from robust.files.certificates import certificate_of, save_certificate
 from robust.files.models import load_controller, load_model
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
-from robust.friction_proof.flexible import modal_damping, undamped
+from robust.friction_proof.flexible import machines_of_nominal
 from robust.friction_proof.levels import friction_class
 from robust.friction_proof.linear_uncertainty import friction_frequency_test
 from robust.friction_proof.proof import FrictionProof, prove_friction
 from robust.shared.states import FrictionVerdict
-from robust.sliding.machine import SlidingMachine, sliding_machine
+from robust.sliding.machine import SlidingMachine
 
 __all__ = ["class_from_files", "controller_of", "linear_part_tested", "prove_all", "save_proofs"]
 
@@ -93,7 +93,8 @@ def from_model(
             + prove(["LOW.npz", "MID.npz", "HIGH.npz"], controller, model)
         )
     G = machine_of(model, Path("BLA.npz"), prove(["nominal.json"], controller, stiffness=stiffness))
-    return (undamped(G), sliding_machine(G)), any_maxwell_slip(stiffness, stiction), f"{modal_damping(G)}\n"
+    machines, description = machines_of_nominal(G)
+    return machines, any_maxwell_slip(stiffness, stiction), f"{description}\n"
 
 
 def machine_of(path: Path, bla: Path, command: str) -> Any:
@@ -107,7 +108,7 @@ def machine_of(path: Path, bla: Path, command: str) -> Any:
     poles = max(2, model.nominal.nstates)
     fit = f"robust model {quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
     with going_on(go_on(fit, command)):
-        sliding_machine(model.nominal)
+        machines_of_nominal(model.nominal)
     return model.nominal
 
 

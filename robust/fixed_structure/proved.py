@@ -207,7 +207,9 @@ class Search:
             for spring in (0.0, self.friction.K0):
                 A = machine.A - spring * np.outer(machine.B_port, machine.C_port)
                 plant = sampled(
-                    control.StateSpace(A, machine.B_force[:, None], machine.C_measured[None, :], 0), self.dt, self.delay
+                    control.StateSpace(A, machine.B_force[:, None], machine.C_measured[None, :], 0),
+                    self.dt,
+                    self.delay + machine.delay,
                 )
                 S = np.abs(1 / (1 + response(plant, omega) * response(K, omega)))
                 band = min(band, first_above(omega, S, np.sqrt(0.5)))

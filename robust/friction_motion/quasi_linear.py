@@ -24,6 +24,8 @@ __all__ = ["QuasiLinear", "quasi_linear"]
 AMPLITUDES = np.geomspace(1e-9, 1.0, 91)
 BEYOND = 1e4  # times the largest level: as far as levels are followed
 FORGETS = 0.2  # of the frequency: how fast the envelope of a disturbed motion falls
+ROUNDS, SAME = 6, 1e-3  # of the frequency at an amplitude, until it moves by less than that
+ROUNDING = 1e-14  # of the fastest pole
 FLAT = 0.01  # of a friction that only slides: spring over damper, and how far its force still grows with log a
 NOT_CLAIMED = "Predicted from one sine at a time, not proved: laws, levels and bursts of other kinds are not in it."
 BLIND = "K integrates: stick-slip between long rests (hunting) is not seen by it."
@@ -163,7 +165,7 @@ def quasi_linear(
         pair = slice(rises[0], rises[0] + 2)
         first, omega = crossing(a, growth, int(rises[0])), float(np.interp(0, growth[pair], pole.imag[pair]))
     cycles = np.array([crossing(a, growth, int(i)) for i in falls])
-    outcome = "" if burst is None else after(driven(loop, machine, burst, (a, stiffness, damping, pole)), a, growth)
+    outcome = "" if burst is None else after(driven(loop, machine, burst, (a, stiffness, damping)), a, growth)
     grid = frequencies(loop)
     integrates = np.any(np.abs(poles(K) - (1 if loop.T else 0)) < 1e-9)
     return QuasiLinear(
@@ -203,17 +205,22 @@ def equivalents(
     if levels is not None:
         stiffness, damping = levels.at(a)
         return stiffness, damping, np.array([ringing(loop, k, c) for k, c in zip(stiffness, damping, strict=True)])
-    stiffness, damping, pole = np.zeros(a.size), np.zeros(a.size), np.zeros(a.size, complex)
-    omega, slides, N = swings_at(loop, ringing(loop, 0.0, 0.0)), False, 0j
+    N, pole, omega = np.zeros(a.size, complex), np.zeros(a.size, complex), np.zeros(a.size)
+    start, slides = swings_at(loop, 0.0, 0.0), False
     for i in range(a.size):
-        if not slides:
-            N = describing_function(friction, float(a[i]), omega)
-        stiffness[i], damping[i] = N.real, N.imag / omega
-        pole[i] = ringing(loop, stiffness[i], damping[i])
-        if i and (slides or saturated(stiffness, damping * omega, a, i)):
-            slides, N = True, 1j * damping[i] * omega * a[i] / a[min(i + 1, a.size - 1)]
-        omega = swings_at(loop, pole[i])  # that of the next amplitude
-    return stiffness, damping, pole
+        omega[i] = omega[i - 1] if i else start
+        if slides:
+            N[i] = 1j * N[i - 1].imag * a[i - 1] / a[i]
+        for _ in range(ROUNDS):  # the frequency at which the friction is driven is that of the loop with it
+            if not slides:
+                N[i] = describing_function(friction, float(a[i]), float(omega[i]))
+            pole[i] = ringing(loop, N[i].real, N[i].imag / omega[i])
+            swings = swings_at(loop, N[i].real, N[i].imag / omega[i])
+            if abs(swings / omega[i] - 1) < SAME:
+                break
+            omega[i] = swings
+        slides = slides or (i > 0 and saturated(N.real, N.imag, a, i))
+    return N.real, N.imag / omega, pole
 
 
 def saturated(stiffness: np.ndarray, reaction: np.ndarray, a: np.ndarray, i: int) -> bool:
@@ -227,13 +234,21 @@ def ringing(loop: SlidingLoop, stiffness: float, damping: float) -> complex:
     found = np.linalg.eigvals(loop.period(stiffness, damping))
     if loop.T:
         found = np.log(found[np.abs(found) > 1e-12].astype(complex)) / loop.T
-    found = found[found.imag >= 0]
+    # a friction that holds leaves a slow pole that is below the rounding of the fast one, of either sign
+    found = found[(found.imag >= 0) & (np.abs(found) > ROUNDING * np.abs(found).max())]
     return complex(found[np.argmax(found.real / np.maximum(np.abs(found), 1e-9))])
 
 
-def swings_at(loop: SlidingLoop, pole: complex) -> float:
-    """A frequency [rad/s] to drive a friction at: that of a pole, or its size where it does not swing."""
+def swings_at(loop: SlidingLoop, stiffness: float, damping: float) -> float:
+    """A frequency [rad/s] to drive a friction at: where the loop swings with its spring and its damper.
+
+    A loop that does not swing with both is taken with the spring alone: a friction that holds it does so at the
+    frequency at which it would swing, and the slow pole that creeps back has no amplitude of its own.
+    """
     top = np.pi / loop.T if loop.T else np.inf
+    for pole in (ringing(loop, stiffness, damping), ringing(loop, stiffness, 0.0)):
+        if pole.imag > 1e-3 * abs(pole):
+            break
     return float(np.clip(pole.imag if pole.imag > 1e-3 * abs(pole) else abs(pole), 1e-2, top))
 
 
@@ -244,23 +259,23 @@ def crossing(a: np.ndarray, growth: np.ndarray, i: int) -> float:
 
 
 def driven(
-    loop: SlidingLoop, machine: SlidingMachine, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+    loop: SlidingLoop, machine: SlidingMachine, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> float:
     """The amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
     burst = real_array("burst", burst, ndim=1)
     if not loop.T:
         raise ValueError("burst must be left out with a continuous controller, got one. Sample it first")
-    a, stiffness, damping, pole = at
+    a, stiffness, damping = at
     n = loop.F.shape[0]
     push = np.concatenate([machine.B_force, np.zeros(n - machine.B_force.size)])
-    steps: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    steps: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}
     xi, envelope = np.zeros(n), a[0]
     for force in burst:
         i = min(int(np.searchsorted(a, envelope)), a.size - 1)
         if i not in steps:
-            steps[i] = pushed(loop, stiffness[i], damping[i], push)
+            steps[i] = *pushed(loop, stiffness[i], damping[i], push), swings_at(loop, stiffness[i], damping[i])
         xi = steps[i][0] @ xi + steps[i][1] * force
-        omega = swings_at(loop, pole[i])
+        omega = steps[i][2]
         envelope = max(np.hypot(loop.x @ xi, (loop.v @ xi) / omega), envelope * np.exp(-FORGETS * omega * loop.T), a[0])
         if envelope >= a[-1]:
             break

@@ -1,4 +1,4 @@
-"""Machine and class of friction read around a nominal model that was fitted at the highest level, damped and undamped.
+"""Machines of a nominal model, damped and undamped.
 
 The damping of such a fit contains that of the friction at this level. A proof must not lean on it: the same model with
 its poles and zeros turned onto the imaginary axis is a machine of its own.
@@ -6,63 +6,60 @@ its poles and zeros turned onto the imaginary axis is a machine of its own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf import Bla
 from nlfrf.shared.wording import hertz
-from robust.friction_proof.port_levels import Levels, levels_of
 from robust.sliding.machine import SlidingMachine, sliding_machine
 from robust.systems.lti import poles, response, zeros
 from robust.systems.realisation import from_roots, state_space
+from robust.systems.sampling import without_pade
 
-__all__ = ["modal_damping", "read_around", "undamped"]
+__all__ = ["error_of_nominal", "machines_of_nominal", "modal_damping", "undamped"]
 
-#: Of the friction's stiffness at the lowest level: what the next may show less of it.
-AGREE = 0.2
 #: Of the largest root: nearer to the real axis than this a pair of roots does not swing.
 SWINGS = 1e-9
 
 
-def read_around(blas: Sequence[Bla], nominal: Any) -> tuple[tuple[SlidingMachine, ...], Levels, str]:
-    """(machines, levels, words): the nominal as a machine without and with its damping, and what is left of the levels.
+def machines_of_nominal(nominal: Any) -> tuple[tuple[SlidingMachine, ...], str]:
+    """(machines, description): the nominal as a machine without and with its damping, each with its delay.
 
-    `nominal` is a model from force to position with at least two poles more than zeros, or a `sliding_machine` with a
-    friction port of its own, which is taken as it is.
+    `nominal` is a fit or a model from force to position with at least two poles more than zeros, or a `sliding_machine`
+    with a friction port of its own, which is taken as it is.
     """
     G = getattr(nominal, "G", nominal)
-    machines: tuple[SlidingMachine, ...]
     if isinstance(G, SlidingMachine):
-        machines, words = (G,), f"the machine that was given ({G.words})"
-    else:
-        G = state_space("nominal", G)
-        machines = undamped(G), sliding_machine(G)
-        words = f"a nominal of order {G.nstates} at the highest level, {modal_damping(G)}"
-    levels = levels_of(blas, machines[-1])
-    k = np.sort(levels.stiffness)
-    if not k[-1] > max(0.0, k[0] + 3 * levels.stiffness_std):
-        raise ValueError(
-            f"blas must be stiffer at the lowest level than the nominal, got {k[-1] / 1e3:.4g} kN/m of friction there. "
-            "Fit the nominal at the highest level"
-        )
-    if k[-1] - k[-2] > AGREE * k[-1]:
-        raise ValueError(
-            f"blas must reach so low that the friction gets no stiffer: it is {k[-2] / 1e3:.4g} and {k[-1] / 1e3:.4g} "
-            f"kN/m at the two lowest levels, more than {100 * AGREE:g} % apart. Measure at a lower level"
-        )
-    return machines, levels, words
+        return (G,), f"the machine that was given ({G.words})"
+    G, approximated = without_pade(state_space("nominal", G))
+    delay = approximated + float(getattr(nominal, "delay", 0.0))
+    description = f"a nominal of order {G.nstates}, {modal_damping(G)}"
+    return tuple(replace(machine, delay=delay) for machine in (undamped(G), sliding_machine(G))), description
+
+
+def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:
+    """(W,) standard deviation of a fitted nominal at frequencies, relative to its response; zero of one that was given.
+
+    The lines scatter, and a fit of p real parameters to n lines takes p/(2 n) of their variance on, on average.
+    """
+    if np.isnan(getattr(nominal, "std", np.nan)).any():
+        return np.zeros(omega.size)
+    order = np.argsort(nominal.omega)
+    relative = (nominal.std / np.abs(nominal.response))[order]
+    taken = nominal.n_parameters / (2 * nominal.omega.size) * max(1.0, nominal.cost / nominal.expected_cost)
+    return np.asarray(np.sqrt(taken) * np.interp(omega, nominal.omega[order], relative))
 
 
 def undamped(G: control.StateSpace) -> SlidingMachine:
-    """The same machine without damping: every root that swings keeps its size and goes to the axis, and so its gain.
+    """The same machine without damping: every s^2 + d s + k of its poles and zeros loses its d; its mass is kept.
 
     >>> machine = undamped(control.ss(control.tf([1], [1, 4, 80e3])))
     >>> bool(abs(np.linalg.eigvals(machine.A).real).max() < 1e-9), round(machine.resonance, 3)
     (True, 282.843)
     """
+    G, delay = without_pade(G)
     p, z = turned(poles(G)), turned(zeros(G))
     omega = 1e3 * np.abs(p).max()  # far above every root both behave as gain/s^excess
     far = 1j * omega
@@ -71,13 +68,22 @@ def undamped(G: control.StateSpace) -> SlidingMachine:
     return SlidingMachine(
         **{name: getattr(machine, name) for name in ("A", "B_force", "B_port", "C_measured", "C_port")},
         words=f"{machine.words} without damping",
+        delay=delay,
     )
 
 
 def turned(roots: np.ndarray) -> np.ndarray:
-    """Roots that swing on the imaginary axis; real ones as they are."""
+    """Roots of the modes without damping: pairs that swing on the imaginary axis, and real ones by two, small to large.
+
+    Two real roots are a mode with so much damping that it does not swing, as a free mass whose friction slides. An odd
+    one is left as it is: that of an amplifier.
+    """
     swings = np.abs(roots.imag) > SWINGS * np.abs(roots).max(initial=0.0)
-    return np.where(swings, 1j * np.sign(roots.imag) * np.abs(roots), roots)
+    real = np.sort(roots[~swings].real)[::-1]
+    real = real[np.argsort(np.abs(real), kind="stable")]
+    pairs = [sign * np.sqrt(complex(-p * q)) for p, q in zip(real[:-1:2], real[1::2], strict=True) for sign in (1, -1)]
+    left = real[-1:] if real.size % 2 else real[:0]
+    return np.concatenate([1j * np.sign(roots[swings].imag) * np.abs(roots[swings]), pairs, left])
 
 
 def modal_damping(G: control.StateSpace) -> str:

@@ -15,7 +15,7 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.sliding.machine import SlidingMachine
 
-__all__ = ["Levels", "levels_of"]
+__all__ = ["Levels", "levels_of", "port_responses"]
 
 AROUND = (0.3, 2.0)  # of the resonance: the lines that are fitted
 FEWEST_LINES = 8

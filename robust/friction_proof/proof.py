@@ -1,4 +1,4 @@
-"""A proof for the machine itself: with every friction of a class, from every state, the loop comes to rest."""
+"""A proof for a given linear part: with every friction of a class, from every state, the loop comes to rest."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.friction_proof.certify import certify, proved_limits
 from robust.friction_proof.classes import AnyFriction
+from robust.friction_proof.dissipation import SLIGHTLY
 from robust.friction_proof.passivity import passive_verdict
 from robust.friction_verification.claim import FrictionClaim
 from robust.friction_verification.verify import verify_friction
 from robust.shared.states import FrictionVerdict
 from robust.sliding.bounded import hunting_bound, sure_kick
 from robust.sliding.loop import SlidingLoop, sliding_loop
-from robust.sliding.machine import SlidingMachine
+from robust.sliding.machine import SlidingMachine, separate_delay
 from robust.sliding.springs import unstable_spring
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
@@ -174,6 +175,7 @@ def prove_friction(
     if not isinstance(friction, AnyFriction):
         raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
     K = state_space("K", K)
+    machine, delay = separate_delay(machine, delay)
     loop = sliding_loop(machine, K, delay)
     Fs = np.nan if Fs is None else positive("Fs", Fs)
     if friction.kind == "bounded":
@@ -265,12 +267,15 @@ def claimed(
     machine: SlidingMachine, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
 ) -> FrictionClaim:
     """What the certificate claims, with every number as given."""
+    known = {name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS}
+    if friction.kind == "Maxwell slip":
+        known["stiction"] = max(known["stiction"], SLIGHTLY)
     return FrictionClaim(
         machine=matrices_of(machine),
         controller=as_given(K),
         delay=float(delay),
         kind=friction.kind,
-        **({name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS} | numbers),
+        **(known | numbers),
     )
 
 

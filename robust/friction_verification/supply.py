@@ -119,7 +119,8 @@ def maxwell_slip(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     from flint import fmpq_mat
 
     a, mu, free = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
-    K0, rho = rational(claim.K0), rational(max(claim.stiction, 1.001))  # at one itself the energy is not positive
+    # at one itself the energy is not positive; certificates of version 0.1 say one and were made with 1.001
+    K0, rho = rational(claim.K0), rational(claim.stiction if claim.stiction > 1 else 1.001)
     rest, n = [row[0] for row in rest_of(loop).tolist()], loop.F.nrows()
     size = n + len(a) - 1
     A, jumps = widened(loop, a[1:])

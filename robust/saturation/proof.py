@@ -18,7 +18,7 @@ from robust.friction_verification.verify import verify_friction
 from robust.saturation.loop import CutLoop, cut_open
 from robust.saturation.search import Reach, kick_of, reaches
 from robust.shared.states import FrictionVerdict, Outcome
-from robust.sliding.machine import SlidingMachine
+from robust.sliding.machine import SlidingMachine, separate_delay
 from robust.storage.search import METHOD
 from robust.systems.realisation import state_space
 
@@ -138,6 +138,7 @@ def prove_saturated(
     if not limit > Fs:
         raise ValueError(f"limit must be above Fs, the largest friction force, got {limit:g} N and Fs = {Fs:g} N")
     plain = prove_friction(machine, K, friction, delay=delay)
+    machine, delay = separate_delay(machine, delay)
     if friction.kind not in ("Maxwell slip", "bristle"):
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.words}")
     known: dict[str, Any] = {"friction": friction, "Fs": Fs, "limit": limit}

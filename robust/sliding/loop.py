@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.values import value
-from robust.sliding.machine import SlidingMachine
+from robust.sliding.machine import SlidingMachine, separate_delay
 from robust.systems.lti import timebase
 from robust.systems.realisation import state_space
 
@@ -92,13 +91,15 @@ class SlidingLoop:
 def sliding_loop(machine: SlidingMachine, K: Any, delay: float = 0.0) -> SlidingLoop:
     """The loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
 
+    The delay of the machine itself is added to it.
+
     >>> from robust.sliding.machine import sliding_machine
     >>> loop = sliding_loop(sliding_machine(1.0, 80e3, 0.4), 0.0)
     >>> round(loop.growth(), 3)                                    # -c / 2m: nothing but the damping of the rig
     -0.2
     """
     K = state_space("K", K)
-    delay = nonnegative("delay", delay)
+    machine, delay = separate_delay(machine, delay)
     T = timebase(K)
     if not T:
         if delay:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import control
@@ -11,8 +12,9 @@ from nlfrf.shared.arguments import nonnegative, positive
 from nlfrf.shared.values import value
 from robust.systems.lti import timebase
 from robust.systems.realisation import multivariable
+from robust.systems.sampling import without_pade
 
-__all__ = ["SlidingMachine", "sliding_machine"]
+__all__ = ["SlidingMachine", "separate_delay", "sliding_machine", "with_port_impedance"]
 
 #: A gain is zero when it is this small against what the matrices could make of it.
 ROUNDING = 1e-9
@@ -32,6 +34,8 @@ class SlidingMachine:
         The measured position and the displacement at the friction port [m].
     words : str
         What it is, for people.
+    delay : float
+        From the command to the force, or from the position to its sample [s]; every loop around it has it.
     """
 
     A: np.ndarray
@@ -40,6 +44,7 @@ class SlidingMachine:
     C_measured: np.ndarray
     C_port: np.ndarray
     words: str
+    delay: float = 0.0
 
     @property
     def velocity(self) -> np.ndarray:
@@ -67,7 +72,8 @@ def sliding_machine(
     ----------
     mass : float or control.StateSpace
         [kg]; or a continuous model from force [N] to position [m] with the friction where the force acts; or, with
-        `port`, one with several inputs and outputs.
+        `port`, one with several inputs and outputs. A Padé approximation in the former is taken as the delay that it
+        stands for, exactly: its zeros in the right half-plane are those of no machine, and no proof is found for them.
     stiffness : float, optional
         Spring to ground [N/m], zero for a free mass; not given with a model.
     damping : float
@@ -123,6 +129,9 @@ def from_model(model: Any, port: bool) -> SlidingMachine:
         raise ValueError("mass must be a model that moves, from force to position, got a gain without states")
     if timebase(G):
         raise ValueError(f"mass must be a continuous model, got one sampled at dt = {G.dt:g} s. Fit it with dt=0")
+    delay = 0.0
+    if wanted == 1:
+        G, delay = without_pade(G)
     if np.any(G.D != 0):
         raise ValueError(
             "mass must be a strictly proper model, got a direct term. Fit it with two poles more than zeros"
@@ -136,5 +145,35 @@ def from_model(model: Any, port: bool) -> SlidingMachine:
         )
     words = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
     return SlidingMachine(
-        A=np.asarray(G.A, float), B_force=B[:, 0], B_port=B[:, -1], C_measured=C[0], C_port=C[-1], words=words
+        A=np.asarray(G.A, float),
+        B_force=B[:, 0],
+        B_port=B[:, -1],
+        C_measured=C[0],
+        C_port=C[-1],
+        words=words,
+        delay=delay,
+    )
+
+
+def separate_delay(machine: SlidingMachine, delay: float) -> tuple[SlidingMachine, float]:
+    """The machine without its delay, and the delay of the whole loop [s]."""
+    return replace(machine, delay=0.0), nonnegative("delay", delay) + machine.delay
+
+
+def with_port_impedance(machine: SlidingMachine, stiffness: float, mass: float = 0.0) -> SlidingMachine:
+    """The machine with a spring [N/m] and a mass [kg] more at its friction port; either may be negative.
+
+    >>> machine = with_port_impedance(sliding_machine(1.0, 80e3), -30e3, 0.25)
+    >>> round(machine.resonance**2 * 1.25)
+    50000
+    """
+    accelerated = float(machine.velocity @ machine.B_port)
+    share = mass / (1 + mass * accelerated)  # of the acceleration that the machine would have without the mass
+    A = machine.A - stiffness * np.outer(machine.B_port, machine.C_port)
+    taken = share * np.outer(machine.B_port, machine.velocity)
+    return replace(
+        machine,
+        A=A - taken @ A,
+        B_force=machine.B_force - taken @ machine.B_force,
+        B_port=machine.B_port - taken @ machine.B_port,
     )

@@ -12,12 +12,13 @@ from nlfrf.shared.arguments import nonnegative, positive
 from robust.systems.bilinear import to_discrete
 from robust.systems.connections import in_series
 from robust.systems.lft import joined
-from robust.systems.lti import timebase
-from robust.systems.realisation import multivariable, state_space
+from robust.systems.lti import poles, response, timebase, zeros
+from robust.systems.realisation import from_roots, multivariable, state_space
 
-__all__ = ["delay_samples", "delayed", "discretize", "hold_between", "hold_response", "sampled"]
+__all__ = ["delay_samples", "delayed", "discretize", "hold_between", "hold_response", "sampled", "without_pade"]
 
 
+MIRRORED = 1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
 NEAR = 1e-6  # how far two sampling times may be apart that are one
 
 
@@ -147,6 +148,37 @@ def pade(delay: float, order: int) -> control.StateSpace:
     for root in roots[np.abs(roots.imag) <= 1e-9 * abs(roots)].real:
         parts.append(control.StateSpace([[root]], [[1.0]], [[-2 * root]], [[-1.0]], 0))
     return in_series(*parts)
+
+
+def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]:
+    """A continuous system of one input and output without a Padé approximation that is in it, and the delay [s] of it.
+
+    The all-pass factor is found by zeros that mirror poles. It counts as a delay only if its poles are those of the
+    approximation of its order; a system without one is returned as it is.
+
+    >>> late = in_series(pade(5e-4, 4), control.ss(control.tf([1], [1, 4, 80e3])))
+    >>> G, delay = without_pade(late)
+    >>> G.nstates, round(1e3 * delay, 9)
+    (2, 0.5)
+    """
+    p, z = poles(system), zeros(system)
+    distance = np.abs(p[:, None] + z.conj()[None, :]) / np.abs(p)[:, None]
+    mirrored = (distance.min(axis=1, initial=1.0) < MIRRORED) & (p.real < -MIRRORED * np.abs(p))
+    n = int(mirrored.sum())
+    delay = float(np.sum(-2 * (1 / p[mirrored]).real))
+    if not n or not same_roots(p[mirrored], poles(pade(delay, n))):
+        return system, 0.0
+    kept = np.ones(z.size, bool)
+    kept[np.argmin(distance[mirrored], axis=1)] = False
+    far = 1e3j * np.abs(p).max()  # far above every root both behave as gain/s^excess
+    gain = response(system, np.array([far.imag]))[0] * np.prod(far - p) / np.prod(far - z)
+    return from_roots(z[kept], p[~mirrored], float(gain.real * (-1) ** n), 0.0), delay
+
+
+def same_roots(some: np.ndarray, other: np.ndarray) -> bool:
+    """Whether each root has one of the other set beside it."""
+    apart = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
+    return bool(apart.min(axis=1).max() < MIRRORED and np.unique(apart.argmin(axis=1)).size == some.size)
 
 
 def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:

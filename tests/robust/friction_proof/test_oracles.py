@@ -39,6 +39,18 @@ def test_the_stiffest_stiction_that_one_filter_allows(rho, K0):
     assert not allowed(1.005 * K0)
 
 
+@pytest.mark.parametrize(("K0", "lag"), [(1e5, 1e-3), (1e6, 1e-3), (3e6, 1e-3), (1e6, 1e-4)])
+def test_a_continuous_pid_on_a_free_mass_is_proved_with_stiff_friction(K0, lag):
+    """O1 with a derivative that is proper: K_p K_d > m K_i, any K0 in the limit; taken as 1.001, rho = 1 stopped it."""
+    s = control.tf("s")
+    K = 200 + 400 / s + 20 * s / (1 + lag * s)
+    proof = prove_friction(sliding_machine(1.0, 0.0), K, any_maxwell_slip(K0, 1.0))
+    assert proof.verdict == "proved"
+    assert proof.certificate.verify().verified
+    unstable = prove_friction(sliding_machine(1.0, 0.0), K + 4000 / s, any_maxwell_slip(K0, 1.0))
+    assert unstable.verdict == "refuted"
+
+
 @pytest.mark.parametrize("name", ORACLES)
 def test_largest_presliding_stiffness_of_the_weights(name):
     loop = oracle_loop(name)

@@ -8,13 +8,14 @@ from scipy.integrate import quad
 from robust import any_bounded, any_maxwell_slip, prove_friction, sampled, sliding_machine
 from robust.friction_proof.certify import certify_maxwell_slip
 from robust.friction_proof.dissipation import maxwell_slip_dissipation
+from robust.friction_proof.flexible import machines_of_nominal, undamped
 from robust.friction_proof.multipliers import filter_rates, rows, weights
 from robust.sliding.loop import sliding_loop
 from robust.sliding.response import frequencies, mobility
 from robust.storage.bernstein import in_coordinates, judge, storage_function
 from robust.storage.riccati import proposed_storage
 from robust.storage.search import SLACKS
-from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pid
+from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
 
 SLIP = any_maxwell_slip(64e3, 1.05)
 
@@ -265,3 +266,34 @@ def test_a_bounded_class_has_its_own_friction():
     assert (
         prove_friction(RIG, 1e3, any_bounded(1.0), Fs=1.0).verdict == prove_friction(RIG, 1e3, any_bounded(1.0)).verdict
     )
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
+    """Its roots were turned onto the axis with those of the machine: "a state does not come to rest"."""
+    tau = 5e-4
+    late = control.ss(control.tf(*control.pade(tau, order)) * control.tf([1.0], [1.0, 4.0, 80e3]))
+    exact = sliding_machine(1.0, 80e3, 4.0)
+    K, friction = pd(20e3, 60.0), any_maxwell_slip(64e3)
+    machines, _ = machines_of_nominal(late)
+    for machine in (*machines, undamped(late), sliding_machine(late)):
+        assert machine.delay == pytest.approx(tau, rel=1e-6)
+        assert machine.A.shape == (2, 2)
+        assert prove_friction(machine, K, friction).verdict == "proved"
+    mine = np.sort_complex(sliding_loop(sliding_machine(late), K).poles())
+    assert mine == pytest.approx(np.sort_complex(sliding_loop(exact, K, tau).poles()), abs=1e-6)
+    proof = prove_friction(sliding_machine(late), K, friction, delay=2e-4)
+    assert "with 0.7 ms of delay" in proof.claim
+    assert proof.certificate.verify().verified
+    with pytest.raises(ValueError, match=r"delay must be 0 s with a continuous controller, got 0\.0005 s"):
+        prove_friction(sliding_machine(late), 1e3, friction)
+
+
+def test_real_poles_lose_their_damping_too():
+    """A free mass whose friction slides has none that swing: left where they were, "without damping" was damped."""
+    free = undamped(control.ss(control.tf([1.0], [2.0, 46.0, -20.0])))
+    assert np.sort(np.linalg.eigvals(free.A).real) == pytest.approx([-(10**0.5), 10**0.5])
+    slow = undamped(control.ss(control.tf([1.0], [2.0, 500.0, 2e4])))
+    assert np.abs(np.linalg.eigvals(slow.A)) == pytest.approx([100.0, 100.0])
+    assert np.abs(np.linalg.eigvals(slow.A).real).max() < 1e-6
+    assert 1 / (slow.velocity @ slow.B_port) == pytest.approx(2.0)
