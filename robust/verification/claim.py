@@ -31,6 +31,7 @@ OPERATOR_PERFORMANCE = "robust performance with one scaling"
 #: The same of a set of continuous plants under a sampled controller, whose perturbations act at every alias.
 ALIASED = {name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)}
 FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
+CLASSES = ("LTI", "statistical", "operator")
 CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
 
 
@@ -90,7 +91,8 @@ class LoopClaim:
         coprime factors of the shaped plant that differ by [Delta_N, Delta_M] of gain |w|; a = -t G*, b = t (K - G*) S
         with t = w/sqrt(1 - |w|^2), G and K those of the shaped loop.
     perturbation : str
-        Class of the perturbations, in words; nothing is computed from it.
+        Class of the perturbations. Where every alias is included "operator" asks for another condition than "LTI" and
+        "statistical"; elsewhere it is words, and nothing is computed from it.
     delay : float
         Delay [s] on top of what the plant contains. A continuous plant under a sampled controller is held (zero
         order) and delayed exactly; a delay within 1e-9 of a whole number of samples is that number (1e-6 where the
@@ -98,7 +100,8 @@ class LoopClaim:
     claims : tuple of str
         "robust stability": the nominal loop is stable, |b| < 1 at every frequency up to Nyquist. "robust
         performance": also |w_P| max |S_p| < 1. "robust performance with one scaling": the norm of the loop with both
-        weights, scaled by d, is below one (nonlinear perturbations).
+        weights, scaled by d, is below one (nonlinear perturbations). Each also with ", every alias included": of a set
+        of continuous plants under a sampled controller, the conditions of `robust.verification.aliases`.
     scaling : float
         d, where it is claimed with one.
     shaping : tuple of Matrices
@@ -132,6 +135,10 @@ class LoopClaim:
             raise ValueError("shaping must have one input and one output")
         if not self.claims or not set(self.claims) <= set(CLAIMS):
             raise ValueError(f"claims must be some of {', '.join(CLAIMS)}, got {self.claims}")
+        if set(self.claims) & set(ALIASED.values()) and self.perturbation not in CLASSES:
+            raise ValueError(
+                f"perturbation must be one of {', '.join(CLASSES)} for {self.claims}, got {self.perturbation}"
+            )
         if self.performance is None and not set(self.claims) <= {STABILITY, ALIASED[STABILITY]}:
             raise ValueError("performance must be given where performance is claimed, got none")
         if not (np.isfinite(self.delay) and self.delay >= 0):

@@ -202,6 +202,8 @@ def test_a_certificate_holds_for_its_numbers_only(form, kind):
     assert proof.judged == "proved, rigorous"
     assert proof.claim.claims == (ALIASED[STABILITY],)
     assert proof.verify().verified
+    with pytest.raises(ValueError, match="perturbation must be one of LTI, statistical, operator"):
+        replace(proof.claim, perturbation="anything")
     larger = replace(proof.claim.weight, C=proof.claim.weight.C * report.margin_rs * 1.01)
     assert not replace(proof, claim=replace(proof.claim, weight=larger)).verify(time_cap=2).verified
     if len(report.certificates) > 1 and report.certificates[1].holds:
