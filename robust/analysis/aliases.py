@@ -196,6 +196,17 @@ class Aliases:
             F_max=np.array([max(float(top_F.max()), far_F)]),
         )
 
+    def radius(self, omega: np.ndarray, sampled: np.ndarray) -> np.ndarray:
+        """(W,) how far a set moves the sampled plant at omega [rad/s]; inf where nothing filters it, nan if inverse.
+
+        Of an operator it is the radius of the disc with the same rs. `sampled` is the response of the sampled plant.
+        """
+        if self.inverse:
+            return np.full(omega.size, np.nan)
+        one = np.ones(omega.size)
+        point = at_points(self, omega, one, one, sampled)
+        return stability_measure(self, point.sizes, point.sums())
+
     def terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(W, 1 + k) |h_k|, complex h_k G_k and |F_k| of the frequency itself and of the aliases taken one by one.
 

@@ -120,6 +120,7 @@ def see(
             G_ss = state_space("plant", plant)
             nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
             plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=RELATIVE, omega=np.zeros(0), shaping=unity)
+            plant.perturbation = "LTI"
         step = timebase(plant.nominal)
         if step and dt and abs(step / dt - 1) > 1e-9:
             raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
@@ -140,6 +141,9 @@ def see(
     outside = np.where(inverse & ~disc, w, 0.0)
     shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
     radius = np.where(outside > 0, 0.0, size * w * shrink)
+    if isinstance(plant, UncertaintyModel) and loop is not None and loop.aliases is not None:
+        every = loop.aliases.radius(omega, G)
+        radius = np.where(np.isfinite(every), every, radius)  # without a bound it is left to the check
     return SeenPlant(
         omega=omega,
         G=G,
