@@ -9,7 +9,11 @@ import pytest
 
 matplotlib.use("Agg")
 DOCS = Path(__file__).parents[2] / "docs"
-PAGES = [DOCS / "guide" / "primer.md", *sorted(path for path in (DOCS / "howto").glob("*.md") if path.stem != "index")]
+PAGES = [
+    DOCS / "guide" / "primer.md",
+    DOCS / "guide" / "aliases.md",
+    *sorted(path for path in (DOCS / "howto").glob("*.md") if path.stem != "index"),
+]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=[page.stem for page in PAGES])
