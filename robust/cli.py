@@ -175,7 +175,9 @@ def design(
                 result = robust.ncfsyn(G, robust.crossover_weight(G, 2 * np.pi * bandwidth), factor=factor)
         if not result.met:
             raise ValueError(f"model must let a controller be found: {result.reason}")
-        words = f"gamma {result.gamma:.3f}, at best {result.gamma_min:.3f}"
+        words = (
+            f"gamma {result.gamma:.3f}{'' if result.certified else ' (not certified)'}, at best {result.gamma_min:.3f}"
+        )
     if unusual := unusual_gains(result.K):
         warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
     robust.save_controller(result.K, out)

@@ -26,7 +26,7 @@ from robust.mu.upper import mu_upper, refined
 from robust.systems.closed_loop import refuse_shape
 from robust.systems.grids import structure_grid
 from robust.systems.lft import joined, lower
-from robust.systems.lti import along, clock_of, constant, refuse_other_clock, timebase
+from robust.systems.lti import along, clock_of, clocks_differ, constant, refuse_other_clock, timebase
 from robust.systems.nyquist import winding
 from robust.systems.realisation import multivariable
 from robust.uncertain.matrix_model import MatrixUncertainty
@@ -271,7 +271,7 @@ def around(G: Any, K: control.StateSpace) -> Any:
             raise ValueError(f"K must have its Nyquist frequency above the lines of G, got a sampling time of {dt:g} s")
         L[:n_u, n_u:], L[n_u:, :n_u] = along(K, omega), -np.asarray(G.frdata)
         return control.FrequencyResponseData(L, omega)
-    if not constant(G) and not constant(K) and timebase(G) != timebase(K):
+    if clocks_differ(G, K):
         raise ValueError(f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s")
     P = joined([K, G], timebase(K) if constant(G) else timebase(G))  # from (y, u) to (K y, G u)
     turned, signs = np.r_[n_y : n_y + n_u, :n_y], np.r_[np.ones(n_u), -np.ones(n_y)][:, None]

@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from robust.systems.closed_loop import closed_loop
-from robust.systems.lti import Matrices, constant, timebase, zeros
+from robust.systems.lti import Matrices, clocks_differ, constant, timebase, zeros
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import multivariable
 from robust.uncertain.coprime import coprime_factors
@@ -106,7 +106,7 @@ def ncf_margin(G: Any, K: Any) -> float:
     1.0
     """
     plant, K = nominal("G", G), multivariable("K", K)
-    if not constant(plant) and not constant(K) and timebase(plant) != timebase(K):
+    if clocks_differ(plant, K):
         raise ValueError(f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s")
     dt = timebase(K) if constant(plant) else timebase(plant)
     norm = hinf_norm(control.StateSpace(*closed_loop(plant, K, ("u", "y"), ("p_out", "p_in")), dt))[0]

@@ -15,18 +15,20 @@ from nlfrf.shared.values import value
 from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_down
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.certificates.intervals import Magnitude, magnitude
+from robust.certificates.responses import in_doubt, trusted_responder
 from robust.certificates.stability import LARGEST_EXACT, beside_boundary
 from robust.shared.states import Stability
 from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series, inverse
 from robust.systems.grids import climb, highest, loop_grid
-from robust.systems.lti import constant, responder, timebase
+from robust.systems.lti import clocks_differ, constant, responder, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import StabilityResult, certain_poles, moved_out
 from robust.uncertain.forms import FORMS
 from robust.uncertain.model import UncertaintyModel
 from robust.verification.claim import as_given
+from robust.verification.closed_loops import poles_of_closed_loop
 from robust.verification.poles import stable_loop
 
 __all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with", "weighted"]
@@ -110,7 +112,7 @@ class Loop:
     def responses(self) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
         """The responses of its parts, each made ready once."""
         parts = {"G": self.short, "K": self.K, "w": self.weight, "w_P": self.w_P, "W": self.shaping}
-        return {name: responder(part) for name, part in parts.items() if part is not None}
+        return {name: trusted_responder(part) for name, part in parts.items() if part is not None}
 
     @cached_property
     def nominal(self) -> control.StateSpace:
@@ -121,6 +123,19 @@ class Loop:
     def poles(self) -> tuple[np.ndarray, np.ndarray]:
         """The poles of the nominal loop, hidden modes included, and how far rounding may have moved each."""
         return certain_poles(self.nominal)
+
+    @cached_property
+    def modes(self) -> np.ndarray:
+        """Poles of the nominal loop, in many digits where rounding may have moved one by as much as it is damped.
+
+        Around these a grid is made dense: a light mode that is looked for beside where it is, is not seen.
+        """
+        poles, moved = self.poles
+        if poles.size > LARGEST_EXACT or not in_doubt(poles, moved, bool(self.dt)):
+            return poles
+        seen = control.StateSpace(self.G.A, self.G.B, -self.G.C, -self.G.D, self.dt)
+        precise = poles_of_closed_loop(as_given(seen), as_given(self.K))
+        return poles if precise is None else precise
 
     def plant(self, omega: np.ndarray) -> np.ndarray:
         """(W,) response of G."""
@@ -158,7 +173,7 @@ class Loop:
         """Frequencies [rad/s] dense enough to look at: the lines, a log grid, every resonance of the loop."""
         parts = [system for system in (self.G, self.K, self.weight, self.w_P) if system is not None]
         folded = np.zeros(0) if self.aliases is None else self.aliases.folded_modes
-        return loop_grid(lines, self.poles[0], parts, self.dt, self.shift, folded)
+        return loop_grid(lines, self.modes, parts, self.dt, self.shift, folded)
 
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
         """Largest value of a curve of this loop and where (`systems.grids.highest`)."""
@@ -200,7 +215,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         )
     pade_delay, unsampled = 0.0, None
     if dt_G:
-        if not constant(K) and abs(dt_K - dt_G) > 1e-9 * dt_G:
+        if clocks_differ(K, G):
             raise ValueError(
                 f"K must have the sampling time of the nominal model, {dt_G:g} s, "
                 + (f"got {dt_K:g} s" if dt_K else "got a continuous controller")

@@ -28,7 +28,7 @@ from robust.fixed_structure.structures import (
 )
 from robust.shared.states import Stability
 from robust.synthesis.design import Design
-from robust.systems.lti import constant, response, timebase
+from robust.systems.lti import fits_any_clock, response, timebase
 from robust.systems.nyquist import unstable_poles
 from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
@@ -293,7 +293,7 @@ def time_base(plants: list[Any], dt: float) -> float:
 def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
     """The structure on the band of the lines."""
     F = state_space("fixed", fixed)
-    if not constant(F) and timebase(F) != dt:
+    if not fits_any_clock(F) and timebase(F) != dt:
         raise ValueError(f"fixed must have the sampling time of the controller, {dt:g} s, got {timebase(F):g} s")
     F = control.StateSpace(F.A, F.B, F.C, F.D, dt)
     omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import control
 
 from nlfrf.shared.values import value
+from robust.certificates.certificate import Certificate
 
 __all__ = ["Design"]
 
@@ -18,7 +19,8 @@ class Design:
     K : control.StateSpace
         Controller for the unweighted plant, negative feedback: u = K (r - y).
     gamma : float
-        Achieved norm, recomputed from the closed loop; inf where the loop is not stable.
+        Achieved norm, recomputed from the closed loop; inf where the loop is not stable. With a `certificate` that
+        holds the norm is proved to be below it; else gamma is only what was computed.
     gamma_min : float
         Smallest norm any controller could reach; nan where it is not known.
     met : bool
@@ -26,6 +28,9 @@ class Design:
         wherever the controller or its loop has features between them).
     reason : str
         Why the design ended, or which demand is in the way and where.
+    certificate : Certificate or None
+        The proof of gamma, from plant and controller as they are given, or why there is none; None of a gamma on the
+        lines of an FRF.
     history : tuple of float
         gamma, or the worst demand while one was not met, after every iteration.
 
@@ -47,3 +52,9 @@ class Design:
     met: bool = True
     reason: str = ""
     history: tuple[float, ...] = ()
+    certificate: Certificate | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether gamma is proved to be a bound on the norm."""
+        return self.certificate is not None and self.certificate.holds

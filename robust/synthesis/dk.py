@@ -21,7 +21,7 @@ from robust.modelling.weights import minimum_phase
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
-from robust.synthesis.hinfsyn import hinfsyn
+from robust.synthesis.hinfsyn import synthesise
 from robust.synthesis.mixsyn import on_time_base
 from robust.systems.closed_loop import weighted_plant
 from robust.systems.grids import structure_grid
@@ -202,7 +202,7 @@ def synthesise_scaled(
     n_y, n_u = sizes
     dt = timebase(P)
     left, right = scaled_by(scaling, s, dt)
-    found = hinfsyn(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=time_cap)
+    found = synthesise(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=time_cap)
     if not found.found:
         return found.K, found.gamma, f"synthesis found nothing: {found.reason}"
     plain = instability(lower(P, found.K))

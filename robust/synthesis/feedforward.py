@@ -19,6 +19,7 @@ import numpy as np
 from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from robust.analysis.loop import Loop
+from robust.certificates.certificate import Certificate
 from robust.synthesis.hinfsyn import hinfsyn
 from robust.synthesis.prefilter import fewest_states, following, matching, on_time_base
 from robust.systems.lti import response
@@ -39,6 +40,8 @@ class Feedforward:
         Stable, on the time base of the loop: u = K (T_ref r - y) + F r.
     gamma, gamma_min : float
         Norm of [T_ref - G F; effort F] before states were left out, and a lower bound for any F.
+    certificate : Certificate or None
+        The proof of gamma, or why there is none.
     omega : (W,) ndarray
         Frequencies [rad/s].
     error, error_worst : (W,) ndarray
@@ -63,6 +66,7 @@ class Feedforward:
     F: control.StateSpace
     gamma: float
     gamma_min: float
+    certificate: Certificate | None
     omega: np.ndarray
     error: np.ndarray
     error_worst: np.ndarray
@@ -125,6 +129,7 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
         F=F,
         gamma=found.gamma,
         gamma_min=found.gamma_low,
+        certificate=found.certificate,
         omega=omega,
         error=error,
         error_worst=worst,

@@ -14,6 +14,8 @@ import numpy as np
 
 from nlfrf.shared.arguments import integer, nonnegative, positive, real
 from nlfrf.shared.values import value
+from robust.certificates.certificate import Certificate
+from robust.certificates.closed_loop import certify_closed_loop
 from robust.certificates.stability import instability
 from robust.synthesis.central import LARGEST_GAMMA, bracket, central, least_level, solved
 from robust.synthesis.generalised_plant import (
@@ -30,7 +32,7 @@ from robust.systems.lft import lower
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import multivariable
 
-__all__ = ["Synthesis", "hinfsyn"]
+__all__ = ["Synthesis", "hinfsyn", "synthesise"]
 
 
 NEAR = 1.03  # gamma over the lower bound of a singular problem that needs no comment
@@ -46,7 +48,8 @@ class Synthesis:
     K : control.StateSpace
         u = K y, positive feedback through P (n_u outputs, n_y inputs); zero where nothing was found.
     gamma : float
-        Norm of F_l(P, K), recomputed from the closed loop; inf where that is not stable.
+        Norm of F_l(P, K), recomputed from the closed loop; inf where that is not stable. With a `certificate` that
+        holds the norm is proved to be below it; else it is only what was computed, and the reason says so.
     gamma_min, gamma_low : float
         Least gamma at which the existence conditions were met, and a level that no controller reaches: the largest at
         which they were seen to fail. Where the problem is singular both are that level, of the problem as it was given.
@@ -56,7 +59,9 @@ class Synthesis:
     n_steps : int
         Values of gamma tried.
     reason : str
-        Why nothing, or less than asked for, was found; empty otherwise.
+        Why nothing, or less than asked for, was found, or gamma is not certified; empty otherwise.
+    certificate : Certificate or None
+        The proof of gamma, from P and K as they are given, or why there is none; None where nothing was found.
 
     References
     ----------
@@ -77,6 +82,12 @@ class Synthesis:
     regularisation: float
     n_steps: int
     reason: str
+    certificate: Certificate | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether gamma is proved to be a bound on the norm."""
+        return self.certificate is not None and self.certificate.holds
 
     @property
     def found(self) -> bool:
@@ -109,12 +120,13 @@ def hinfsyn(
     factor : float
         gamma of the controller over the least one, at least 1: at the least one itself it is singular.
     time_cap : float
-        Seconds; the best found by then is returned.
+        Seconds; the best found by then is returned. The proof of its gamma may take a quarter of that beyond.
 
     Returns
     -------
     Synthesis
-        Where no controller was found K is zero, gamma is inf and the reason is stated.
+        Where no controller was found K is zero, gamma is inf and the reason is stated. gamma is certified, or said not
+        to be.
 
     Raises
     ------
@@ -147,6 +159,33 @@ def hinfsyn(
     1.366
     """
     P = multivariable("P", P)
+    deadline = time.monotonic() + positive("time_cap", time_cap)
+    options = {"gamma_min": gamma_min, "tolerance": tolerance, "factor": factor, "time_cap": time_cap}
+    return certified(P, synthesise(P, n_y, n_u, **options), max(deadline - time.monotonic(), time_cap / 4))
+
+
+def certified(P: control.StateSpace, found: Synthesis, time_cap: float) -> Synthesis:
+    """The same with gamma proved, or the reason why it is not."""
+    if not found.found:
+        return found
+    proof = certify_closed_loop(P, found.K, found.gamma, subject="norm of the closed loop", time_cap=time_cap)
+    said = "; ".join(
+        part for part in (found.reason, "" if proof.holds else f"gamma is not certified: {proof.reason}") if part
+    )
+    return replace(found, gamma=proof.level, certificate=proof, reason=said)
+
+
+def synthesise(
+    P: control.StateSpace,
+    n_y: int,
+    n_u: int,
+    *,
+    gamma_min: float = 0.0,
+    tolerance: float = 1e-4,
+    factor: float = 1.01,
+    time_cap: float = 10.0,
+) -> Synthesis:
+    """`hinfsyn` without the proof of gamma, for who judges the loop by something else."""
     n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
     gamma_min, tolerance = nonnegative("gamma_min", gamma_min), positive("tolerance", tolerance)
     factor, time_cap = real("factor", factor), positive("time_cap", time_cap)

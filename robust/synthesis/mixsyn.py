@@ -111,7 +111,14 @@ def mixsyn(
     found = hinfsyn(weighted_plant(G, n_y, n_u, stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
     reason = found.reason if found.found else f"not found: {found.reason}"
-    return Design(K=K, gamma=found.gamma, gamma_min=found.gamma_low, met=found.found, reason=reason)
+    return Design(
+        K=K,
+        gamma=found.gamma,
+        gamma_min=found.gamma_low,
+        met=found.found,
+        reason=reason,
+        certificate=found.certificate,
+    )
 
 
 def is_model(model: Any) -> bool:

@@ -9,18 +9,21 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from nlfrf.shared.arguments import positive, real
+from robust.certificates.closed_loop import certify_closed_loop
 from robust.synthesis.design import Design
 from robust.systems.bilinear import to_continuous, to_discrete
 from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series
 from robust.systems.lft import joined
-from robust.systems.lti import constant, response, timebase
+from robust.systems.lti import fits_any_clock, response, timebase
 from robust.systems.norms import hinf_norm
 from robust.systems.realisation import from_roots, multivariable, state_space
 from robust.uncertain.matrix_model import MatrixUncertainty
 from robust.uncertain.model import UncertaintyModel
 
 __all__ = ["crossover_weight", "ncfsyn"]
+
+TIME_CAP = 10.0  # seconds for the proof of gamma
 
 
 def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
@@ -43,7 +46,8 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     Returns
     -------
     Design
-        K = W1 K_inf W2. A loop that turns out unstable is a result: gamma = inf.
+        K = W1 K_inf W2. A loop that turns out unstable is a result: gamma = inf. gamma, the norm of the shaped plant
+        with K_inf, is certified, or said not to be.
 
     Raises
     ------
@@ -81,8 +85,26 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     Ak = A + B @ F + Bk @ (C + D @ F)
     central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
     K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
+    K = in_series(W2, K_inf, W1, dt=dt)
     achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
-    return Design(K=in_series(W2, K_inf, W1, dt=dt), gamma=achieved, gamma_min=gamma_min)
+    if not np.isfinite(achieved):
+        return Design(K=K, gamma=achieved, gamma_min=gamma_min)
+    proof = certify_closed_loop(
+        coprime_plant(shaped), K_inf, achieved, subject="norm of the shaped loop", time_cap=TIME_CAP
+    )
+    reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
+    return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof)
+
+
+def coprime_plant(G: control.StateSpace) -> control.StateSpace:
+    """From (p_out, p_in, u) to (u, y) and the error -y that the controller sees, for a plant of its own."""
+    n_u, n_y, n = G.ninputs, G.noutputs, G.nstates
+    one, none = np.eye(n_u), np.zeros
+    B = np.hstack([none((n, n_y)), G.B, G.B])
+    seen = np.hstack([np.eye(n_y), G.D, G.D])
+    C = np.vstack([none((n_u, n)), G.C, -G.C])
+    D = np.vstack([np.hstack([none((n_u, n_y + n_u)), one]), seen, -seen])
+    return control.StateSpace(G.A, B, C, D, G.dt)
 
 
 def riccati_solutions(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -110,7 +132,7 @@ def shaping(name: str, given: Any, n: int, dt: float) -> control.StateSpace:
     beside, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
     if beside != n:
         raise ValueError(f"{name} must have {n} {side}, one a channel of G, or be one for all of them, got {beside}")
-    if not constant(W) and timebase(W) != dt:
+    if not fits_any_clock(W) and timebase(W) != dt:
         raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
     return W
 

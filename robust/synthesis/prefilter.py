@@ -18,6 +18,7 @@ from nlfrf.shared.arguments import nonnegative, positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.analysis.loop import Loop, assemble, nominal_instability
+from robust.certificates.certificate import Certificate
 from robust.synthesis.hinfsyn import hinfsyn
 from robust.synthesis.reduction import balanced
 from robust.systems.bilinear import continuous_image, to_discrete
@@ -43,6 +44,8 @@ class Prefilter:
         Stable, on the time base of the loop: the loop is given F r.
     gamma, gamma_min : float
         Norm of [T_ref - T F; effort F] before states were left out, and a lower bound for any F.
+    certificate : Certificate or None
+        The proof of gamma, or why there is none.
     omega : (W,) ndarray
         Frequencies [rad/s].
     error, error_worst : (W,) ndarray
@@ -64,6 +67,7 @@ class Prefilter:
     F: control.StateSpace
     gamma: float
     gamma_min: float
+    certificate: Certificate | None
     omega: np.ndarray
     error: np.ndarray
     error_worst: np.ndarray
@@ -116,7 +120,15 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     omega = loop.grid(model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
     error, worst = errors(loop, response(F, omega), response(T_ref, omega), omega)
-    return Prefilter(F=F, gamma=found.gamma, gamma_min=found.gamma_low, omega=omega, error=error, error_worst=worst)
+    return Prefilter(
+        F=F,
+        gamma=found.gamma,
+        gamma_min=found.gamma_low,
+        certificate=found.certificate,
+        omega=omega,
+        error=error,
+        error_worst=worst,
+    )
 
 
 def following(model: Any, K: Any, delay: float) -> Loop:

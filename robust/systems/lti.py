@@ -16,11 +16,14 @@ __all__ = [
     "SAME_CLOCK",
     "Matrices",
     "along",
+    "beside_one",
     "clock_of",
+    "clocks_differ",
     "constant",
     "evaluate",
     "evened",
     "finite",
+    "fits_any_clock",
     "in_s",
     "on_axis",
     "over_frequency",
@@ -47,19 +50,31 @@ def timebase(system: control.StateSpace) -> float:
 
 
 def constant(system: control.StateSpace) -> bool:
-    """Whether the system is a gain that fits any sampling time."""
+    """Whether the system is a gain, which fits any sampling time unless it states one (`fits_any_clock`)."""
     return system.nstates == 0
+
+
+def fits_any_clock(system: control.StateSpace) -> bool:
+    """Whether the system is a gain that is not said to be sampled at some rate."""
+    return constant(system) and not timebase(system)
+
+
+def clocks_differ(one: control.StateSpace, other: control.StateSpace) -> bool:
+    """Whether two systems state sampling times that are not the same; a gain without one fits any."""
+    steps = timebase(one), timebase(other)
+    unlike = abs(steps[0] - steps[1]) > SAME_CLOCK * max(steps)
+    return unlike and not fits_any_clock(one) and not fits_any_clock(other)
 
 
 def clock_of(*systems: Any) -> float | None:
     """Sampling time [s] of the first system that states one, 0 for continuous; None where each goes with any.
 
-    Those are gains, systems without a dt, and FRFs that are not said to be sampled: numbers at frequencies have dt = 0
-    in python-control, wherever they are from.
+    Those are systems without a dt, and gains and FRFs that are not said to be sampled: numbers at frequencies have dt
+    = 0 in python-control, wherever they are from.
     """
     for system in systems:
-        frf = isinstance(system, control.FrequencyResponseData)
-        if system.dt is not None and (bool(system.dt) if frf else not constant(system)):
+        gain = isinstance(system, control.FrequencyResponseData) or constant(system)
+        if system.dt is not None and (bool(system.dt) or not gain):
             return float(system.dt)
     return None
 

@@ -82,9 +82,11 @@ def state_space(name: str, system: Any) -> control.StateSpace:
 
 
 def complete(name: str, system: control.StateSpace) -> control.StateSpace:
-    """A state space that states its sampling time and has finite matrices, or a refusal."""
-    if system.dt is True:
+    """A state space that states its sampling time, unless it is a gain, and has finite matrices, or a refusal."""
+    if system.dt is True and system.nstates:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
+    if system.dt is True:  # a gain that is discrete, at whatever rate: it fits any
+        system = control.StateSpace(system.A, system.B, system.C, system.D, None)
     for matrix in (system.A, system.B, system.C, system.D):
         if not np.isfinite(matrix).all():
             raise ValueError(f"{name} must have finite coefficients, got nan or infinite ones")

@@ -19,7 +19,7 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import shown
 from robust.mu.blocks import KINDS
 from robust.systems.lft import joined, lower, upper
-from robust.systems.lti import constant, timebase
+from robust.systems.lti import fits_any_clock, timebase
 from robust.systems.realisation import multivariable
 from robust.systems.stability import stable
 from robust.uncertain.forms import PERTURBATIONS
@@ -268,7 +268,7 @@ def joined_by_name(
 
 def common_timebase(parts: list[control.StateSpace]) -> float:
     """The sampling time of all parts that have one, or a refusal."""
-    steps = {timebase(part) for part in parts if not constant(part)}
+    steps = {timebase(part) for part in parts if not fits_any_clock(part)}
     if len(steps) > 1:
         raise ValueError(f"systems must have one sampling time, got {', '.join(f'{s:g} s' for s in sorted(steps))}")
     return steps.pop() if steps else 0.0

@@ -30,7 +30,7 @@ from nlfrf.shared.leastsquares import squared
 from nlfrf.shared.values import value
 from robust.systems.closed_loop import refuse_shape, weighted_plant
 from robust.systems.lft import joined, lower
-from robust.systems.lti import along, clock_of, refuse_other_clock, timebase
+from robust.systems.lti import SAME_CLOCK, along, clock_of, fits_any_clock, refuse_other_clock, timebase
 from robust.systems.realisation import multivariable, over_channels
 from robust.systems.stability import stable
 from robust.uncertain.evidence import MatrixEvidence
@@ -280,7 +280,7 @@ class MatrixUncertainty:
         K = multivariable("K", K)
         n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
         refuse_shape(K, n_y, n_u)
-        if K.nstates and timebase(K) != dt:
+        if not fits_any_clock(K) and abs(timebase(K) - dt) > SAME_CLOCK * dt:
             raise ValueError(
                 f"K must have the sampling time of the model, {dt:g} s, got {timebase(K):g} s. A model for a sampled "
                 "controller starts from fit_nominal(frm, ..., dt=) or sampled(nominal, dt)."

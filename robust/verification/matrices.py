@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["positive_definite"]
+__all__ = ["pivots_of", "positive_definite"]
 
 
 BITS = (128, 512)
