@@ -14,11 +14,11 @@ import typer
 
 import nlfrf
 from nlfrf.doctor import examine
-from nlfrf.excitation.lines import KINDS
+from nlfrf.excitation.lines import KINDS, grid_lines
 from nlfrf.files.multirecords import holds_multirecord
 from nlfrf.shared.arguments import nonnegative
 from nlfrf.shared.axes import save_figure
-from nlfrf.shared.command import Commands, Json, Version, end, run, speaker, terminal
+from nlfrf.shared.command import Commands, Decimal, Json, Version, end, run, speaker, terminal
 from nlfrf.shared.outputs import require_writable
 from nlfrf.shared.plain import as_json
 from nlfrf.shared.wording import counted
@@ -49,6 +49,7 @@ OPTIONS = {
     "f_max": "f-max",
 }
 INSIDE = 0.2  # how far the lines may begin and end inside the band that was asked for, without a word
+FEW_LINES = ("odd-odd", "special-odd")  # grids that leave lines out where one would expect them
 Out = Annotated[Path, typer.Option("--out", "-o", help="File to write.")]
 
 
@@ -80,6 +81,7 @@ def design(
         bool, typer.Option("--zippered", help="Several inputs in one experiment, each on lines of its own.")
     ] = False,
     draws: Annotated[int, typer.Option(help="Draw the phases of several inputs this often, keep the lowest peak.")] = 1,
+    decimal: Decimal = ".",
 ) -> None:
     """Design a random-phase multisine and write it with its samples: .npz, .h5, or .csv, .mat, .wav to play."""
     band: dict[str, Any] = {"fs": fs, "n_samples": period, "f_min": f_min, "f_max": f_max}
@@ -94,14 +96,16 @@ def design(
     first, last = ms.f[[0, -1]].tolist()
     if first > (1 + INSIDE) * f_min or last < (1 - INSIDE) * f_max:
         warnings.warn(
-            f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz only"
-            "; a longer period has lines nearer to its ends",
+            f"the band asked for is {f_min:g} to {f_max:g} Hz, the lines excited go from {first:g} to {last:g} Hz "
+            "only; " + lines_to_ask_for(ms, kind, f_min),
             nlfrf.DataWarning,
             stacklevel=2,
         )
     if crest is not None:
         ms = nlfrf.reduce_crest(ms, target=crest, rng=seed)
-    nlfrf.save_multisine(ms, out)
+    nlfrf.save_multisine(ms, out, decimal=decimal)
+    if out.suffix.lower() == ".wav":
+        print(f"full scale of the WAV file is {np.abs(ms.u).max():.6g}, in the unit of --rms")
     several = f", {counted(ms.phase.shape[-2], 'experiment')} of {inputs} inputs" if inputs > 1 else ""
     print(
         f"{ms.kind} multisine, {ms.f.size} lines excited from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
@@ -124,6 +128,7 @@ def simulate(
     ] = None,
     oversampling: Annotated[int, typer.Option(help="Integration steps per sample.")] = 1,
     resume: Annotated[Path | None, typer.Option(help="Folder that keeps finished realisations.")] = None,
+    decimal: Decimal = ".",
 ) -> None:
     """Run a multisine through the built-in rig: a mass on a spring with friction; force [N] in, position [m] out.
 
@@ -154,7 +159,7 @@ def simulate(
         )
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
-    nlfrf.save_record(record, out)
+    nlfrf.save_record(record, out, decimal=decimal)
     runs = counted(ms.phase.shape[-2], "experiment" if several else "realisation")
     print(f"{runs} x {record.n_periods} periods x {record.n_samples} samples")
 
@@ -204,6 +209,7 @@ def identify(
     detection: Annotated[int, typer.Option(help="Detection lines averaged for one level.")] = 6,
     opinion: Annotated[bool, typer.Option("--opinion", help="Compare with the roughness of the FRF.")] = False,
     csv: Annotated[bool, typer.Option("--csv", help="Write a table, too: mid-bla.csv beside mid.npz.")] = False,
+    decimal: Decimal = ".",
     json: Json = False,
 ) -> None:
     """Best linear approximation, distortion level and bound from a measured record.
@@ -220,7 +226,7 @@ def identify(
             of = ", ".join(inputs) if input else file[0].name
             raise ValueError(f"opinion must be left out for several inputs, got it with {of}")
         cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
-        identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json)
+        identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json, decimal)
         return
     say, targets = speaker(json), targets_of(out, outputs)
     require_writable(*targets, *map(table_of, targets * csv))
@@ -232,7 +238,7 @@ def identify(
         if opinion:
             say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
         if csv:
-            nlfrf.export_csv(bla, table_of(target))
+            nlfrf.export_csv(bla, table_of(target), decimal=decimal)
     end(dict(zip(outputs, blas, strict=True)), True, json)
 
 
@@ -300,7 +306,27 @@ def doctor() -> None:
     print("all is well")
 
 
-def identify_matrix(record: nlfrf.MultiRecord, how: dict[str, Any], out: Path, csv: bool, json: bool) -> None:
+def lines_to_ask_for(ms: Any, kind: str, f_min: float) -> str:
+    """Which lines a grid has at its low end, and what to ask for to have one there."""
+    if f_min < ms.f0:
+        n = int(np.ceil(ms.fs / f_min))
+        return f"a period of {ms.n_samples / ms.fs:g} s has no line below {ms.f0:g} Hz: ask for --period {n}"
+    if kind not in FEW_LINES:
+        return "a longer period has lines nearer to its ends"
+    lines = grid_lines(kind, 1, int(ms.f[0] / ms.f0 + 8.5), np.random.default_rng()).excited
+    listed = ", ".join(f"{k * ms.f0:g}" for k in lines[lines * ms.f0 > f_min / 4][:6])
+    below = lines[lines * ms.f0 <= f_min]
+    ask = f"ask for --f-min {below[-1] * ms.f0:g}, " if below.size else "ask for "
+    finer = int(np.ceil(lines[0] * ms.fs / f_min))
+    return (
+        f"a {kind} grid has the lines {listed}, ... Hz at this resolution of {ms.f0:g} Hz: {ask}"
+        + f"or a longer period, such as --period {max(finer, 2 * ms.n_samples)}"
+    )
+
+
+def identify_matrix(
+    record: nlfrf.MultiRecord, how: dict[str, Any], out: Path, csv: bool, json: bool, decimal: str
+) -> None:
     """Several inputs: one matrix, in one file, and a table beside it where one is asked for."""
     is_table = out.suffix.lower() == ".csv"
     targets = [out, *[table_of(out)] * (csv and not is_table)]
@@ -308,7 +334,10 @@ def identify_matrix(record: nlfrf.MultiRecord, how: dict[str, Any], out: Path, c
     frm = nlfrf.identify(record, **how)
     speaker(json)(frm)
     for target in targets:
-        (nlfrf.export_csv if target.suffix.lower() == ".csv" else nlfrf.save_frm)(frm, target)
+        if target.suffix.lower() == ".csv":
+            nlfrf.export_csv(frm, target, decimal=decimal)
+        else:
+            nlfrf.save_frm(frm, target)
     end(frm, True, json)
 
 

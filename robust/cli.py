@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import warnings
 from pathlib import Path
 from typing import Annotated, Any
@@ -184,6 +185,8 @@ def design(
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
     say = speaker(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit, plc=True)}")
+    if method == "pid":
+        say(ground_of_limits(plant, model, out, delay))
     if method == "ncfsyn" and result.gamma > 4:
         say("gamma above 4: the plant does not let the loop have this shape; ask for another bandwidth")
     short = method == "mixsyn" and result.gamma > 1
@@ -424,6 +427,35 @@ def shape(
 def named_after(controller: Path, out: Path | None, several: bool) -> Path | None:
     """The file for one of several controllers."""
     return out.with_stem(f"{out.stem}-{controller.stem}") if several and out is not None else out
+
+
+def ground_of_limits(plant: Any, model: Path, out: Path, delay: float) -> str:
+    """On what the limits of a design from the FRF were held, and the command that holds them against more.
+
+    A check of a model judges its weight, which covers every line and goes on outside the band: what holds on the lines
+    may fail there, and that is no contradiction.
+    """
+    late = f" --delay {delay:g}" if delay else ""
+    model_file, controller = shlex.quote(str(model)), shlex.quote(str(out))
+    if not isinstance(plant, nlfrf.Bla) and not plant.measured_only:
+        return (
+            f"limits held: on a grid, for every plant that the weight of {model} allows; a grid proves nothing\n"
+            f"prove it:    robust check {model_file} {controller}{late}"
+        )
+    first, last = plant.omega[[0, -1]] / (2 * np.pi)
+    held = f"limits held: on the {plant.omega.size} measured lines only, {first:.4g} to {last:.4g} Hz"
+    if isinstance(plant, nlfrf.Bla):
+        made = shlex.quote(f"{model.stem}-model.json")
+        return (
+            f"{held}, each with its bound at 95 %; below and above nothing was measured. A model has a weight over "
+            "these bounds, which is no smaller, and may fail where the lines pass\n"
+            f"prove it:    robust orders {model_file}; robust model {model_file} --poles N -o {made}; "
+            f"robust check {made} {controller}{late}"
+        )
+    return (
+        f"{held}, with the weight of {model} there; nothing is said between them\n"
+        f"prove it:    robust check {model_file} {controller}{late}"
+    )
 
 
 def refuse_demand(bandwidth: float | None, error: float) -> None:

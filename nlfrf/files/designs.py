@@ -13,18 +13,19 @@ from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.stored_values import load_value, save_value
 from nlfrf.shared.arguments import integer, of_kind
 from nlfrf.shared.outputs import PLAYED, Role, require_writable
-from nlfrf.shared.whole_files import path_of, save_mat, write_whole
+from nlfrf.shared.whole_files import path_of, save_mat, write_table, write_whole
 
 __all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
 
 
 MULTISINE_SCHEMA = "nlfrf-multisine"
 ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
+KEPT = (".npz", ".h5", ".hdf5")
 TO_PLAY = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
 DESIGNS = {MULTISINE_SCHEMA: Multisine, ORTHOGONAL_SCHEMA: OrthogonalMultisine}
 
 
-def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str]) -> None:
+def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
     """Write a design with its samples.
 
     ``.npz`` and ``.h5`` hold the design exactly, and the samples u beside it, (M, N), or (n_u, M, N) of several inputs.
@@ -38,6 +39,8 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
         The design.
     path : path
         File to write; its suffix says the format. Written whole or not at all.
+    decimal : str
+        Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
 
     Raises
     ------
@@ -61,12 +64,15 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u
     peak = float(np.abs(u).max())
+    if suffix not in (*KEPT, *TO_PLAY):
+        raise ValueError(
+            f"path must end in {', '.join(KEPT)} or, to be played, {', '.join(TO_PLAY)}, got {path.name!r}"
+        )
     if suffix in TO_PLAY:
         require_writable(beside, role=Role.DERIVED)  # before the first of two files is there
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs
-        table, header = np.column_stack([t, *to_play(u)]), ",".join(["t [s]", *played_names(ms)])
-        write_whole(path, lambda to: np.savetxt(to, table, delimiter=",", header=header, comments="", fmt="%.17g"))
+        write_table(path, np.column_stack([t, *to_play(u)]), ["t [s]", *played_names(ms)], decimal=decimal)
     elif suffix == ".mat":
         save_mat(
             path,

@@ -24,7 +24,7 @@ from nlfrf.multivariable.frm import Frm
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.whole_files import write_whole
+from nlfrf.shared.whole_files import path_of, write_table
 
 __all__ = ["export_csv", "load", "load_bla", "load_frm", "loaded", "save_bla", "save_frm"]
 
@@ -97,7 +97,7 @@ def save_frm(frm: Frm, path: str | os.PathLike[str]) -> None:
     save_value(frm, FRM_SCHEMA, path)
 
 
-def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: float = 0.95) -> None:
+def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
     """Write a `Bla` or `Frm` as a table, one excited line a row, for spreadsheets and other programs.
 
     Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
@@ -112,6 +112,8 @@ def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: floa
         File to write. Written whole or not at all.
     confidence : float
         Probability of the two bounds.
+    decimal : str
+        Mark of decimals: "." or ",", which has semicolons between the columns.
 
     Raises
     ------
@@ -134,8 +136,7 @@ def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: floa
     """
     of_kind("bla", bla, Bla, Frm)
     columns = matrix_columns(bla, confidence) if isinstance(bla, Frm) else single_columns(bla, confidence)
-    table, header = np.column_stack(list(columns.values())), ",".join(columns)
-    write_whole(path, lambda target: np.savetxt(target, table, delimiter=",", header=header, comments="", fmt="%.17g"))
+    write_table(path_of(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
 
 
 def matrix_columns(frm: Frm, confidence: float) -> dict[str, np.ndarray]:

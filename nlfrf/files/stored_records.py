@@ -19,7 +19,7 @@ from nlfrf.records.several import MultiRecord
 from nlfrf.shared.arguments import integer, of_kind
 from nlfrf.shared.outputs import SIMULATED, is_command
 from nlfrf.shared.values import field_names
-from nlfrf.shared.whole_files import VERSION, path_of, save_mat, write_arrays, write_whole
+from nlfrf.shared.whole_files import VERSION, path_of, save_mat, write_arrays, write_table
 from nlfrf.shared.wording import shown
 
 __all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "Asked", "save_record", "stored_multirecord", "stored_records"]
@@ -43,7 +43,7 @@ class Asked(NamedTuple):
     hold: str | None = None
 
 
-def save_record(record: Record | MultiRecord, path: str | os.PathLike[str]) -> None:
+def save_record(record: Record | MultiRecord, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
     """Write a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one experiment.
 
     Parameters
@@ -52,6 +52,8 @@ def save_record(record: Record | MultiRecord, path: str | os.PathLike[str]) -> N
         What was measured or simulated.
     path : path
         File to write; its suffix says the format. Written whole or not at all.
+    decimal : str
+        Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
 
     Raises
     ------
@@ -73,8 +75,7 @@ def save_record(record: Record | MultiRecord, path: str | os.PathLike[str]) -> N
     path = path_of(path)
     suffix = path.suffix.lower()
     if suffix == ".csv":
-        table, header = columns_of(record)
-        write_whole(path, lambda to: np.savetxt(to, table, delimiter=",", header=header, comments="", fmt="%.17g"))
+        write_table(path, *columns_of(record), decimal=decimal)
     elif suffix == ".mat":
         save_mat(path, content_of(record))
     elif suffix in (".npz", ".h5", ".hdf5"):
@@ -106,7 +107,7 @@ def content_of(record: Record | MultiRecord) -> dict[str, np.ndarray]:
     return content if record.r is None else {**content, "r": record.r}
 
 
-def columns_of(record: Record | MultiRecord) -> tuple[np.ndarray, str]:
+def columns_of(record: Record | MultiRecord) -> tuple[np.ndarray, list[str]]:
     """The samples of a single experiment as columns, time [s] in front, and their names."""
     experiments = record.n_experiments if isinstance(record, MultiRecord) else record.n_realizations
     if experiments != 1:
@@ -118,10 +119,7 @@ def columns_of(record: Record | MultiRecord) -> tuple[np.ndarray, str]:
     if isinstance(record, MultiRecord):
         names = [*record.inputs, *record.outputs, *(f"r {name}" for name in record.inputs if "r" in samples)]
     t = np.arange(record.n_periods * record.n_samples) / record.fs
-    header = ",".join(
-        '"' + name.replace('"', '""') + '"' if set(name) & {",", '"'} else name for name in ["t [s]", *names]
-    )
-    return np.column_stack([t, *(row for signal in samples.values() for row in signal)]), header
+    return np.column_stack([t, *(row for signal in samples.values() for row in signal)]), ["t [s]", *names]
 
 
 def stored_records(

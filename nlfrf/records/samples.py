@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -26,6 +27,12 @@ __all__ = ["record_from_samples", "records_from_streams"]
 
 REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
 CURES = 3  # times that outputs are brought onto the clock of the input, and looked at again
+UNEVEN, EVEN = (
+    3.0,
+    0.5,
+)  # dB: standard deviation of lines above which a signal is no multisine with even lines, or below
+DIRT = 0.1  # of the share of power between the lines of the input: a machine adds some, it takes none away
+FEW_LINES = 6  # below which lines are even by chance
 Streams = dict[str, list[np.ndarray]]
 
 
@@ -134,8 +141,11 @@ def records_from_streams(
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     del u, outputs, r  # long streams are held once
     excitation = streams.get("r", streams["u"])
-    if n_samples is None:
-        n_samples = whole_period(excitation[0], resample) if design is None else played_period(design, fs)
+    if n_samples is None and design is not None:
+        n_samples = played_period(design, fs)
+    elif n_samples is None:
+        with naming_swapped(streams, labels):
+            n_samples = whole_period(excitation[0], resample)
     n_samples = integer("n_samples", n_samples, least=4)
     for name, signal in streams.items():
         for one in signal:
@@ -145,15 +155,17 @@ def records_from_streams(
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     stream = excitation[0]
     del streams, excitation
-    tracks = follow_input(kept.get("r", kept["u"]), n_samples, resample)
+    with naming_swapped(kept, labels):
+        tracks = follow_input(kept.get("r", kept["u"]), n_samples, resample)
     n_periods = min(one.size for one in kept["u"]) // n_samples
     # what may be cut once more is kept
     cut = {
         name: cut_stream(kept[name] if resample else kept.pop(name), tracks, n_periods, n_samples)
         for name in list(kept)
     }
-    refuse_wrong_period(cut.get("r", cut["u"]), stream)
-    warn_of_swapped(cut)
+    with naming_swapped({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
+        refuse_wrong_period(cut.get("r", cut["u"]), stream)
+    warn_of_swapped(cut, labels)
     if lines is None:
         lines = grid_of(cut.get("r", cut["u"])) if design is None else design.lines
     refuse_gaps_of_u_alone(kept, tracks)
@@ -318,13 +330,85 @@ def warn_of_other_rates(streams: Streams, fs: float) -> None:
             )
 
 
-def warn_of_swapped(cut: dict[str, np.ndarray]) -> None:
-    """Warn of an output that repeats to the last digit where the input does not: no sensor does."""
-    if "r" in cut or cut["u"].shape[1] < 2:
+def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, Any]) -> None:
+    """Warn of an output that is the multisine, or repeats to the last digit, where the input is not or does not."""
+    if "r" in cut:
         return
-    for name in outputs_of(cut):
-        if repeats(cut[name]) and not repeats(cut["u"]):
-            data_warning(f"{name} repeats exactly and u does not: are they swapped? u is what was played")
+    said = [
+        f"{name} repeats exactly and u does not: are they swapped? u is what was played"
+        for name in outputs_of(cut)
+        if cut["u"].shape[1] > 1 and repeats(cut[name]) and not repeats(cut["u"])
+    ]
+    found = multisine_in_output({name: signal[:1, -1] for name, signal in cut.items()}, outputs_of(cut), labels)
+    if said or found:
+        data_warning("; ".join([*said, *([found] if found else [])]))
+
+
+@contextmanager
+def naming_swapped(streams: Streams, labels: Mapping[str, Any]) -> Iterator[None]:
+    """Add to a refusal of the input that the multisine is found in an output, where it is."""
+    try:
+        yield
+    except ValueError as error:
+        found = "" if "r" in streams else multisine_in_output(first_periods(streams), outputs_of(streams), labels)
+        if not found:
+            raise
+        raise ValueError(f"{found}; so far {error}") from None
+
+
+def first_periods(streams: Streams) -> dict[str, np.ndarray]:
+    """(1, N) the first period of each signal, as long as each says itself; none of a signal that does not repeat.
+
+    Lost samples make the period that is found shorter by a part of one: of the two whole ones the one with even lines.
+    """
+    found = {}
+    for name, signal in streams.items():
+        with suppress(ValueError):
+            n = int(detect_period(signal[0]))
+            found[name] = min((signal[0][np.newaxis, :k] for k in (n, n + 1)), key=lambda one: unevenness(one)[0])
+    return found
+
+
+def multisine_in_output(periods: Mapping[str, np.ndarray], outputs: Sequence[str], labels: Mapping[str, Any]) -> str:
+    """That an output is a multisine with even lines and the input is not, in words; else empty.
+
+    What a machine makes of a multisine has its resonances in it, and its distortion between the lines.
+
+    Parameters
+    ----------
+    periods : mapping of str to (1, N) ndarray
+        One period of each signal that has one.
+    outputs : sequence of str
+        The signals that are outputs.
+    labels : mapping of str to mapping
+        Names of input and output by output.
+    """
+    uneven, dirt = unevenness(periods["u"]) if "u" in periods else (np.inf, np.inf)
+    if uneven < UNEVEN:
+        return ""
+    for name, label in zip(outputs, labels.values(), strict=True):
+        spread, rest = unevenness(periods[name]) if name in periods else (np.inf, np.inf)
+        if spread < EVEN and rest < DIRT * dirt:
+            u, y = (f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name"))
+            return (
+                f"the multisine is found in y{y}, whose lines are even to {spread:.2g} dB, and not in u{u}: are "
+                "input and output swapped? u is what was played"
+            )
+    return ""
+
+
+def unevenness(period: np.ndarray) -> tuple[float, float]:
+    """Standard deviation [dB] of the lines of a signal (1, N), and the share of its power that is in no line."""
+    try:
+        power, noise = line_powers(period[:, np.newaxis])
+        excited = lines_in(power, noise).excited - 1
+    except ValueError:
+        return np.inf, np.inf
+    if excited.size < FEW_LINES:
+        return np.inf, np.inf
+    inside = power[: excited[-1] + 1]
+    spread = float(np.std(10 * np.log10(np.maximum(power[excited], 1e-300))))
+    return spread, float(1 - power[excited].sum() / inside.sum())
 
 
 def grid_of(periodic: np.ndarray) -> LineGrid:

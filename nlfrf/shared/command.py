@@ -19,7 +19,7 @@ from nlfrf.shared.outputs import outputs, require_writable
 from nlfrf.shared.plain import as_json
 from nlfrf.shared.wording import one_line, printable
 
-__all__ = ["Commands", "Json", "Version", "end", "number", "run", "speaker", "terminal", "working"]
+__all__ = ["Commands", "Decimal", "Json", "Version", "end", "number", "run", "speaker", "terminal", "working"]
 
 WRITTEN = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
 OVERWRITE = "Replace a file that no such command made; an input is never replaced."
@@ -30,10 +30,11 @@ class Commands(typer.Typer):
 
     def command(self, *arguments: Any, **options: Any) -> Callable[[Any], Any]:
         """Register a command; one with an output has `--overwrite`, too."""
-        register = super().command(*arguments, **options)
 
         def add(function: Any) -> Any:
-            register(with_outputs(function))
+            # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
+            sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
+            super(Commands, self).command(*arguments, **{"short_help": sentence, **options})(with_outputs(function))
             return function
 
         return add
@@ -207,6 +208,10 @@ def print_version(wanted: bool) -> None:
 
 
 MOST = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
+Decimal = Annotated[
+    str,
+    typer.Option("--decimal", help="Mark of decimals in a .csv: a point, or a comma with semicolons between columns."),
+]
 Json = Annotated[
     bool, typer.Option("--json", help="Print the result as JSON, all else on standard error; long arrays by shape.")
 ]

@@ -234,6 +234,7 @@ def of_json(path: Path) -> str | None:
 def of_table(path: Path) -> str | None:
     with path.open("rb") as stream:
         first = stream.readline(1 << 20).decode().rstrip("\n").replace('"', "")
+    first = first if "," in first else first.replace(";", ",")
     return next((kind for pattern, kind in TABLES if re.fullmatch(pattern, first)), None) or None
 
 

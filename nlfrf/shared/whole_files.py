@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,10 @@ import numpy as np
 from nlfrf.shared.outputs import Role, admit, require_writable, target_of
 from nlfrf.shared.wording import shown
 
-__all__ = ["VERSION", "path_of", "save_mat", "write_arrays", "write_text", "write_whole"]
+__all__ = ["VERSION", "path_of", "save_mat", "write_arrays", "write_table", "write_text", "write_whole"]
 
 
+ROWS = 1 << 14  # of a table that are put into text at a time
 VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
 
 
@@ -103,6 +104,38 @@ def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
                 file.attrs[name] = str(array)
             else:
                 file.create_dataset(name, data=array)
+
+
+def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal: str = ".") -> None:
+    """Write columns of numbers under their names, each number with the fewest digits that give it back exactly.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.csv`` file.
+    table : (n, columns) ndarray
+        The numbers.
+    names : sequence of str
+        What stands above the columns.
+    decimal : str
+        "." with commas between columns, or "," with semicolons, as spreadsheets in most of Europe want it.
+    """
+    if decimal not in (".", ","):
+        raise ValueError(f"decimal must be '.' or ',', got {shown(decimal)}")
+    between = "," if decimal == "." else ";"
+
+    def quoted(name: str) -> str:
+        return '"' + name.replace('"', '""') + '"' if set(name) & {between, '"'} else name
+
+    def write(beside: Path) -> None:
+        with beside.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(between.join(map(quoted, names)) + "\n")
+            for first in range(0, len(table), ROWS):
+                rows = (between.join(map(repr, row)) for row in table[first : first + ROWS].tolist())
+                text = "\n".join(rows) + "\n"
+                stream.write(text if decimal == "." else text.replace(".", ","))
+
+    write_whole(path, write)
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAMED) -> None:

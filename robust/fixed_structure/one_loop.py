@@ -28,7 +28,7 @@ from robust.fixed_structure.structures import (
 )
 from robust.shared.states import Stability
 from robust.synthesis.design import Design
-from robust.systems.lti import fits_any_clock, response, timebase
+from robust.systems.lti import constant, fits_any_clock, response, timebase
 from robust.systems.nyquist import unstable_poles
 from robust.systems.realisation import state_space
 from robust.uncertain.model import UncertaintyModel
