@@ -28,13 +28,13 @@ def draw_all(folder: Path) -> None:
     if stamp.is_file() and stamp.read_text(encoding="utf-8") == wanted:
         return
     stamp.unlink(missing_ok=True)
-    ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=1)
+    ms = nlfrf.multisine("special-odd", fs=2048, n_samples=8192, f_min=1, f_max=150, rms=0.25, rng=2)
     record = nlfrf.simulate(nlfrf.paper_rig(), ms, n_periods=2)
     bla = nlfrf.identify(record)
     model = robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=3))
     plant = robust.sampled(model.nominal, DT)
-    K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * 5)).K
-    w_P = robust.performance_weight(2 * np.pi * 0.8, M_S=2.5, A=1e-2)
+    K = robust.ncfsyn(plant, robust.crossover_weight(plant, 2 * np.pi * 20)).K
+    w_P = robust.performance_weight(2 * np.pi * 3.3, M_S=2.5, A=1e-2)
     report = robust.check(model, K, w_P=w_P)
     drawn = {
         "played": played(ms),

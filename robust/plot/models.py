@@ -27,6 +27,8 @@ __all__ = ["plot_bode", "plot_budget", "plot_fit", "plot_nominal", "plot_orders"
 #: The parts of a budget in grey.
 HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
 
+BELOW, ABOVE = 16.0, 12.0  # dB about the curves of a set: bands of 84 % below and of 300 % above are whole
+
 
 def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """The radius on the measured lines, what it is made of, and the weight over it, outside the band too.
@@ -69,13 +71,12 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     w, scale = np.abs(response(model.weight, omega)), np.abs(response(model.shaping, omega))
     size = np.abs(G)
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
-    floor, ceiling = size.min() * 1e-2, size.max() * 1e2
     look: dict[str, Any] = {"color": COLOR["weight"], "alpha": 0.25, "over": OVER}
     gain_band(ax, hz(omega), size, low, high, label="gains of the set", **look)
     ax.plot(hz(omega), db(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
     mark_band(ax, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
     label = f"|G| [dB, {model.unit or 'unit of y / u'}]"
-    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=(db(floor * 3), db(ceiling / 3)))
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=frame(size))
     return finished(ax)
 
 
@@ -99,7 +100,6 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     f, G = hz(omega), model.at(omega)
     size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
-    floor, ceiling = size.min() * 10**-1.5, size.max() * 10**1.5
     gain_band(top, f, size, low, high, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER)
     phase = np.unwrap(np.angle(G))
     with np.errstate(invalid="ignore"):  # the set is a disc, with its ends on the ray of the nominal
@@ -125,10 +125,18 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
         mark_band(axes_, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
     every = np.degrees(np.concatenate([phase, *shown]))
     bottom.set(ylim=(every.min() - 60, every.max() + 60), xlabel="frequency [Hz]", ylabel="phase [deg]")
-    top.set(ylim=(db(floor), db(ceiling)), ylabel=f"magnitude [dB, {model.unit or 'unit of y / u'}]")
+    top.set(
+        ylim=frame(size, *(np.abs(one.G) for one in blas)), ylabel=f"magnitude [dB, {model.unit or 'unit of y / u'}]"
+    )
     labelled(bottom, top)
     finished(top)
     return top, finished(bottom)
+
+
+def frame(*sizes: np.ndarray) -> tuple[float, float]:
+    """The vertical axis [dB] about what was measured and fitted, with room for a band but none for one without end."""
+    every = np.concatenate(sizes)
+    return float(db(every[every > 0].min())) - BELOW, float(db(every.max())) + ABOVE
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:

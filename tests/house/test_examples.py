@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import matplotlib.figure
+import numpy as np
 import pytest
 
 from docs import gallery
@@ -166,6 +167,13 @@ def test_what_the_first_example_leaves():
     assert load_controller(folder / "controller.json").dt == 1e-3
     for name in ("record.npz", "bla.npz", "report.html", "report.txt"):
         assert (folder / name).stat().st_size > 0
+    # what limits the loop was measured: stability and performance alike
+    text = (folder / "report.txt").read_text(encoding="utf-8")
+    limits = re.findall(r"max rs \S+ at (\S+) Hz|worst\s+case \S+ at\s+(\S+) Hz", text)
+    f = [float(one or other) for one, other in limits]
+    band = load_model(folder / "model.json").omega[[0, -1]] / (2 * np.pi)
+    assert len(f) == 2
+    assert band[0] < min(f) <= max(f) < band[1]
 
 
 def test_the_first_example_takes_a_file(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import base64
 import re
 import sys
+from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
@@ -25,6 +26,7 @@ from robust import (
     save_model,
     uncertainty,
     write_report,
+    write_shaping_page,
 )
 from robust.reports import parts as report_parts
 from robust.reports import sections as report_sections
@@ -251,3 +253,34 @@ def test_the_command_with_a_proof_for_friction(undrawn, tmp_path, monkeypatch, c
     assert not stop.value.code, said.err
     assert "; friction: refuted" in said.out
     assert "Two verdicts" in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.filterwarnings("ignore")  # of the models, which are not looked at
+def test_no_name_of_a_file_becomes_a_part_of_the_page(tmp_path):
+    """Names, units, source and title, all hostile: as many scripts as without, no handler, no image."""
+    evil = "</script><script>alert(1)</script><img src=x onerror=alert(1)>\"'&lt; ]]>--><svg onload=alert(1)>"
+
+    class Seen(HTMLParser):
+        def __init__(self, path):
+            super().__init__()
+            self.found = []
+            self.feed(path.read_text(encoding="utf-8"))
+
+        def handle_starttag(self, tag, attrs):
+            handlers = [name for name, _ in attrs if name.startswith("on")]
+            if tag in ("script", "img", "iframe", "object", "embed") or handlers:
+                self.found.append((tag, *handlers))
+
+    def pages(text):
+        ms = multisine(fs=256, n_samples=256, f_min=2, f_max=100, rng=2)
+        u = np.repeat(ms.u[:, None], 2, axis=1)
+        names = {"u_name": text, "y_name": text, "u_unit": text, "y_unit": text}
+        record = Record(u=u, y=u + 0.05 * u**3, fs=256, lines=ms.lines, **names)
+        bla = identify(record)
+        model = replace(uncertainty(bla, fit_nominal(bla, n_poles=1)), source=text, extrapolation=text)
+        K = control.tf([0.3], [1, 0.1])
+        write_report(tmp_path / "r.html", model, K, bla=bla, record=record, title=text, notes=text)
+        write_shaping_page(tmp_path / "s.html", model)
+        return [Seen(tmp_path / name).found for name in ("r.html", "s.html")]
+
+    assert pages(evil) == pages("plain")
