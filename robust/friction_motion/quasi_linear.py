@@ -52,7 +52,8 @@ class QuasiLinear:
     amplitudes, stiffnesses, dampings : (A,) ndarray
         k_eq [N/m] and c_eq [Ns/m] of the friction at each amplitude [m].
     growths, frequencies : (A,) ndarray
-        Growth rate [1/s] of the loop at each, and where it swings [rad/s].
+        Growth rate [1/s] of the loop at each, and where it swings [rad/s]; one that the friction holds is taken without
+        its damper.
     boundary_omega, boundary : (W,) ndarray
         Frequencies [rad/s], and the k_eq + j w c_eq [N/m] with which the loop would swing for ever at each: -1/P.
     not_claimed : str
@@ -154,7 +155,7 @@ def quasi_linear(
     loop = sliding_loop(machine, K, delay)
     levels = levels_of(friction, machine) if isinstance(friction, (list, tuple)) else None
     a = looked_at(amplitudes, levels)
-    stiffness, damping, pole = equivalents(loop, friction, levels, a)
+    stiffness, damping, pole, swings = equivalents(loop, friction, levels, a)
     growth = pole.real
     rises = np.flatnonzero((growth[:-1] <= 0) & (growth[1:] > 0))
     falls = np.flatnonzero((growth[:-1] > 0) & (growth[1:] <= 0))
@@ -178,7 +179,7 @@ def quasi_linear(
         stiffnesses=stiffness,
         dampings=damping,
         growths=growth,
-        frequencies=pole.imag,
+        frequencies=swings,
         boundary_omega=grid,
         boundary=1j * grid / mobility(loop, grid),
         not_claimed=f"{NOT_CLAIMED} {BLIND}" if integrates else NOT_CLAIMED,
@@ -200,11 +201,13 @@ def looked_at(amplitudes: Any, levels: Levels | None) -> np.ndarray:
 
 def equivalents(
     loop: SlidingLoop, friction: Any, levels: Levels | None, a: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """k_eq, c_eq and the least damped pole [rad/s] of the loop with them, at each amplitude."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """k_eq, c_eq, the least damped pole of the loop with them and where it swings [rad/s], at each amplitude."""
     if levels is not None:
         stiffness, damping = levels.at(a)
-        return stiffness, damping, np.array([ringing(loop, k, c) for k, c in zip(stiffness, damping, strict=True)])
+        both = list(zip(stiffness, damping, strict=True))
+        pole = np.array([ringing(loop, k, c) for k, c in both])
+        return stiffness, damping, pole, np.array([swings_at(loop, k, c) for k, c in both])
     N, pole, omega = np.zeros(a.size, complex), np.zeros(a.size, complex), np.zeros(a.size)
     start, slides = swings_at(loop, 0.0, 0.0), False
     for i in range(a.size):
@@ -220,7 +223,7 @@ def equivalents(
                 break
             omega[i] = swings
         slides = slides or (i > 0 and saturated(N.real, N.imag, a, i))
-    return N.real, N.imag / omega, pole
+    return N.real, N.imag / omega, pole, omega
 
 
 def saturated(stiffness: np.ndarray, reaction: np.ndarray, a: np.ndarray, i: int) -> bool:

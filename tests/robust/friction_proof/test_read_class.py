@@ -58,9 +58,9 @@ def test_lowest_levels_that_slip_or_are_alike_are_refused(levels, route):
 def test_random_machines_levels_and_loops():
     """Every kind of friction, with and without second mode, delay and noise: nothing false, and much that is proved."""
     tallies = {(good, route): Tally() for good in (True, False) for route in (*ROUTES, "any route")}
-    for number in (1, 10, 20, 30):
+    for number in (1, 2, 10, 20, 30):
         tally_case(draw_case(number), number, 5, tallies)
     assert not any(tally.causes for tally in tallies.values())
-    good = tallies[True, "any route"]
-    assert good.proved >= 0.6 * good.provable > 3
+    proved = sum(tallies[good, "any route"].proved for good in (True, False))
+    assert proved >= 0.6 * sum(tallies[good, "any route"].provable for good in (True, False)) > 5
     assert sum(tallies[True, route].refuted for route in ROUTES) > 20
