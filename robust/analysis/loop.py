@@ -21,7 +21,7 @@ from robust.shared.states import Stability
 from robust.systems.closed_loop import closed_loop
 from robust.systems.connections import in_series, inverse
 from robust.systems.grids import climb, highest, loop_grid
-from robust.systems.lti import clocks_differ, constant, responder, timebase
+from robust.systems.lti import clocks_differ, constant, timebase
 from robust.systems.realisation import stable_weight, state_space
 from robust.systems.sampling import delay_samples, delayed, sampled
 from robust.systems.stability import StabilityResult, certain_poles, moved_out
