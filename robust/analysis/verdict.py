@@ -44,6 +44,7 @@ CURES = {
 }
 #: What a verdict on a set around a sampled nominal does not cover.
 SAMPLES = "; it is a set of sampled plants, and says nothing of what happens between the samples"
+LITTLE = 0.005  # of rs: a part so small is not told apart
 SAID, RULES = 1.26, 2.0  # what the weight has beyond the radius is said from 2 dB on, and rules from 6 dB on
 
 
@@ -169,11 +170,15 @@ def folding_sentence(found: Shares, model: Any) -> str:
     other = (
         "what the perturbation may move to other frequencies" if moves(model) else "what folds down from the aliases"
     )
-    text = (
-        f"{found.own:.3f} of rs {found.total:.3f} at {hertz(found.omega)} acts at that frequency, the rest is {other}"
-    )
-    if found.source != found.omega:
-        text += f", most of it from {hertz(found.source)}"
+    rs = f"rs {found.total:.3f} at {hertz(found.omega)}"
+    if found.total - found.own < LITTLE * found.total:
+        text = f"{other} adds less than {100 * LITTLE:g} % to {rs}"
+    else:
+        text = f"{found.own:.3f} of {rs} acts at that frequency, the rest is {other}"
+        if found.source != found.omega:
+            text += f", most of it from {hertz(found.source)}"
+    if found.total - found.measured < LITTLE * found.total:
+        return f"{text}; all of it lies inside the measured band"
     return f"{text}; inside the measured band alone it would be {found.measured:.3f}, the rest is assumed"
 
 

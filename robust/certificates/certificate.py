@@ -95,7 +95,7 @@ class Certificate:
         Parameters
         ----------
         time_cap : float
-            Seconds after which what is left counts as not verified.
+            Seconds of processor time after which what is left counts as not verified, however busy the machine is.
 
         Returns
         -------

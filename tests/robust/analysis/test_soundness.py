@@ -280,6 +280,8 @@ def test_what_folds_down_never_makes_less_of_it():
         if not case["stable"] or case["target"] > 1:
             continue
         report = check(model_of(case), case["K"], delay=case["delay"])
-        alone = float(report.folding.split()[0])
         seen += 1
+        if "adds less than 0.5 %" in report.folding:
+            continue
+        alone = float(report.folding.split()[0])
         assert 1 / report.margin_rs >= alone * (1 - 6e-3)  # three digits are printed
