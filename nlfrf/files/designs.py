@@ -11,9 +11,9 @@ import numpy as np
 from nlfrf.excitation.multisine import Multisine
 from nlfrf.excitation.orthogonal import OrthogonalMultisine
 from nlfrf.files.stored_values import load_value, save_value
-from nlfrf.shared.arguments import integer, of_kind
+from nlfrf.shared.arguments import integer, of_kind, one_of
 from nlfrf.shared.outputs import PLAYED, Role, require_writable
-from nlfrf.shared.whole_files import path_of, save_mat, write_table, write_whole
+from nlfrf.shared.whole_files import DECIMALS, path_of, save_mat, write_table, write_whole
 
 __all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
 
@@ -60,6 +60,7 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     >>> folder.cleanup()
     """
     of_kind("ms", ms, Multisine, OrthogonalMultisine)
+    one_of("decimal", decimal, DECIMALS)
     path, beside = path_of(path), path_of(path).with_suffix(".npz")
     schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u

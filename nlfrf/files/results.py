@@ -23,8 +23,8 @@ from nlfrf.identification.bla import Bla
 from nlfrf.multivariable.frm import Frm
 from nlfrf.records.record import Record
 from nlfrf.records.several import MultiRecord
-from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.whole_files import path_of, write_table
+from nlfrf.shared.arguments import of_kind, one_of
+from nlfrf.shared.whole_files import DECIMALS, path_of, write_table
 
 __all__ = ["export_csv", "load", "load_bla", "load_frm", "loaded", "save_bla", "save_frm"]
 
@@ -135,6 +135,7 @@ def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: floa
     >>> folder.cleanup()
     """
     of_kind("bla", bla, Bla, Frm)
+    one_of("decimal", decimal, DECIMALS)
     columns = matrix_columns(bla, confidence) if isinstance(bla, Frm) else single_columns(bla, confidence)
     write_table(path_of(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
 

@@ -16,10 +16,10 @@ from nlfrf.files.stored_values import AXES, names_of, refuse_newer
 from nlfrf.records.record import Record, join_records, joined
 from nlfrf.records.reference import fill_reference, played_reference
 from nlfrf.records.several import MultiRecord
-from nlfrf.shared.arguments import integer, of_kind
+from nlfrf.shared.arguments import integer, of_kind, one_of
 from nlfrf.shared.outputs import SIMULATED, is_command
 from nlfrf.shared.values import field_names
-from nlfrf.shared.whole_files import VERSION, path_of, save_mat, write_arrays, write_table
+from nlfrf.shared.whole_files import DECIMALS, VERSION, path_of, save_mat, write_arrays, write_table
 from nlfrf.shared.wording import shown
 
 __all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "Asked", "save_record", "stored_multirecord", "stored_records"]
@@ -73,6 +73,7 @@ def save_record(record: Record | MultiRecord, path: str | os.PathLike[str], *, d
     """
     of_kind("record", record, Record, MultiRecord)
     path = path_of(path)
+    one_of("decimal", decimal, DECIMALS)
     suffix = path.suffix.lower()
     if suffix == ".csv":
         write_table(path, *columns_of(record), decimal=decimal)

@@ -13,9 +13,10 @@ import numpy as np
 from nlfrf.shared.outputs import Role, admit, require_writable, target_of
 from nlfrf.shared.wording import shown
 
-__all__ = ["VERSION", "path_of", "save_mat", "write_arrays", "write_table", "write_text", "write_whole"]
+__all__ = ["DECIMALS", "VERSION", "path_of", "save_mat", "write_arrays", "write_table", "write_text", "write_whole"]
 
 
+DECIMALS = (".", ",")  # marks of decimals that a table may have
 ROWS = 1 << 14  # of a table that are put into text at a time
 VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
 
@@ -120,8 +121,6 @@ def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal:
     decimal : str
         "." with commas between columns, or "," with semicolons, as spreadsheets in most of Europe want it.
     """
-    if decimal not in (".", ","):
-        raise ValueError(f"decimal must be '.' or ',', got {shown(decimal)}")
     between = "," if decimal == "." else ";"
 
     def quoted(name: str) -> str:

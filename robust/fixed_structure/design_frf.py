@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from nlfrf import Frm
+from nlfrf.shared.arguments import of_kind
 from robust.fixed_structure.one_loop import design_loop
 from robust.fixed_structure.sequential import close_in_turn
 from robust.synthesis.design import Design
@@ -133,6 +134,7 @@ def design_frf(
     >>> design.K.nstates, bool(design.gamma < 1.41)
     (2, True)
     """
+    of_kind("positive", positive, bool)
     asked: dict[str, Any] = {
         "w_P": w_P,
         "w_T": w_T,
