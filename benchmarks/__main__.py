@@ -23,6 +23,7 @@ COMMANDS = (
     "bench_robust",
     "bench_design",
     "bench_synthesis",
+    "bench_gamma",
     "bench_mu",
     "bench_friction_proof --bursts 2",
     "bench_friction_attack --loops 100",
