@@ -34,6 +34,7 @@ MOST_STEPS = 80  # of Newton's iteration for the sign; thirty where the level is
 MOST_REFINEMENTS = 60
 STARTS = (1.0, 1.001, 1.03, 1.5)  # times the level, squared
 MOST_RISES = 20
+NONE = 1e-30  # of the largest pole: a triple root keeps a third of the digits, and one this small is zero
 TOLERANCE = 1e-9
 Balls = tuple[Any, Any, Any, Any]
 
@@ -120,9 +121,12 @@ def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | 
 
     with ctx.workprec(BITS[0]):
         try:
-            return np.array([complex(p) for p in eigenvalues(closed_loop(plant, controller)[0])])
+            found = np.array([complex(p) for p in eigenvalues(closed_loop(plant, controller)[0])], dtype=complex)
         except (ZeroDivisionError, ValueError):
             return None
+    nothing = NONE * np.abs(found).max(initial=0.0)  # what is left of a zero is no slow mode
+    real, imag = (np.where(np.abs(part) <= nothing, 0.0, part) for part in (found.real, found.imag))
+    return np.asarray(real + 1j * imag)
 
 
 def closed_loop(plant: Matrices, controller: Matrices) -> Balls:

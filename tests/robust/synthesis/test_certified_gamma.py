@@ -77,6 +77,14 @@ def test_a_lag_has_its_norm_to_the_last_digits():
     assert poles_of_closed_loop(as_given(P), as_given(K)) == pytest.approx([-2])
 
 
+def test_an_integrator_that_nothing_moves_has_its_pole_at_zero():
+    """A double root is lost to half of the digits: what is left of it must not be taken for a mode at 1e-80 rad/s."""
+    A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -50.0]])
+    P = control.StateSpace(A, [[0.0], [0.0], [1.0]], [[0.0, 0.0, 0.0]], [[0.0]])
+    found = poles_of_closed_loop(as_given(P), as_given(control.StateSpace([], [], [], [[1.0]])))
+    assert sorted(found.real) == [-50, 0, 0]
+
+
 def test_a_loop_that_is_not_stable_in_many_digits_is_no_result():
     """A pole at +1e-25, which doubles put anywhere around the axis."""
     P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
