@@ -93,6 +93,26 @@ def advice(
     return " ".join(said)
 
 
+def blame_of_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
+    """What to do where the radius passes on every measured line and the weight that covers it does not; else empty."""
+    omega = model.omega[model.omega < loop.top]
+    if peaks.rs[0] < 1 or FORMS[model.form].scaled or not omega.size:
+        return ""
+    curves = loop.curves(omega)
+    nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
+    if np.abs(curves.w[nearest]) < SAID * model.radius[nearest]:
+        return ""
+    on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
+    if not on_lines < 1:
+        return ""
+    order = model.weight.nstates + 2
+    return (
+        f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not, as "
+        f"it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
+        f"uncertainty(..., order={order})."
+    )
+
+
 def shares_of_radius(model: Any, k: int) -> list[tuple[float, str]]:
     """(share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
     parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
@@ -230,7 +250,7 @@ def on_set(
     return {
         "verdict": verdict,
         "reason": reason,
-        "advice": advice(model, peaks.rs[1], loop.responses["w"], folding),
+        "advice": advice(model, peaks.rs[1], loop.responses["w"], folding) + blame_of_weight(model, loop, peaks),
         "proved": proved,
         "not_proved": not_proved,
         "context": context(model, loop),
