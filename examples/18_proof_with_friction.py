@@ -1,4 +1,4 @@
-"""A proof for a class of friction: three levels, the machine and the class they support, a proof for all of it.
+"""A proof for a class of friction: three levels, what they support, a proof for all of it.
 
 A mass on a spring with friction is identified at three levels. They tell the machine while it slides, and how much
 stiffer it is while it sticks: a class of friction with infinitely many members. Then controllers with integral action:

@@ -65,7 +65,7 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf, thoroug
     Not thorough, only what doubles propose is looked at, which takes a tenth of the time.
 
     >>> import numpy as np
-    >>> def of(A, B, C, D): return Matrices(*(np.atleast_2d(M) for M in (A, B, C, D)))
+    >>> def of(*given): return Matrices(**{name: np.atleast_2d(M) for name, M in zip("ABCD", given)})
     >>> plant = of(-1.0, [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))      # w and u drive a lag, z = y
     >>> K = Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=np.array([[-1.0]]))
     >>> [decide_closed_loop(ClosedLoopClaim(plant=plant, controller=K, level=x)).outcome for x in (0.5, 0.500001)]
