@@ -76,6 +76,8 @@ class AliasSums:
         sum |F_k|^2 and sum |h_k G_k|^2.
     GF : (I,) ndarray
         sum |h_k G_k| |F_k|/(1 - |F_k|), inf where an alias has |F_k| >= 1.
+    product : (I,) ndarray
+        sum |h_k G_k| |F_k|, which is finite there too.
     F_max : (I,) ndarray
         Largest |F_k|.
     """
@@ -85,11 +87,12 @@ class AliasSums:
     FF: np.ndarray
     GG: np.ndarray
     GF: np.ndarray
+    product: np.ndarray
     F_max: np.ndarray
 
 
 #: No alias at all.
-NOTHING = AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "F_max"), np.zeros(1)))
+NOTHING = AliasSums(**dict.fromkeys(("F", "G", "FF", "GG", "GF", "product", "F_max"), np.zeros(1)))
 
 
 @value
@@ -193,6 +196,7 @@ class Aliases:
             FF=added(top_F**2, c_F**2, 2 * f, 0),
             GG=added(top_G**2, c_G**2, 2 * g, 2),
             GF=added(over, far, g, 1),
+            product=added(top_G * top_F, c_G * c_F, g + f, 1),
             F_max=np.array([max(float(top_F.max()), far_F)]),
         )
 
@@ -242,6 +246,7 @@ def added_up(
         FF=(F**2).sum(1) + beyond.FF,
         GG=(hG**2).sum(1) + sine**2 * beyond.GG,
         GF=GF.sum(1) + sine * beyond.GF,
+        product=(hG * F).sum(1) + sine * beyond.product,
         F_max=np.maximum(F.max(1), beyond.F_max),
     )
 
@@ -366,7 +371,7 @@ class Point:
         with np.errstate(all="ignore"):
             E = self.KS * (hG * u / (1 - u)).sum(1)
             rest = size * (np.abs(hG) * np.sqrt(u) / (1 - u)).sum(1)
-            rest += size * self.sine * m * beyond.GF / (1 - m * beyond.F_max)  # at most so much, either way
+            rest += size * self.sine * m * beyond.product / (1 - m * beyond.F_max)  # at most so much, either way
             F, own = m * self.F[:, 0], (m * self.F[:, 0]) ** 2
             found = np.abs(1 + E) ** 2 - own * np.abs(1 + E - v) ** 2
             found /= np.abs((1 + E - v) * (1 - own) + v) + F * np.abs(v)

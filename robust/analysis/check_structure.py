@@ -13,7 +13,7 @@ from nlfrf.shared.arguments import positive
 from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph, shown
 from robust.analysis.disk_margin import LoopMargins
-from robust.analysis.verdict import factor, judge_structure, judged, nominal_verdict, structure_sentences
+from robust.analysis.verdict import judge_structure, judged, nominal_verdict, stability_words, structure_sentences
 from robust.certificates.bounded_real import certify_norm
 from robust.certificates.certificate import Certificate, refused
 from robust.certificates.stability import instability
@@ -110,9 +110,7 @@ class StructuredReport:
         lines = paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else ""))
         lines += paragraph("because", self.reason)
         if self.nominally_stable:
-            lines += paragraph(
-                "stability", f"max mu {1 / self.margin_rs:.3f} at {hertz(self.omega_rs)}: {factor(self.margin_rs)}"
-            )
+            lines += paragraph("stability", stability_words("mu", self.margin_rs, self.omega_rs))
             if self.worst:
                 parts = ", ".join(f"{name} {number:+.3g}" for name, number in self.worst.items())
                 lines += paragraph("worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular")

@@ -11,7 +11,7 @@ from nlfrf.shared.values import value
 from nlfrf.shared.wording import hertz, paragraph
 from robust.analysis.curves import Curves, Peaks
 from robust.analysis.loop_level import LoopLevel
-from robust.analysis.verdict import factor, judged
+from robust.analysis.verdict import judged, stability_words
 from robust.certificates.certificate import Certificate
 from robust.performance.classical import ClassicalMargins, classical_margins
 from robust.shared.states import Verdict
@@ -167,9 +167,7 @@ class RobustnessReport:
             *paragraph("because", self.reason),
         ]
         if self.nominally_stable and np.isfinite(self.margin_rs):
-            lines += paragraph(
-                "stability", f"max rs {1 / self.margin_rs:.3f} at {hertz(self.omega_rs)}: {factor(self.margin_rs)}"
-            )
+            lines += paragraph("stability", stability_words("rs", self.margin_rs, self.omega_rs))
             if self.folding:
                 lines += paragraph("aliases", self.folding)
             if np.isfinite(self.margin_rp):

@@ -30,6 +30,7 @@ __all__ = [
     "on_set",
     "on_unstable",
     "probability_of",
+    "stability_words",
     "structure_sentences",
 ]
 CURES = {
@@ -100,7 +101,8 @@ def blame_of_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
         return ""
     curves = loop.curves(omega)
     nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
-    if np.abs(curves.w[nearest]) < SAID * model.radius[nearest]:
+    there, on_line = np.abs(loop.responses["w"](np.array([peaks.rs[1]])))[0], np.abs(curves.w[nearest])
+    if on_line < SAID * model.radius[nearest] or there > SAID * on_line:  # what is assumed outside the band, then
         return ""
     on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
     if not on_lines < 1:
@@ -355,6 +357,13 @@ def factor(margin: float) -> str:
     if margin > 1:
         return f"the uncertainty may grow by a factor {margin:.3g}"
     return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
+
+
+def stability_words(measure: str, margin: float, omega: float) -> str:
+    """The largest rs or mu, where it is, and the margin on the uncertainty."""
+    if margin == 0:
+        return f"{measure} has no bound at {hertz(omega)}: no uncertainty of this shape is small enough"
+    return f"max {measure} {1 / margin:.3f} at {hertz(omega)}: {factor(margin)}"
 
 
 def judge_structure(

@@ -13,7 +13,7 @@ import nlfrf
 from nlfrf.shared.wording import counted, hertz
 from robust.analysis.family import sample_loops
 from robust.analysis.report import RobustnessReport
-from robust.analysis.verdict import factor
+from robust.analysis.verdict import factor, stability_words
 from robust.analysis.worst_case import worst_case
 from robust.files.biquads import controller_sections
 from robust.files.pid_gains import told_gains
@@ -101,8 +101,7 @@ def check_section(report: RobustnessReport) -> Section:
 
     facts = [("nominal loop", "stable" if report.nominally_stable else "not stable: no margin is given")]
     if report.nominally_stable and np.isfinite(report.margin_rs):
-        where = hertz(report.omega_rs)
-        facts.append(("stability of the set", f"max {1 / report.margin_rs:.3f} at {where}; {factor(report.margin_rs)}"))
+        facts.append(("stability of the set", stability_words("rs", report.margin_rs, report.omega_rs)))
     if report.nominally_stable and np.isfinite(report.margin_rp):
         met = "met" if report.robust_performance else "not met"
         facts.append(

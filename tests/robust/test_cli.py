@@ -179,7 +179,8 @@ def test_a_certificate_is_verified_by_whoever_has_it(robust_command, tmp_path):
         assert code == 0, wrong
         if command.startswith("check"):
             assert "wrote r.certificate.json" in said
-            assert said.count("proved, rigorous") == 4
+            assert said.count(": proved, rigorous") == 4
+            assert said.count("exact arithmetic, proved, rigorous") == 2
     code, said, _ = robust_command("verify r.certificate.json --model m.json --controller K.json")
     assert code == 0
     assert said.splitlines()[-1] == "VERIFIED"

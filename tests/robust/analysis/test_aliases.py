@@ -128,6 +128,7 @@ def test_what_reaches_the_sampler_unfiltered_is_not_certified():
         assert report.verdict == "not certified"
         assert "reaches the sampler unfiltered" in report.reason
         assert report.margin_rs == 0
+        assert "rs has no bound" in str(report)
         rolled = the_set(G, control.tf([0.02], [0.1, 1]), form, kind)
         assert check(rolled, K).verdict == "robust"
     flat = the_set(control.tf([1, 3], [1, 1]), gain(0.01))
@@ -224,6 +225,7 @@ def test_the_sums_over_all_aliases():
         (sums.G, hold * size),
         (sums.FF, (0.2 * size) ** 2),
         (sums.GG, (hold * size) ** 2),
+        (sums.product, 0.2 * hold * size**2),
     ):
         assert ours == pytest.approx(truth.sum(axis=0), rel=3e-3)
         assert np.all(ours >= truth.sum(axis=0) * (1 - 1e-9))
