@@ -33,7 +33,7 @@ def certify_closed_loop(
     Returns a certificate whose level is the bound that was proved. One that does not hold has the norm in many digits
     as its level (inf: the loop is not stable), or gamma where there was no time for it.
     """
-    deadline = time.process_time() + time_cap
+    deadline = time.thread_time() + time_cap
     plant, controller = as_given(P), as_given(K)
 
     def proof(norm: float, *, thorough: bool = False) -> Certificate | None:

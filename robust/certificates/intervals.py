@@ -138,7 +138,7 @@ def prove(
     be off, relative to the level. changes : where the frozen loop may pass the level, by another test than the
     Hamiltonian of its norm.
     """
-    deadline = time.process_time() + time_cap
+    deadline = time.thread_time() + time_cap
     edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
 
     def narrow(low: float, high: float) -> bool:
@@ -154,7 +154,7 @@ def prove(
 
     while todo:
         count += 1
-        if count > most or time.process_time() > deadline:
+        if count > most or time.thread_time() > deadline:
             return stop("undecided after " + (f"{count - 1} intervals" if count > most else f"{time_cap:g} s"))
         low, high = todo.pop()
         inner = inside(low, high)

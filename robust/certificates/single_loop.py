@@ -169,7 +169,7 @@ def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: fl
 
     lines : frequencies [rad/s] to cut at first.
     """
-    deadline = time.process_time() + time_cap
+    deadline = time.thread_time() + time_cap
     groups = [group for part in loop.parts for group in part.roots]
     sizes = np.abs(np.concatenate([in_s(r, dt) for z, p, dt in groups for r in (z, p)]))
     sizes = np.concatenate([sizes[(sizes > 0) & np.isfinite(sizes)], lines])
@@ -186,7 +186,7 @@ def prove_loop(loop: LoopFactors, lines: np.ndarray, top: float, *, time_cap: fl
     low, high = edges[:-1], edges[1:]
     while low.size:
         count += low.size
-        if count > MOST_INTERVALS or time.process_time() > deadline:
+        if count > MOST_INTERVALS or time.thread_time() > deadline:
             return stop(f"undecided after {count} intervals")
         m, h = (low + high) / 2, (high - low) / 2
         values = [part.at(m) for part in loop.parts]

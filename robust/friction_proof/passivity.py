@@ -141,7 +141,7 @@ def judged(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, str]:
         return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
     claimed = least - BELOW * max(least, size) if least > 2 * BELOW * size else least / 2
     rest = left.top - left.bottom * rational(claimed)
-    found = positive_on_half_line(rest, deadline=time.process_time() + SECONDS)
+    found = positive_on_half_line(rest, deadline=time.thread_time() + SECONDS)
     if not (found.holds and rest[left.degree] > 0):
         return (
             FrictionVerdict.NOT_DECIDED,

@@ -419,7 +419,7 @@ def below_one_with_aliases(
             continue
         if high - low <= NARROWEST * high or high < LOWEST * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
-        if time.process_time() > deadline:
+        if time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]

@@ -106,7 +106,7 @@ def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
     for _ in range(MOST_PIECES):
         if not todo:
             return proved()
-        if time.process_time() > deadline:
+        if time.thread_time() > deadline:
             return undecided("undecided, as time was up")
         a, b = todo.pop()
         found = bernstein_signs(bernstein(p, exactly(p, a), exactly(p, b)) if np.isfinite(b) else beyond(p, a))

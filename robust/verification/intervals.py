@@ -58,7 +58,7 @@ def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: fl
             return refuted("negative there", (low + high) / 2)
         if high - low <= NARROWEST * high or high < LOWEST * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
-        if count % 64 == 63 and time.process_time() > deadline:
+        if count % 64 == 63 and time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]

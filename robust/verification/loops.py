@@ -102,14 +102,14 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     """
     from flint import ctx
 
-    deadline = time.process_time() + time_cap
+    deadline = time.thread_time() + time_cap
     try:
         decided: dict[str, Decision] = {}
         bits = BITS[0]
         for bits in BITS:
             with ctx.workprec(bits):
                 judge(claim, decided, deadline)
-            if not any(found.needs_digits for found in decided.values()) or time.process_time() > deadline:
+            if not any(found.needs_digits for found in decided.values()) or time.thread_time() > deadline:
                 break
     except ValueError as error:
         return Verification(verified=False, proved=(), failed=(("the loop", str(error)),), bits=0)
