@@ -16,7 +16,7 @@ from robust.files.certificates import certificate_of, save_certificate
 from robust.files.models import load_controller, load_model
 from robust.friction_proof.classes import AnyFriction, any_maxwell_slip
 from robust.friction_proof.flexible import machines_of_nominal
-from robust.friction_proof.levels import friction_class
+from robust.friction_proof.levels import friction_class, require_si
 from robust.friction_proof.linear_uncertainty import friction_frequency_test
 from robust.friction_proof.proof import FrictionProof, prove_friction
 from robust.shared.states import FrictionVerdict
@@ -105,6 +105,7 @@ def machine_of(path: Path, bla: Path, command: str) -> Any:
         raise ValueError(
             f"machine must have a parametric nominal of one input and output, got {path} without; {go_on(fit, command)}"
         )
+    require_si("machine", model.unit)
     poles = max(2, model.nominal.nstates)
     fit = f"robust model {quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
     with going_on(go_on(fit, command)):

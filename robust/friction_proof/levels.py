@@ -25,12 +25,17 @@ from robust.friction_proof.level_fit import (
 from robust.sliding.machine import SlidingMachine, sliding_machine, with_port_impedance
 from robust.systems.sampling import hold_between
 
-__all__ = ["FrictionClass", "friction_class"]
+__all__ = ["FrictionClass", "friction_class", "require_si"]
 
 #: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
 #: rest may add to the lowest. Friction that slides loses at least the power 3/2 of its stiffness in amplitude: two
 #: levels that slide fail one of the two conditions, whatever their ratio.
 AGREE = 0.2
+#: Units of length, angle, force and torque that carry a prefix; a unit that is not known is left to the user.
+SCALED = {
+    *("nm", "um", "µm", "μm", "mm", "cm", "km", "nrad", "urad", "µrad", "μrad", "mrad", "deg", "°"),
+    *("mN", "kN", "MN", "mNm", "Nmm", "Ncm", "kNm"),
+}
 SUPPORT = (
     "The levels support this class, they do not prove it: friction that creeps below break-away looks the same, what "
     "sticks even at the highest level is read as a spring of the machine, what slips even at the lowest is not seen."
@@ -111,6 +116,16 @@ class Reading:
     fallen: float
 
 
+def require_si(name: str, unit: str) -> None:
+    """Refuse an FRF whose unit is known to be a multiple of m/N: mass and stiffness would be off by that factor."""
+    parts = {part.strip("() ") for part in unit.split("/")}
+    if wrong := sorted(parts & SCALED):
+        raise ValueError(
+            f"{name} must be in m/N (rad/Nm where it turns), got {unit}: mass and stiffness are read in kg and N/m, "
+            f"and {' and '.join(wrong)} would be taken without the prefix. Scale the channel before identify"
+        )
+
+
 def friction_class(
     blas: Sequence[Bla], *, nominal: Any = None, stiction: float = 1.5, margin: float = 1.25
 ) -> FrictionClass:
@@ -162,6 +177,8 @@ def friction_class(
     blas = list(blas) if isinstance(blas, Iterable) else blas
     if not isinstance(blas, list) or not all(isinstance(bla, Bla) for bla in blas):
         raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {shown(blas)}")
+    for bla in blas:
+        require_si("blas", bla.unit)
     if len(blas) < 3:
         raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
     if (fewest := min(bla.f.size for bla in blas)) < FEWEST_LINES:

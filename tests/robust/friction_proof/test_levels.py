@@ -12,6 +12,7 @@ import robust
 from nlfrf import save_bla
 from robust import cli
 from robust.friction_proof.level_fit import fit_level, one_mass_reaction
+from robust.friction_proof.levels import require_si
 from robust.sliding.loop import sliding_loop
 from tests.support.bla import make_bla
 from tests.support.friction_loops import RIG, Element, motion, pid
@@ -295,3 +296,17 @@ def truth():
     rows = [[0, 1, 0, 0], [-(k1 + k2) / m1, -(c1 + c2) / m1, k2 / m1, c2 / m1]]
     rows += [[0, 0, 0, 1], [k2 / m2, c2 / m2, -k2 / m2, -c2 / m2]]
     return control.StateSpace(rows, [[0], [1 / m1], [0], [0]], [[1, 0, 0, 0]], 0)
+
+
+@pytest.mark.parametrize("unit", ["mm/N", "um/N", "m/kN", "deg/Nm", "mm/(N)"])
+def test_levels_in_units_with_a_prefix_are_refused(unit):
+    """Read as m/N they would make a machine that is off by that factor, and a proof for it."""
+    y_unit, u_unit = unit.split("/")
+    blas = [replace(level(80e3, force), y_unit=y_unit, u_unit=u_unit) for force in (0.1, 0.3, 3.0)]
+    with pytest.raises(ValueError, match=r"blas must be in m/N .* got"):
+        robust.friction_class(blas)
+
+
+def test_levels_in_si_units_are_no_reason_to_refuse():
+    for u_unit, y_unit in (("N", "m"), ("Nm", "rad"), ("V", "V"), ("", "")):
+        require_si("blas", replace(level(80e3, 0.1), y_unit=y_unit, u_unit=u_unit).unit)
