@@ -130,14 +130,14 @@ class Aliases:
         return in_series(self.weight, self.plant, dt=0) if self.through else self.weight
 
     @cached_property
-    def at(self) -> tuple[Any, Any, Any]:
-        """Responses of plant, weight and F, made ready."""
+    def at(self) -> tuple[Any, Any]:
+        """Responses of plant and weight, made ready."""
         plant, w = responder(self.plant), responder(self.weight)
 
         def G(omega: np.ndarray) -> np.ndarray:
             return finite(plant(omega))  # at a pole on the axis S and K S are as small as that is large
 
-        return G, w, (lambda omega: G(omega) * w(omega)) if self.through else w
+        return G, w
 
     @cached_property
     def sharp(self) -> np.ndarray:
@@ -422,6 +422,9 @@ class Shares:
         The frequency, and rs there.
     own : float
         rs of what acts at that frequency alone; with what folds down it is `total`.
+    member : float
+        One or more where a linear perturbation of that frequency alone makes the loop unstable. Of an operator it is
+        less than `own`, which has all that the hold gives it to see.
     measured : float
         rs of what acts inside the measured band alone; the rest is assumed.
     source : float
@@ -435,6 +438,7 @@ class Shares:
     omega: float
     total: float
     own: float
+    member: float
     measured: float
     source: float
     filtered: bool
@@ -463,6 +467,9 @@ def shares(point: Point, band: tuple[float, float], total: float) -> Shares:
     """What rs is made of at the one frequency of a point, where it is `total`."""
     aliases, omega, sizes = point.aliases, float(point.omega[0]), point.sizes
     own = float(stability_measure(aliases, sizes, NOTHING)[0])
+    member = sizes.hold * sizes.FKS
+    if aliases.inverse:
+        member = point.F[:, 0] * np.abs(1 - point.hG[:, 0] * point.KS)
     inside = band[0] <= omega <= band[1]
     here = sizes if inside else replace(sizes, FS=np.zeros(1), FKS=np.zeros(1))
     measured = float(stability_measure(aliases, here, point.sums(band))[0])
@@ -478,6 +485,7 @@ def shares(point: Point, band: tuple[float, float], total: float) -> Shares:
         omega=omega,
         total=total,
         own=own,
+        member=float(member[0]),
         measured=min(measured, total),
         source=source,
         filtered=bool(np.isfinite(counted[0])),

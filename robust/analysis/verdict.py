@@ -309,10 +309,10 @@ def judge(
 ) -> tuple[Verdict, str]:
     """The verdict on stability and why."""
     if folding is not None and folding.total >= 1:
-        if folding.own >= 1:
+        if folding.member >= 1:
             return (
                 Verdict.NOT_ROBUST,
-                f"a plant of the set is unstable in this loop: rs = {folding.own:.4g} at {hertz(folding.omega)}",
+                f"a plant of the set is unstable in this loop: rs = {folding.member:.4g} at {hertz(folding.omega)}",
             )
         return Verdict.NOT_CERTIFIED, cure_of_folding(folding, model)
     if proofs.violated:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, ncfsyn, sampled, uncertainty
+from robust.analysis.aliases import shares
 from robust.analysis.loop import assemble
 from robust.systems.lti import response
 from robust.verification.claim import ALIASED, STABILITY
@@ -233,3 +234,17 @@ def test_the_sums_over_all_aliases():
     assert curves.rs == pytest.approx(np.abs(curves.S) * (own + 2 * sums.F), rel=1e-9)
     flat = the_set(control.tf([1, 3], [1, 1]), gain(0.2))
     assert np.isinf(assemble(flat, K, None, 0.0).curves(omega).rs).all()
+
+
+def test_an_operator_set_is_called_unstable_only_where_a_linear_member_is():
+    """Near Nyquist the hold keeps 2/pi of a frequency: the condition of operators fails, no linear plant breaks it."""
+    G, K = control.tf([1], [1, 1]), control.ss([[-0.8]], [[1.0]], [[0.12]], [[0.0]], 1.0)  # K peaks at Nyquist
+    unit = check(the_set(G, gain(1.0), perturbation="operator"), K)
+    assert unit.omega_rs == pytest.approx(np.pi, rel=1e-3)
+    between = the_set(G, gain(1.7 * unit.margin_rs), perturbation="operator")
+    loop = assemble(between, K, None, 0.0)
+    made_of = shares(loop.at_points(loop.curves(unit.omega_rs)), (1.0, 2.0), 1.7)
+    assert made_of.member < 1 < made_of.own
+    assert check(between, K).verdict == "not certified"
+    far = check(the_set(G, gain(8 * unit.margin_rs), perturbation="operator"), K)
+    assert far.verdict == "not robust"
