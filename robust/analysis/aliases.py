@@ -58,9 +58,9 @@ __all__ = [
 FEWEST, MOST = 12, 200
 #: Blocks of aliases beyond: each so much longer than the one before, up to so many times the farthest root.
 LONGER, FAR = 1.02, 1e4
-LEAST = 1e-9  # and one over it: between them a factor on the uncertainty is looked for
-RULES = 1e4  # times all others together: then an alias is told from the sampled plant to six digits
-SEEN = 0.003  # of the whole: what an alias has to add to be part of a worst plant, whose order it raises by two
+LEAST_FACTOR = 1e-9  # and one over it: between them a factor on the uncertainty is looked for
+DOMINANT = 1e4  # times all others together: then an alias is told from the sampled plant to six digits
+LEAST_SHARE = 0.003  # of the whole: what an alias has to add to be part of a worst plant, whose order it raises by two
 LIGHT = 0.3  # a damping ratio below which a mode has a peak that a block would spread over all its aliases
 
 
@@ -173,7 +173,7 @@ class Aliases:
         low, high = (k[:-1] - 0.5) * self.step, (k[1:] - 0.5) * self.step
         top_G, top_F = G.upper_each(low, high), F.upper_each(low, high)
         last = (k[-1] - 0.5) * self.step
-        (c_G, g), (c_F, f) = law(G, last), law(F, last)
+        (c_G, g), (c_F, f) = power_law(G, last), power_law(F, last)
         far_F = c_F * last**-f
 
         def added(top: np.ndarray, c: float, power: int, hold: int) -> np.ndarray:
@@ -212,7 +212,7 @@ class Aliases:
         return stability_measure(self, point.sizes, point.sums())
 
     def terms(self, omega: np.ndarray, sampled: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(W, 1 + k) |h_k|, complex h_k G_k and |F_k| of the frequency itself and of the aliases taken one by one.
+        """(W, 1 + k) h_k, h_k G_k and |F_k| of the frequency itself and of the aliases taken one by one.
 
         `sampled` (W,) is the response of the sampled plant, which is what they add up to. Where one alias is nearly all
         of it, beside a pole on the axis, it is taken from there: G_d and S then share what rounding does to the pole.
@@ -221,18 +221,18 @@ class Aliases:
         at = omega[:, None] + self.step * k
         G, w = (self.at[i](np.abs(at).ravel()).reshape(at.shape) for i in (0, 1))
         hold = np.sinc(omega * self.dt / (2 * np.pi))[:, None] * omega[:, None] / at
-        turn = np.exp(-1j * (omega[:, None] * self.dt / 2 + at * self.delay))
-        hG = np.where(at < 0, np.conj(G), G) * hold * turn
+        h = hold * np.exp(-1j * (omega[:, None] * self.dt / 2 + at * self.delay))
+        hG = np.where(at < 0, np.conj(G), G) * h
         size = np.abs(hG)
         row, largest = np.arange(omega.size), size.argmax(1)
         alone = np.where(np.arange(k.size) == largest[:, None], 0.0, hG)
-        ruled = size[row, largest] > RULES * np.abs(alone).sum(1)
-        hG[row[ruled], largest[ruled]] = finite(sampled[ruled]) - alone[ruled].sum(1)
+        dominant = size[row, largest] > DOMINANT * np.abs(alone).sum(1)
+        hG[row[dominant], largest[dominant]] = finite(sampled[dominant]) - alone[dominant].sum(1)
         F = np.abs(hG / hold) if self.through else 1.0
-        return np.abs(hold), hG, F * np.abs(w)
+        return h, hG, F * np.abs(w)
 
 
-def added_up(
+def sum_over_aliases(
     hold: np.ndarray, hG: np.ndarray, F: np.ndarray, beyond: AliasSums, sine: np.ndarray, inside: Any = True
 ) -> AliasSums:
     """The sums from |h_k|, |h_k G_k| and |F_k| (I, k), of those inside, and from all aliases beyond times |sin|."""
@@ -278,12 +278,12 @@ def stability_measure(aliases: Aliases, of: Sizes, others: AliasSums) -> np.ndar
     """
     with np.errstate(invalid="ignore", over="ignore"):
         if not aliases.inverse and aliases.operator:
-            return np.sqrt(of.FKS**2 + none_of_nothing(of.KS, np.sqrt(others.FF)) ** 2)
+            return np.sqrt(of.FKS**2 + product_or_zero(of.KS, np.sqrt(others.FF)) ** 2)
         if not aliases.inverse:
-            return of.hold * of.FKS + none_of_nothing(of.KS, others.F)
+            return of.hold * of.FKS + product_or_zero(of.KS, others.F)
         own = of.FS + of.FKS * others.G
         if not aliases.operator:
-            return own + none_of_nothing(of.KS + of.FKS, others.GF)
+            return own + product_or_zero(of.KS + of.FKS, others.GF)
         F, G = np.sqrt(others.FF), np.sqrt(others.GG)
         return largest_of_two(own, of.GKS * F, of.FKS * G, others.F_max + of.KS * G * F)
 
@@ -294,11 +294,11 @@ def operator_performance(of: Sizes, others: AliasSums, PS: Any, PFS: Any, scalin
     PS, PFS are |w_P S| and |w_P F S|. The matrix is a column times a row, so its gain is the product of their sizes.
     """
     d = scaling**2
-    gain = of.FKS**2 + none_of_nothing(of.KS**2, others.FF)
-    return np.asarray(gain + of.KS**2 * d + PS**2 + (PFS**2 + none_of_nothing(PS**2, others.FF)) / d)
+    gain = of.FKS**2 + product_or_zero(of.KS**2, others.FF)
+    return np.asarray(gain + of.KS**2 * d + PS**2 + (PFS**2 + product_or_zero(PS**2, others.FF)) / d)
 
 
-def none_of_nothing(size: np.ndarray, total: np.ndarray) -> np.ndarray:
+def product_or_zero(size: np.ndarray, total: np.ndarray) -> np.ndarray:
     """size times total, nothing where the size is zero, however large the total."""
     return np.where(size == 0, 0.0, size * total)
 
@@ -329,15 +329,20 @@ class Folded:
 
 @value(copy=False)
 class Point:
-    """A loop and its set at frequencies omega (W,): S, K S, and |h_k|, h_k G_k, |F_k| (W, 1 + k) of the aliases."""
+    """A loop and its set at frequencies omega (W,): S, K S, and h_k, h_k G_k, |F_k| (W, 1 + k) of the aliases."""
 
     aliases: Aliases
     omega: np.ndarray
     S: np.ndarray
     KS: np.ndarray
-    hold: np.ndarray
+    h: np.ndarray
     hG: np.ndarray
     F: np.ndarray
+
+    @property
+    def hold(self) -> np.ndarray:
+        """(W, 1 + k) |h_k|."""
+        return np.abs(self.h)
 
     @property
     def sine(self) -> np.ndarray:
@@ -356,7 +361,7 @@ class Point:
         if band is not None:
             at = np.abs(self.omega[:, None] + self.aliases.step * self.aliases.single)
             beyond, inside = NOTHING, (at >= band[0]) & (at <= band[1])
-        return added_up(self.hold[:, 1:], np.abs(self.hG[:, 1:]), self.F[:, 1:], beyond, self.sine, inside)
+        return sum_over_aliases(self.hold[:, 1:], np.abs(self.hG[:, 1:]), self.F[:, 1:], beyond, self.sine, inside)
 
     def distance(self, m: np.ndarray) -> np.ndarray:
         """(W,) smallest |1 + K G_p|/|1 + K G_d| over an inverse set grown by m (W,); negative if zero is inside.
@@ -380,18 +385,18 @@ class Point:
 
     def factor(self, wanted: np.ndarray) -> np.ndarray:
         """(W,) the largest m with a distance of at least `wanted`, which falls with m; by bisection of its log."""
-        low, high = np.full(wanted.size, np.log(LEAST)), np.full(wanted.size, -np.log(LEAST))
+        low, high = np.full(wanted.size, np.log(LEAST_FACTOR)), np.full(wanted.size, -np.log(LEAST_FACTOR))
         for _ in range(60):
             middle = (low + high) / 2
             good = self.distance(np.exp(middle)) >= wanted
             low, high = np.where(good, middle, low), np.where(good, high, middle)
-        return np.where(self.distance(np.full(wanted.size, LEAST)) >= wanted, np.exp(low), 0.0)
+        return np.where(self.distance(np.full(wanted.size, LEAST_FACTOR)) >= wanted, np.exp(low), 0.0)
 
 
 def at_points(aliases: Aliases, omega: np.ndarray, S: np.ndarray, KS: np.ndarray, sampled: np.ndarray) -> Point:
     """A loop at frequencies omega (W,) [rad/s], from the responses of the nominal one and of the sampled plant."""
-    hold, hG, F = aliases.terms(omega, sampled)
-    return Point(aliases=aliases, omega=omega, S=S, KS=KS, hold=hold, hG=hG, F=F)
+    h, hG, F = aliases.terms(omega, sampled)
+    return Point(aliases=aliases, omega=omega, S=S, KS=KS, h=h, hG=hG, F=F)
 
 
 def fold_down(point: Point, w_P: np.ndarray | None) -> Folded:
@@ -445,20 +450,18 @@ class Shares:
     F_max: float
 
 
-def in_phase(point: Point, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (n,) [rad/s] and phases (n,) of a Delta whose aliases all act against 1 + L at one frequency.
+def in_phase(point: Point) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies (n,) [rad/s] and phases (n,) of a Delta whose aliases all act against 1 + L at the one of a point.
 
     Of additive and multiplicative sets: at alias k the loop is moved by K S h_k F_k Delta_k, which is to be negative.
-    Aliases that add less than `SEEN` of the whole are left out.
+    Aliases that add less than `LEAST_SHARE` of the whole are left out.
     """
     aliases = point.aliases
     k = np.concatenate([[0], aliases.single])
-    at = point.omega[index] + aliases.step * k
+    at = point.omega[0] + aliases.step * k
     w = aliases.at[1](np.abs(at))
-    hold = np.sinc(point.omega[index] * aliases.dt / (2 * np.pi)) * point.omega[index] / at
-    hold = hold * np.exp(-1j * (point.omega[index] * aliases.dt / 2 + at * aliases.delay))
-    acts = point.KS[index] * np.where(at < 0, w.conj(), w) * (point.hG[index] if aliases.through else hold)
-    keep = (np.abs(acts) > SEEN * np.abs(acts).sum()) | (k == 0)
+    acts = point.KS[0] * np.where(at < 0, w.conj(), w) * (point.hG if aliases.through else point.h)[0]
+    keep = (np.abs(acts) > LEAST_SHARE * np.abs(acts).sum()) | (k == 0)
     phases = np.pi - np.angle(acts[keep])
     return np.abs(at[keep]), np.where(at[keep] < 0, -phases, phases)
 
@@ -493,7 +496,7 @@ def shares(point: Point, band: tuple[float, float], total: float) -> Shares:
     )
 
 
-def law(G: Magnitude, low: float) -> tuple[float, int]:
+def power_law(G: Magnitude, low: float) -> tuple[float, int]:
     """c and r with |G| <= c omega^-r for all omega >= low, r the relative degree; low far beyond all roots."""
     log = np.sum(np.log1p(np.abs(G.zeros) / low)) - np.sum(np.log1p(-np.abs(G.poles) / low))
     return float(G.gain * np.exp(log)), int(G.poles.size - G.zeros.size)

@@ -222,14 +222,14 @@ def cure_of_folding(found: Shares, model: Any) -> str:
             "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
         )
     other = "moves to other frequencies" if moves(model) else "does above the Nyquist frequency, which folds down,"
-    said = f"with what the perturbation {other} rs reaches {found.total:.4g} at {hertz(found.omega)} "
-    said += f"({found.own:.4g} without)"
+    text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {hertz(found.omega)} "
+    text += f"({found.own:.4g} without)"
     if found.source != found.omega:
-        said += f", most of it from {hertz(found.source)}"
+        text += f", most of it from {hertz(found.source)}"
     helps = "Sample faster, or filter before the sampler"
     if found.measured < 1:
         helps += f"; above the last line, {hertz(model.omega[-1])}, it is assumed: measure there"
-    return f"{said}. {helps}"
+    return f"{text}. {helps}"
 
 
 def context(model: Any, loop: Any) -> str:

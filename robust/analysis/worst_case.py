@@ -148,7 +148,7 @@ def phases_of_aliases(loop: Loop, omega: float) -> tuple[np.ndarray, np.ndarray]
     """
     if loop.aliases is None or loop.aliases.inverse:
         return None
-    found = in_phase(loop.at_points(loop.curves(omega)), 0)
+    found = in_phase(loop.at_points(loop.curves(omega)))
     return found if found[0].size > 1 else None
 
 
