@@ -34,11 +34,11 @@ from .io.results import save_frm as save_frm
 from .io.stored_records import save_record as save_record
 
 # Records: what was measured
+from .records.record import MultiRecord as MultiRecord
 from .records.record import Record as Record
 from .records.record import join_records as join_records
+from .records.samples import multirecord_from_samples as multirecord_from_samples
 from .records.samples import record_from_samples as record_from_samples
-from .records.several import MultiRecord as MultiRecord
-from .records.several import multirecord_from_samples as multirecord_from_samples
 from .rig.bench.closed_loop import LoopResponse as LoopResponse
 from .rig.bench.closed_loop import simulate_loop as simulate_loop
 from .rig.bench.closed_loop import simulate_loops as simulate_loops

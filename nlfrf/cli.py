@@ -258,7 +258,7 @@ def plot(
 
     from nlfrf import plot as pictures
 
-    if isinstance(content, nlfrf.Record | nlfrf.MultiRecord):
+    if isinstance(content, nlfrf.Record):
         content = nlfrf.identify(content)
     size = (3 * content.n_inputs + 3, 2 * content.n_outputs + 6) if isinstance(content, nlfrf.Frm) else (9, 9)
     figure, (top, bottom) = plt.subplots(2, 1, figsize=size, layout="constrained")
@@ -323,9 +323,7 @@ def lines_to_ask_for(ms: Any, kind: str, f_min: float) -> str:
     )
 
 
-def identify_matrix(
-    record: nlfrf.MultiRecord, how: dict[str, Any], out: Path, csv: bool, json: bool, decimal: str
-) -> None:
+def identify_matrix(record: nlfrf.Record, how: dict[str, Any], out: Path, csv: bool, json: bool, decimal: str) -> None:
     """Several inputs: one matrix, in one file, and a table beside it where one is asked for."""
     is_table = out.suffix.lower() == ".csv"
     targets = [out, *[table_of(out)] * (csv and not is_table)]
@@ -336,7 +334,7 @@ def identify_matrix(
         if target.suffix.lower() == ".csv":
             nlfrf.export_csv(frm, target, decimal=decimal)
         else:
-            nlfrf.save_frm(frm, target)
+            nlfrf.save_bla(frm, target)
     end(frm, True, json)
 
 

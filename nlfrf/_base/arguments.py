@@ -267,7 +267,7 @@ def refuse_masked(name: str, array: np.ma.MaskedArray) -> None:
 
 def channel_names(name: str, given: Any, count: int) -> tuple[str, ...]:
     """Names of channels, none where none are given; of one channel a text will do."""
-    names = (given,) if isinstance(given, str) else tuple(given)
+    names = (given,) if isinstance(given, str) or not isinstance(given, Sequence) else tuple(given)
     if names and (not all(isinstance(one, str) for one in names) or len(set(names)) != count or len(names) != count):
         wanted = "one name" if count == 1 else f"{count} different names"
         raise ValueError(f"{name} must be {wanted}, got {given!r}")

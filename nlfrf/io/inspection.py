@@ -22,7 +22,6 @@ from nlfrf.io.results import loaded
 from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record
-from nlfrf.records.several import MultiRecord
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
@@ -208,7 +207,7 @@ def lost_rows_of(file: Channels, name: str) -> LostRows | None:
 def of_own(file: Channels) -> FileContents:
     """What a file of this package holds: the channels of a record, anything else in words."""
     content = loaded(file)
-    signals = signals_of(content) if isinstance(content, Record | MultiRecord) else []
+    signals = signals_of(content) if isinstance(content, Record) else []
     return FileContents(
         path=file.path,
         channels=tuple(in_numbers(name, unit, content.fs, samples) for name, unit, samples in signals),
@@ -221,23 +220,29 @@ def of_own(file: Channels) -> FileContents:
     )
 
 
-def signals_of(record: Record | MultiRecord) -> list[tuple[str, str, np.ndarray]]:
+def signals_of(record: Record) -> list[tuple[str, str, np.ndarray]]:
     """Name, unit and samples of every channel."""
-    if isinstance(record, Record):
-        named = [(record.u_name or "u", record.u_unit, record.u), (record.y_name or "y", record.y_unit, record.y)]
-        return named if record.r is None else [*named, ("r", record.u_unit, record.r)]
-    sides = [(record.inputs, record.u), (record.outputs, record.y)]
-    sides += [] if record.r is None else [(tuple(f"r {name}" for name in record.inputs), record.r)]
-    return [(name, "", one) for names, signals in sides for name, one in zip(names, signals, strict=True)]
+    references = ("r",) if record.is_single else tuple(f"r {name}" for name in record.inputs)
+    sides = [
+        (record.inputs, record.input_units, record.u),
+        (record.outputs, record.output_units, record.y),
+        (references, record.input_units, record.r),
+    ]
+    return [
+        (name, unit, one)
+        for names, units, signals in sides
+        if signals is not None
+        for name, unit, one in zip(names, units, signals[None] if record.is_single else signals, strict=True)
+    ]
 
 
-def extent(content: Record | MultiRecord | Multisine | OrthogonalMultisine) -> str:
+def extent(content: Record | Multisine | OrthogonalMultisine) -> str:
     """How much of a signal there is, in words."""
-    if isinstance(content, MultiRecord | OrthogonalMultisine):
+    if isinstance(content, OrthogonalMultisine) or (isinstance(content, Record) and not content.is_single):
         runs = counted(content.n_experiments, "experiment")
     else:
         runs = counted(content.n_realizations, "realisation")
-    periods = f"{counted(content.n_periods, 'period')} x " if isinstance(content, Record | MultiRecord) else ""
+    periods = f"{counted(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
     f = content.lines.excited * content.f0
     said = f"{runs} x {periods}{content.n_samples} samples, {counted(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
     return f"{said}, hold {content.hold}"

@@ -21,8 +21,7 @@ from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, Asked, st
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import SAME_CLOCK, Record
 from nlfrf.records.reference import Design, played_period
-from nlfrf.records.samples import records_from_streams
-from nlfrf.records.several import MultiRecord, multirecord_from_samples
+from nlfrf.records.samples import record_from_samples, records_from_streams
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 
@@ -238,18 +237,35 @@ def load_record(
 ) -> list[Record]: ...
 
 
+@overload
 def load_record(
     path: Path_ | Sequence[Path_],
     *,
-    u: str = "u",
+    u: list[str] | tuple[str, ...],
+    y: str | list[str] | tuple[str, ...] = ...,
+    r: str | list[str] | tuple[str, ...] | None = ...,
+    fs: float | None = ...,
+    n_samples: int | None = ...,
+    lines: LineGrid | None = ...,
+    n_discard: int = ...,
+    resample: bool = ...,
+    design: Design | Path_ | None = ...,
+    hold: str | None = ...,
+) -> Record: ...
+
+
+def load_record(
+    path: Path_ | Sequence[Path_],
+    *,
+    u: str | list[str] | tuple[str, ...] = "u",
     y: str | list[str] | tuple[str, ...] = "y",
-    r: str | None = None,
+    r: str | list[str] | tuple[str, ...] | None = None,
     fs: float | None = None,
     n_samples: int | None = None,
     lines: LineGrid | None = None,
     n_discard: int = 0,
     resample: bool = False,
-    design: Multisine | Path_ | None = None,
+    design: Design | Path_ | None = None,
     hold: str | None = None,
 ) -> Record | list[Record]:
     """Read a record from a measurement file, or from several of one experiment.
@@ -261,10 +277,11 @@ def load_record(
         dSPACE, ``[t u y]`` matrices; objects by mat-io), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
         ``.parquet .feather``, ``.wav``; `inspect_file` shows what is inside. Several files are several realisations of
         one experiment, as in `join_records`.
-    u, y, r : str
+    u, y, r : str, or a list of them
         Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
-        ``matrix.2`` for a column, ``col2`` where a table has no header. A list of names for `y` gives a list of
-        records that share the input. The reference that `save_record` wrote comes along where `r` is not named.
+        ``matrix.2`` for a column, ``col2`` where a table has no header. A list of inputs gives one record of all
+        channels, as `load_multirecord` does. One input and a list of names for `y` give a list of records that share
+        the input. The reference that `save_record` wrote comes along where `r` is not named.
     fs : float, optional
         Sampling frequency [Hz]; when not given from the file: a variable ``fs`` or ``Ts``, what a channel says of
         itself, a time channel (in seconds, or in the unit that its name or a units row tells).
@@ -284,7 +301,7 @@ def load_record(
 
     Returns
     -------
-    Record, or a list of them for a list of y
+    Record, or a list of them for one input and a list of y
         With the names and units that the file has for the channels.
 
     Raises
@@ -313,17 +330,22 @@ def load_record(
     True
     >>> folder.cleanup()
     """
+    if isinstance(u, list | tuple):
+        y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
+        cut: dict[str, Any] = {"n_samples": n_samples, "lines": lines, "n_discard": n_discard, "resample": resample}
+        return load_multirecord(path, u=u, y=y, r=r, fs=fs, design=design, hold=hold, **cut)
     refuse_wrong_names(u, y, r)
     paths = paths_of(path)
     if isinstance(design, str | os.PathLike):
         design = load_multisine(design)
-    names = {"u": u} | ({} if r is None else {"r": r})
+    names: dict[str, Any] = {"u": u} | ({} if r is None else {"r": r})
     outputs = [y] if isinstance(y, str) else list(y)
     asked = Asked(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
     if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
         raise ValueError(
-            f"path must be a record of one input, got {several!r} of several: take load_multirecord, or leave input out"
+            f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "
+            "input out"
         )
     stored = [file.text("schema") == RECORD_SCHEMA for file in files]
     if any(stored) and not all(stored):
@@ -337,9 +359,7 @@ def refuse_wrong_names(u: Any, y: Any, r: Any) -> None:
     """Refuse what is no name of a channel, and an output that is asked for twice."""
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
-            raise ValueError(
-                f"{parameter} must name one channel, got {shown(name)}; load_multirecord reads several inputs"
-            )
+            raise ValueError(f"{parameter} must name one channel, got {shown(name)}")
     outputs = [y] if isinstance(y, str) else y
     if not isinstance(outputs, list | tuple) or not all(isinstance(name, str) for name in outputs):
         raise ValueError(f"y must name an output, or be a list of names, got {shown(y)}")
@@ -434,14 +454,14 @@ def load_multirecord(
     resample: bool = False,
     design: Design | str | os.PathLike[str] | None = None,
     hold: str | None = None,
-) -> MultiRecord:
+) -> Record:
     """Read a record of several inputs or outputs: from measurement files, one file an experiment, or as it was saved.
 
     Parameters
     ----------
     path : path, or a list of them
-        Any file that `load_record` reads; or what `save_record` wrote of a `MultiRecord`, of several such files the
-        experiments of all.
+        Any file that `load_record` reads; or what `save_record` wrote of a `Record` of several channels, of several
+        such files the experiments of all.
     u, y, r : sequence of str
         Names of the inputs, the outputs and, in closed loop, the references. Of what `save_record` wrote they may be
         left out; there y chooses outputs.
@@ -454,16 +474,16 @@ def load_multirecord(
     n_discard : int
         Periods to leave out at the start.
     resample : bool
-        Cut the periods where the inputs show that they stand; see `multirecord_from_samples`.
+        Cut the periods where the inputs show that they stand; see `record_from_samples`.
     design : OrthogonalMultisine or path, optional
-        What was played, or the file that `save_multisine` wrote; see `multirecord_from_samples`.
+        What was played, or the file that `save_multisine` wrote; see `record_from_samples`.
     hold : str, optional
         How all inputs run between their samples: "zoh" where they are commands of converters, "band-limited" where
         they were measured behind the hold. From the file or the design, or unknown, when not given.
 
     Returns
     -------
-    MultiRecord
+    Record
         With the channels called as they were asked for.
 
     Raises
@@ -514,7 +534,7 @@ def load_multirecord(
         Asked(n_samples, lines, n_discard, resample, design, hold),
         [file.path for file in files],
     )
-    return multirecord_from_samples(
+    return record_from_samples(
         **signals,
         fs=clocks[0],
         n_samples=asked.n_samples,

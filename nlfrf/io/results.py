@@ -22,7 +22,6 @@ from nlfrf.io.stored_records import (
 )
 from nlfrf.io.stored_values import load_value, save_value, value_of
 from nlfrf.records.record import Record
-from nlfrf.records.several import MultiRecord
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
@@ -31,7 +30,7 @@ __all__ = ["export_csv", "load", "load_bla", "load_frm", "loaded", "save_bla", "
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"
 RESULTS = {BLA_SCHEMA: Bla, FRM_SCHEMA: Frm}
-Kept = Multisine | OrthogonalMultisine | Record | MultiRecord | Bla | Frm
+Kept = Multisine | OrthogonalMultisine | Record | Bla | Frm
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
@@ -86,7 +85,7 @@ def save_frm(frm: Frm, path: str | os.PathLike[str]) -> None:
     >>> import nlfrf, tempfile
     >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
     >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    >>> frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u[::-1] + 0.1 * u**3, fs=256, lines=ms.lines))
+    >>> frm = nlfrf.identify(nlfrf.Record(u=u, y=u[::-1] + 0.1 * u**3, fs=256, lines=ms.lines))
     >>> folder = tempfile.TemporaryDirectory()
     >>> save_frm(frm, f"{folder.name}/G.npz")
     >>> bool(np.array_equal(nlfrf.load_frm(f"{folder.name}/G.npz").bound(), frm.bound()))
@@ -236,7 +235,7 @@ def load(path: str | os.PathLike[str]) -> Kept:
 
     Returns
     -------
-    Multisine, OrthogonalMultisine, Record, MultiRecord, Bla or Frm
+    Multisine, OrthogonalMultisine, Record, Bla or Frm
 
     Raises
     ------

@@ -15,9 +15,8 @@ from nlfrf._base.files import DECIMALS, SIMULATED, VERSION, is_command, path_of,
 from nlfrf._base.values import field_names
 from nlfrf.io.channels import Channels
 from nlfrf.io.stored_values import AXES, names_of, refuse_newer
-from nlfrf.records.record import Record, join_records, joined
+from nlfrf.records.record import Record, join_records
 from nlfrf.records.reference import fill_reference, played_reference
-from nlfrf.records.several import MultiRecord
 from nlfrf.signals.lines import LineGrid
 
 __all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "Asked", "save_record", "stored_multirecord", "stored_records"]
@@ -27,6 +26,7 @@ RECORD_SCHEMA = "nlfrf-record"
 MULTIRECORD_SCHEMA = "nlfrf-multirecord"
 LABELS = ("u_name", "y_name", "u_unit", "y_unit")
 CHANNELS = ("inputs", "outputs")
+UNITS = ("input_units", "output_units")
 SEVERAL_AXES = f"channel {AXES}"
 
 
@@ -41,12 +41,12 @@ class Asked(NamedTuple):
     hold: str | None = None
 
 
-def save_record(record: Record | MultiRecord, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
+def save_record(record: Record, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
     """Write a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one experiment.
 
     Parameters
     ----------
-    record : Record or MultiRecord
+    record : Record
         What was measured or simulated.
     path : path
         File to write; its suffix says the format. Written whole or not at all.
@@ -69,7 +69,7 @@ def save_record(record: Record | MultiRecord, path: str | os.PathLike[str], *, d
     't [s],u,y'
     >>> folder.cleanup()
     """
-    of_kind("record", record, Record, MultiRecord)
+    of_kind("record", record, Record)
     path = path_of(path)
     one_of("decimal", decimal, DECIMALS)
     suffix = path.suffix.lower()
@@ -83,9 +83,9 @@ def save_record(record: Record | MultiRecord, path: str | os.PathLike[str], *, d
         raise ValueError(f"path must end in .npz, .mat, .h5 or .csv, got {path.name!r}")
 
 
-def content_of(record: Record | MultiRecord) -> dict[str, np.ndarray]:
+def content_of(record: Record) -> dict[str, np.ndarray]:
     """All of a record as named arrays."""
-    several = isinstance(record, MultiRecord)
+    several = not record.is_single
     content = {
         "schema": np.array(MULTIRECORD_SCHEMA if several else RECORD_SCHEMA),
         "version": np.array(VERSION),
@@ -97,8 +97,8 @@ def content_of(record: Record | MultiRecord) -> dict[str, np.ndarray]:
         "hold": np.array(record.hold),
         **{name: getattr(record.lines, name) for name in field_names(LineGrid)},
     }
-    if isinstance(record, MultiRecord):
-        content |= {name: np.array(json.dumps(getattr(record, name))) for name in CHANNELS}
+    if several:
+        content |= {name: np.array(json.dumps(getattr(record, name))) for name in (*CHANNELS, *UNITS)}
     else:
         content |= {name: np.array(getattr(record, name)) for name in LABELS}
     if is_command():  # `nlfrf simulate`: no other command writes records, and what was measured must never say this
@@ -106,16 +106,15 @@ def content_of(record: Record | MultiRecord) -> dict[str, np.ndarray]:
     return content if record.r is None else {**content, "r": record.r}
 
 
-def columns_of(record: Record | MultiRecord) -> tuple[np.ndarray, list[str]]:
+def columns_of(record: Record) -> tuple[np.ndarray, list[str]]:
     """The samples of a single experiment as columns, time [s] in front, and their names."""
-    experiments = record.n_experiments if isinstance(record, MultiRecord) else record.n_realizations
-    if experiments != 1:
-        what = "experiment" if isinstance(record, MultiRecord) else "realisation"
-        raise ValueError(f"record must hold one {what} for a .csv file, got {experiments}; use .npz")
+    if record.n_experiments != 1:
+        what = "realisation" if record.is_single else "experiment"
+        raise ValueError(f"record must hold one {what} for a .csv file, got {record.n_experiments}; use .npz")
     signals = {"u": record.u, "y": record.y} | ({} if record.r is None else {"r": record.r})
     samples = {name: signal.reshape(-1, record.n_periods * record.n_samples) for name, signal in signals.items()}
     names = list(samples)
-    if isinstance(record, MultiRecord):
+    if not record.is_single:
         names = [*record.inputs, *record.outputs, *(f"r {name}" for name in record.inputs if "r" in samples)]
     t = np.arange(record.n_periods * record.n_samples) / record.fs
     return np.column_stack([t, *(row for signal in samples.values() for row in signal)]), ["t [s]", *names]
@@ -151,14 +150,14 @@ def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, as
 
 def stored_multirecord(
     files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: Asked
-) -> MultiRecord:
+) -> Record:
     """A record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
-    return joined([stored_experiments(file, u, y, fs, asked) for file in files], 1, *CHANNELS)
+    return join_records([stored_experiments(file, u, y, fs, asked) for file in files])
 
 
 def stored_experiments(
     file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: Asked
-) -> MultiRecord:
+) -> Record:
     """The experiments of one such file; of the outputs those that are asked for."""
     refuse_newer(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
     if missing := [name for name in ("u", "y", *CHANNELS) if name not in file.arrays]:
@@ -171,11 +170,16 @@ def stored_experiments(
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {shown(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
     found = periods_of(file, signals, asked)
+    units: dict[str, Any] = {
+        name: names_of(name, file.arrays[name]) for name in UNITS if name in file.arrays
+    }  # 0.1 had none
     if y is not None:
-        found["y"] = found["y"][[outputs.index(name) for name in y]]
+        chosen = [outputs.index(name) for name in y]
+        found["y"], outputs = found["y"][chosen], tuple(y)
+        if "output_units" in units:
+            units["output_units"] = tuple(units["output_units"][j] for j in chosen)
     fill_reference(found, asked.design)
-    outputs = outputs if y is None else tuple(y)
-    return MultiRecord(**found, fs=file.sampling_frequency(fs), inputs=inputs, outputs=outputs)
+    return Record(**found, fs=file.sampling_frequency(fs), inputs=inputs, outputs=outputs, **units)
 
 
 def periods_of(file: Channels, signals: Mapping[str, np.ndarray], asked: Asked) -> dict[str, Any]:

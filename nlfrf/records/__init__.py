@@ -6,5 +6,4 @@ record         `Record`, checked when made: realisations, periods, channels
 reference      the design that was played, laid under what was measured
 samples        a record cut out of streams of samples
 screening      screening of a record
-several        `MultiRecord`: the same with a channel axis in front
 """

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import HOLDS, of_kind, one_of, positive, real_array, shown
+from nlfrf._base.arguments import HOLDS, channel_names, of_kind, one_of, positive, real_array, shown
 from nlfrf._base.numbers import is_constant
 from nlfrf._base.values import Sketch, value
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["SAME_CLOCK", "Record", "join_records", "joined", "refuse_constant"]
+__all__ = ["SAME_CLOCK", "MultiRecord", "Record", "join_records", "refuse_constant"]
 
 
 SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
@@ -21,30 +21,41 @@ SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found i
 
 @value
 class Record:
-    """Whole periods of input and output in steady state or after a short transient.
+    """Whole periods of inputs and outputs in steady state or after a short transient, for any number of channels.
 
     Parameters
     ----------
-    u, y : (M, P, N) ndarray
-        Input and output: realisations x periods x samples of one period, in their own units.
+    u : (M, P, N) or (n_u, M, P, N) ndarray
+        Inputs: (channels x) realisations x periods x samples of one period, in their own units. Of several inputs a
+        realisation is called an experiment.
+    y : (M, P, N) or (n_y, M, P, N) ndarray
+        Outputs.
     fs : float
         Sampling frequency [Hz].
     lines : LineGrid
-        Excited and detection lines.
-    r : (M, P, N) ndarray, optional
-        Reference signal, known without noise: for closed loop or a noisy input.
+        Excited and detection lines, the same for all inputs.
+    r : (M, P, N) or (n_u, M, P, N) ndarray, optional
+        References, known without noise: for closed loop or noisy inputs.
     hold : str
-        How u runs between its samples: "zoh" where u is the command of a converter that holds it (the FRF then has
-        the hold in it), "band-limited" where u was measured behind the hold, through an anti-aliasing filter as y was;
-        "unknown" where nobody said.
+        How all inputs run between their samples: "zoh" where they are commands of converters that hold them (the FRF
+        then has the hold in it), "band-limited" where they were measured behind the hold, through an anti-aliasing
+        filter as the outputs were; "unknown" where nobody said.
+    inputs, outputs : sequence of str
+        Names of the channels; u and y, or u1, u2, ... and y1, y2, ... where none are given.
+    input_units, output_units : sequence of str
+        Units of the channels; empty where they are not known.
     u_name, y_name, u_unit, y_unit : str
-        Names of the channels and their units; empty where they are not known.
+        The same for one input and one output.
 
     Raises
     ------
     ValueError
-        Shapes that differ or are not (M, P, N), numbers that are not finite, an input that is constant, lines
-        at or above Nyquist.
+        Shapes that do not fit, numbers that are not finite, an input or output that is constant, lines at or above
+        Nyquist.
+
+    Notes
+    -----
+    With one input and one output every array has the axes (M, P, N), however it was given.
 
     Examples
     --------
@@ -53,86 +64,197 @@ class Record:
     >>> record = Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines)
     >>> record.n_realizations, record.n_periods, record.n_samples, record.f0
     (1, 1, 100, 1.0)
+
+    Two inputs and two outputs, in two experiments:
+
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
+    >>> u = ms.u[:, :, None]
+    >>> record = Record(u=u, y=u[::-1], fs=100, lines=ms.lines, outputs=("x", "y"))
+    >>> record.n_inputs, record.n_outputs, record.n_experiments, record.n_periods
+    (2, 2, 2, 1)
     """
 
     u: Any
     y: Any
     fs: float
     lines: LineGrid
-    r: Any = None
-    hold: str = "unknown"
-    u_name: str = ""
-    y_name: str = ""
-    u_unit: str = ""
-    y_unit: str = ""
+    r: Any
+    hold: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+
+    def __init__(
+        self,
+        *,
+        u: Any,
+        y: Any,
+        fs: float,
+        lines: LineGrid,
+        r: Any = None,
+        hold: str = "unknown",
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        input_units: Sequence[str] = (),
+        output_units: Sequence[str] = (),
+        u_name: str = "",
+        y_name: str = "",
+        u_unit: str = "",
+        y_unit: str = "",
+    ) -> None:
+        one_of("hold", hold, HOLDS)
+        of_kind("lines", lines, LineGrid)
+        fs = positive("fs", fs)
+        signals = in_one_layout({"u": u, "y": y} | ({} if r is None else {"r": r}))
+        highest = max(int(kind[-1]) for kind in (lines.excited, lines.odd, lines.even) if kind.size)
+        n_samples = signals["u"].shape[-1]
+        if 2 * highest >= n_samples:
+            raise ValueError(f"lines must lie below the Nyquist line {n_samples / 2:g}, got line {highest}")
+        n_u, n_y = (1 if signals[name].ndim == 3 else len(signals[name]) for name in "uy")
+        self.__dict__.update(signals, fs=fs, lines=lines, hold=hold, r=signals.get("r"))
+        self.__dict__.update(
+            inputs=channel_names("inputs", u_name or inputs, n_u) or default_names("u", n_u),
+            outputs=channel_names("outputs", y_name or outputs, n_y) or default_names("y", n_y),
+            input_units=channel_units("input_units", u_unit or input_units, n_u),
+            output_units=channel_units("output_units", y_unit or output_units, n_y),
+        )
+        self.__post_init__()  # which the decorator makes: arrays that nobody else can write
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "fs", positive("fs", self.fs))
-        one_of("hold", self.hold, HOLDS)
-        of_kind("lines", self.lines, LineGrid)
-        shape: tuple[int, ...] = ()
-        for name in ("u", "y", "r"):
+        for name, channels in (("u", self.inputs), ("y", self.outputs), ("r", self.inputs)):
             signal = getattr(self, name)
-            if signal is None and name == "r":
-                continue
-            signal = real_array(name, signal, ndim=3)
-            shape = shape or signal.shape
-            if signal.shape != shape:
-                raise ValueError(f"{name} must have the shape of u, {shape}, got {signal.shape}")
-            if signal.shape[0] < 1 or signal.shape[1] < 1 or signal.shape[2] < 4:
-                raise ValueError(
-                    f"{name} must hold at least 1 realisation, 1 period and 4 samples, got shape {signal.shape}"
-                )
-            refuse_constant(name, signal)
-            if signal is not getattr(self, name):
-                signal = signal.copy()
-                signal.flags.writeable = False
-                object.__setattr__(self, name, signal)
-        grid = self.lines
-        highest = max(int(kind[-1]) for kind in (grid.excited, grid.odd, grid.even) if kind.size)
-        if 2 * highest >= shape[2]:
-            raise ValueError(f"lines must lie below the Nyquist line {shape[2] / 2:g}, got line {highest}")
+            if signal is not None:
+                refuse_constant(name, signal, channels)
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is of one input and one output, so that its arrays have no axis of channels."""
+        return bool(self.u.ndim == 3)
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs n_u."""
+        return len(self.inputs)
+
+    @property
+    def n_outputs(self) -> int:
+        """Outputs n_y."""
+        return len(self.outputs)
 
     @property
     def n_realizations(self) -> int:
-        """Realisations M."""
-        return self.u.shape[0]
+        """Realisations M; of several inputs a set of as many experiments as inputs makes one."""
+        return self.u.shape[-3]
+
+    @property
+    def n_experiments(self) -> int:
+        """Experiments M."""
+        return self.u.shape[-3]
 
     @property
     def n_periods(self) -> int:
         """Periods P of each realisation."""
-        return self.u.shape[1]
+        return self.u.shape[-2]
 
     @property
     def n_samples(self) -> int:
         """Samples N in one period."""
-        return self.u.shape[2]
+        return self.u.shape[-1]
 
     @property
     def f0(self) -> float:
         """Frequency resolution fs / N [Hz]."""
         return self.fs / self.n_samples
 
+    @property
+    def u_name(self) -> str:
+        """Name of the only input; empty where it is not known, or where there are several."""
+        return known_name(self.inputs, "u")
+
+    @property
+    def y_name(self) -> str:
+        """Name of the only output; empty where it is not known, or where there are several."""
+        return known_name(self.outputs, "y")
+
+    @property
+    def u_unit(self) -> str:
+        """Unit of the only input; empty where it is not known, or where there are several."""
+        return self.input_units[0] if self.n_inputs == 1 else ""
+
+    @property
+    def y_unit(self) -> str:
+        """Unit of the only output; empty where it is not known, or where there are several."""
+        return self.output_units[0] if self.n_outputs == 1 else ""
+
     def _sketch_(self) -> Sketch:
-        """Input and output of the first realisation over their peaks, for a notebook."""
-        t = np.arange(self.u[0].size) / self.fs
-        curves = [
-            (name, t, signal[0].ravel() / np.abs(signal[0]).max()) for name, signal in (("u", self.u), ("y", self.y))
+        """Inputs and outputs of the first realisation over their peaks, for a notebook."""
+        t = np.arange(self.n_periods * self.n_samples) / self.fs
+        rows = [
+            (name, signal.ravel())
+            for names, signals in ((self.inputs, self.u), (self.outputs, self.y))
+            for name, signal in zip(names, signals[None, 0] if self.is_single else signals[:, 0], strict=True)
         ]
-        return Sketch("s", "of its peak", curves)
+        return Sketch("s", "of its peak", [(name, t, one / np.abs(one).max()) for name, one in rows])
 
 
-def refuse_constant(name: str, signal: np.ndarray) -> None:
-    """Refuse a realisation that never moves: there is nothing to identify from it."""
+#: The name of `Record` for several channels before one type took any number of them.
+MultiRecord = Record
+
+
+def in_one_layout(signals: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Signals as float arrays (M, P, N) of one input and one output, else (channels, M, P, N); or refused."""
+    several = any(np.ndim(signal) == 4 for signal in signals.values())
+    arrays = {name: real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3) for name, one in signals.items()}
+    if several:
+        arrays = {name: one if one.ndim == 4 else one[None] for name, one in arrays.items()}
+        if len(arrays["u"]) == len(arrays["y"]) == 1:
+            arrays, several = {name: one[0] for name, one in arrays.items()}, False
+    shape = arrays["u"].shape
+    for name, signal in arrays.items():
+        whole = not several or name == "r"  # the channels, too
+        if signal.shape[-3:] != shape[-3:] or (whole and signal.shape != shape):
+            of_u = "the shape of u" if whole else "the experiments, periods and samples of u"
+            raise ValueError(f"{name} must have {of_u}, {shape if whole else shape[1:]}, got {signal.shape}")
+        if min(signal.shape[:-1]) < 1 or signal.shape[-1] < 4:
+            least = "1 channel, 1 experiment" if several else "1 realisation"
+            raise ValueError(f"{name} must hold at least {least}, 1 period and 4 samples, got shape {signal.shape}")
+    return arrays
+
+
+def default_names(letter: str, n: int) -> tuple[str, ...]:
+    """What channels without a name are called: u, or u1, u2, ..."""
+    return (letter,) if n == 1 else tuple(f"{letter}{i + 1}" for i in range(n))
+
+
+def known_name(names: tuple[str, ...], letter: str) -> str:
+    """The name of a single channel that somebody gave it."""
+    return names[0] if len(names) == 1 and names[0] != letter else ""
+
+
+def channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, ...]:
+    """The unit of each channel, empty where it is not known."""
+    units = (given,) if isinstance(given, str) else tuple(given)
+    if units and (len(units) != n or not all(isinstance(one, str) for one in units)):
+        raise ValueError(f"{name} must be {n} texts, one a channel, got {given!r}")
+    return units or ("",) * n
+
+
+def refuse_constant(name: str, signal: np.ndarray, channels: Sequence[str] = ()) -> None:
+    """Refuse what never moves: there is nothing to identify from it.
+
+    One signal (M, P, N) has to move in every realisation, of several (channels, M, P, N) each in some experiment.
+    """
     for m, one in enumerate(signal):
-        if is_constant(one):
-            raise ValueError(
-                f"{name} must vary, got the constant {one.flat[0]:g} in realisation {m}. Is it the right channel?"
-            )
+        if is_constant(one.reshape(-1, one.shape[-1])):
+            where = f"{name} must vary, got the constant {one.flat[0]:g} in realisation {m}"
+            if signal.ndim == 4:
+                where = f"{name} must vary in every channel, got the constant {one.flat[0]:g} in {channels[m]}"
+            raise ValueError(f"{where}. Is it the right channel?")
 
 
 def join_records(records: Sequence[Record]) -> Record:
-    """Records of one experiment as one record: each brings its realisations.
+    """Records of one machine as one record: each brings its realisations, or its experiments.
 
     Parameters
     ----------
@@ -148,8 +270,8 @@ def join_records(records: Sequence[Record]) -> Record:
     Raises
     ------
     ValueError
-        No record, or records of other lines, another period or sampling frequency, some with a reference and some
-        without.
+        No record, or records of other lines or channels, another period or sampling frequency, some with a reference
+        and some without.
 
     References
     ----------
@@ -165,15 +287,11 @@ def join_records(records: Sequence[Record]) -> Record:
     """
     if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
         raise ValueError(f"records must be a list of one or more Record, got {shown(records)}")
-    return joined(records, axis=0)
-
-
-def joined(records: Sequence[Any], axis: int, *same: str) -> Any:
-    """Records of one kind as one, along the axis of their realisations; what else must be the same, by name."""
     first, *others = records
+    same = ("n_samples", "fs", "hold", "n_inputs", "n_outputs", *(() if first.is_single else ("inputs", "outputs")))
     for m, one in enumerate(others, start=1):
         for name, here, there in (
-            *((name, getattr(one, name), getattr(first, name)) for name in ("n_samples", "fs", "hold", *same)),
+            *((name, getattr(one, name), getattr(first, name)) for name in same),
             ("lines", one.lines.excited.tolist(), first.lines.excited.tolist()),
         ):
             if here != there and not (name == "fs" and abs(one.fs / first.fs - 1) < SAME_CLOCK):
@@ -186,7 +304,7 @@ def joined(records: Sequence[Any], axis: int, *same: str) -> Any:
         raise ValueError("records must all have a reference or none of them, got some with and some without")
     n_periods = min(one.n_periods for one in records)
     signals: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=axis)
+        name: np.concatenate([getattr(one, name)[..., :n_periods, :] for one in records], axis=-3)
         for name in ("u", "y", *(["r"] if all(with_r) else []))
     }
     return replace(first, **signals)

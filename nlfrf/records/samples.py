@@ -9,19 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, integer, of_kind, positive, real_array
-from nlfrf._base.numbers import blocks, equal, repeats
-from nlfrf.records.excited_lines import jumpy_grid, line_powers, lines_in
+from nlfrf._base.arguments import channel_names, data_warning, integer, of_kind, positive, real_array
+from nlfrf._base.numbers import blocks, equal, repeats, squared
+from nlfrf.records.excited_lines import detect_lines, jumpy_grid, line_powers, lines_in
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, refuse_constant
-from nlfrf.records.reference import played_period, played_reference
+from nlfrf.records.reference import Design, fill_reference, played_period, played_reference
 from nlfrf.records.screening.gaps import gaps_inside
 from nlfrf.records.screening.input import SEVERE, Track, held_over, recut, track, warn_about_channel
 from nlfrf.records.screening.output import follow, on_the_clock_of_the_input
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["record_from_samples", "records_from_streams"]
+__all__ = ["multirecord_from_samples", "record_from_samples", "records_from_streams"]
 
 
 REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
@@ -32,6 +33,7 @@ UNEVEN, EVEN = (
 )  # dB: standard deviation of lines above which a signal is no multisine with even lines, or below
 DIRT = 0.1  # of the share of power between the lines of the input: a machine adds some, it takes none away
 FEW_LINES = 6  # below which lines are even by chance
+SHARED = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
 Streams = dict[str, list[np.ndarray]]
 
 
@@ -45,34 +47,40 @@ def record_from_samples(
     r: np.ndarray | Sequence[np.ndarray] | None = None,
     n_discard: int = 0,
     resample: bool = False,
-    design: Multisine | None = None,
+    design: Design | None = None,
     hold: str | None = None,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
 ) -> Record:
-    """Cut streams of samples into whole periods.
+    """Cut streams of samples of any number of channels into whole periods; the faults of every channel are looked for.
 
     Parameters
     ----------
-    u, y : (n,) ndarray, or a list of M of them
-        Input and output, sampled together; a list holds one stream per realisation.
+    u, y : (n,) or (n_channels, n) ndarray, or a list of M of them
+        Inputs and outputs, sampled together; a list holds one array per realisation (experiment).
     fs : float
         Sampling frequency [Hz].
     n_samples : int, optional
-        Samples in one period; found from the input when not given.
+        Samples in one period; found from the (first) input when not given.
     lines : LineGrid, optional
-        Excited and detection lines; found from the input (from `r` where given) when not given.
-    r : (n,) ndarray, or a list of M of them, optional
-        Reference.
+        Excited and detection lines; found from all inputs (from `r` where given) when not given.
+    r : (n,) or (n_u, n) ndarray, or a list of M of them, optional
+        References.
     n_discard : int
         Periods to leave out at the start, where the transient is.
     resample : bool
-        Cut the periods where the input shows that they stand, between the samples where need be: the cure for a
+        Cut the periods where the inputs show that they stand, between the samples where need be: the cure for a
         period that is not a whole number of samples, a drifting clock, and lost or repeated samples. The record's fs
         is then n_samples in each of those periods.
-    design : Multisine, optional
+    design : Multisine or OrthogonalMultisine, optional
         What was played. Its lines and its period are taken, and its phases are the reference, so that neither noise on
-        the input nor what the actuator adds to it matters.
+        the inputs nor what actuators add to them matters; a zippered design is for open loop and gives no reference.
+        The experiments of a set lie side by side.
     hold : str, optional
-        How u runs between its samples, "zoh" or "band-limited"; see `Record`. That of the design when not given.
+        How all inputs run between their samples, "zoh" or "band-limited"; see `Record`. That of the design when not
+        given.
+    inputs, outputs : sequence of str
+        Names of the channels.
 
     Returns
     -------
@@ -83,7 +91,8 @@ def record_from_samples(
     ------
     ValueError
         Streams of different lengths, fewer samples than one period, a period that the input does not have or
-        that is not whole, a drifting clock, lost samples; the message has the numbers and the cure.
+        that is not whole, a drifting clock, lost samples, a design that was not played; the message has the numbers
+        and the cure.
 
     Warns
     -----
@@ -97,20 +106,122 @@ def record_from_samples(
     >>> record = record_from_samples(u, 2 * u, fs=100, n_samples=100, n_discard=1)
     >>> record.u.shape, record.lines.excited.tolist()
     ((1, 2, 100), [1, 3, 9, 11, 17, 19])
+
+    Two inputs and two outputs, in two experiments:
+
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
+    >>> u = [np.tile(ms.u[:, m], 3) for m in range(2)]
+    >>> record_from_samples(u, [2 * one for one in u], fs=100, n_samples=100, n_discard=1).u.shape
+    (2, 2, 2, 100)
     """
-    (record,) = records_from_streams(
-        u,
-        {"": y},
-        r=r,
-        fs=fs,
-        n_samples=n_samples,
-        lines=lines,
-        n_discard=n_discard,
-        resample=resample,
-        design=design,
-        hold=hold,
-    )
+    if design is not None:
+        of_kind("design", design, OrthogonalMultisine, Multisine)
+    asked: dict[str, Any] = {
+        "n_samples": n_samples,
+        "lines": lines,
+        "n_discard": n_discard,
+        "resample": resample,
+        "hold": hold,
+    }
+    signals = {"u": u, "y": y} | ({} if r is None else {"r": r})
+    if inputs or outputs or isinstance(design, OrthogonalMultisine) or any(map(has_channels, signals.values())):
+        return record_of_channels(signals, fs, asked, design, inputs, outputs)
+    (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, design=design, **asked)
     return record
+
+
+def has_channels(signal: Any) -> bool:
+    """Whether streams come with an axis of channels: of a list its first one tells."""
+    first = signal[0] if isinstance(signal, list | tuple) and signal else signal
+    return np.ndim(first) == 2
+
+
+def record_of_channels(
+    signals: dict[str, Any],
+    fs: float,
+    asked: dict[str, Any],
+    design: Design | None,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+) -> Record:
+    """`record_from_samples` for several inputs or outputs, or for channels that have names."""
+    if design is not None:
+        asked["n_samples"] = played_period(design, fs) if asked["n_samples"] is None else asked["n_samples"]
+        asked["lines"] = design.lines if asked["lines"] is None else asked["lines"]
+        asked["hold"] = design.hold if asked["hold"] is None else asked["hold"]
+    streams = {name: experiments(name, signal) for name, signal in signals.items()}
+    for name, signal in streams.items():
+        lengths, wanted = ([one.shape[1] for one in some] for some in (signal, streams["u"]))
+        if lengths != wanted:
+            raise ValueError(f"{name} must have the experiments and samples of u, {wanted}, got {lengths}")
+    inputs, outputs = (
+        channel_names(name, given, len(streams[of][0]))
+        for name, given, of in (("inputs", inputs, "u"), ("outputs", outputs, "y"))
+    )
+    known = "r" if "r" in streams else "u"
+    names = {"u": inputs, "y": outputs, "r": inputs}
+    lines, hold = asked.pop("lines"), asked.pop("hold")
+    found, fs = cut_together(streams, known, names, asked | {"fs": fs, "lines": lines})
+    if lines is None:
+        every = [detect_lines(channel) for channel in found[known]]
+        lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
+    fill_reference(found, design)
+    hold = "unknown" if hold is None else hold
+    return Record(**found, fs=fs, lines=lines, hold=hold, inputs=inputs, outputs=outputs)
+
+
+#: The name of `record_from_samples` for several channels before one function took any number of them.
+multirecord_from_samples = record_from_samples
+
+
+def cut_together(
+    streams: dict[str, list[np.ndarray]], known: str, names: dict[str, tuple[str, ...]], asked: dict[str, Any]
+) -> tuple[dict[str, Any], float]:
+    """Every signal (channels, M, P, N) cut where the known ones show that the periods stand, and what fs is by them.
+
+    All channels at once: a period that one of them lost is lost to all.
+    """
+    channels = {
+        called(name, i, names[name]): [one[i] for one in signal]
+        for name, signal in streams.items()
+        for i in range(len(signal[0]))
+    }
+    beside = [with_all_lines(one) for one in streams[known]]
+    cut = records_from_streams(beside, channels, r=None, design=None, hold=None, named=True, **asked)
+    rows = iter(cut)
+    found = {name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()}
+    return found, cut[0].fs
+
+
+def called(name: str, i: int, names: tuple[str, ...]) -> str:
+    """A channel in messages: "y2", or "y2 (position)" where it has a name."""
+    return f"{name}{i + 1} ({names[i]})" if i < len(names) else f"{name}{i + 1}"
+
+
+def with_all_lines(channels: np.ndarray) -> np.ndarray:
+    """(n,) one signal with the lines of all channels: the first, or where each has lines of its own their sum."""
+    power = squared(np.fft.rfft(channels - channels.mean(axis=1, keepdims=True), axis=1))
+    size = np.add.reduce(power, axis=1)
+    share = power[size > 0] / size[size > 0, None]
+    if len(share) < len(channels) or np.minimum(share, share[0]).sum(axis=1).min() > SHARED:
+        return np.asarray(channels[0])
+    return np.asarray((1 / np.sqrt(size)) @ channels)
+
+
+def experiments(name: str, signal: Any) -> list[np.ndarray]:
+    """The streams (n_channels, n) of each experiment."""
+    many = list(signal) if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0) else [signal]
+    arrays = [
+        real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1)
+        for m, one in enumerate(many)
+    ]
+    arrays = [one if one.ndim == 2 else one[None] for one in arrays]
+    for one in arrays:
+        if one.shape[0] > one.shape[1]:
+            raise ValueError(f"{name} must be (channels, samples), got shape {one.shape}: transpose it")
+    if not arrays or len({one.shape[0] for one in arrays}) != 1:
+        raise ValueError(f"{name} must have the same channels in every experiment, got {[one.shape for one in arrays]}")
+    return arrays
 
 
 def records_from_streams(

@@ -156,7 +156,7 @@ class MatrixValidation:
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, n_realizations=2, rng=1)
     >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
     >>> y = u + 0.1 * u**3 + 0.2 * u[::-1]
-    >>> first, second = (nlfrf.identify(nlfrf.MultiRecord(u=u[:, s], y=y[:, s], fs=128, lines=ms.lines))
+    >>> first, second = (nlfrf.identify(nlfrf.Record(u=u[:, s], y=y[:, s], fs=128, lines=ms.lines))
     ...     for s in (slice(0, 2), slice(2, 4)))
     >>> seen = robust.validate(first, second)
     >>> seen.n_outside < 4, seen.p_value > 0.01

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import nlfrf
-from nlfrf import Bla, Frm, MultiRecord, Record
+from nlfrf import Bla, Frm, Record
 from nlfrf._base.arguments import shown
 from nlfrf._base.files import path_of, write_text
 from robust.analysis.check import check
@@ -40,7 +40,7 @@ def write_report(
     K: Any,
     *,
     bla: Bla | Frm | Sequence[Bla] | None = None,
-    record: Record | MultiRecord | Sequence[Record] | None = None,
+    record: Record | Sequence[Record] | None = None,
     nominal: NominalFit | None = None,
     w_P: Any = None,
     delay: float = 0.0,
@@ -62,7 +62,7 @@ def write_report(
         The controller, negative feedback u = K (r - y).
     bla : nlfrf.Bla or list of them, or nlfrf.Frm, optional
         What the model was made from; identified from the record when not given.
-    record : nlfrf.Record or list of them, or nlfrf.MultiRecord, optional
+    record : nlfrf.Record or list of them, optional
         What was measured.
     nominal : NominalFit, optional
         The fit behind the nominal plant, for its cost.

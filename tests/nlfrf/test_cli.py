@@ -175,7 +175,7 @@ def test_two_inputs_from_the_design_to_the_matrix(nlfrf_command, tmp_path):
         ("simulate run.npz", "file must be a multisine that 'nlfrf design' wrote, got 'run.npz'"),
         ("identify run.npz --resample", "--resample must be left out for a record that is cut into periods already"),
         ("identify run.npz --opinion", "opinion must be left out for several inputs, got it with run.npz"),
-        ("identify run.npz --input u", "of several: take load_multirecord, or leave input out"),
+        ("identify run.npz --input u", "of several: name its inputs in a list, or leave input out"),
     ],
 )
 def test_what_several_inputs_refuse(nlfrf_command, tmp_path, command, refusal):

@@ -6,7 +6,7 @@ import numpy as np
 
 from nlfrf._base.values import value
 from nlfrf.bla.spectra import dft, find_treatment, local_fit
-from nlfrf.records.several import MultiRecord
+from nlfrf.records.record import Record
 from nlfrf.signals.lines import LineGrid
 
 __all__ = ["ChannelSpectra", "channel_spectra", "nearest_lines", "nearest_places"]
@@ -45,7 +45,7 @@ class ChannelSpectra:
     n_free: float
 
 
-def channel_spectra(record: MultiRecord, transient: str) -> tuple[ChannelSpectra, str]:
+def channel_spectra(record: Record, transient: str) -> tuple[ChannelSpectra, str]:
     """Spectra of all channels, and what was done about the transient ("auto" decides by the outputs)."""
     if transient in ("discard", "local") and record.n_periods < 2:
         raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {record.n_periods}')

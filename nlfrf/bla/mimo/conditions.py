@@ -9,7 +9,7 @@ from nlfrf._base.numbers import TINY, power, rms
 from nlfrf.bla.calibration import LARGEST, read_peaks, variance_ratio
 from nlfrf.bla.mimo.channels import ChannelSpectra, nearest_places
 from nlfrf.bla.realizations import refuse_strangers, warn_of_low_peaks
-from nlfrf.records.several import MultiRecord
+from nlfrf.records.record import Record
 from nlfrf.signals.crest import are_low, is_improbable
 from nlfrf.signals.lines import LineGrid
 
@@ -36,7 +36,7 @@ def is_zippered(spectra: ChannelSpectra) -> bool:
     return len(size) > 1 and bool(np.mean(size[-2] < APART * size[-1]) > 0.95)
 
 
-def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
+def check_experiments(record: Record, spectra: ChannelSpectra) -> None:
     """Refuse inputs that cannot be told apart, and warn of a set whose phases are copies."""
     n_u, M = record.n_inputs, spectra.U.shape[1]
     if is_zippered(spectra):
@@ -76,7 +76,7 @@ def check_experiments(record: MultiRecord, spectra: ChannelSpectra) -> None:
             )
 
 
-def read_inputs(record: MultiRecord, spectra: ChannelSpectra) -> float:
+def read_inputs(record: Record, spectra: ChannelSpectra) -> float:
     """How much more random phases distort than those at hand (`read_peaks`), on average over the inputs.
 
     Warns of the first input whose peaks are lower than random phases have them.
@@ -107,7 +107,7 @@ def refuse_other_sets(power: np.ndarray, names: tuple[str, ...], zippered: bool 
             refuse_strangers(one if owner is None else one[:, owner == i], f"set of {name}", first_number=1)
 
 
-def refuse_silent(record: MultiRecord, spectra: ChannelSpectra) -> None:
+def refuse_silent(record: Record, spectra: ChannelSpectra) -> None:
     """Refuse an excited line that no experiment of a set drives through some input."""
     U = spectra.U[..., spectra.excited]
     power = np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
@@ -174,7 +174,7 @@ def calibrated(grid: LineGrid, n_detection: int) -> bool:
     return bool(np.mean(ratio <= LARGEST) >= 0.95)
 
 
-def warn_of_noisy_inputs(record: MultiRecord, spectra: ChannelSpectra) -> None:
+def warn_of_noisy_inputs(record: Record, spectra: ChannelSpectra) -> None:
     """Warn of inputs that are lost in their noise on some lines, where no references over several sets average it."""
     at = spectra.excited
     power = np.sum(np.abs(spectra.U[..., at]) ** 2, axis=1)

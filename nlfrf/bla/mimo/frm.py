@@ -74,7 +74,7 @@ class Frm:
         How much more a set of random phases distorts than those at hand, by the cube of each input, on average over
         them: as in `Bla`.
     hold : str
-        How the inputs ran between their samples, as the `MultiRecord` says: with "zoh" the hold of 1/fs is in G.
+        How the inputs ran between their samples, as the `Record` says: with "zoh" the hold of 1/fs is in G.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class Frm:
     >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
     >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)                       # two periods
     >>> y = np.stack([2 * u[0] + 0.1 * u[0] ** 3 + u[1], u[1]])
-    >>> frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines))
+    >>> frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines))
     >>> frm.G.shape, bool(np.all(np.abs(frm.G[0, 0] - 2.3) < frm.bound(simultaneous=True)[0, 0]))
     ((2, 2, 26), True)
     """

@@ -155,7 +155,7 @@ def singular_values(
     >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
     >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
     >>> y = np.stack([3 * u[0] + 0.1 * u[0] ** 3, 0.5 * u[1]])
-    >>> frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines))
+    >>> frm = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines))
     >>> found = nlfrf.singular_values(frm, simultaneous=True)
     >>> bool(np.all((found.low[0] < 3.3) & (3.3 < found.high[0])))          # 3 and the gain of the cube, 0.3
     True

@@ -32,7 +32,6 @@ from nlfrf.bla.mimo.zippered import spread_between, zippered_frf
 from nlfrf.bla.neighbours import place_lines
 from nlfrf.bla.spectra import TREATMENTS
 from nlfrf.records.record import Record
-from nlfrf.records.several import MultiRecord
 from nlfrf.signals.lines import LineGrid
 
 __all__ = ["identify"]
@@ -49,27 +48,23 @@ def identify(record: Record, *, transient: str = ..., level_from: str = ..., n_d
 
 
 @overload
-def identify(record: MultiRecord, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Frm: ...
-
-
-@overload
 def identify(
     record: Sequence[Record], *, transient: str = ..., level_from: str = ..., n_detection: int = ...
 ) -> list[Bla]: ...
 
 
 def identify(
-    record: Record | MultiRecord | Sequence[Record],
+    record: Record | Sequence[Record],
     *,
     transient: str = "auto",
     level_from: str = "auto",
     n_detection: int = 6,
-) -> Bla | Frm | list[Bla]:
+) -> Any:
     """Best linear approximation, noise and distortion of a system from one periodic record.
 
     Parameters
     ----------
-    record : Record, MultiRecord, or a list of Record
+    record : Record, or a list of them
         Inputs and outputs; one realisation is enough, of several inputs one set of as many experiments as inputs. Two
         periods separate noise from distortion. A list: several outputs of one experiment, which share the analysis of
         the input.
@@ -86,7 +81,7 @@ def identify(
 
     Returns
     -------
-    Bla, Frm for a MultiRecord, or a list of Bla for a list of records
+    Bla, Frm for several inputs or outputs, or a list of Bla for a list of records
 
     Raises
     ------
@@ -116,14 +111,14 @@ def identify(
     >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
     True
     """
-    if not isinstance(record, MultiRecord):
+    if not isinstance(record, Record) or record.is_single:
         return single.identify(record, transient=transient, level_from=level_from, n_detection=n_detection)
     one_of("transient", transient, TREATMENTS)
     one_of("level_from", level_from, ("auto", "detection", "roughness"))
     return identify_matrix(record, transient, level_from, integer("n_detection", n_detection, least=3))
 
 
-def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_detection: int) -> Frm:
+def identify_matrix(record: Record, transient: str, level_from: str, n_detection: int) -> Frm:
     """`identify` for several channels."""
     grid = record.lines
     spectra, treatment = channel_spectra(record, transient)
@@ -188,7 +183,7 @@ def identify_matrix(record: MultiRecord, transient: str, level_from: str, n_dete
 
 
 def looked_over(
-    record: MultiRecord,
+    record: Record,
     spectra: ChannelSpectra,
     frf: MatrixFrf,
     fit: LocalMatrix | None,
@@ -210,7 +205,7 @@ def looked_over(
 
 
 def with_lines_apart(
-    record: MultiRecord, spectra: ChannelSpectra, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel
+    record: Record, spectra: ChannelSpectra, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel
 ) -> MatrixLevel:
     """The level of one set, with what single lines stand out by, as they do where the mains hum."""
     grid, cov = record.lines, level.cov.copy()
@@ -223,7 +218,7 @@ def with_lines_apart(
     return replace(level, cov=cov)
 
 
-def warn_of_jumping_outputs(record: MultiRecord, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> bool:
+def warn_of_jumping_outputs(record: Record, frf: MatrixFrf, fit: LocalMatrix, level: MatrixLevel) -> bool:
     """Warn of the first output whose row jumps from line to line: it belongs to other inputs."""
     gamma = np.einsum("iik->ik", frf.gamma).real
     rough = np.sum(np.abs(fit.residual) ** 2, axis=3).transpose(1, 2, 0) / fit.dof  # (n_y, n_u, F)
@@ -264,7 +259,7 @@ def choose_source(level_from: str, grid: LineGrid, n_detection: int, R: int, n_p
     return "roughness"
 
 
-def distortion_levels(record: MultiRecord, spectra: ChannelSpectra, part: Any) -> tuple[DistortionLevels, ...]:
+def distortion_levels(record: Record, spectra: ChannelSpectra, part: Any) -> tuple[DistortionLevels, ...]:
     """What every output holds on each kind of line."""
     grid, f0 = record.lines, record.f0
     Yc, noise, _ = part

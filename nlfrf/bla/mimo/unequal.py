@@ -17,7 +17,7 @@ from nlfrf._base.values import value
 from nlfrf.bla.mimo.channels import ChannelSpectra
 from nlfrf.bla.mimo.conditions import is_zippered
 from nlfrf.bla.mimo.matrix_level import MatrixLevel
-from nlfrf.records.several import MultiRecord
+from nlfrf.records.record import Record
 from nlfrf.signals.lines import local_mean
 
 __all__ = ["warn_of_unequal"]
@@ -63,7 +63,7 @@ class Suspect:
 
 
 def warn_of_unequal(
-    record: MultiRecord,
+    record: Record,
     spectra: ChannelSpectra,
     part: tuple[np.ndarray, np.ndarray, np.ndarray],
     level: MatrixLevel,
@@ -91,7 +91,7 @@ def warn_of_unequal(
 
 
 def suspects(
-    record: MultiRecord,
+    record: Record,
     spectra: ChannelSpectra,
     part: tuple[np.ndarray, np.ndarray, np.ndarray],
     level: MatrixLevel,

@@ -11,7 +11,7 @@ from dataclasses import fields, is_dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from nlfrf._base.arguments import DataWarning, integer, of_kind, one_of, positiv
 from nlfrf._base.files import Role, write_arrays
 from nlfrf._base.values import value
 from nlfrf.records.record import Record
-from nlfrf.records.several import MultiRecord
 from nlfrf.rig.bench.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.hysteresis import warn_lost
@@ -214,38 +213,6 @@ class Experiment:
     hold: str
 
 
-@overload
-def simulate(
-    rig: Rig,
-    ms: Multisine,
-    *,
-    n_periods: int = ...,
-    n_discard: int = ...,
-    oversampling: int = ...,
-    hold: str = ...,
-    accuracy: float | None = ...,
-    executor: Executor | None = ...,
-    progress: Progress | None = ...,
-    resume: Any = ...,
-) -> Record: ...
-
-
-@overload
-def simulate(
-    rig: Rig,
-    ms: OrthogonalMultisine,
-    *,
-    n_periods: int = ...,
-    n_discard: int = ...,
-    oversampling: int = ...,
-    hold: str = ...,
-    accuracy: float | None = ...,
-    executor: Executor | None = ...,
-    progress: Progress | None = ...,
-    resume: Any = ...,
-) -> MultiRecord: ...
-
-
 def simulate(
     rig: Rig,
     ms: Multisine | OrthogonalMultisine,
@@ -258,7 +225,7 @@ def simulate(
     executor: Executor | None = None,
     progress: Progress | None = None,
     resume: Any = None,
-) -> Record | MultiRecord:
+) -> Record:
     """Run every realisation of a multisine through a rig, from rest to steady state: force in, position out.
 
     Parameters
@@ -289,7 +256,7 @@ def simulate(
 
     Returns
     -------
-    Record, or MultiRecord of an OrthogonalMultisine
+    Record
         u, y (M, P, N), or with an axis of channels in front, with the lines of the multisine and the names of the rig.
 
     Raises
@@ -424,13 +391,11 @@ def refuse_other_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
         )
 
 
-def recorded(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold: str) -> Record | MultiRecord:
+def recorded(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold: str) -> Record:
     """What was measured, with the names and units of the rig."""
     u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
-    if isinstance(ms, OrthogonalMultisine):
-        return MultiRecord(u=u, y=y, fs=ms.fs, lines=ms.lines, inputs=rig.inputs, outputs=rig.outputs, hold=hold)
-    names = {"u_name": rig.inputs[0], "y_name": rig.outputs[0], "u_unit": "N", "y_unit": "m"}
-    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold, **names)
+    units: dict[str, Any] = {"input_units": ("N",) * len(rig.inputs), "output_units": ("m",) * len(rig.outputs)}
+    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold, inputs=rig.inputs, outputs=rig.outputs, **units)
 
 
 def one_period(ms: Multisine | OrthogonalMultisine, oversampling: int, hold: str) -> np.ndarray:

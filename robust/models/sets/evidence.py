@@ -92,7 +92,7 @@ class MatrixEvidence:
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, n_realizations=2, rng=1)
     >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    >>> frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u + 0.1 * u**3, fs=128, lines=ms.lines))
+    >>> frm = nlfrf.identify(nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=128, lines=ms.lines))
     >>> matrix_evidence_of(frm).G.shape == (frm.f.size, 2, 2)
     True
     """

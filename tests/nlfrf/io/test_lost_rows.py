@@ -92,11 +92,12 @@ def test_realisations_lose_what_each_of_them_lost(tmp_path):
     assert record.u.shape == (2, 2, PERIOD)
 
 
-def test_a_matrix_keeps_them_too(tmp_path):
+def test_a_list_of_names_keeps_them_too(tmp_path):
     path = write_log(tmp_path / "belt.csv", lost=[6507])
     with pytest.warns(nlfrf.DataWarning, match="periods 1 and 3 are whole"):
         record = nlfrf.load_multirecord([path], u=["Kraft"], y=["Position"])
-    np.testing.assert_allclose(record.y[0, 0], run()[1].reshape(3, PERIOD)[[0, 2]], atol=1e-6)
+    assert (record.u_name, record.y_name) == ("Kraft", "Position")
+    np.testing.assert_allclose(record.y[0], run()[1].reshape(3, PERIOD)[[0, 2]], atol=1e-6)
 
 
 def test_resample_that_leaves_one_period_says_so(tmp_path):

@@ -209,7 +209,7 @@ def test_a_design_that_was_not_played_is_refused():
         nlfrf.multirecord_from_samples(u, y, fs=256, design=design(rms=1.0, n_inputs=3))
     with pytest.raises(ValueError, match="design must be of type OrthogonalMultisine or Multisine, got 3"):
         nlfrf.multirecord_from_samples(u, y, fs=256, design=3)
-    with pytest.raises(ValueError, match="design must be of type Multisine, got OrthogonalMultisine"):
+    with pytest.raises(ValueError, match="design must have the inputs of the record, 1, got 2"):
         nlfrf.record_from_samples(u[0][0], y[0][0], fs=256, design=ms)
 
 
@@ -245,3 +245,14 @@ def test_a_file_of_ours_is_read_once(tmp_path, monkeypatch):
         nlfrf.load(tmp_path / f"{name}.npz")
         nlfrf.inspect_file(tmp_path / f"{name}.npz")
     assert reads == [name for name in ("record", "design", "frm") for _ in range(2)]
+
+
+def test_one_loader_takes_a_name_or_a_list_of_them(tmp_path):
+    u, y = streams(design(rms=1.0), seed=2)
+    paths = [tmp_path / f"run{m}.npz" for m in range(len(u))]
+    for path, inputs, outputs in zip(paths, u, y, strict=True):
+        np.savez(path, fx=inputs[0], fy=inputs[1], x=outputs[0], fs=256.0)
+    record = nlfrf.load_record(paths, u=["fx", "fy"], y="x", n_samples=256)
+    same = nlfrf.load_multirecord(paths, u=["fx", "fy"], y=["x"], n_samples=256)
+    np.testing.assert_array_equal(record.u, same.u)
+    assert (record.inputs, record.outputs) == (("fx", "fy"), ("x",))

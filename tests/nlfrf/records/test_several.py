@@ -42,8 +42,8 @@ def test_refusals():
         nlfrf.MultiRecord(**{**make, "y": four[..., :-1]})
     with pytest.raises(ValueError, match="r must have the shape of u"):
         nlfrf.MultiRecord(**make, r=four[:1])
-    with pytest.raises(ValueError, match="u must have 4 axes"):
-        nlfrf.MultiRecord(**{**make, "u": four[0]})
+    with pytest.raises(ValueError, match="u must have 3 axes"):
+        nlfrf.MultiRecord(**{**make, "u": four[0, 0]})
     with pytest.raises(ValueError, match="inputs must be 2 different names"):
         nlfrf.MultiRecord(**make, inputs=("x", "x"))
     with pytest.raises(ValueError, match="inputs must be 2 different names, got 'xy'"):
@@ -54,6 +54,21 @@ def test_refusals():
         nlfrf.multirecord_from_samples(u, [one[:, :-5] for one in y], fs=256)
     with pytest.raises(ValueError, match="u must have the same channels in every experiment"):
         nlfrf.multirecord_from_samples([u[0], u[1][:1]], y, fs=256)
+
+
+def test_channels_in_columns_are_refused_with_the_cure():
+    _, u, y = streams()
+    with pytest.raises(ValueError, match=r"u must be \(channels, samples\), got shape \(\d+, 2\): transpose it"):
+        nlfrf.record_from_samples([one.T for one in u], y, fs=256)
+
+
+def test_one_input_goes_with_several_outputs():
+    _, u, y = streams()
+    y = [one[:2] for one in y]
+    record = nlfrf.record_from_samples([one[0] for one in u], y, fs=256, n_samples=256, outputs=("x", "phi"))
+    assert record.u.shape == (1, 2, 4, 256)
+    assert (record.inputs, record.outputs, record.output_units) == (("u",), ("x", "phi"), ("", ""))
+    assert record.y.shape == (2, 2, 4, 256)
 
 
 def disturbed(kind, fault, seed=0):
