@@ -8,7 +8,7 @@ from .bla.bla import Bla as Bla
 from .bla.bla import DistortionLevels as DistortionLevels
 
 # Several inputs and outputs
-from .bla.mimo.frm import Frm as Frm
+from .bla.bla import Frm as Frm
 from .bla.mimo.gains import RelativeGains as RelativeGains
 from .bla.mimo.gains import SingularValues as SingularValues
 from .bla.mimo.gains import rga as rga

@@ -260,9 +260,11 @@ def plot(
 
     if isinstance(content, nlfrf.Record):
         content = nlfrf.identify(content)
-    size = (3 * content.n_inputs + 3, 2 * content.n_outputs + 6) if isinstance(content, nlfrf.Frm) else (9, 9)
+    size = (9, 9)
+    if isinstance(content, nlfrf.Bla) and not content.is_single:
+        size = 3 * content.n_inputs + 3, 2 * content.n_outputs + 6
     figure, (top, bottom) = plt.subplots(2, 1, figsize=size, layout="constrained")
-    if isinstance(content, nlfrf.Frm):
+    if isinstance(content, nlfrf.Bla) and not content.is_single:
         pictures.plot_frm(content, confidence=confidence, ax=top)
         pictures.plot_singular_values(nlfrf.singular_values(content, confidence), ax=bottom)
     elif isinstance(content, nlfrf.Multisine | nlfrf.OrthogonalMultisine):

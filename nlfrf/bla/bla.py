@@ -2,41 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import one_of, probability, ratio_unit, real
-from nlfrf._base.numbers import TINY
-from nlfrf._base.values import Sketch, value
+from nlfrf._base.arguments import channel_names, integer, one_of, probability, ratio_unit, real
+from nlfrf._base.numbers import TINY, roy_quantile
+from nlfrf._base.values import Sketch, field_names, value
 from nlfrf.bla.calibration import FEW
 from nlfrf.bla.localfit import LEAST, fit_locally
 from nlfrf.bla.neighbours import place_lines
+from nlfrf.records.record import channel_units, default_names, known_name
 from nlfrf.signals.lines import LineGrid, local_mean
 
-__all__ = ["Bla", "DistortionLevels"]
+__all__ = ["Bla", "DistortionLevels", "Frm", "excess", "in_own_units"]
 
 
 #: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
 #: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
 #: Of few lines the peaks of the input tell it (`read_peaks`), and `var_bound` holds it.
 UNSEEN = {"roughness": 0.5, "detection": 0.25}
-VARIANCES = ("var_noise", "var_total", "var_distortion", "var_even", "var_bound")
+#: Share of the distortion that bends the FRF smoothly, so that its roughness does not show it, of several channels.
+SMOOTH = 0.3
+KINDS = ("noise", "total", "distortion", "even", "bound")
+COVARIANCES = tuple(f"cov_{kind}" for kind in KINDS)
+PER_REALIZATION = ("distortion", "even")  # whose variances are of one realisation, whatever their number is
+FLOOR = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
 AROUND = 9  # lines over which noise and distortion are told apart
 
 
 @value
 class Bla:
-    """Best linear approximation of a nonlinear system on the excited lines, with its variances.
+    """Best linear approximation of a nonlinear system on the excited lines, with its variances; any number of channels.
 
-    Every variance is E|.|^2 of a complex number, per excited line, in the unit of G squared.
+    Every variance is E|.|^2 of a complex number, per excited line. Of one input and one output fields are (F,) arrays.
+    Of several, the covariance of the matrix has two factors: Cov(vec G) = conj(gamma) kron cov, vec stacking columns;
+    `cov_*` are of the residual Y - G U of ONE experiment, `gamma` is what the estimation makes of it.
 
     Fields
     ------
     f : (F,) ndarray
         Excited frequencies [Hz].
-    G : (F,) complex ndarray
+    G : (F,) or (n_y, n_u, F) complex ndarray
         The best linear approximation, unit of y over unit of u.
     lines : LineGrid
         Excited and detection lines.
@@ -47,47 +56,53 @@ class Bla:
     n_samples : int
         Samples N in one period.
     n_realizations, n_periods : int
-        Realisations M and periods P behind it.
+        Realisations M and periods P behind it; of several inputs the sets R of experiments.
     transient : str
         What was done about the transient: "none", "discard" or "local".
     level_source : str
         Where the distortion level comes from: "detection" (lines that were not excited), "roughness" (of the
         FRF over the excited lines), "realizations" (scatter over M >= 2 experiments), or
         "realizations and detection".
-    var_noise : (F,) ndarray
-        Variance of G by noise; nan for P = 1.
-    var_total : (F,) ndarray
-        Variance of G by noise and distortion; always finite.
-    var_distortion : (F,) ndarray
-        Variance of one realisation's FRF about the BLA by distortion; it does not shrink with M. For P = 1 it
-        contains the noise.
-    var_even : (F,) ndarray
-        What the even lines say, as a variance of one realisation's FRF at the excited lines; nan without them.
     dof : (F,) ndarray
         Complex degrees of freedom behind the bound.
     grid_factor : (F,) ndarray
         Variance at an excited line over the mean on its window of detection lines, as applied; ones where
         no detection lines were used.
-    levels : DistortionLevels
+    levels : DistortionLevels, or a tuple of them, one an output
         Output amplitudes on excited and detection lines.
-    var_bound : (F,) ndarray
-        The variance of G behind `bound`: the scatter over realisations pooled with the level, each for what it is
-        worth; of one realisation the largest that its level can be read as.
+    gamma : (n_u, n_u, F) complex ndarray
+        Diagonal, 1/(M A_i^2), in open loop; full in closed loop. Of one input and one output ones: `cov_*` are then
+        variances of G itself.
+    cov_noise, cov_total, cov_distortion, cov_even, cov_bound : (n_y, n_y, F) complex ndarray
+        Covariances behind the variances of the same names: by noise; by noise and distortion; by distortion, without
+        negative eigenvalues; what the even lines say, noise included; the one behind `bound` and `block`.
     typical : float
         How much more a realisation of random phases distorts than those at hand, by the cube of their input, from 1 to
         3. Low peaks distort less, whether they are chance or were chosen: where they are lower than usual by the square
-        of that, as a fifth power asks for it. Of fewer than 27 lines always by the square, from 0.6 to 6.
+        of that, as a fifth power asks for it. Of fewer than 27 lines always by the square, from 0.6 to 6. Of several
+        inputs the mean over them.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.
     hold : str
-        How the input ran between its samples, as the `Record` says: with "zoh" the hold of 1/fs is in G.
-    u_name, y_name, u_unit, y_unit : str
-        Names and units of the channels; empty where they are not known.
+        How the inputs ran between their samples, as the `Record` says: with "zoh" the hold of 1/fs is in G.
+    inputs, outputs, input_units, output_units : tuple of str
+        Names and units of the channels, as in `Record`.
+    design : str
+        "orthogonal" or "zippered", as recognised.
+    n_experiments : int
+        Experiments behind it: M, of several inputs n_u in each of R sets.
+
+    Raises
+    ------
+    ValueError
+        Parts whose shapes do not belong to one another.
 
     References
     ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.4 and 4.3.
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.4, 3.7 and 4.3; C. G.
+    Khatri, *Distribution of the largest or the smallest characteristic root under null hypothesis concerning complex
+    multivariate normal populations*, Ann. Math. Statist. 35, 1964.
 
     Examples
     --------
@@ -99,6 +114,15 @@ class Bla:
     >>> bla = nlfrf.identify(record)
     >>> bool(np.all(np.abs(bla.G - 2.3) < bla.bound(simultaneous=True)))
     True
+
+    Two inputs, two outputs, a weak cube of the first input.
+
+    >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
+    >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)                       # two periods
+    >>> y = np.stack([2 * u[0] + 0.1 * u[0] ** 3 + u[1], u[1]])
+    >>> bla = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines))
+    >>> bla.G.shape, bool(np.all(np.abs(bla.G[0, 0] - 2.3) < bla.bound(simultaneous=True)[0, 0]))
+    ((2, 2, 26), True)
     """
 
     f: np.ndarray
@@ -111,27 +135,209 @@ class Bla:
     n_periods: int
     transient: str
     level_source: str
-    var_noise: np.ndarray
-    var_total: np.ndarray
-    var_distortion: np.ndarray
-    var_even: np.ndarray
     dof: np.ndarray
     grid_factor: np.ndarray
-    levels: DistortionLevels
-    var_bound: np.ndarray
-    typical: float = 1.0
-    coherence: Any = None
-    hold: str = "unknown"
-    u_name: str = ""
-    y_name: str = ""
-    u_unit: str = ""
-    y_unit: str = ""
+    levels: Any
+    gamma: np.ndarray
+    cov_noise: np.ndarray
+    cov_total: np.ndarray
+    cov_distortion: np.ndarray
+    cov_even: np.ndarray
+    cov_bound: np.ndarray
+    typical: float
+    coherence: np.ndarray
+    hold: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+    design: str
+    n_experiments: int
+
+    def __init__(
+        self,
+        *,
+        f: np.ndarray,
+        G: np.ndarray,
+        lines: LineGrid,
+        grid: str,
+        fs: float,
+        n_samples: int,
+        n_realizations: int,
+        n_periods: int,
+        transient: str,
+        level_source: str,
+        dof: np.ndarray,
+        grid_factor: np.ndarray,
+        levels: Any,
+        typical: float = 1.0,
+        coherence: Any = None,
+        hold: str = "unknown",
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+        input_units: Sequence[str] = (),
+        output_units: Sequence[str] = (),
+        u_name: str = "",
+        y_name: str = "",
+        u_unit: str = "",
+        y_unit: str = "",
+        design: str = "orthogonal",
+        n_experiments: int | None = None,
+        gamma: Any = None,
+        cov_noise: Any = None,
+        cov_total: Any = None,
+        cov_distortion: Any = None,
+        cov_even: Any = None,
+        cov_bound: Any = None,
+        var_noise: Any = None,
+        var_total: Any = None,
+        var_distortion: Any = None,
+        var_even: Any = None,
+        var_bound: Any = None,
+    ) -> None:
+        G = np.asarray(G)
+        n_y, n_u = G.shape[:-1] if G.ndim == 3 else (1, 1)
+        if G.ndim == 3 and n_y == n_u == 1:
+            G, levels = G[0, 0], levels if isinstance(levels, DistortionLevels) else levels[0]
+        unknown = np.full(f.size, np.nan)
+        self.__dict__.update(
+            f=f,
+            G=G,
+            lines=lines,
+            grid=grid,
+            fs=fs,
+            n_samples=n_samples,
+            n_realizations=n_realizations,
+            n_periods=n_periods,
+            transient=transient,
+            level_source=level_source,
+            dof=dof,
+            grid_factor=grid_factor,
+            levels=levels,
+            gamma=np.ones((1, 1, f.size)) if gamma is None else gamma,
+            typical=typical,
+            coherence=unknown if coherence is None else coherence,
+            hold=hold,
+            inputs=channel_names("inputs", u_name or inputs, n_u) or default_names("u", n_u),
+            outputs=channel_names("outputs", y_name or outputs, n_y) or default_names("y", n_y),
+            input_units=channel_units("input_units", u_unit or input_units, n_u),
+            output_units=channel_units("output_units", y_unit or output_units, n_y),
+            design=design,
+            n_experiments=n_realizations if n_experiments is None else n_experiments,
+        )
+        covariances = (cov_noise, cov_total, cov_distortion, cov_even, cov_bound)
+        variances = (var_noise, var_total, var_distortion, var_even, var_bound)
+        for kind, cov, var in zip(KINDS, covariances, variances, strict=True):
+            if var is not None:  # of one input and one output
+                per_set = n_realizations if kind in PER_REALIZATION else 1
+                cov = (np.asarray(var) / per_set)[None, None] / self.gamma
+            if cov is None or (n_y * n_u > 1 and gamma is None):
+                missing = f"cov_{kind}" if cov is None else "gamma"
+                raise ValueError(f"bla must be given with gamma and its covariances, got it without {missing!r}")
+            self.__dict__[f"cov_{kind}"] = cov
+        self.__post_init__()
 
     def __post_init__(self) -> None:
-        if self.coherence is None:
-            unknown = np.full(self.f.size, np.nan)
-            unknown.flags.writeable = False
-            object.__setattr__(self, "coherence", unknown)
+        n_y, n_u, F = self.n_outputs, self.n_inputs, self.f.size
+        shapes: dict[str, tuple[int, ...]] = {"f": (F,), "gamma": (n_u, n_u, F), "coherence": (F,)}
+        shapes |= {"G": (F,) if self.is_single else (n_y, n_u, F)}
+        shapes |= dict.fromkeys((f"cov_{kind}" for kind in KINDS), (n_y, n_y, F))
+        shapes |= dict.fromkeys(("dof", "grid_factor"), (F,))
+        for name, shape in shapes.items():
+            array = np.asarray(getattr(self, name))
+            if array.shape != shape or array.dtype.kind not in "fiuc":
+                raise ValueError(
+                    f"{name} must be numbers of shape {shape}, for {n_y} outputs, {n_u} inputs and {F} lines, "
+                    f"got shape {array.shape}"
+                )
+        if not self.is_single and len(self.levels) != n_y:
+            raise ValueError(f"levels must be one an output, {n_y} of them, got {len(self.levels)}")
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is of one input and one output, so that its arrays have no axes of channels."""
+        return bool(self.G.ndim == 1)
+
+    @property
+    def _stored_(self) -> tuple[str, ...]:
+        """What a file holds of it: of one input and output the variances of G itself."""
+        several = field_names(self)
+        if not self.is_single:
+            return several
+        kept = [name for name in several if name != "gamma" and name not in COVARIANCES]
+        return (*kept, *(f"var_{kind}" for kind in KINDS))
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(n_y, n_u, F) complex: G with its axes of channels, of one input and one output too."""
+        return self.G.reshape(self.n_outputs, self.n_inputs, self.f.size)
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs n_u."""
+        return len(self.inputs)
+
+    @property
+    def n_outputs(self) -> int:
+        """Outputs n_y."""
+        return len(self.outputs)
+
+    @property
+    def u_name(self) -> str:
+        """Name of the only input; empty where it is not known, or where there are several."""
+        return known_name(self.inputs, "u")
+
+    @property
+    def y_name(self) -> str:
+        """Name of the only output; empty where it is not known, or where there are several."""
+        return known_name(self.outputs, "y")
+
+    @property
+    def u_unit(self) -> str:
+        """Unit of the only input; empty where it is not known, or where there are several."""
+        return self.input_units[0] if self.n_inputs == 1 else ""
+
+    @property
+    def y_unit(self) -> str:
+        """Unit of the only output; empty where it is not known, or where there are several."""
+        return self.output_units[0] if self.n_outputs == 1 else ""
+
+    @property
+    def var_noise(self) -> np.ndarray:
+        """(F,) or (n_y, n_u, F) variance of G by noise; nan for P = 1."""
+        return self.entries(self.cov_noise)
+
+    @property
+    def var_total(self) -> np.ndarray:
+        """(F,) or (n_y, n_u, F) variance of G by noise and distortion; always finite."""
+        return self.entries(self.cov_total)
+
+    @property
+    def var_distortion(self) -> np.ndarray:
+        """(F,) or (n_y, n_u, F) variance of one realisation's FRF about the BLA by distortion.
+
+        It does not shrink with M. For P = 1 it contains the noise.
+        """
+        return self.n_realizations * self.entries(self.cov_distortion)
+
+    @property
+    def var_even(self) -> np.ndarray:
+        """(F,) or (n_y, n_u, F) what the even lines say, as a variance of one realisation's FRF; nan without them."""
+        return self.n_realizations * self.entries(self.cov_even)
+
+    @property
+    def var_bound(self) -> np.ndarray:
+        """(F,) or (n_y, n_u, F) the variance of G behind `bound`.
+
+        The scatter over realisations pooled with the level, each for what it is worth; of one realisation the largest
+        that its level can be read as.
+        """
+        return self.entries(self.cov_bound)
+
+    def entries(self, cov: np.ndarray) -> np.ndarray:
+        """(F,) or (n_y, n_u, F) variances of the entries under a covariance (n_y, n_y, F) of one experiment."""
+        every = np.einsum("jjk->jk", cov).real[:, None] * np.einsum("iik->ik", self.gamma).real
+        return np.asarray(every[0, 0] if self.is_single else every)
 
     @property
     def omega(self) -> np.ndarray:
@@ -140,16 +346,28 @@ class Bla:
 
     @property
     def unit(self) -> str:
-        """Unit of G, that of y over that of u; empty where neither is known."""
+        """Unit of G of one input and one output, that of y over that of u; empty where neither is known."""
         return ratio_unit(self.y_unit, self.u_unit)
 
     @property
     def upper_limit(self) -> np.ndarray:
-        """(F,) bool: distortion does not stand out of the noise here; its level is an upper limit, not a zero."""
-        return np.asarray(self.var_total < 2 * local_mean(np.nan_to_num(self.var_noise), 13))
+        """(F,) or (n_y, n_u, F) bool: distortion does not stand out of the noise here, its level is an upper limit."""
+        noise = np.apply_along_axis(local_mean, -1, np.nan_to_num(self.var_noise), 13)
+        return np.asarray(self.var_total < 2 * noise)
+
+    def covariance_of(self, of: str) -> np.ndarray:
+        """(n_y, n_y, F) covariance of one experiment behind a bound: of the BLA, or of a new realisation about G."""
+        one_of("of", of, ("bla", "realization"))
+        if of == "bla":
+            return self.cov_bound
+        if self.is_single:
+            missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
+            return self.cov_bound * (1 + (self.n_realizations + missing) * self.typical * self.distorted_share())
+        scatter = self.n_realizations * self.typical * (1 + SMOOTH * ("roughness" in self.level_source))
+        return self.cov_bound + scatter * excess(self.cov_bound, np.nan_to_num(self.cov_noise))
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
-        """Radius of the disc around G that holds the truth with the stated probability.
+        """Radius of the disc around G, of several channels around each entry, that holds the truth.
 
         Parameters
         ----------
@@ -160,11 +378,11 @@ class Bla:
             realisation of the same excitation; this is what a controller has to live with.
         simultaneous : bool
             False: the probability holds line by line, so at 95 % about one line in twenty lies outside.
-            True: it holds for all lines together.
+            True: it holds for all lines (and all entries) together.
 
         Returns
         -------
-        (F,) ndarray
+        (F,) or (n_y, n_u, F) ndarray
             Radius, in the unit of G: sqrt(F_p var), with F_p the p-quantile of F(2, 2 dof).
 
         References
@@ -172,13 +390,37 @@ class Bla:
         Pintelon & Schoukens, 2nd ed., 2.4 and 4.3.
         """
         quantile = self.f_quantile(confidence, simultaneous=simultaneous)
-        one_of("of", of, ("bla", "realization"))
-        variance = self.var_bound
-        if of == "realization":
-            missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
-            scatter = (self.n_realizations + missing) * self.typical * self.distorted_share()
-            variance = variance * (1 + scatter)
-        return np.sqrt(quantile * variance)
+        return np.sqrt(quantile * self.entries(self.covariance_of(of)))
+
+    def covariance(self) -> np.ndarray:
+        """(n_y n_u, n_y n_u, F) covariance of vec G, columns of G one after the other: conj(gamma) kron cov_bound."""
+        n = self.n_inputs * self.n_outputs
+        both = np.einsum("abk,cdk->acbdk", self.gamma.conj(), self.cov_bound)
+        return both.reshape(n, n, -1)
+
+    def block(
+        self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The set {G + left Delta right, sigma_max(Delta) <= 1} that holds the whole matrix of a line.
+
+        By the exact law of the largest singular value of C^-1/2 dG gamma^-1/2 (Roy's largest root), which is free of
+        unknowns. An ellipsoid would gain nothing: the smallest destabilising Delta has rank one.
+
+        Parameters
+        ----------
+        confidence, of, simultaneous
+            As in `bound`; simultaneous: for all lines together.
+
+        Returns
+        -------
+        left, right : (n_y, n_y, F), (n_u, n_u, F) complex ndarray
+            With left left^H = x_p C and right^H right = gamma.
+        """
+        p = probability("confidence", confidence)
+        if simultaneous:
+            p = p ** (1 / self.f.size)
+        x = np.array([roy_quantile(p, self.n_outputs, self.n_inputs, float(L)) for L in self.dof])
+        return np.sqrt(x) * root(self.covariance_of(of)), np.swapaxes(root(self.gamma), 0, 1).conj()
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
         """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.
@@ -188,7 +430,7 @@ class Bla:
         confidence : float
             Probability, strictly between 0 and 1.
         simultaneous : bool
-            Whether it holds for all lines together.
+            Whether it holds for all lines (and all entries) together.
 
         Returns
         -------
@@ -201,7 +443,7 @@ class Bla:
         """
         p = probability("confidence", confidence)
         if simultaneous:
-            p = p ** (1 / self.f.size)
+            p = p ** (1 / self.G.size)
         # L ((1 - p)^(-1/L) - 1), by expm1 so that large L do not cancel
         return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
 
@@ -233,7 +475,7 @@ class Bla:
 
         Returns
         -------
-        (F,) ndarray
+        (F,) or (n_y, n_u, F) ndarray
             |G_BLA - G_0|, roughly, in the unit of G.
 
         References
@@ -242,21 +484,56 @@ class Bla:
         """
         return np.asarray(10 ** (real("decibels", decibels) / 20) * np.sqrt(self.var_distortion / self.grid_factor))
 
+    def entry(self, output: int, input: int) -> Bla:
+        """One entry by itself: whatever takes one input and one output takes it."""
+        j, i = integer("output", output, least=0), integer("input", input, least=0)
+        if j >= self.n_outputs or i >= self.n_inputs:
+            raise ValueError(
+                f"output and input must be below {self.n_outputs} and {self.n_inputs}, got {output} and {input}"
+            )
+        if self.is_single:
+            return self
+        names: dict[str, Any] = {"inputs": self.inputs[i : i + 1], "outputs": self.outputs[j : j + 1]}
+        units: dict[str, Any] = {
+            "input_units": self.input_units[i : i + 1],
+            "output_units": self.output_units[j : j + 1],
+        }
+        covariances: dict[str, Any] = {name: getattr(self, name)[j : j + 1, j : j + 1].real for name in COVARIANCES}
+        left = covariances["cov_total"] - np.nan_to_num(covariances["cov_noise"])
+        covariances["cov_distortion"] = np.maximum(left, 0.0)
+        gamma = self.gamma[i : i + 1, i : i + 1].real
+        return replace(self, G=self.G[j, i], gamma=gamma, levels=self.levels[j], **covariances, **names, **units)
+
+    def every(self, step: int) -> Bla:
+        """The same on every so many-th of its excited lines: for a fit that does not need them all."""
+        some = slice(None, None, integer("step", step, least=1))
+        per_line = ("f", "G", "gamma", *COVARIANCES, "dof", "grid_factor", "coherence")
+        levels = [
+            replace(one, **{name: getattr(one, name)[..., some] for name in ("f_excited", "excited", "noise_excited")})
+            for one in ((self.levels,) if self.is_single else self.levels)
+        ]
+        lines = replace(self.lines, excited=self.lines.excited[some])
+        kept = {name: getattr(self, name)[..., some] for name in per_line}
+        return replace(self, lines=lines, levels=levels[0] if self.is_single else tuple(levels), **kept)
+
     def times(self, factor: np.ndarray) -> Bla:
         """The same with G times a factor (F,) on each line, and its variances times the square of that.
 
         What the output holds, `levels`, stays as it was measured.
         """
         square = np.abs(factor) ** 2
-        scaled = {name: getattr(self, name) * square for name in VARIANCES}
+        scaled = {name: getattr(self, name) * square for name in COVARIANCES}
         return replace(self, G=self.G * factor, **scaled)
 
     def _sketch_(self) -> Sketch:
-        """|G| and its bound, for a notebook."""
-        gain, bound = np.abs(self.G), self.bound()
+        """|G| and its bound, or the singular values, for a notebook."""
         with np.errstate(divide="ignore"):
-            curves = [("|G|", self.f, 20 * np.log10(gain)), ("bound", self.f, 20 * np.log10(bound))]
-        return Sketch("Hz", "dB", curves, log=True)
+            if self.is_single:
+                rows = [("|G|", np.abs(self.G)), ("bound", self.bound())]
+            else:
+                sizes = np.linalg.svd(np.moveaxis(self.G, 2, 0), compute_uv=False).T
+                rows = [(f"sigma {i + 1}", one) for i, one in enumerate(sizes)]
+            return Sketch("Hz", "dB", [(name, self.f, 20 * np.log10(one)) for name, one in rows], log=True)
 
     def roughness(self) -> np.ndarray:
         """Variance of G read from how rough it is over its lines: a second reading beside `var_total`.
@@ -269,16 +546,25 @@ class Bla:
         (F,) ndarray
             In the unit of G squared; nan on fewer than five lines and for noise excitation, whose lines share a window.
 
+        Raises
+        ------
+        ValueError
+            Several inputs or outputs.
+
         References
         ----------
         Pintelon & Schoukens, 2nd ed., 7.2.2 (local polynomials).
         """
+        if not self.is_single:
+            raise ValueError(f"bla must be of one input and output, got {self.G.shape}; take entry(output, input)")
         if self.f.size < LEAST or np.isfinite(self.coherence).any():
             return np.full(self.f.size, np.nan)
         return fit_locally(self.G[None], np.ones((1, self.f.size)), place_lines(self.lines)).variance[0]
 
     def __str__(self) -> str:
         """What was found, in a few lines."""
+        if not self.is_single:
+            return describe_matrix(self)
         about = (
             f"BLA on {self.f.size} lines from {self.f[0]:g} to {self.f[-1]:g} Hz, {self.grid} grid, "
             f"M = {self.n_realizations}, P = {self.n_periods}\n"
@@ -307,6 +593,10 @@ class Bla:
             f"  transient: {self.transient}; level from {source}"
             + (f"; distortion is under the noise on {hidden} lines: an upper limit there" if hidden else "")
         )
+
+
+#: The name of `Bla` for several channels before one type took any number of them.
+Frm = Bla
 
 
 @value
@@ -348,3 +638,61 @@ class DistortionLevels:
     noise_excited: np.ndarray
     noise_odd: np.ndarray
     noise_even: np.ndarray
+
+
+def describe_matrix(bla: Bla) -> str:
+    """What was found of each entry, in a line each."""
+    gain = np.abs(bla.G)
+    rows = [
+        f"FRM of {bla.n_outputs} outputs by {bla.n_inputs} inputs on {bla.f.size} lines from {bla.f[0]:g} to "
+        f"{bla.f[-1]:g} Hz, {bla.design} {bla.grid}, R = {bla.n_realizations}, M = {bla.n_experiments}, "
+        f"P = {bla.n_periods}"
+    ]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = middle(bla.bound() / gain)
+        distortion = 10 * np.log10(middle(bla.var_distortion / gain**2))
+        noise = 10 * np.log10(middle(bla.n_realizations * bla.var_noise / gain**2))
+    told = np.isfinite(bla.var_noise).any()  # not off a single period
+    for j, out in enumerate(bla.outputs):
+        for i, name in enumerate(bla.inputs):
+            k = int(gain[j, i].argmax())
+            rows.append(
+                f"  {out} by {name}: largest |G| {gain[j, i, k]:.4g} at {bla.f[k]:g} Hz; 95 % "
+                f"bound {100 * relative[j, i]:.2g} % of |G|; "
+                + (f"noise {noise[j, i]:.0f} dB, distortion" if told else "distortion and noise")
+                + f" {distortion[j, i]:.0f} dB"
+            )
+    rows.append(f"  medians over lines, of one set; transient: {bla.transient}; level from {bla.level_source}")
+    return "\n".join(rows)
+
+
+def middle(share: np.ndarray) -> np.ndarray:
+    """(n_y, n_u) median over lines of shares of |G|; nothing of nothing is none."""
+    return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))
+
+
+def excess(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """(n, n, F) Hermitian matrices less a part of them, without negative eigenvalues in the units of the first."""
+    _, size = in_own_units(cov)
+    values, vectors = np.linalg.eigh(np.moveaxis((cov - part) / (size[:, None] * size), 2, 0))
+    left = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
+    return np.asarray(np.moveaxis(left, 0, 2) * size[:, None] * size)
+
+
+def in_own_units(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The correlation (n, n, F) of a covariance and the sizes (n, F) of its channels.
+
+    What floors or cuts eigenvalues does it there: those of a covariance are of sums of metres and newtons.
+    """
+    size = np.sqrt(np.einsum("jjk->jk", cov).real)
+    size = np.where(size > 0, size, 1.0)
+    return cov / (size[:, None] * size), size
+
+
+def root(cov: np.ndarray) -> np.ndarray:
+    """(n, n, F) roots L with L L^H = cov, with eigenvalues floored so that they can be divided by."""
+    correlation, size = in_own_units(cov)
+    values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
+    values = np.maximum(values, FLOOR * values[:, -1:])
+    half = (vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
+    return np.asarray(size[:, None] * np.moveaxis(half, 0, 2))

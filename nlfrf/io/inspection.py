@@ -14,7 +14,6 @@ import numpy as np
 from nlfrf._base.arguments import counted
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
-from nlfrf.bla.mimo.frm import Frm
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.readers.clock import UNIT, is_time
 from nlfrf.io.records import LostRows, find_lost_rows
@@ -215,7 +214,7 @@ def of_own(file: Channels) -> FileContents:
         u="",
         y="",
         period=0.0,
-        lines=str(content) if isinstance(content, Bla | Frm) else extent(content),
+        lines=str(content) if isinstance(content, Bla) else extent(content),
         schema=file.text("schema"),
     )
 

@@ -330,6 +330,8 @@ def load_record(
     True
     >>> folder.cleanup()
     """
+    if isinstance(u, list | tuple) and len(u) == 1 and isinstance(y, str):
+        u = u[0]
     if isinstance(u, list | tuple):
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
         cut: dict[str, Any] = {"n_samples": n_samples, "lines": lines, "n_discard": n_discard, "resample": resample}

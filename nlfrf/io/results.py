@@ -10,7 +10,6 @@ import numpy as np
 from nlfrf._base.arguments import of_kind, one_of
 from nlfrf._base.files import DECIMALS, path_of, write_table
 from nlfrf.bla.bla import Bla
-from nlfrf.bla.mimo.frm import Frm
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.designs import DESIGNS
 from nlfrf.io.stored_records import (
@@ -28,9 +27,9 @@ from nlfrf.signals.orthogonal import OrthogonalMultisine
 __all__ = ["export_csv", "load", "load_bla", "load_frm", "loaded", "save_bla", "save_frm"]
 
 
-BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"
-RESULTS = {BLA_SCHEMA: Bla, FRM_SCHEMA: Frm}
-Kept = Multisine | OrthogonalMultisine | Record | Bla | Frm
+BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
+RESULTS = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
+Kept = Multisine | OrthogonalMultisine | Record | Bla
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
@@ -62,50 +61,19 @@ def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     >>> folder.cleanup()
     """
     of_kind("bla", bla, Bla)
-    save_value(bla, BLA_SCHEMA, path)
+    save_value(bla, BLA_SCHEMA if bla.is_single else FRM_SCHEMA, path)
 
 
-def save_frm(frm: Frm, path: str | os.PathLike[str]) -> None:
-    """Write an `Frm` to an ``.npz`` or ``.h5`` file, exactly.
-
-    Parameters
-    ----------
-    frm : Frm
-        What was identified.
-    path : path
-        File to write, ``.npz`` or ``.h5``. Written whole or not at all.
-
-    Raises
-    ------
-    ValueError
-        Another suffix.
-
-    Examples
-    --------
-    >>> import nlfrf, tempfile
-    >>> ms = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)
-    >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    >>> frm = nlfrf.identify(nlfrf.Record(u=u, y=u[::-1] + 0.1 * u**3, fs=256, lines=ms.lines))
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> save_frm(frm, f"{folder.name}/G.npz")
-    >>> bool(np.array_equal(nlfrf.load_frm(f"{folder.name}/G.npz").bound(), frm.bound()))
-    True
-    >>> folder.cleanup()
-    """
-    of_kind("frm", frm, Frm)
-    save_value(frm, FRM_SCHEMA, path)
-
-
-def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
-    """Write a `Bla` or `Frm` as a table, one excited line a row, for spreadsheets and other programs.
+def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.95, decimal: str = ".") -> None:
+    """Write a `Bla` as a table, one excited line a row, for spreadsheets and other programs.
 
     Columns: f [Hz], Re G, Im G, bound (of the BLA), bound_realization, std_noise, std_total, std_distortion, std_even,
-    dof, grid_factor; standard deviations in the unit of G. Of an Frm, for every entry: Re, Im and bound, behind each
-    "output/input".
+    dof, grid_factor; standard deviations in the unit of G. Of several channels, for every entry: Re, Im and bound,
+    behind each "output/input".
 
     Parameters
     ----------
-    bla : Bla or Frm
+    bla : Bla
         What was identified.
     path : path
         File to write. Written whole or not at all.
@@ -133,13 +101,13 @@ def export_csv(bla: Bla | Frm, path: str | os.PathLike[str], *, confidence: floa
     'f [Hz],Re G,Im G,bound,bound_realiza'
     >>> folder.cleanup()
     """
-    of_kind("bla", bla, Bla, Frm)
+    of_kind("bla", bla, Bla)
     one_of("decimal", decimal, DECIMALS)
-    columns = matrix_columns(bla, confidence) if isinstance(bla, Frm) else single_columns(bla, confidence)
+    columns = single_columns(bla, confidence) if bla.is_single else matrix_columns(bla, confidence)
     write_table(path_of(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
 
 
-def matrix_columns(frm: Frm, confidence: float) -> dict[str, np.ndarray]:
+def matrix_columns(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
     """The table of a matrix, entry by entry."""
     columns, bound = {"f [Hz]": frm.f}, frm.bound(confidence)
     for (j, y), (i, u) in itertools.product(enumerate(frm.outputs), enumerate(frm.inputs)):
@@ -191,51 +159,25 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
-    bla: Bla = load_value({BLA_SCHEMA: Bla}, path)
+    bla: Bla = load_value(RESULTS, path)
     return bla
 
 
-def load_frm(path: str | os.PathLike[str]) -> Frm:
-    """Read what `save_frm` wrote.
-
-    Parameters
-    ----------
-    path : path
-        A file that `save_frm` wrote.
-
-    Returns
-    -------
-    Frm
-
-    Raises
-    ------
-    ValueError
-        A file that is not a whole matrix of a version this package reads.
-    FileNotFoundError
-        No such file.
-
-    Examples
-    --------
-    >>> load_frm("README.md")
-    Traceback (most recent call last):
-        ...
-    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
-    """
-    frm: Frm = load_value({FRM_SCHEMA: Frm}, path)
-    return frm
+#: The names of `save_bla` and `load_bla` for several channels before one type took any number of them.
+save_frm, load_frm = save_bla, load_bla
 
 
 def load(path: str | os.PathLike[str]) -> Kept:
-    """Read whatever this package wrote: a multisine, a record, a BLA or a matrix, of one input or of several.
+    """Read whatever this package wrote: a multisine, a record, a BLA, of one input or of several.
 
     Parameters
     ----------
     path : path
-        A file of `save_multisine`, `save_record`, `save_bla` or `save_frm`.
+        A file of `save_multisine`, `save_record` or `save_bla`.
 
     Returns
     -------
-    Multisine, OrthogonalMultisine, Record, Bla or Frm
+    Multisine, OrthogonalMultisine, Record or Bla
 
     Raises
     ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 import json
 import os
@@ -21,7 +22,7 @@ __all__ = ["AXES", "load_value", "names_of", "refuse_newer", "save_value", "valu
 
 
 PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla; of an Frm one an output
-NAMES = ("inputs", "outputs")
+NAMES = ("inputs", "outputs", "input_units", "output_units")
 #: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
 AXES = "realization period sample"
 
@@ -31,7 +32,7 @@ def save_value(
 ) -> None:
     """Write every field of a value, those of the values inside it by dotted names, names of channels as JSON."""
     content: dict[str, np.ndarray] = {"schema": np.array(schema), "version": np.array(VERSION)} | more
-    for name in field_names(thing):
+    for name in getattr(thing, "_stored_", None) or field_names(thing):
         part = getattr(thing, name)
         if part is None:
             continue
@@ -60,14 +61,10 @@ def value_of(kinds: Mapping[str, Any], file: Channels) -> Any:
         raise ValueError(f"path must be a file of the schema {asked}, got {schema or 'none'} in {file.path!r}")
     refuse_newer(file, schema, AXES)
     kind, content = kinds[schema], file.arrays
+    wanted = inspect.signature(kind).parameters
+    required = [name for name, one in wanted.items() if one.default is one.empty and one.kind is one.KEYWORD_ONLY]
     try:
-        return kind(
-            **{
-                name: stored(name, content)
-                for name in field_names(kind)
-                if name in content or name in PARTS or not hasattr(kind, name)  # a newer field has a default
-            }
-        )
+        return kind(**{name: stored(name, content) for name in wanted if name in content or name in required})
     except KeyError as missing:
         raise ValueError(f"path must hold a whole {schema}, got {file.path!r} without {missing}") from None
 

@@ -29,7 +29,7 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("bla", bla, Bla)
+    require_single(bla)
     ax = axes(ax)
     known = bla.G != 0  # an even system leaves excited lines empty
     U = np.abs(bla.levels.excited[:, known]).mean(axis=0) / np.abs(bla.G[known])
@@ -71,7 +71,7 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
     ax : matplotlib Axes, optional
         Where to draw: it gives its place to the two that are returned; a new figure when not given.
     """
-    of_kind("bla", bla, Bla)
+    require_single(bla)
     top, bottom = bode_axes(ax)
     draw_magnitude(top, bla, confidence)
     top.set(xscale="log", title=title(bla))
@@ -86,7 +86,7 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
 
 def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Unwrapped phase of the BLA in degrees; arguments as in `plot_bla`."""
-    of_kind("bla", bla, Bla)
+    require_single(bla)
     ax = axes(ax)
     ax.plot(bla.f, np.degrees(np.unwrap(np.angle(bla.G))), "-", color=COLOR["excited"], label="arg G")
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
@@ -95,7 +95,7 @@ def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Output spectrum by kind of line, with the noise floor; arguments as in `plot_bla`."""
-    of_kind("bla", bla, Bla)
+    require_single(bla)
     ax = axes(ax)
     levels = bla.levels
     for kind, marker in MARKER.items():
@@ -144,3 +144,13 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
 def title(bla: Bla) -> str:
     """What was measured, in one line."""
     return f"{bla.grid} grid, M = {bla.n_realizations}, P = {bla.n_periods}, level from {bla.level_source}"
+
+
+def require_single(bla: Bla) -> None:
+    """Refuse what is no `Bla` of one input and one output."""
+    of_kind("bla", bla, Bla)
+    if not bla.is_single:
+        raise ValueError(
+            f"bla must be of one input and output, got {bla.n_outputs} x {bla.n_inputs}: take plot_frm, "
+            "plot_frm_phase or plot_frm_bounds, or bla.entry(output, input)"
+        )

@@ -1,4 +1,4 @@
-"""Pictures of an `Frm`: a matrix of axes, one an entry, and what its directions are worth."""
+"""Pictures of a `Bla` of several channels: a matrix of axes, one an entry, and what its directions are worth."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf._base.arguments import of_kind
 from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, matrix_axes, phase_band
-from nlfrf.bla.mimo.frm import Frm
+from nlfrf.bla.bla import Bla
 from nlfrf.bla.mimo.gains import RelativeGains, SingularValues
 from nlfrf.plot.look import COLOR, OVER, TONES
 
@@ -23,12 +23,12 @@ FEW = 300  # lines that are drawn as points too
 LINES = ("-", "--", "-.", ":")
 
 
-def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
+def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
     """Magnitude of every entry with its bound: a row of axes an output, a column an input.
 
     Parameters
     ----------
-    frm : Frm
+    frm : Bla
         What was identified.
     confidence : float
         Probability of the bound that is drawn.
@@ -39,9 +39,9 @@ def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     -------
     (n_y, n_u) ndarray of matplotlib Axes
     """
-    of_kind("frm", frm, Frm)
+    of_kind("frm", frm, Bla)
     made, foot = places(ax, frm, "[dB]")
-    size, radius = np.abs(frm.G), frm.bound(confidence)
+    size, radius = np.abs(frm.matrix), on_entries(frm, frm.bound(confidence))
     label = f"{100 * confidence:g} % bound of the entry"
     for j in range(frm.n_outputs):
         floor, ceiling = least(size[j]) - ROOM / 2, float(db(size[j].max())) + ROOM / 2
@@ -53,12 +53,12 @@ def plot_frm(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     return finished_matrix(made, foot, "frequency [Hz]")
 
 
-def plot_frm_phase(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
+def plot_frm_phase(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
     """Unwrapped phase of every entry with its bound; arguments as in `plot_frm`, and what is returned."""
-    of_kind("frm", frm, Frm)
+    of_kind("frm", frm, Bla)
     made, foot = places(ax, frm, "[deg]")
-    wide = phase_band(frm.G, frm.bound(confidence))
-    phase = np.degrees(np.unwrap(np.angle(frm.G), axis=2))
+    wide = phase_band(frm.matrix, on_entries(frm, frm.bound(confidence)))
+    phase = np.degrees(np.unwrap(np.angle(frm.matrix), axis=2))
     for (j, i), one in np.ndenumerate(made):
         low, high = phase[j, i] - wide[j, i], phase[j, i] + wide[j, i]
         label = f"{100 * confidence:g} % bound of the entry"
@@ -68,24 +68,25 @@ def plot_frm_phase(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None
     return finished_matrix(made, foot, "frequency [Hz]")
 
 
-def plot_frm_bounds(frm: Frm, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
+def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
     """What every entry may be off by: by its own bound, as part of the matrix, and by noise and distortion.
 
     Arguments as in `plot_frm`, and what is returned. The bound of the matrix is drawn by how far it lets the entry go,
     which is further: it holds all entries at once.
     """
-    of_kind("frm", frm, Frm)
+    of_kind("frm", frm, Bla)
     made, foot = places(ax, frm, "[dB]")
     left, right = frm.block(confidence)
+    bound = on_entries(frm, frm.bound(confidence))
     reach = np.sqrt(np.einsum("jkf,jkf->jf", left, left.conj()).real)[:, None] * np.sqrt(
         np.einsum("kif,kif->if", right, right.conj()).real
     )
     curves = (
-        (np.abs(frm.G), "|G|", "-", COLOR["excited"], 1.6),
+        (np.abs(frm.matrix), "|G|", "-", COLOR["excited"], 1.6),
         (reach, f"{100 * confidence:g} % bound of the matrix", "-.", COLOR["even"], 1.2),
-        (frm.bound(confidence), f"{100 * confidence:g} % bound of the entry", "-", COLOR["bound"], 1.2),
-        (np.sqrt(frm.var_distortion), "std by distortion, one set", "--", COLOR["odd"], 1.0),
-        (np.sqrt(frm.var_noise), "std by noise", ":", COLOR["noise"], 1.4),
+        (bound, f"{100 * confidence:g} % bound of the entry", "-", COLOR["bound"], 1.2),
+        (on_entries(frm, np.sqrt(frm.var_distortion)), "std by distortion, one set", "--", COLOR["odd"], 1.0),
+        (on_entries(frm, np.sqrt(frm.var_noise)), "std by noise", ":", COLOR["noise"], 1.4),
     )
     for (j, i), one in np.ndenumerate(made):
         for curve, label, style, color, width in curves:
@@ -129,7 +130,7 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
     Parameters
     ----------
     found : RelativeGains
-        From `rga` of an `Frm`.
+        From `rga` of a `Bla` of several inputs or outputs.
     ax : matplotlib Axes, optional
         As in `plot_frm`.
 
@@ -151,12 +152,17 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
     return finished_matrix(made, foot, "frequency [Hz]")
 
 
-def places(ax: Axes | None, frm: Frm, up: str) -> tuple[Any, Any]:
+def places(ax: Axes | None, frm: Bla, up: str) -> tuple[Any, Any]:
     """A matrix of axes with the names of the channels."""
     return matrix_axes(ax, [f"{name}  {up}" for name in frm.outputs], [f"by {name}" for name in frm.inputs])
 
 
-def dotted(frm: Frm) -> str:
+def on_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
+    """(n_y, n_u, F) a curve of every entry, of one input and output too."""
+    return curve.reshape(frm.matrix.shape)
+
+
+def dotted(frm: Bla) -> str:
     """A curve with its lines as points, where they can be told apart."""
     return ".-" if frm.f.size <= FEW else "-"
 

@@ -13,7 +13,16 @@ from nlfrf._base.numbers import is_constant
 from nlfrf._base.values import Sketch, value
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["SAME_CLOCK", "MultiRecord", "Record", "join_records", "refuse_constant"]
+__all__ = [
+    "SAME_CLOCK",
+    "MultiRecord",
+    "Record",
+    "channel_units",
+    "default_names",
+    "join_records",
+    "known_name",
+    "refuse_constant",
+]
 
 
 SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock

@@ -1,4 +1,5 @@
 """What every module of this package uses.
 
-states  what was decided, as enums: stable or not, holds or is violated, the verdicts
+channels  whether a measured FRF is of one input and one output, or a matrix
+states    what was decided, as enums: stable or not, holds or is violated, the verdicts
 """

@@ -22,6 +22,7 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, shown
+from robust._base.channels import is_single
 from robust.analysis.aliases import Shares, shares
 from robust.analysis.check_structure import StructuredReport, check_structure
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
@@ -195,7 +196,7 @@ def check(
         require_parametric(model)
     if isinstance(model, MatrixUncertainty):
         return check_matrix(model, K, w_P, delay, certify)
-    if isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False):
+    if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {shown(model)}")

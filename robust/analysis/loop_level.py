@@ -23,6 +23,7 @@ import numpy as np
 from nlfrf import Bla, Multisine
 from nlfrf._base.arguments import nonnegative, of_kind, positive, real, real_array, shown
 from nlfrf._base.values import value
+from robust._base.channels import is_single
 from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop, assemble, nominal_instability
 from robust.analysis.performance import simulate_samples, simulate_step
@@ -669,8 +670,8 @@ def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) ->
     if bla is None:
         levels = [(one.rms_u, one.rms_y) for one in model.evidence]
     else:
-        blas = [bla] if isinstance(bla, Bla) else list(bla) if isinstance(bla, Sequence) else []
-        if not blas or not all(isinstance(one, Bla) for one in blas):
+        blas = [bla] if is_single(bla) else list(bla) if isinstance(bla, Sequence) else []
+        if not blas or not all(map(is_single, blas)):
             raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
         levels = [rms_levels(one) for one in blas]
     if not levels:

@@ -12,6 +12,7 @@ from scipy.stats import f as f_distribution
 from nlfrf import Bla
 from nlfrf._base.arguments import real, shown
 from nlfrf._base.values import value
+from robust._base.channels import is_single
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.passivity import port_responses
 from robust.friction.plant import SlidingMachine, sliding_machine, with_port_impedance
@@ -463,7 +464,7 @@ def friction_class(
     ValueError: blas must hold at least three levels, from sticking to sliding, got 0
     """
     blas = list(blas) if isinstance(blas, Iterable) else blas
-    if not isinstance(blas, list) or not all(isinstance(bla, Bla) for bla in blas):
+    if not isinstance(blas, list) or not all(map(is_single, blas)):
         raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {shown(blas)}")
     for bla in blas:
         require_si("blas", bla.unit)

@@ -16,6 +16,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import hertz, shown
 from nlfrf._base.values import value
+from robust._base.channels import is_single
 from robust._base.states import FrictionVerdict
 from robust.friction.plant import SlidingLoop, SlidingMachine
 from robust.lti.lti import timebase
@@ -222,7 +223,7 @@ def levels_of(blas: Sequence[Bla], machine: SlidingMachine) -> Levels:
     """
     rows = []
     for bla in blas:
-        if not isinstance(bla, Bla):
+        if not is_single(bla):
             raise ValueError(f"friction must be a law or BLAs from nlfrf.identify, got {shown(bla)}")
         peak = bla.omega[int(np.argmax(np.abs(bla.G)))]
         chosen = (bla.omega > AROUND[0] * peak) & (bla.omega < AROUND[1] * peak)

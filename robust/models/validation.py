@@ -11,9 +11,10 @@ import numpy as np
 from scipy.special import gammaincc, ndtr
 
 from nlfrf import Bla, Frm
-from nlfrf._base.arguments import hertz, of_kind, shown
+from nlfrf._base.arguments import hertz, of_kind
 from nlfrf._base.numbers import roy_quantile
 from nlfrf._base.values import value
+from robust._base.channels import require_matrix, require_single
 from robust.lti.grids import interpolated
 from robust.lti.lti import timebase
 from robust.lti.sampling import hold_between
@@ -218,14 +219,14 @@ def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidatio
     inside = (frm.omega >= model.omega[0] * (1 - 1e-9)) & (frm.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
-    if not isinstance(model, Frm):
+    if not isinstance(model, Bla):
         frm = behind_hold(frm, timebase(model.nominal))
     elif "unknown" not in (model.hold, frm.hold):
         model, frm = behind_hold(model, 0.0), behind_hold(frm, 0.0)
     second = matrices_on_lines(matrix_evidence_of(frm), frm.omega[inside])
     distance = np.full(second.omega.size, np.nan)
     confidence, simultaneous, nominal = CONFIDENCE, False, None
-    if isinstance(model, Frm):
+    if isinstance(model, Bla):
         firsts = [matrix_evidence_of(model)]
     else:
         confidence, simultaneous, nominal = model.confidence, model.simultaneous, model.nominal
@@ -466,12 +467,12 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) 
     >>> bool(abs(seen.gain - 0.3) < 0.1), seen.p_value < 1e-3
     (True, True)
     """
-    if isinstance(model, MatrixUncertainty | Frm):
-        if not isinstance(bla, Frm):
-            raise ValueError(f"bla must be an nlfrf.Frm, as the model, got {shown(bla)}")
+    if isinstance(model, MatrixUncertainty | Bla):
+        require_matrix("bla", bla)
+        if isinstance(model, Bla):
+            require_matrix("model", model)
         return validate_matrix(model, bla)
-    if not isinstance(bla, Bla):
-        raise ValueError(f"bla must be an nlfrf.Bla, as the model, got {shown(bla)}")
+    require_single("bla", bla)
     of_kind("model", model, UncertaintyModel)
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():

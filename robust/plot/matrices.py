@@ -11,6 +11,7 @@ import numpy as np
 from nlfrf import Frm
 from nlfrf._base.arguments import of_kind
 from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, lower_edge, matrix_axes
+from robust._base.channels import require_matrix
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.performance import LoopGains
 from robust.lti.lti import along, timebase
@@ -48,7 +49,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | Sequence[Frm] | None = 
     omega = outside_too(model)
     frms = [] if frm is None else [frm] if isinstance(frm, Frm) else list(frm)
     for one in frms:
-        of_kind("frm", one, Frm)
+        require_matrix("frm", one)
     frms = [behind_hold(one, timebase(model.nominal)) for one in frms]
     f, size, reach = hz(omega), np.abs(along(model.nominal, omega)), model.reach(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf import Bla
 from nlfrf._base.arguments import of_kind
 from nlfrf._base.axes import axes, bode_axes, db, finished, gain_band, labelled, lower_edge, phase_band
+from robust._base.channels import require_single
 from robust.lti.lti import response, timebase
 from robust.models.fit.nominal import NominalFit, behind_hold
 from robust.models.fit.orders import OrderScan
@@ -93,7 +93,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     of_kind("model", model, UncertaintyModel)
     blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
     for one in blas:
-        of_kind("bla", one, Bla)
+        require_single("bla", one)
     top, bottom = bode_axes(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     f, G = hz(omega), model.at(omega)

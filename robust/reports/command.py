@@ -12,6 +12,7 @@ import nlfrf
 from nlfrf._base.arguments import nonnegative, positive
 from nlfrf._base.command import working
 from nlfrf._base.files import signature, write_text
+from robust._base.channels import is_single
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
 from robust.io.certificates import certificate_of, save_certificate, verify_certificate
@@ -30,7 +31,7 @@ def measured(paths: Sequence[Path]) -> Any:
     """What was identified: a BLA or a matrix, or a list of one kind."""
     found = [nlfrf.load(path) for path in paths]
     for path, one in zip(paths, found, strict=True):
-        if not isinstance(one, (nlfrf.Bla, nlfrf.Frm)) or type(one) is not type(found[0]):
+        if not isinstance(one, nlfrf.Bla) or is_single(one) != is_single(found[0]):
             raise ValueError(f"bla must be BLAs or matrices, all of one kind, got {path} with {type(one).__name__}")
     return found[0] if len(found) == 1 else found
 

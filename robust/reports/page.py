@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import nlfrf
-from nlfrf import Bla, Frm, Record
+from nlfrf import Bla, Record
 from nlfrf._base.arguments import shown
 from nlfrf._base.files import path_of, write_text
+from robust._base.channels import require_matrix, require_single
 from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.loop_level import LoopSignals, require_parametric
@@ -39,7 +40,7 @@ def write_report(
     model: UncertaintyModel | MatrixUncertainty,
     K: Any,
     *,
-    bla: Bla | Frm | Sequence[Bla] | None = None,
+    bla: Bla | Sequence[Bla] | None = None,
     record: Record | Sequence[Record] | None = None,
     nominal: NominalFit | None = None,
     w_P: Any = None,
@@ -60,7 +61,7 @@ def write_report(
         The plant and the set around it.
     K : control.StateSpace, TransferFunction or float
         The controller, negative feedback u = K (r - y).
-    bla : nlfrf.Bla or list of them, or nlfrf.Frm, optional
+    bla : nlfrf.Bla or list of them, optional
         What the model was made from; identified from the record when not given.
     record : nlfrf.Record or list of them, optional
         What was measured.
@@ -118,7 +119,8 @@ def write_report(
     if not isinstance(model, UncertaintyModel):
         raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {shown(model)}")
     K, records = state_space("K", K), several(record)
-    refuse_others("bla", several(bla), Bla)
+    for one in several(bla):
+        require_single("bla", one)
     refuse_others("report", several(report), RobustnessReport)
     refuse_others("nominal", several(nominal), NominalFit)
     blas = several(bla) or [nlfrf.identify(one) for one in records]
@@ -163,7 +165,8 @@ def matrix_report(
     notes: str,
 ) -> StructuredReport:
     """The report of several inputs and outputs."""
-    refuse_others("bla", frms, Frm)
+    for one in frms:
+        require_matrix("bla", one)
     refuse_others("report", several(report), StructuredReport)
     refuse_others("nominal", several(nominal), NominalFit)
     if report is not None and w_P is not None:

@@ -10,9 +10,9 @@ import control
 import numpy as np
 from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuous_lyapunov, solve_sylvester
 
-from nlfrf import Bla
 from nlfrf._base.arguments import integer, nonnegative, positive
 from nlfrf._base.values import value
+from robust._base.channels import is_single
 from robust.analysis.check import check
 from robust.analysis.loop import assemble
 from robust.analysis.report import RobustnessReport
@@ -279,7 +279,9 @@ def candidates(
 
 def measured(model: Any) -> bool:
     """Whether the plant is known on its lines only."""
-    return isinstance(model, (Bla, control.FrequencyResponseData)) or getattr(model, "measured_only", False)
+    return (
+        is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False)
+    )
 
 
 def ranked(

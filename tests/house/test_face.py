@@ -50,8 +50,8 @@ FIELDS = {
     nlfrf.Multisine: "fs n_samples kind lines amplitude phase",
     nlfrf.LineGrid: "excited odd even",
     nlfrf.Record: "u y fs lines r",
-    nlfrf.Bla: "f G lines grid fs n_realizations n_periods transient level_source var_noise var_total var_distortion "
-    "var_even dof grid_factor levels",
+    nlfrf.Bla: "f G lines grid fs n_realizations n_periods transient level_source cov_noise cov_total cov_distortion "
+    "cov_even dof grid_factor levels",
     nlfrf.DistortionLevels: "f_excited f_odd f_even excited odd even noise_excited noise_odd noise_even",
     nlfrf.Rig: "mass stiffness friction damping",
     nlfrf.LoopResponse: "t r u x",
@@ -79,7 +79,11 @@ FIELDS = {
     robust.Certificate: "outcome level intervals reason",
     robust.WorstCase: "gain omega plant",
 }
-PROPERTIES = {nlfrf.Multisine: "f0 f u rms crest_factor", nlfrf.Bla: "omega", robust.Certificate: "holds"}
+PROPERTIES = {
+    nlfrf.Multisine: "f0 f u rms crest_factor",
+    nlfrf.Bla: "omega var_noise var_total var_distortion var_even var_bound",
+    robust.Certificate: "holds",
+}
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__qualname__)

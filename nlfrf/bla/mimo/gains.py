@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf._base.arguments import of_kind
 from nlfrf._base.values import Sketch, value
-from nlfrf.bla.mimo.frm import Frm
+from nlfrf.bla.bla import Bla
 
 __all__ = ["RelativeGains", "SingularValues", "rga", "singular_values"]
 
@@ -25,7 +25,7 @@ class SingularValues:
     sigma : (n, F) ndarray
         Singular values of G, n the smaller number of channels.
     low, high : (n, F) ndarray
-        Bounds that hold for every matrix of the set of `Frm.block`; low is zero where the set holds a matrix of lower
+        Bounds that hold for every matrix of the set of `Bla.block`; low is zero where the set holds a matrix of lower
         rank, or may.
     confidence : float
         Probability that the matrix of a line, and so all its singular values, lies between them.
@@ -122,16 +122,16 @@ class RelativeGains:
 
 
 def singular_values(
-    frm: Frm, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
+    frm: Bla, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False
 ) -> SingularValues:
     """Singular values of a measured matrix with what the bound of the whole matrix leaves of them.
 
     Parameters
     ----------
-    frm : Frm
+    frm : Bla
         What was identified.
     confidence, of, simultaneous
-        As in `Frm.block`.
+        As in `Bla.block`.
 
     Returns
     -------
@@ -160,9 +160,9 @@ def singular_values(
     >>> bool(np.all((found.low[0] < 3.3) & (3.3 < found.high[0])))          # 3 and the gain of the cube, 0.3
     True
     """
-    of_kind("frm", frm, Frm)
+    of_kind("frm", frm, Bla)
     left, right = (np.moveaxis(part, 2, 0) for part in frm.block(confidence, of=of, simultaneous=simultaneous))
-    U, sigma, Vh = np.linalg.svd(np.moveaxis(frm.G, 2, 0))  # all directions, those without a gain too
+    U, sigma, Vh = np.linalg.svd(np.moveaxis(frm.matrix, 2, 0))  # all directions, those without a gain too
     out, into = np.swapaxes(U, 1, 2).conj() @ left, right @ np.swapaxes(Vh, 1, 2).conj()  # of each direction
     low, high = np.empty_like(sigma), np.empty_like(sigma)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -186,10 +186,10 @@ def rga(G: Any, confidence: float = 0.95) -> Any:
 
     Parameters
     ----------
-    G : (n_y, n_u) or (n_y, n_u, F) array, or Frm
+    G : (n_y, n_u) or (n_y, n_u, F) array, or Bla
         Gains at one frequency, at several, or what was identified.
     confidence : float
-        Of an Frm: probability of the discs.
+        Of a Bla: probability of the discs.
 
     Returns
     -------
@@ -216,7 +216,7 @@ def rga(G: Any, confidence: float = 0.95) -> Any:
     array([[ 35.1, -34.1],
            [-34.1,  35.1]])
     """
-    if isinstance(G, Frm):
+    if isinstance(G, Bla):
         return RelativeGains(
             f=G.f,
             inputs=G.inputs,
@@ -233,13 +233,13 @@ def rga(G: Any, confidence: float = 0.95) -> Any:
     return np.moveaxis(gains, 0, 2).reshape(G.shape)
 
 
-def rga_radius(frm: Frm, confidence: float) -> np.ndarray:
+def rga_radius(frm: Bla, confidence: float) -> np.ndarray:
     """(n_y, n_u, F) radii of the elements, from d(G_ji H_ij) = dG_ji H_ij + G_ji dH_ij, H the (pseudo-)inverse of G.
 
     dH = -H dG H + H H^H dG^H (1 - G H) + (1 - H G) dG^H H^H H. What comes with dG^H is zero of a square matrix; of any
     other it lets an error lie along a line, and the quantile is that of a real number, the larger one.
     """
-    G = np.moveaxis(frm.G, 2, 0)
+    G = np.moveaxis(frm.matrix, 2, 0)
     H = np.linalg.pinv(G)
     C, gamma = np.moveaxis(frm.cov_bound, 2, 0), np.moveaxis(frm.gamma, 2, 0)
     n_y, n_u = G.shape[1:]
@@ -259,7 +259,8 @@ def rga_radius(frm: Frm, confidence: float) -> np.ndarray:
         by, turned = (G[:, j, i, None, None] * part for part in (by, turned))
         by[:, j, i] += H[:, i, j]
         variance[:, j, i] = power(by) + (power(turned.conj()) if n_y != n_u else 0.0)
-    scale = frm.bound(confidence) ** 2 / frm.entries(frm.cov_bound)  # the quantile, the same for every entry
+    quantile = frm.bound(confidence) ** 2 / frm.var_bound  # the same for every entry
+    scale = quantile.reshape(frm.matrix.shape)
     if n_y != n_u:
         real = NormalDist().inv_cdf((1 + confidence) / 2) ** 2
         scale = scale * max(1.0, real / -float(np.log1p(-confidence)))

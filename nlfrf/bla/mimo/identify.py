@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf._base.arguments import data_warning, integer, one_of
 from nlfrf._base.numbers import power
 from nlfrf.bla import identify as single
-from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, DistortionLevels, Frm, excess
 from nlfrf.bla.frf import ROUNDING, warn_of_jumps, warn_of_lines_apart
 from nlfrf.bla.mimo.channels import ChannelSpectra, channel_spectra
 from nlfrf.bla.mimo.conditions import (
@@ -22,7 +22,6 @@ from nlfrf.bla.mimo.conditions import (
     read_inputs,
     warn_of_loud,
 )
-from nlfrf.bla.mimo.frm import Frm, excess
 from nlfrf.bla.mimo.local_matrix import LEAST, WIDTH, LocalMatrix, fit_matrix
 from nlfrf.bla.mimo.matrix_frf import MatrixFrf, matrix_frf
 from nlfrf.bla.mimo.matrix_level import MatrixLevel, level_from_fit, level_from_lines, linear_part

@@ -15,8 +15,8 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, two_unknowns
 from nlfrf._base.values import value
+from nlfrf.bla.bla import in_own_units
 from nlfrf.bla.mimo.channels import ChannelSpectra, nearest_lines
-from nlfrf.bla.mimo.frm import in_own_units
 from nlfrf.bla.mimo.local_matrix import EARNED, ORDER, POOLED, WIDTH
 from nlfrf.bla.mimo.matrix_frf import MatrixFrf, adjoint, lines_last, noise_covariance
 from nlfrf.signals.lines import local_mean

@@ -11,8 +11,9 @@ import control
 import numpy as np
 
 from nlfrf import Bla, Frm
-from nlfrf._base.arguments import integer, nonnegative, of_kind, real_array, shown
+from nlfrf._base.arguments import integer, nonnegative, real_array, shown
 from nlfrf._base.values import value
+from robust._base.channels import is_matrix, is_single, require_matrix
 from robust.lti.lti import SAME_CLOCK, response
 from robust.lti.realisation import from_roots, in_order
 from robust.lti.sampling import delay_samples, discretize, hold_between
@@ -91,10 +92,10 @@ class Sought:
 def as_matrices(bla: Any) -> list[Frm]:
     """The matrices that were given, one or at several levels, of the same inputs and outputs; none of anything else."""
     many = list(bla) if isinstance(bla, list | tuple) else [bla]
-    if not any(isinstance(one, Frm) for one in many):
+    if not any(map(is_matrix, many)):
         return []
     for one in many:
-        of_kind("bla", one, Frm)
+        require_matrix("bla", one)
         for name in ("inputs", "outputs"):
             if getattr(one, name) != getattr(many[0], name):
                 raise ValueError(
@@ -455,9 +456,9 @@ def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
     >>> bool(np.allclose(measured.omega, 2 * np.pi * ms.f))
     True
     """
-    if not isinstance(bla, Bla | Frm):
-        raise ValueError(f"bla must be an nlfrf.Bla or nlfrf.Frm, got {shown(bla)}")
-    names = {"inputs": list(bla.inputs), "outputs": list(bla.outputs)} if isinstance(bla, Frm) else {}
+    if not isinstance(bla, Bla):
+        raise ValueError(f"bla must be an nlfrf.Bla, got {shown(bla)}")
+    names = {} if bla.is_single else {"inputs": list(bla.inputs), "outputs": list(bla.outputs)}
     return control.FrequencyResponseData(bla.G, bla.omega, name="bla", **names)
 
 
@@ -541,7 +542,7 @@ def fit_nominal(
     scale = np.fmax(cost, expected) / left
     s = s_points(lines.omega, dt)
     G = from_roots(*to_plane(zeros, poles, gain, dt, excess), dt)
-    one_record = isinstance(bla, Bla) or (isinstance(bla, Sequence) and len(bla) == 1)
+    one_record = is_single(bla) or (isinstance(bla, Sequence) and len(bla) == 1)
     warn_of_fit(G, lines, residual, expected, one_record=one_record)
     return NominalFit(
         G=G,
@@ -611,7 +612,7 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
         omega = np.asarray(bla.omega, dtype=float)
     else:
         many = list(bla) if isinstance(bla, Sequence) else [bla]
-        if not many or not all(isinstance(b, Bla) for b in many):
+        if not many or not all(map(is_single, many)):
             raise ValueError(
                 f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {shown(bla)}"
             )

@@ -8,8 +8,8 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf import Bla
 from nlfrf._base.arguments import shown
+from robust._base.channels import is_single
 from robust.lti.lti import response, timebase
 from robust.lti.sampling import hold_between, hold_response
 from robust.models.fit.nominal import DesignWarning, frd
@@ -60,7 +60,7 @@ def warn_of_unknown_hold(model: Any, dt: float) -> None:
 
 def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
     """Frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
-    if isinstance(model, Bla):
+    if is_single(model):
         disc = total_of(record_disc(model, frd(model), 0.95, False, True, None))
         return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
     if isinstance(model, control.FrequencyResponseData):

@@ -9,6 +9,7 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import counted, nonnegative, one_of, real_array, shown
+from robust._base.channels import is_single
 from robust.lti.grids import interpolated
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import frequency_response, state_space
@@ -258,7 +259,7 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
     Two arrays are frequencies and radius as they are; FRFs or systems are plants that the set has to hold.
     """
     many = list(given) if isinstance(given, (list, tuple)) else [given]
-    if many and all(isinstance(b, Bla) for b in many):
+    if many and all(map(is_single, many)):
         return None
     if not any(is_plant(part) or isinstance(part, np.ndarray) for part in many):
         raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {shown(given)}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from nlfrf import Frm
 from nlfrf._base.arguments import of_kind
+from robust._base.channels import is_matrix
 from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.synthesis.fixed.one_loop import design_loop
 from robust.synthesis.fixed.sequential import close_in_turn
@@ -161,9 +161,9 @@ def design_frf(
         "time_cap": time_cap,
         "progress": progress,
     }
-    if isinstance(plant, (Frm, MatrixUncertainty)):
+    if isinstance(plant, MatrixUncertainty) or is_matrix(plant):
         return close_in_turn(plant, structure, asked)
-    if isinstance(plant, list | tuple) and any(isinstance(one, (Frm, MatrixUncertainty)) for one in plant):
+    if isinstance(plant, list | tuple) and any(isinstance(one, MatrixUncertainty) or is_matrix(one) for one in plant):
         raise ValueError(
             "plant must be one Frm (or MatrixUncertainty) or a list of single loops, got a list of matrices"
         )

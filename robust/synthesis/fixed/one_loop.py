@@ -10,8 +10,8 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf import Bla
 from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, positive, real, shown
+from robust._base.channels import is_single
 from robust._base.states import Stability
 from robust.lti.lti import constant, fits_any_clock, response, timebase
 from robust.lti.realisation import state_space
@@ -277,7 +277,7 @@ def time_base(plants: list[Any], dt: float) -> float:
     steps = set()
     for p in plants:
         source = p.nominal if isinstance(p, UncertaintyModel) else p
-        if not isinstance(source, (Bla, DiscsOnLines)):
+        if not (is_single(source) or isinstance(source, DiscsOnLines)):
             if not isinstance(source, control.FrequencyResponseData):
                 source = state_space("plant", source)
                 steps.add(timebase(source))

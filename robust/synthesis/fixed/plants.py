@@ -10,9 +10,9 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf import Bla
 from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
+from robust._base.channels import is_single
 from robust.analysis.loop import Loop, assemble
 from robust.lti.grids import beside_modes, interpolated, plant_lines
 from robust.lti.lti import response, timebase
@@ -98,7 +98,12 @@ def see(
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
     """
     given = isinstance(plant, DiscsOnLines)
-    if given or isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
+    if (
+        given
+        or is_single(plant)
+        or isinstance(plant, control.FrequencyResponseData)
+        or getattr(plant, "measured_only", False)
+    ):
         omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else on_lines(plant)
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:

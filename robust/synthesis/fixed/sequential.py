@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf import Frm
+from nlfrf import Bla
 from nlfrf._base.arguments import hertz, integer, nonnegative, positive
 from nlfrf._base.values import value
 from robust.analysis.check import check
@@ -103,7 +103,7 @@ class MatrixOnLines:
         return np.asarray(entries + block)
 
 
-def close_in_turn(plant: Frm | MatrixUncertainty, structure: Any, asked: dict[str, Any]) -> Design:
+def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[str, Any]) -> Design:
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
     dt = refuse_plant(plant, asked)
     n = plant.n_inputs
@@ -144,7 +144,7 @@ def close_in_turn(plant: Frm | MatrixUncertainty, structure: Any, asked: dict[st
     )
 
 
-def refuse_plant(plant: Frm | MatrixUncertainty, asked: dict[str, Any]) -> float:
+def refuse_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> float:
     """The sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
@@ -159,7 +159,7 @@ def refuse_plant(plant: Frm | MatrixUncertainty, asked: dict[str, Any]) -> float
         raise ValueError(
             f"n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got {n_unstable}"
         )
-    if isinstance(plant, Frm):
+    if isinstance(plant, Bla):
         return dt
     step = timebase(plant.nominal)
     if asked["delay"] or (dt and dt != step):
@@ -190,10 +190,10 @@ def one_loop_of(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple[
     return own("structure", structure), rest
 
 
-def on_lines(plant: Frm | MatrixUncertainty, dt: float, delay: float) -> MatrixOnLines:
+def on_lines(plant: Bla | MatrixUncertainty, dt: float, delay: float) -> MatrixOnLines:
     """The matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
-    if isinstance(plant, Frm):
+    if isinstance(plant, Bla):
         factor = as_seen(plant, plant.omega, np.ones(plant.f.size, dtype=complex), dt, delay)
         left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), CONFIDENCE, False, True, ADDITIVE)
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
@@ -227,13 +227,13 @@ def crossover(given: Any) -> float:
     return float(np.min(given)) if given is not None else 0.0
 
 
-def named(plant: Frm | MatrixUncertainty, k: int) -> str:
+def named(plant: Bla | MatrixUncertainty, k: int) -> str:
     """A loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 
 def design_one(
-    plant: Frm | MatrixUncertainty,
+    plant: Bla | MatrixUncertainty,
     seen: MatrixOnLines,
     k: int,
     K: list[Any],
@@ -270,7 +270,7 @@ def judged(seen: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, 
 
 
 def checked(
-    plant: Frm | MatrixUncertainty, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float
+    plant: Bla | MatrixUncertainty, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float
 ) -> tuple[str, float]:
     """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
     if isinstance(plant, MatrixUncertainty):
@@ -293,7 +293,7 @@ def checked(
     return "" if margin > 1 else f"the whole set is not stable at {hertz(seen.omega[worst])}", margin
 
 
-def unstable_in_turn(plant: Frm, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
+def unstable_in_turn(plant: Bla, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
     """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
     closed: list[Any] = [None] * len(K)
     for k in order:

@@ -57,7 +57,9 @@ def test_blas_and_multisines_round_trip_exactly(record, tmp_path):
     nlfrf.save_multisine(ms, tmp_path / "ms.npz")
     same(nlfrf.load_multisine(tmp_path / "ms.npz"), ms)
     assert isinstance(load(tmp_path / "bla.npz"), nlfrf.Bla)
-    with pytest.raises(ValueError, match="path must be a file of the schema nlfrf-bla, got nlfrf-multisine"):
+    with pytest.raises(
+        ValueError, match="path must be a file of the schema nlfrf-bla or nlfrf-frm, got nlfrf-multisine"
+    ):
         nlfrf.load_bla(tmp_path / "ms.npz")
 
 
@@ -423,7 +425,7 @@ def test_what_is_asked_of_a_stored_record_is_done_or_refused(record, tmp_path):
     nlfrf.save_record(record, tmp_path / "r.npz")
     with pytest.raises(ValueError, match="resample must be left out for a record that is cut into periods already"):
         nlfrf.load_record(tmp_path / "r.npz", resample=True)
-    for names in ({"y": ["y", "y"]}, {"y": 5}, {"u": ["u"]}, {"y": []}, {"r": 3}):
+    for names in ({"y": ["y", "y"]}, {"y": 5}, {"u": 3}, {"y": []}, {"r": 3}):
         with pytest.raises(ValueError, match=rf"{next(iter(names))} must name"):
             nlfrf.load_record(tmp_path / "r.npz", **names)
 

@@ -87,10 +87,10 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     alone = robust.check(single, 2.0)
     for model, K, parts, message in (
         (MODEL, SMALL, {"report": alone}, "report must be of class StructuredReport for this model, got Robustness"),
-        (MODEL, SMALL, {"bla": FRM.entry(0, 0)}, "bla must be of class Frm for this model, got Bla"),
+        (MODEL, SMALL, {"bla": FRM.entry(0, 0)}, "of several inputs or outputs, got one of one input"),
         (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of class NominalFit for this model, got 3"),
         (single, 2.0, {"report": report}, "report must be of class RobustnessReport for this model, got Structured"),
-        (single, 2.0, {"bla": FRM}, "bla must be of class Bla for this model, got Frm"),
+        (single, 2.0, {"bla": FRM}, "of one input and output, got one of 2 x 2"),
     ):
         with pytest.raises(ValueError, match=message):
             robust.write_report(tmp_path / "n.html", model, K, **parts)

@@ -116,9 +116,13 @@ def test_orders_are_scanned_over_both():
 
 def test_refusals():
     bla = measured(LOW, 1).entry(0, 0)
-    with pytest.raises(ValueError, match="bla must be of type Frm, got Bla"):
+    with pytest.raises(
+        ValueError, match=r"bla must be an nlfrf\.Bla of several inputs or outputs, got one of one input"
+    ):
         robust.uncertainty([measured(LOW, 1), bla], fitted())
-    with pytest.raises(ValueError, match="bla must be of type Frm, got Bla"):
+    with pytest.raises(
+        ValueError, match=r"bla must be an nlfrf\.Bla of several inputs or outputs, got one of one input"
+    ):
         robust.fit_nominal([bla, measured(LOW, 1)], n_poles=2)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", nlfrf.DataWarning)

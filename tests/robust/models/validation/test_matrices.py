@@ -142,7 +142,7 @@ def test_the_fit_of_channels_in_another_order_is_refused():
 
 def test_refusals():
     frm = matrix(1)
-    with pytest.raises(ValueError, match=r"bla must be an nlfrf\.Frm, as the model, got"):
+    with pytest.raises(ValueError, match=r"bla must be an nlfrf.Bla of several inputs or outputs, got"):
         robust.validate(frm, frm.entry(0, 0))
     with pytest.raises(ValueError, match="bla must have lines inside the band of the model, got none"):
         robust.validate(frm, replace(frm, f=frm.f + 1e3))

@@ -1,0 +1,39 @@
+"""Whether a measured FRF is of one input and one output, or a matrix of several."""
+
+from __future__ import annotations
+
+from typing import Any, TypeGuard
+
+from nlfrf import Bla
+from nlfrf._base.arguments import shown
+
+__all__ = ["is_matrix", "is_single", "require_matrix", "require_single"]
+
+
+def is_single(thing: Any) -> TypeGuard[Bla]:
+    """Whether it is a `Bla` of one input and one output."""
+    return isinstance(thing, Bla) and thing.is_single
+
+
+def is_matrix(thing: Any) -> TypeGuard[Bla]:
+    """Whether it is a `Bla` of several inputs or outputs."""
+    return isinstance(thing, Bla) and not thing.is_single
+
+
+def require_matrix(name: str, thing: Any) -> None:
+    """Refuse anything but a `Bla` of several inputs or outputs."""
+    if not is_matrix(thing):
+        raise ValueError(f"{name} must be an nlfrf.Bla of several inputs or outputs, got {described(thing)}")
+
+
+def require_single(name: str, thing: Any) -> None:
+    """Refuse anything but a `Bla` of one input and one output."""
+    if not is_single(thing):
+        raise ValueError(f"{name} must be an nlfrf.Bla of one input and output, got {described(thing)}")
+
+
+def described(thing: Any) -> str:
+    """A value in a refusal: of a `Bla` how many channels it has."""
+    if not isinstance(thing, Bla):
+        return shown(thing)
+    return "one of one input and output" if thing.is_single else f"one of {thing.n_outputs} x {thing.n_inputs}"
