@@ -22,7 +22,7 @@ from nlfrf._base.arguments import integer, real, shown
 from nlfrf._base.values import value
 from robust.lti.connections import joined, lower, refuse_shape
 from robust.lti.grids import structure_grid
-from robust.lti.lti import along, clock_of, clocks_differ, constant, refuse_other_clock, timebase
+from robust.lti.lti import along, clock_of, clocks_differ, constant, names_of, refuse_other_clock, timebase
 from robust.lti.realisation import multivariable
 from robust.lti.stability import winding
 from robust.models.sets.matrix_model import MatrixUncertainty
@@ -231,12 +231,11 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     >>> round(margins.inputs[0].alpha, 2), round(margins.all_inputs.alpha, 4)    # 1/sqrt(100.5)
     (2.0, 0.0998)
     """
-    names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
-    if isinstance(G, MatrixUncertainty):
-        names, G = (G.inputs, G.outputs), G.nominal
+    model, G = G, G.nominal if isinstance(G, MatrixUncertainty) else G
     K = multivariable("K", K)
     if not isinstance(G, control.FrequencyResponseData):
         G = multivariable("G", G)
+    names = (model.inputs, model.outputs) if isinstance(model, MatrixUncertainty) else names_of(G)
     n_y, n_u = G.noutputs, G.ninputs
     refuse_shape(K, n_y, n_u)
     S, reason = sensitivity(around(G, K), integer("n_unstable", n_unstable, least=0))
@@ -252,8 +251,8 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
         all_inputs=of(*into),
         all_outputs=of(*out),
         everywhere=of(*into, *out),
-        input_names=names[0] or tuple(f"u{k + 1}" for k in range(n_u)),
-        output_names=names[1] or tuple(f"y{k + 1}" for k in range(n_y)),
+        input_names=names[0],
+        output_names=names[1],
     )
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
 from scipy.linalg import expm
 
-from nlfrf._base.arguments import hertz, nonnegative, positive, real_array
+from nlfrf._base.arguments import hertz, integer, nonnegative, positive, real_array
 from nlfrf._base.values import Sketch, value
 from robust.lti.connections import closed_loop, lower
 from robust.lti.grids import structure_grid
 from robust.lti.lti import along, constant, evaluate, in_s, timebase
-from robust.lti.realisation import multivariable, state_space
+from robust.lti.realisation import multivariable
 from robust.lti.sampling import delayed, sampled
 from robust.lti.stability import stable
 
@@ -264,8 +265,8 @@ class StepResponse:
     ------
     t : (n,) ndarray
         Time [s]; the sampling instants of a sampled loop.
-    y, u : (n,) ndarray
-        Output [unit of y] and input of the plant [unit of u], per unit of the step.
+    y, u : (n,) or (n_y, n), (n_u, n) ndarray
+        Outputs [unit of y] and inputs of the plant [unit of u], per unit of the step.
     final : float
         Where y goes, from the transfer function; one with an integrator in the loop.
     overshoot : float
@@ -306,8 +307,10 @@ class StepResponse:
         )
 
 
-def step_response(plant: Any, K: Any, *, delay: float = 0.0, duration: float | None = None) -> StepResponse:
-    """A step of the reference through the loop u = K (r - y).
+def step_response(
+    plant: Any, K: Any, *, delay: float = 0.0, duration: float | None = None, reference: int = 0
+) -> StepResponse:
+    """A step of one reference through the loop u = K (r - y), of one or several inputs and outputs.
 
     Parameters
     ----------
@@ -320,6 +323,8 @@ def step_response(plant: Any, K: Any, *, delay: float = 0.0, duration: float | N
         Computation delay [s].
     duration : float, optional
         Horizon [s]; until y has settled when not given.
+    reference : int
+        Of several outputs the one whose reference steps, from 0; the numbers are those of this output.
 
     Returns
     -------
@@ -341,20 +346,25 @@ def step_response(plant: Any, K: Any, *, delay: float = 0.0, duration: float | N
     >>> bool(abs(step.overshoot - np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))) < 1e-3)
     True
     """
-    G, K = state_space("plant", plant), state_space("K", K)
-    delay = nonnegative("delay", delay)
+    G, K = multivariable("plant", plant), multivariable("K", K)
+    delay, j = nonnegative("delay", delay), integer("reference", reference, least=0)
+    n_y = G.noutputs
+    if j >= n_y:
+        raise ValueError(f"reference must be below the {n_y} outputs of the plant, got {j}")
     dt = timebase(G) if constant(K) else timebase(K)
     if dt and not timebase(G) and not constant(G):
         G = sampled(G, dt, delay)
     elif delay:
         G = delayed(G, delay, order=DELAY_ORDER)
     A, B, C, D = closed_loop(G, K, ("y", "u"), ("r",))
-    loop = control.StateSpace(A, B, C, D, dt)
-    if not stable(loop):
+    loop = control.StateSpace(A, B[:, [j]], C, D[:, [j]], dt)
+    if not stable(control.StateSpace(A, B, C, D, dt)):
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
-    final = float(evaluate(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, 0, 0].real)
+    final = float(evaluate(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(loop, None if duration is None else positive("duration", duration))
-    return judged(t, out[0], out[1], final, cut=duration is None)
+    step = judged(t, out[j], out[n_y], final, cut=duration is None)
+    kept = step.t.size
+    return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept])
 
 
 def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:

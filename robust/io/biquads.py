@@ -9,7 +9,7 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 from robust.lti.lti import on_axis, poles, response, timebase, zeros
-from robust.lti.realisation import in_order, paired, state_space
+from robust.lti.realisation import diagonal_loops, in_order, multivariable, paired
 
 __all__ = ["controller_sections", "polynomials", "roots_and_gain", "told_sections"]
 
@@ -17,31 +17,33 @@ SLOW = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z
 EXACT, EXACT_SLOW = 1e-6, 1e-3
 
 
-def controller_sections(K: Any) -> np.ndarray:
+def controller_sections(K: Any) -> Any:
     """A discrete controller as second-order sections, the form in which it runs on a target.
 
     Parameters
     ----------
     K : control.StateSpace or TransferFunction
-        Discrete controller.
+        Discrete controller; of several channels without coupling, a loop for each.
 
     Returns
     -------
-    (n, 6) ndarray
+    (n, 6) ndarray, or a tuple of them, one a loop, for several channels
         Rows b0 b1 b2 1 a1 a2, run one after the other: y = b0 u + b1 u[k-1] + ... - a1 y[k-1] - a2 y[k-2].
 
     Raises
     ------
     ValueError
-        A continuous controller, or one whose sections do not reproduce its response: to 1e-6, below 0.01 rad a sample,
-        where coefficients lose digits, to 1e-3.
+        A continuous controller, one that couples its channels, or one whose sections do not reproduce its response: to
+        1e-6, below 0.01 rad a sample, where coefficients lose digits, to 1e-3.
 
     Examples
     --------
     >>> controller_sections(control.tf([1, -0.5], [1, -0.9], 0.01)).tolist()
     [[1.0, -0.5, 0.0, 1.0, -0.9, 0.0]]
     """
-    K = state_space("K", K)
+    K = multivariable("K", K)
+    if (K.ninputs, K.noutputs) != (1, 1):
+        return tuple(map(controller_sections, diagonal_loops("K", K)))
     dt = timebase(K)
     if not dt:
         raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")

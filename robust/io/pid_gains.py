@@ -12,7 +12,7 @@ from nlfrf._base.arguments import inverse_unit, listed, of_kind, positive
 from nlfrf._base.values import value
 from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
-from robust.lti.realisation import state_space
+from robust.lti.realisation import diagonal_loops, multivariable
 
 __all__ = ["PidGains", "pid_gains", "told_gains", "unusual_gains"]
 
@@ -146,13 +146,14 @@ class PidGains:
         return "\n".join(rows)
 
 
-def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
+def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     """The gains of a controller that is a PID, or a part of one, as they are typed into a drive or a PLC.
 
     Parameters
     ----------
     K : control.StateSpace, TransferFunction or float
-        Controller. The gains of a sampled one are those of the trapezoidal rule (Tustin), which is exact for it.
+        Controller; of several channels without coupling, a loop for each. The gains of a sampled one are those of the
+        trapezoidal rule (Tustin), which is exact for it.
     dt : float, optional
         Sampling time [s] of the difference equation of a continuous K.
     unit : str
@@ -160,14 +161,14 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
 
     Returns
     -------
-    PidGains
+    PidGains, or a tuple of them, one a loop, for several channels
         Printed, it shows the parallel form, the ideal form, and the difference equation. A gain below some 1e-14 of the
         numbers that hold it (of Kp: Ki dt/2, Kd/Tf and Kd/dt) is lost in K already, and zero here.
 
     Raises
     ------
     ValueError
-        A controller that is no PID: more than one integrator and one stable real pole.
+        A controller that is no PID: more than one integrator and one stable real pole. One that couples its channels.
 
     References
     ----------
@@ -185,7 +186,9 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
     once a sample, at 10 Hz, e = r - y: i[k] = i[k-1] + 0.15 (e[k] + e[k-1]); u[k] = 2 e[k] + i[k]
     """
     of_kind("unit", unit, str)
-    K = state_space("K", K)
+    K = multivariable("K", K)
+    if (K.ninputs, K.noutputs) != (1, 1):
+        return tuple(pid_gains(loop, dt=dt, unit=unit) for loop in diagonal_loops("K", K))
     sampled = timebase(K)
     integrates, filter_time = parts_of(K, sampled)
     kp, ki, kd = gains_of(K, sampled, integrates, filter_time)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -25,6 +25,8 @@ __all__ = [
     "fits_any_clock",
     "in_s",
     "make_picklable",
+    "named",
+    "names_of",
     "on_axis",
     "over_frequency",
     "poles",
@@ -68,6 +70,21 @@ SAME_CLOCK = 1e-9  # of a sampling time: two that differ by less are one
 AT_ONCE = 8000  # numbers of the matrices that are solved together: they stay in the cache
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 make_picklable()  # here, as every room that makes or takes a system stands on this one
+
+
+def named(system: control.StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> control.StateSpace:
+    """The same system, with these names of its channels."""
+    system.update_names(inputs=list(inputs), outputs=list(outputs))
+    return system
+
+
+def names_of(system: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of its inputs and outputs; u1, u2, ... and y1, y2, ... where nobody gave any."""
+    pairs = ((system.input_labels, "u"), (system.output_labels, "y"))
+    return tuple(  # type: ignore[return-value]  # of two
+        tuple(f"{letter}{i + 1}" if label == f"{letter}[{i}]" else label for i, label in enumerate(labels))
+        for labels, letter in pairs
+    )
 
 
 def timebase(system: control.StateSpace) -> float:

@@ -15,6 +15,7 @@ from robust.lti.lti import clock_of, constant, poles, refuse_other_clock, respon
 from robust.lti.stability import stable
 
 __all__ = [
+    "diagonal_loops",
     "frequency_response",
     "from_roots",
     "in_order",
@@ -80,12 +81,37 @@ def state_space(name: str, system: Any) -> control.StateSpace:
     return complete(name, system)
 
 
+def diagonal_loops(name: str, K: control.StateSpace) -> list[control.StateSpace]:
+    """The loops of a controller of several channels without coupling, each with the states it uses; else a refusal."""
+    if K.ninputs != K.noutputs:
+        raise ValueError(f"{name} must have as many inputs as outputs, got {K.ninputs} and {K.noutputs}")
+    parts = {(j, i): structural_part(K, j, i) for j in range(K.noutputs) for i in range(K.ninputs)}
+    for (j, i), part in parts.items():
+        if i != j and (part.nstates or part.D[0, 0]):
+            raise ValueError(
+                f"{name} must be diagonal, a loop for each channel, got a coupling from {K.input_labels[i]} to "
+                f"{K.output_labels[j]}"
+            )
+    return [parts[k, k] for k in range(K.ninputs)]
+
+
+def structural_part(K: control.StateSpace, j: int, i: int) -> control.StateSpace:
+    """Entry (j, i) with the states that its input reaches and its output sees, by the zeros of A, B and C alone."""
+    links = K.A != 0
+    reached, seen = K.B[:, i] != 0, K.C[j] != 0
+    for _ in range(K.nstates):
+        reached, seen = reached | links @ reached, seen | seen @ links
+    kept = np.flatnonzero(reached & seen)
+    return control.StateSpace(K.A[np.ix_(kept, kept)], K.B[kept][:, [i]], K.C[[j]][:, kept], K.D[[j]][:, [i]], K.dt)
+
+
 def complete(name: str, system: control.StateSpace) -> control.StateSpace:
     """A state space that states its sampling time, unless it is a gain, and has finite matrices, or a refusal."""
     if system.dt is True and system.nstates:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
     if system.dt is True:  # a gain that is discrete, at whatever rate: it fits any
-        system = control.StateSpace(system.A, system.B, system.C, system.D, None)
+        names = {"inputs": system.input_labels, "outputs": system.output_labels}
+        system = control.StateSpace(system.A, system.B, system.C, system.D, None, **names)
     for matrix in (system.A, system.B, system.C, system.D):
         if not np.isfinite(matrix).all():
             raise ValueError(f"{name} must have finite coefficients, got nan or infinite ones")

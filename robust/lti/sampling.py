@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from nlfrf._base.arguments import nonnegative, positive
 from robust.lti.connections import in_series, joined
-from robust.lti.lti import poles, response, timebase, zeros
+from robust.lti.lti import named, poles, response, timebase, zeros
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
 
@@ -85,7 +85,7 @@ def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
         )
     n_memory = whole + (rest > 0)
     if n_memory == 0:
-        return control.StateSpace(Phi, late, C, D, dt)
+        return named(control.StateSpace(Phi, late, C, D, dt), system.input_labels, system.output_labels)
     # states: x, then u[k-1], u[k-2], ..., u[k-n_memory]
     size = n + n_memory * m
     Ad, Bd, Cd = np.zeros((size, size)), np.zeros((size, m)), np.zeros((C.shape[0], size))
@@ -101,7 +101,7 @@ def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
     if rest > 0:
         Ad[:n, n + whole * m : n + (whole + 1) * m] = after @ early
     Cd[:, n + (n_memory - 1) * m :] = D
-    return control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt)
+    return named(control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt), system.input_labels, system.output_labels)
 
 
 def delay_samples(name: str, delay: float, dt: float) -> int:
@@ -220,7 +220,8 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
     if prewarp * dt >= np.pi:
         raise ValueError(f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g} rad/s")
     scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
-    return control.StateSpace(*to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D), dt)
+    image = to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D)
+    return named(control.StateSpace(*image, dt), K.input_labels, K.output_labels)
 
 
 def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:

@@ -214,8 +214,11 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     drawn = ((worst, "worst plant", COLOR["limit"], "--"), (step, "nominal plant", COLOR["radius"], "-"))
     for one, label, color, style in drawn:
         if one is not None:
-            t, y = np.append(one.t, end), np.append(one.y, one.y[-1])
-            ax.plot(t, y, style, lw=1.6, color=color, label=f"{label}: overshoot {100 * one.overshoot:.0f} %")
+            t, rows = np.append(one.t, end), np.atleast_2d(one.y)
+            moved = int(np.argmin(np.abs(rows[:, -1] - one.final)))  # of several outputs the one that was asked to step
+            for j, row in enumerate(rows):
+                said = f"{label}: overshoot {100 * one.overshoot:.0f} %" if j == moved else None
+                ax.plot(t, np.append(row, row[-1]), style, lw=1.6 if said else 0.8, color=color, label=said)
     ax.set(xlabel="time [s]", ylabel=in_unit("y", unit, "unit of y"), title="A step of the reference by one unit of y")
     return finished(ax)
 

@@ -14,7 +14,7 @@ from nlfrf import Bla, Frm
 from nlfrf._base.arguments import integer, nonnegative, real_array, shown
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
-from robust.lti.lti import SAME_CLOCK, response
+from robust.lti.lti import SAME_CLOCK, named, response
 from robust.lti.realisation import from_roots, in_order
 from robust.lti.sampling import delay_samples, discretize, hold_between
 from robust.models.fit.fit_uncertainty import estimate_uncertainty, probability_of_cost, told_roots
@@ -155,7 +155,7 @@ def fit_matrix(
     weighted = left @ np.moveaxis(residual, 2, 0) @ right
     L = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
     expected = frm.n_outputs * frm.n_inputs * np.sum(L / np.maximum(L - frm.n_outputs, np.finfo(float).tiny))
-    G = model.state_space()
+    G = named(model.state_space(), frm.inputs, frm.outputs)
     return dict(
         G=discretize(G, dt) if dt else G,
         delay=float(tau.min()),

@@ -29,7 +29,7 @@ from nlfrf._base.arguments import one_of, real_array
 from nlfrf._base.numbers import squared
 from nlfrf._base.values import value
 from robust.lti.connections import joined, lower, refuse_shape, weighted_plant
-from robust.lti.lti import SAME_CLOCK, along, clock_of, fits_any_clock, refuse_other_clock, timebase
+from robust.lti.lti import SAME_CLOCK, along, clock_of, fits_any_clock, names_of, refuse_other_clock, timebase
 from robust.lti.realisation import multivariable, over_channels
 from robust.lti.stability import stable
 from robust.models.sets.evidence import MatrixEvidence
@@ -146,9 +146,8 @@ class MatrixUncertainty:
             cover = np.abs(gain_of(weight, self.omega)) / self.radius[k]
             if cover.min() < 1 - 1e-6:
                 raise ValueError(f"weights must cover their radius, got a ratio of {cover.min():g} in place {k}")
-        for name, letter, n in (("inputs", "u", n_u), ("outputs", "y", n_y)):
-            names = tuple(getattr(self, name)) or tuple(f"{letter}{i + 1}" for i in range(n))
-            object.__setattr__(self, name, names)
+        for name, known in zip(("inputs", "outputs"), names_of(G), strict=True):
+            object.__setattr__(self, name, tuple(getattr(self, name)) or known)
         if self.other is not None and self.other.confidence != self.confidence:
             raise ValueError(
                 f"other must have confidence {self.confidence:g} as this set, got {self.other.confidence:g}"

@@ -22,7 +22,7 @@ from nlfrf._base.values import value
 from robust.analysis.check import check
 from robust.lti.connections import joined
 from robust.lti.grids import beside_modes, interpolated, structure_grid
-from robust.lti.lti import over_frequency, response, timebase
+from robust.lti.lti import named, over_frequency, response, timebase
 from robust.lti.stability import outside, unstable_poles, winding
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
 from robust.models.sets.matrix_model import MatrixUncertainty
@@ -129,14 +129,14 @@ def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[st
         if not whole or not 0 < margin < np.inf or late:
             break
         wider *= 1.1 / margin
-    bad = [f"{named(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
+    bad = [f"{loop_name(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
     bad += [f"not found: {whole}"] if whole else []
     said = (
         f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
         "designed again where it fell short"
     )
     return Design(
-        K=joined(K, dt),
+        K=named(joined(K, dt), plant.outputs, plant.inputs),
         gamma=float(np.max([loop.gamma for loop in loops])),
         met=not bad,
         reason="; ".join(bad) or f"{said}; the whole set is stable, up to {margin:.3g} times as large",
@@ -227,7 +227,7 @@ def crossover(given: Any) -> float:
     return float(np.min(given)) if given is not None else 0.0
 
 
-def named(plant: Bla | MatrixUncertainty, k: int) -> str:
+def loop_name(plant: Bla | MatrixUncertainty, k: int) -> str:
     """A loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
@@ -247,7 +247,9 @@ def design_one(
         return design_loop(discs, structure, **(asked if K[k] is None else {**asked, "start": K[k]}))
     except ValueError as error:
         closed = ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
-        raise ValueError(f"{named(plant, k)} must close with loops {closed} closed before it, but {error}") from None
+        raise ValueError(
+            f"{loop_name(plant, k)} must close with loops {closed} closed before it, but {error}"
+        ) from None
 
 
 def tightened(own: tuple[Any, dict[str, Any]], share: float) -> tuple[Any, dict[str, Any]]:
@@ -300,6 +302,6 @@ def unstable_in_turn(plant: Bla, seen: MatrixOnLines, K: list[Any], order: list[
         loop = seen.seen_by(k, closed, 1.0)
         turns, clear = winding(loop.omega, loop.G, K[k], dt)
         if not clear or turns != unstable_poles(K[k], dt):
-            return f"the whole is not known to be stable: {named(plant, k)} winds {turns} times about zero"
+            return f"the whole is not known to be stable: {loop_name(plant, k)} winds {turns} times about zero"
         closed[k] = K[k]
     return ""

@@ -8,7 +8,7 @@ import control
 
 from nlfrf._base.arguments import nonnegative, positive
 from robust.lti.connections import weighted_plant
-from robust.lti.lti import constant, timebase
+from robust.lti.lti import constant, named, timebase
 from robust.lti.realisation import multivariable, stable_weight
 from robust.lti.sampling import delayed, discretize, sampled
 from robust.models.sets.forms import FORMS
@@ -90,6 +90,7 @@ def mixsyn(
     dt, delay, time_cap = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_cap", time_cap)
     G = multivariable("model", model.nominal if is_model(model) else model)
     n_y, n_u, step = G.noutputs, G.ninputs, timebase(G)
+    names = G.output_labels, G.input_labels
     if step and dt and abs(step / dt - 1) > 1e-9:
         raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
     G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=PADE_ORDER)
@@ -110,6 +111,7 @@ def mixsyn(
     G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
     found = hinfsyn(weighted_plant(G, n_y, n_u, stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
+    named(K, *names)
     reason = found.reason if found.found else f"not found: {found.reason}"
     return Design(
         K=K,

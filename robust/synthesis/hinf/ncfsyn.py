@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import positive, real
 from robust.lti.connections import closed_loop, in_series, joined
-from robust.lti.lti import fits_any_clock, response, timebase
+from robust.lti.lti import fits_any_clock, named, response, timebase
 from robust.lti.norms import hinf_norm, to_continuous, to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
 from robust.models.sets.matrix_model import MatrixUncertainty
@@ -82,7 +82,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     Ak = A + B @ F + Bk @ (C + D @ F)
     central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
     K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
-    K = in_series(W2, K_inf, W1, dt=dt)
+    K = named(in_series(W2, K_inf, W1, dt=dt), G.output_labels, G.input_labels)  # from the outputs of G to its inputs
     achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
     if not np.isfinite(achieved):
         return Design(K=K, gamma=achieved, gamma_min=gamma_min)

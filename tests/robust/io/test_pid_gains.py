@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import dlsim
 
+import robust
 from robust import cli, design_frf, fit_nominal, pid, pid_gains, save_controller, save_model, uncertainty
 from tests.support.bla import make_bla
 
@@ -141,3 +142,29 @@ def test_small_gains_are_not_lost():
 def test_a_controller_that_is_zero(K):
     found = pid_gains(K)
     assert (found.kp, found.ki, found.kd) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("dt", [0, 1e-3])
+def test_a_controller_of_several_loops_has_the_gains_of_each(dt):
+    gains = [{"kp": 2.0, "ki": 3.0, "kd": 0.1, "filter_time": 0.01}, {"kp": -0.4, "ki": 0.0, "kd": 0.0}]
+    loops = [pid(**one, dt=dt) for one in gains]
+    rng = np.random.default_rng(1)
+    K = control.append(*loops)
+    order = rng.permutation(K.nstates)  # the states of the loops need not lie side by side
+    mixed = control.ss(K.A[np.ix_(order, order)], K.B[order], K.C[:, order], K.D, K.dt)
+    for found, wanted in zip(pid_gains(mixed), map(pid_gains, loops), strict=True):
+        assert (found.kp, found.ki, found.kd) == pytest.approx((wanted.kp, wanted.ki, wanted.kd))
+    if dt:
+        for found, loop in zip(robust.controller_sections(mixed), loops, strict=True):
+            np.testing.assert_allclose(found, robust.controller_sections(loop), atol=1e-9)
+
+
+def test_a_controller_that_couples_its_channels_is_refused():
+    K = control.ss([], [], [], [[1.0, 0.2], [0.0, 1.0]], inputs=["x", "y"], outputs=["fx", "fy"])
+    for of in (pid_gains, robust.controller_sections):
+        with pytest.raises(
+            ValueError, match="K must be diagonal, a loop for each channel, got a coupling from y to fx"
+        ):
+            of(control.ss(K.A, K.B, K.C, K.D, 0.1, inputs=K.input_labels, outputs=K.output_labels))
+    with pytest.raises(ValueError, match="K must have as many inputs as outputs, got 2 and 1"):
+        pid_gains(np.ones((1, 2)))

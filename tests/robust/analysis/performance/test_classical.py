@@ -91,3 +91,24 @@ def test_a_loop_that_is_not_stable_has_no_step():
         step_response(control.tf([1], [1, -1]), 0.5)
     with pytest.raises(ValueError, match="delay must"):
         step_response(control.tf([1], [1, 1]), 0.5, delay=-1)
+
+
+@pytest.mark.parametrize("dt", [0, 0.02])
+def test_a_step_of_one_of_several_references_is_that_of_the_closed_loop(dt):
+    rng = np.random.default_rng(3)
+    A = rng.standard_normal((4, 4))
+    A -= (np.linalg.eigvals(A).real.max() + 0.5) * np.eye(4)
+    G = control.ss(A, rng.standard_normal((4, 2)), rng.standard_normal((3, 4)), np.zeros((3, 2)))
+    K = control.ss([[-1.0]], 0.1 * np.ones((1, 3)), [[0.2], [-0.1]], 0.05 * rng.standard_normal((2, 3)), dt)
+    seen = sampled(G, dt) if dt else G
+    loop = control.feedback(seen * K, np.eye(3))
+    for j in range(3):
+        step = step_response(G, K, duration=3.0, reference=j)
+        assert (step.y.shape[0], step.u.shape[0]) == (3, 2)
+        even = np.linspace(0, 3, 1501) if not dt else step.t
+        wanted = control.forced_response(loop, even, np.outer(np.eye(3)[j], np.ones(even.size))).outputs
+        for found, one in zip(step.y, wanted, strict=True):
+            np.testing.assert_allclose(np.interp(even, step.t, found), one, atol=1e-9 if dt else 1e-3)
+        assert step.final == pytest.approx(loop.dcgain()[j, j])
+    with pytest.raises(ValueError, match="reference must be below the 3 outputs of the plant, got 3"):
+        step_response(G, K, reference=3)

@@ -1,0 +1,46 @@
+"""Names of channels go through: from the record to the model, to the controller and what it sees."""
+
+import control
+import numpy as np
+import pytest
+
+import nlfrf
+import robust
+
+INPUTS, OUTPUTS = ("fx", "fy"), ("x", "y")
+
+
+@pytest.fixture(scope="module")
+def model():
+    ms = nlfrf.multisine("random-odd", fs=256, n_samples=1024, f_min=0.5, f_max=60, n_inputs=2, rng=1)
+    s = 2j * np.pi * np.fft.rfftfreq(1024, 1 / 256)
+    G = np.array([[5 / (s / 10 + 1), 1 / (s / 20 + 1)], [0.5 / (s / 20 + 1), 3 / (s / 8 + 1)]])
+    u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    y = np.fft.irfft(np.einsum("ijk,jmpk->impk", G, np.fft.rfft(u)), 1024)
+    y += 0.01 * u**3 + 1e-3 * np.random.default_rng(0).standard_normal(y.shape)
+    record = nlfrf.Record(u=u, y=y, fs=256, lines=ms.lines, inputs=INPUTS, outputs=OUTPUTS)
+    bla = nlfrf.identify(record)
+    assert (bla.inputs, bla.outputs) == (INPUTS, OUTPUTS)
+    return robust.uncertainty(bla, robust.fit_nominal(bla, n_poles=4))
+
+
+def test_a_model_and_what_a_sampled_controller_sees_keep_the_names_of_the_record(model):
+    for G in (model.nominal, robust.sampled(model.nominal, 1e-3), robust.sampled(model.nominal, 1e-3, 1.5e-3)):
+        assert (tuple(G.input_labels), tuple(G.output_labels)) == (INPUTS, OUTPUTS)
+    assert (model.inputs, model.outputs) == (INPUTS, OUTPUTS)
+    assert robust.disk_margins(model.nominal, 0.1 * np.eye(2)).input_names == INPUTS
+
+
+@pytest.mark.parametrize("design", [lambda G: robust.ncfsyn(G).K, lambda G: robust.mixsyn(G, 0.5).K])
+def test_a_controller_runs_from_the_outputs_of_its_plant_to_its_inputs(model, design):
+    K = design(model.nominal)
+    for one in (K, robust.discretize(K, 1e-3)):
+        assert (tuple(one.input_labels), tuple(one.output_labels)) == (OUTPUTS, INPUTS)
+
+
+def test_a_model_made_by_hand_takes_the_names_of_its_nominal():
+    G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), inputs=INPUTS, outputs=OUTPUTS)
+    w, omega = control.ss([], [], [], [[0.2]]), np.array([1.0, 2.0])
+    weights = {"left": (w, w), "right": (w, w), "radius": np.full((4, 2), 0.2)}
+    made = robust.MatrixUncertainty(nominal=G, form="additive", omega=omega, confidence=0.95, **weights)
+    assert (made.inputs, made.outputs) == (INPUTS, OUTPUTS)
