@@ -32,6 +32,7 @@ from robust.lti.connections import joined, lower, refuse_shape, weighted_plant
 from robust.lti.lti import SAME_CLOCK, along, clock_of, fits_any_clock, names_of, refuse_other_clock, timebase
 from robust.lti.realisation import multivariable, over_channels
 from robust.lti.stability import stable
+from robust.models.fit.weights import cover_sampled
 from robust.models.sets.evidence import MatrixEvidence
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT, MATRIX_FORMS, PERTURBATIONS
 from robust.models.sets.interconnection import Block, UncertainSystem
@@ -273,7 +274,8 @@ class MatrixUncertainty:
         """The loop u = K (r - y) with the perturbations pulled out, for `check_structure`, `mu_upper`, `dk_iteration`.
 
         w_P : control.StateSpace, optional
-            Performance weight on r - y: one for all outputs alike, or a matrix that takes them all.
+            Performance weight on r - y: one for all outputs alike, which may be continuous over a sampled loop, or a
+            matrix that takes them all.
         """
         K = multivariable("K", K)
         n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
@@ -285,6 +287,10 @@ class MatrixUncertainty:
             )
         P = self.open_loop()
         n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
+        if w_P is not None:
+            w_P = multivariable("w_P", w_P)
+            if dt and w_P.nstates and not timebase(w_P) and (w_P.ninputs, w_P.noutputs) == (1, 1):
+                w_P = cover_sampled(w_P, dt)
         weights = [] if w_P is None else [("e", over_channels("w_P", w_P, n_y))]
         for _, weight in weights:
             refuse_other_clock("w_P", weight, "the model", clock_of(P))

@@ -8,6 +8,7 @@ from robust import fit_weight, performance_weight
 from robust.lti.lti import response
 from robust.lti.realisation import from_roots, in_order
 from robust.models.fit.refinement import curvature, problem_on
+from robust.models.fit.weights import cover_sampled
 
 OMEGA = np.geomspace(1, 1e4, 1000)
 LINES = np.sort(np.concatenate([8 * np.arange(500) + 1, 8 * np.arange(500) + 3])) * 0.5 * np.pi
@@ -209,3 +210,13 @@ def test_slopes_and_curvature_are_those_of_differences(order):
             (up, J_up), (down, J_down) = (problem.excess(theta + s, 0.3, order) for s in (step, -step))
             np.testing.assert_allclose((up - down) / 2e-5, J[i], rtol=1e-5, atol=1e-7)
             np.testing.assert_allclose((J_up - J_down)[:-1] @ first / 2e-5, H[i], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("dt", [1e-2, 1e-3])
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_discrete_weight_covers_a_continuous_demand_up_to_nyquist(dt, order):
+    w_P = performance_weight(0.3 / dt, A=1e-3, order=order)
+    omega = np.geomspace(1e-3 / dt, np.pi / dt, 5000)
+    ratio = np.abs(cover_sampled(w_P, dt)(np.exp(1j * omega * dt))) / np.abs(w_P(1j * omega))
+    assert ratio.min() > 1 - 1e-4
+    assert ratio.max() < 1.06
