@@ -15,10 +15,11 @@ from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.analysis.check import check
 from robust.analysis.loop import assemble
-from robust.analysis.report import RobustnessReport
-from robust.lti.lti import Matrices, response, timebase
+from robust.lti.connections import closed_loop
+from robust.lti.lti import Matrices, along, named, response, timebase
 from robust.lti.norms import continuous_image, to_discrete
-from robust.lti.realisation import state_space
+from robust.lti.realisation import multivariable, state_space
+from robust.models.sets.matrix_model import MatrixUncertainty
 
 __all__ = ["Reduction", "balanced", "of_factors", "reduce_controller", "split", "weighted"]
 
@@ -140,7 +141,7 @@ class Reduction:
         frequencies) or residualised (exact at zero); "not reduced" otherwise.
     kept : bool
         Whether its check proves what the check of the controller that was given proves.
-    report, before : RobustnessReport
+    report, before : RobustnessReport or StructuredReport
         Of the reduced controller and of the one that was given.
     reason : str
         Why it is not lower, or what was lost.
@@ -166,8 +167,8 @@ class Reduction:
     order: int
     method: str
     kept: bool
-    report: RobustnessReport
-    before: RobustnessReport
+    report: Any
+    before: Any
     reason: str
     n_tried: int
 
@@ -185,7 +186,7 @@ def reduce_controller(
     Parameters
     ----------
     K : control.StateSpace, TransferFunction
-        Controller, continuous or sampled.
+        Controller, continuous or sampled, of one or several channels.
     model, w_P, delay
         As for `check`.
     order : int, optional
@@ -216,7 +217,8 @@ def reduce_controller(
     >>> found.order, round(float(found.K.D[0, 0]), 6)
     (0, 3.0)
     """
-    K, delay = state_space("K", K), nonnegative("delay", delay)
+    several = isinstance(model, MatrixUncertainty)
+    K, delay = multivariable("K", K) if several else state_space("K", K), nonnegative("delay", delay)
     deadline = time.monotonic() + positive("time_cap", time_cap)
     if order is not None and integer("order", order, least=0) >= K.nstates:
         raise ValueError(f"order must be below the {K.nstates} states of K, got {order}")
@@ -236,12 +238,14 @@ def reduce_controller(
             reason = f"the time cap was reached below order {n}"
             break
         n_tried += len(by_order[n])
-        for method, small in ranked(by_order[n], model, w_P, delay, before, every=order is not None):
+        for method, small in ranked(by_order[n], model, w_P, delay, K, before, every=order is not None):
             report = check(model, small, w_P=w_P, delay=delay)
-            kept, lost = compared(small, report, before)
+            kept, lost = compared(report, before, moved(model, K, small, before))
             if kept or order is not None:
                 told = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
-                return Reduction(K=small, order=n, method=method, kept=kept, **told)
+                return Reduction(
+                    K=named(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **told
+                )
     return Reduction(
         K=K,
         order=K.nstates,
@@ -264,8 +268,13 @@ def candidates(
     image = continuous_image(K)
     ways = [lambda: balanced(image), lambda: of_factors(image)]
     if not measured(model):
-        loop = assemble(model, K, w_P, delay)
-        before, behind = (continuous_image(loop.closed((o,), (i,))) for o, i in (("y", "p_in"), ("e", "r")))
+        pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
+        if isinstance(model, MatrixUncertainty):
+            around = [control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs]
+        else:
+            loop = assemble(model, K, w_P, delay)
+            around = [loop.closed(*pair) for pair in pairs]
+        before, behind = map(continuous_image, around)
         if np.all(np.linalg.eigvals(before[0]).real < 0):
             ways.append(lambda: weighted(image, before, behind))
     for way in ways:
@@ -289,7 +298,8 @@ def ranked(
     model: Any,
     w_P: Any,
     delay: float,
-    before: RobustnessReport,
+    whole: control.StateSpace,
+    before: Any,
     *,
     every: bool,
 ) -> list[tuple[str, control.StateSpace]]:
@@ -300,27 +310,33 @@ def ranked(
             report = check(model, K, w_P=w_P, delay=delay, certify=False)
         except ValueError:  # a loop without a solution
             continue
-        performs = report.margin_rp >= 1 if before.robust_performance else moved(K, before) <= CLOSE
+        change = moved(model, whole, K, before)
+        performs = report.margin_rp >= 1 if before.robust_performance else change <= CLOSE
         if (report.margin_rs > 1 and performs) or every:
-            size = report.margin_rp if before.robust_performance else -moved(K, before)
+            size = report.margin_rp if before.robust_performance else -change
             found.append((report.nominally_stable, float(np.nan_to_num(size)), method, K))
     return [(method, K) for _, _, method, K in sorted(found, key=lambda one: one[:2], reverse=True)]
 
 
-def compared(K: control.StateSpace, report: RobustnessReport, before: RobustnessReport) -> tuple[bool, str]:
+def compared(report: Any, before: Any, change: float) -> tuple[bool, str]:
     """Whether everything that was proved before is proved again, and what is not."""
     if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
     if before.robust_performance and not report.robust_performance:
         return False, "robust performance is not proved any more"
-    if not before.robust_performance and not moved(K, before) <= CLOSE:
-        return False, f"the closed loop moved by {moved(K, before):.3g}"
+    if not before.robust_performance and not change <= CLOSE:
+        return False, f"the closed loop moved by {change:.3g}"
     return True, ""
 
 
-def moved(K: control.StateSpace, before: RobustnessReport) -> float:
-    """max |T_r - T| of the nominal loop on its grid, inf where nothing is known of it."""
+def moved(model: Any, K: control.StateSpace, small: control.StateSpace, before: Any) -> float:
+    """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
+    if isinstance(model, MatrixUncertainty):
+        G, one = along(model.nominal, before.omega), np.eye(model.n_outputs)
+        L = (np.moveaxis(np.einsum("jkw,klw->jlw", G, along(part, before.omega)), 2, 0) for part in (K, small))
+        S, S_r = (np.linalg.inv(one + part) for part in L)
+        return float(np.linalg.norm(S_r - S, 2, axis=(1, 2)).max())
     with np.errstate(all="ignore"):
-        d = before.T * (1 - response(K, before.omega) / before.K)  # (W,) (K - K_r) G S
+        d = before.T * (1 - response(small, before.omega) / before.K)  # (W,) (K - K_r) G S
         change = np.abs(before.S * d / (1 - d))
     return float(np.nanmax(change)) if np.isfinite(change).any() else np.inf

@@ -8,6 +8,7 @@ import nlfrf
 import robust
 
 INPUTS, OUTPUTS = ("fx", "fy"), ("x", "y")
+WEAK = 0.02
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +66,20 @@ def test_a_continuous_demand_stands_over_a_sampled_loop(model):
     L = np.moveaxis((sampled.nominal * K)(np.exp(1j * omega * dt)), 2, 0)
     S = np.linalg.norm(np.linalg.inv(np.eye(2) + L), 2, axis=(1, 2)) * np.abs(w_P(1j * omega))
     assert report.mu_rp.max() == pytest.approx(S.max(), rel=0.01)
+
+
+def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
+    """States that the loop hardly sees go, and the verdict stays; the names stay with the controller."""
+    K = robust.ncfsyn(model.nominal, WEAK).K
+    fast = control.ss(-1e4 * np.eye(2), np.eye(2), 1e4 * np.diag([1e-5, 2e-5]), np.zeros((2, 2)))
+    larger = K + fast
+    larger.update_names(inputs=OUTPUTS, outputs=INPUTS)
+    before = robust.check(model, larger)
+    assert before.verdict.is_robust
+    found = robust.reduce_controller(larger, model)
+    assert found.kept
+    assert found.order <= K.nstates
+    assert found.report.verdict == before.verdict
+    assert tuple(found.K.input_labels) == OUTPUTS
+    with pytest.raises(ValueError, match="order must be below the"):
+        robust.reduce_controller(larger, model, order=larger.nstates)
