@@ -33,8 +33,9 @@ PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
 
 
 def things() -> list[tuple[str, str, Any]]:
-    """(module, name, thing) of every public name but the pictures."""
-    return [(module, name, getattr(import_module(module), name)) for module, names in PUBLIC.items() for name in names]
+    """(module, name, thing) of every public name but the pictures and the older names of the same thing."""
+    found = [(module, name, getattr(import_module(module), name)) for module, names in PUBLIC.items() for name in names]
+    return [one for one in found if getattr(one[2], "__name__", one[1]) == one[1]]
 
 
 def pictures() -> list[tuple[str, str, Any]]:

@@ -42,7 +42,7 @@ names = {"inputs": ("piezo 1", "piezo 2", "piezo 3"), "outputs": ("point 1", "po
 def matrix(experiments, first, last):
     lines = nlfrf.LineGrid(excited=np.arange(first, last + 1))
     return nlfrf.identify(
-        nlfrf.MultiRecord(u=u[:, experiments], y=y[:, experiments], fs=FS, lines=lines, **names), transient="none"
+        nlfrf.Record(u=u[:, experiments], y=y[:, experiments], fs=FS, lines=lines, **names), transient="none"
     )
 
 

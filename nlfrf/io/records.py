@@ -344,6 +344,8 @@ def load_record(
     outputs = [y] if isinstance(y, str) else list(y)
     asked = Asked(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
+    if (u, y, r) == ("u", "y", None) and all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
+        return stored_multirecord(files, None, None, fs, asked)
     if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
         raise ValueError(
             f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "

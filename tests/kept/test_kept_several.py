@@ -16,7 +16,8 @@ THEN = json.loads((HERE / "several.json").read_text())
 @pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat"])
 def test_records(suffix):
     then = THEN["record"]
-    for record in (nlfrf.load_multirecord(HERE / f"record{suffix}"), nlfrf.load(HERE / f"record{suffix}")):
+    for load in (nlfrf.load_record, nlfrf.load_multirecord, nlfrf.load):
+        record = load(HERE / f"record{suffix}")
         assert isinstance(record, nlfrf.Record)
         assert (list(record.u.shape), record.fs) == (then["shape"], then["fs"])
         assert (list(record.inputs), list(record.outputs)) == (then["inputs"], then["outputs"])
