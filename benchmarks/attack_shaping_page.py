@@ -17,9 +17,8 @@ import numpy as np
 
 import robust
 from robust.analysis.loop import assemble
-from robust.shaping_page.content import page_content
-from robust.shaping_page.controller import shaped_controller
-from robust.shaping_page.words import Told
+from robust.reports.shaping_page.page import page_content, shaped_controller
+from robust.reports.shaping_page.words import Told
 from tests.support.browser import browser
 from tests.support.shaped_loops import random_loop
 
@@ -46,7 +45,7 @@ def main() -> None:
     warnings.simplefilter("ignore", robust.DesignWarning)
     worst, wrong, unclear, took = dict.fromkeys(("S", "T", "rs", "rp"), 0.0), [], 0, []
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder, browser(Path(folder)) as page:
-        page.run(files("robust.shaping_page").joinpath("arithmetic.js").read_text(encoding="utf-8") + ASK)
+        page.run(files("robust.reports.shaping_page").joinpath("arithmetic.js").read_text(encoding="utf-8") + ASK)
         for k in range(args.loops):
             model, w_P, begin, dt, delay, state = random_loop([args.seed, k])
             content = page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, told=Told())

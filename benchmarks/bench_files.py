@@ -11,7 +11,7 @@ from pathlib import Path
 
 import nlfrf
 from benchmarks.timing import in_turn
-from nlfrf.readers import tables
+from nlfrf.io.readers import tables
 from tests.support.long_records import written
 
 SIZES = {"4 thousand rows": (2048, 2), "a million rows": (250_000, 4)}
@@ -24,7 +24,7 @@ def spent():
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(one.ru_utime + one.ru_stime for one in used)
 nlfrf.load_record, nlfrf.identify
-import nlfrf.files.records, nlfrf.identification.identify
+import nlfrf.io.records, nlfrf.bla.identify
 before, begin = peak(), spent()
 record = nlfrf.load_record(sys.argv[1])
 loaded, middle = peak(), spent()

@@ -14,12 +14,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.timing import best, of_children
-from nlfrf.bench.motion import run
-from nlfrf.bench.rig import Rig, advance, at_rest
-from nlfrf.bench.simulate import one_period
-from nlfrf.excitation.multisine import multisine
 from nlfrf.friction import Coulomb, GeneralizedMaxwellSlip, Leuven, LuGre
 from nlfrf.hysteresis import Tanh, fit_maxwell_slip
+from nlfrf.rig.bench.motion import run
+from nlfrf.rig.bench.rig import Rig, advance, at_rest
+from nlfrf.rig.bench.simulate import one_period
+from nlfrf.signals.multisine import multisine
 
 SLIDING = {"Fs": 1.0, "Fc": 0.7, "vs": 0.01, "sigma2": 0.4}
 CURVE = Tanh(64e3, 1.0)
@@ -113,7 +113,7 @@ def main():
     print("LuGre, 1 s at 4096 Hz")
     against_lsoda()
     if options.full:
-        from nlfrf.studies.reproduce import reproduce
+        from nlfrf.rig.studies.reproduce import reproduce
 
         with tempfile.TemporaryDirectory() as folder:
             elapsed = best(lambda: reproduce(folder, n_realizations=100), 1, time.perf_counter)

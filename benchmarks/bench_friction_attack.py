@@ -19,8 +19,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import robust
-from robust.sliding.loop import sliding_loop
-from robust.sliding.machine import SlidingMachine
+from robust.friction.plant import SlidingMachine, sliding_loop
 
 T = 1e-3
 SLOW = 0.01  # the clock of the fast machines [s]

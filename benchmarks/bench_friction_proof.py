@@ -27,8 +27,8 @@ import robust
 from benchmarks.friction_loops import T, bla_of_level, of_example_14, random_loops
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, Leuven, LuGre, VaryingSliders
-from robust.friction_proof.classes import AnyFriction
-from robust.sliding.loop import sliding_loop
+from robust.friction.classes import AnyFriction
+from robust.friction.plant import sliding_loop
 
 MACHINE = robust.sliding_machine(1.0, 80e3, 0.4)
 K0 = 64e3

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.bench_synthesis import FOLDER
 from robust import hinfsyn
-from robust.synthesis.hinfsyn import synthesise
+from robust.synthesis.hinf.hinfsyn import synthesise
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.compleib import generalised
 from tests.support.precise_lft import lft_norm

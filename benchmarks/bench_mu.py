@@ -16,8 +16,8 @@ import numpy as np
 
 from benchmarks.timing import best
 from robust import certify_mu, dk_iteration, hinfsyn, mu_lower, mu_upper
-from robust.systems.lft import lower
-from robust.systems.lti import evaluate
+from robust.lti.connections import lower
+from robust.lti.lti import evaluate
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 

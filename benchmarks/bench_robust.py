@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.timing import best, in_turn
 from robust import UncertaintyModel, check, fit_weight, performance_weight
-from tests.robust.modelling.test_weights import LINES, OMEGA, SHAPES
+from tests.robust.models.fit.test_weights import LINES, OMEGA, SHAPES
 from tests.support.precise_loops import wrongly_stable
 from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, roots, tf_response, zpk
 

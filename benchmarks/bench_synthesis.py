@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from robust import hinfsyn
-from robust.certificates.stability import instability
-from robust.systems.lft import lower
-from robust.systems.lti import evaluate
+from robust.lti.connections import lower
+from robust.lti.lti import evaluate
+from robust.proofs.search.stability import instability
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.compleib import generalised
 from tests.support.precise_loops import precise_gain

@@ -15,13 +15,13 @@ import control
 import numpy as np
 
 from robust import UncertaintyModel, check
-from robust.analysis.claims import claim_of
-from robust.certificates.stability import instability
-from robust.shared.states import Stability
-from robust.systems.closed_loop import closed_loop
-from robust.verification.claim import as_given
-from robust.verification.loops import verify_loop
-from robust.verification.poles import stable_loop
+from robust._base.states import Stability
+from robust.analysis.proofs import claim_of
+from robust.lti.connections import closed_loop
+from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.loops import verify_loop
+from robust.proofs.exact.stability import stable_loop
+from robust.proofs.search.stability import instability
 from tests.support.hard_loops import boundary_gain, hard_loop, margin, with_gain
 from tests.support.precise_loops import PreciseLoop, just_above
 from tests.support.random_loops import curves, random_case, roots, tf_response, zpk

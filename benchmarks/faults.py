@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import nlfrf
-from nlfrf.records.faults import between
+from nlfrf.records.screening.input import between
 
 N, P, FS = 2000, 8, 1000.0
 ROUNDING = 1e-14  # of an error that is none

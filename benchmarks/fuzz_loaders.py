@@ -16,8 +16,8 @@ import numpy as np
 
 import nlfrf
 import robust
-from tests.nlfrf.files.test_files import FORMATS, fuzz_loader  # the same fuzz as in the tests, longer
-from tests.robust.files.test_certificates import K, make_model
+from tests.nlfrf.io.test_files import FORMATS, fuzz_loader  # the same fuzz as in the tests, longer
+from tests.robust.io.test_certificates import K, make_model
 from tests.support.measurement_files import damaged
 
 

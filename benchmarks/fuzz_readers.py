@@ -21,9 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
-from nlfrf.files import channels
-from nlfrf.readers import matlab
-from nlfrf.shared.own_process import FACTOR, MEMORY, receive, send
+from nlfrf._base.own_process import FACTOR, MEMORY, receive, send
+from nlfrf.io import channels
+from nlfrf.io.readers import matlab
 from tests.support.hostile_files import FAMILIES, harm_of
 from tests.support.measurement_files import WRITERS, fuzz
 

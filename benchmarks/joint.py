@@ -20,7 +20,7 @@ import numpy as np
 import nlfrf
 import robust
 from benchmarks.plants import OTHERS, STATIC, spring
-from robust.systems.lti import response
+from robust.lti.lti import response
 
 DESIGNS = {
     "rig": dict(fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=0.25),

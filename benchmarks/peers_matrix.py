@@ -15,8 +15,8 @@ import warnings
 import numpy as np
 
 import nlfrf
-from nlfrf.multivariable.channels import channel_spectra
-from nlfrf.multivariable.matrix_frf import matrix_frf
+from nlfrf.bla.mimo.channels import channel_spectra
+from nlfrf.bla.mimo.matrix_frf import matrix_frf
 
 SETS = 4
 

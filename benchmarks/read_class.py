@@ -30,8 +30,7 @@ import nlfrf
 import robust
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
-from robust.sliding.loop import sliding_loop
-from robust.sliding.springs import unstable_spring
+from robust.friction.plant import sliding_loop, unstable_spring
 
 __all__ = ["Case", "Tally", "draw_case", "draw_loops", "measure", "read", "tally_case"]
 

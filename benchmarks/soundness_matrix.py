@@ -15,8 +15,8 @@ import control
 import numpy as np
 
 import robust
-from robust.uncertain.forms import MATRIX_FORMS
-from robust.uncertain.matrix_model import MatrixUncertainty
+from robust.models.sets.forms import MATRIX_FORMS
+from robust.models.sets.matrix_model import MatrixUncertainty
 
 
 def random_system(rng, n, n_out, n_in, dt, gain):

@@ -19,7 +19,7 @@ from scipy.stats import kstest, ncx2, norm
 import nlfrf
 import robust
 from benchmarks.plants import OTHERS, STATIC
-from robust.uncertain.evidence import evidence_of
+from robust.models.sets.evidence import evidence_of
 
 F_N, ZETA = 58.6, 0.0622  # of the rig in small motions, as its fit tells
 

@@ -24,15 +24,10 @@ PUBLIC: dict[str, tuple[str, ...]] = {
 }
 #: The order of the reference: that in which data flow.
 WINGS = (
-    *("nlfrf.excitation", "nlfrf.records", "nlfrf.identification", "nlfrf.friction", "nlfrf.bench", "nlfrf.studies"),
-    *("nlfrf.files", "nlfrf.plot", "nlfrf.shared"),
-    *("robust.modelling", "robust.uncertain", "robust.validation", "robust.synthesis", "robust.fixed_structure"),
-    *("robust.loopshaping", "robust.shaping_page", "robust.analysis", "robust.performance", "robust.mu"),
-    *("robust.sliding", "robust.friction_proof", "robust.saturation", "robust.friction_motion"),
-    *("robust.certificates", "robust.systems", "robust.files", "robust.plot", "robust.reports"),
+    *("nlfrf.signals", "nlfrf.records", "nlfrf.bla", "nlfrf.rig", "nlfrf.io", "nlfrf.plot", "nlfrf._base"),
+    *("robust.models", "robust.synthesis", "robust.analysis", "robust.mu", "robust.friction", "robust.proofs"),
+    *("robust.lti", "robust.io", "robust.plot", "robust.reports"),
 )
-#: Public modules beside the wings, and the wing whose names they hand on.
-HOMES_OF_FACES = {"nlfrf.hysteresis": "nlfrf.friction", "robust.shaping_plot": "robust.plot"}
 #: Modules of pictures: every plot_ function is public.
 PICTURES = ("nlfrf.plot", "robust.plot", "robust.shaping_plot")
 
@@ -58,7 +53,7 @@ def wings() -> dict[str, list[tuple[str, str, Any]]]:
     found: dict[str, list[tuple[str, str, Any]]] = {wing: [] for wing in WINGS}
     for module, name, thing in [*things(), *pictures()]:
         home = ".".join(thing.__module__.split(".")[:2])
-        found.setdefault(HOMES_OF_FACES.get(home, home), []).append((module, name, thing))
+        found.setdefault(home, []).append((module, name, thing))
     return {wing: names for wing, names in found.items() if names}
 
 
@@ -67,7 +62,7 @@ def write_pages(folder: Path) -> None:
     index = ["Reference", "=========", ""]
     index += ["Every public name, by the step of the work. Arrays and units are those of the nomenclature.", ""]
     for wing, entries in wings().items():
-        title = wing.replace(".", ": ").replace("_", " ")
+        title = wing.replace("._", ".").replace(".", ": ").replace("_", " ")
         plate = escaped(first_line(import_module(wing)))
         index += [title, "-" * len(title), "", plate, "", ".. list-table::", "   :widths: 30 70", ""]
         for module, name, thing in entries:

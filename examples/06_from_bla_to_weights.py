@@ -13,8 +13,8 @@ import numpy as np
 
 import nlfrf
 import robust
+from robust.lti.lti import response
 from robust.plot import plot_budget, plot_fit, plot_orders, plot_weight
-from robust.systems.lti import response
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/06"), help="folder for the pictures")

@@ -12,8 +12,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import robust
+from robust.lti.lti import response
 from robust.plot import plot_check
-from robust.systems.lti import response
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/11"), help="folder for the pictures")

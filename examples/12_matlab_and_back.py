@@ -17,8 +17,8 @@ from scipy.io import loadmat, savemat
 
 import nlfrf
 import robust
+from robust.lti.lti import response
 from robust.plot import plot_check, plot_loop
-from robust.systems.lti import response
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--out", type=Path, default=Path("demo/12"), help="folder for the files")

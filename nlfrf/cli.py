@@ -13,15 +13,14 @@ import numpy as np
 import typer
 
 import nlfrf
+from nlfrf._base.arguments import counted, nonnegative
+from nlfrf._base.axes import save_figure
+from nlfrf._base.command import Commands, Decimal, Json, Version, end, run, speaker, terminal
+from nlfrf._base.files import require_writable
+from nlfrf._base.values import as_json
 from nlfrf.doctor import examine
-from nlfrf.excitation.lines import KINDS, grid_lines
-from nlfrf.files.multirecords import holds_multirecord
-from nlfrf.shared.arguments import nonnegative
-from nlfrf.shared.axes import save_figure
-from nlfrf.shared.command import Commands, Decimal, Json, Version, end, run, speaker, terminal
-from nlfrf.shared.outputs import require_writable
-from nlfrf.shared.plain import as_json
-from nlfrf.shared.wording import counted
+from nlfrf.io.records import holds_multirecord
+from nlfrf.signals.lines import KINDS, grid_lines
 
 app = Commands(
     help="Best linear approximations with a distortion bound from one multisine experiment.",
@@ -285,7 +284,7 @@ def reproduce(
     markdown: Annotated[bool, typer.Option("--markdown", help="Print the table of findings.md, in Markdown.")] = False,
 ) -> None:
     """Repeat the paper on the impact of friction on FRF measurements: its figures, and each finding with a number."""
-    from nlfrf.studies.reproduce import reproduce as repeat
+    from nlfrf.rig.studies.reproduce import reproduce as repeat
 
     with progress_bar("simulating") as advance:
         findings = repeat(out, n_realizations=realizations, seed=seed, progress=advance, resume=resume)

@@ -1,10 +1,10 @@
 """Hysteresis with non-local memory: virgin curves, and the force they give along a path.
 
-The public names of `nlfrf.friction.curves` and `nlfrf.friction.hysteresis`, in one place.
+The public names of `nlfrf.rig.laws.curves` and `nlfrf.rig.laws.hysteresis`, in one place.
 """
 
-from nlfrf.friction.curves import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
-from nlfrf.friction.hysteresis import fit_maxwell_slip, hysteresis_force
+from nlfrf.rig.laws.curves import ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
+from nlfrf.rig.laws.hysteresis import fit_maxwell_slip, hysteresis_force
 
 __all__ = [
     "ElasticPlastic",

@@ -12,14 +12,21 @@ import typer
 
 import nlfrf
 import robust
-from nlfrf.shared.arguments import one_of, positive
-from nlfrf.shared.axes import write_pictures
-from nlfrf.shared.command import Commands, Json, Version, end, number, run, speaker, working
-from nlfrf.shared.outputs import require_writable, signature
-from nlfrf.shared.whole_files import write_text
-from robust.files.certificates import certificate_of
-from robust.files.friction_files import class_from_files, controller_of, linear_part_tested, prove_all, save_proofs
-from robust.files.pid_gains import told_gains, unusual_gains
+from nlfrf._base.arguments import one_of, positive
+from nlfrf._base.axes import write_pictures
+from nlfrf._base.command import Commands, Json, Version, end, number, run, speaker, working
+from nlfrf._base.files import require_writable, signature, write_text
+from robust._base.states import FrictionVerdict
+from robust.io.certificates import (
+    certificate_of,
+    class_from_files,
+    controller_of,
+    linear_part_tested,
+    prove_all,
+    save_proofs,
+)
+from robust.io.pid_gains import told_gains, unusual_gains
+from robust.models.sets.forms import RELATIVE
 from robust.reports.command import (
     check_pictures,
     demanded,
@@ -29,9 +36,7 @@ from robust.reports.command import (
     model_pictures,
     named_signals,
 )
-from robust.shaping_page.command import write_from_files
-from robust.shared.states import FrictionVerdict
-from robust.uncertain.forms import RELATIVE
+from robust.reports.shaping_page.command import write_from_files
 
 app = Commands(
     help="Uncertainty models of measured machines, controllers for them, and a check that says what was proved.",
@@ -334,7 +339,7 @@ def export(
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write: .mat (with a loader .m), .csv (sections).")],
 ) -> None:
     """Write a model or controller for MATLAB (.mat), or a discrete controller as second-order sections (.csv)."""
-    from robust.files.models import holds_model
+    from robust.io.models import holds_model
 
     content: Any = robust.load_model(file) if holds_model(file) else robust.load_controller(file)
     if out.suffix == ".mat":

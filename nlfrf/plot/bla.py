@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf.identification.bla import Bla
-from nlfrf.identification.second_opinion import DISAGREE, SecondOpinion
+from nlfrf._base.arguments import of_kind
+from nlfrf._base.axes import axes, bode_axes, db, finished, follow_lines, gain_band, labelled, phase_band
+from nlfrf.bla.bla import Bla
+from nlfrf.bla.second_opinion import DISAGREE, SecondOpinion
 from nlfrf.plot.look import COLOR, MARKER, OVER, cut
-from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, bode_axes, db, finished, follow_lines, gain_band, labelled, phase_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.shared.axes import db, note
+from nlfrf._base.axes import db, note
 
 __all__ = ["COLOR", "DEEPEST", "MARKER", "OVER", "ROUNDING", "TONES", "cut"]
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf.multivariable.frm import Frm
-from nlfrf.multivariable.gains import RelativeGains, SingularValues
+from nlfrf._base.arguments import of_kind
+from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, matrix_axes, phase_band
+from nlfrf.bla.mimo.frm import Frm
+from nlfrf.bla.mimo.gains import RelativeGains, SingularValues
 from nlfrf.plot.look import COLOR, OVER, TONES
-from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, db, finished, finished_matrix, gain_band, matrix_axes, phase_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

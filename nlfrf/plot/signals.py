@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf.excitation.multisine import Multisine
-from nlfrf.excitation.orthogonal import OrthogonalMultisine
-from nlfrf.identification.neighbours import place_lines
-from nlfrf.identification.spectra import dft
+from nlfrf._base.arguments import in_unit, of_kind, one_of
+from nlfrf._base.axes import axes, db, finished, note
+from nlfrf.bla.neighbours import place_lines
+from nlfrf.bla.spectra import dft
 from nlfrf.plot.look import COLOR, MARKER, ROUNDING, TONES
 from nlfrf.records.record import Record
-from nlfrf.shared.arguments import of_kind, one_of
-from nlfrf.shared.axes import axes, db, finished, note
-from nlfrf.shared.wording import in_unit
+from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.records.coarse import coarse, smooth_over
-from nlfrf.shared.leastsquares import TINY
-from nlfrf.shared.transforms import blocks, equal, fast_length
+from nlfrf._base.numbers import TINY, blocks, equal, fast_length
+from nlfrf.records.screening.decimation import coarse, smooth_over
 
 __all__ = ["detect_period"]
 

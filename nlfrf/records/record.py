@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.excitation.lines import LineGrid
-from nlfrf.shared.arguments import HOLDS, of_kind, one_of, positive, real_array
-from nlfrf.shared.cards import Sketch
-from nlfrf.shared.transforms import is_constant
-from nlfrf.shared.values import value
-from nlfrf.shared.wording import shown
+from nlfrf._base.arguments import HOLDS, of_kind, one_of, positive, real_array, shown
+from nlfrf._base.numbers import is_constant
+from nlfrf._base.values import Sketch, value
+from nlfrf.signals.lines import LineGrid
 
 __all__ = ["SAME_CLOCK", "Record", "join_records", "joined", "refuse_constant"]
 
@@ -50,7 +48,7 @@ class Record:
 
     Examples
     --------
-    >>> from nlfrf.excitation.multisine import multisine
+    >>> from nlfrf.signals.multisine import multisine
     >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
     >>> record = Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines)
     >>> record.n_realizations, record.n_periods, record.n_samples, record.f0
@@ -159,7 +157,7 @@ def join_records(records: Sequence[Record]) -> Record:
 
     Examples
     --------
-    >>> from nlfrf.excitation.multisine import multisine
+    >>> from nlfrf.signals.multisine import multisine
     >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_realizations=2, rng=1)
     >>> runs = [Record(u=u[None, None], y=2 * u[None, None], fs=100, lines=ms.lines) for u in ms.u]
     >>> join_records(runs).n_realizations

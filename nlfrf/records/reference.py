@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.excitation.multisine import Multisine
-from nlfrf.excitation.orthogonal import OrthogonalMultisine
-from nlfrf.shared.arguments import of_kind, positive
-from nlfrf.shared.leastsquares import TINY
-from nlfrf.shared.transforms import rfft_at
+from nlfrf._base.arguments import of_kind, positive
+from nlfrf._base.numbers import TINY, rfft_at
+from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 __all__ = ["Design", "fill_reference", "played_period", "played_reference", "played_references"]
 

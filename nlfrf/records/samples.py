@@ -9,18 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.excitation.lines import LineGrid
-from nlfrf.excitation.multisine import Multisine
-from nlfrf.records.detection import line_powers, lines_in
-from nlfrf.records.faults import SEVERE, Track, held_over, recut, track, warn_about_channel
-from nlfrf.records.gaps import gaps_inside
-from nlfrf.records.output_faults import follow, on_the_clock_of_the_input
+from nlfrf._base.arguments import data_warning, integer, of_kind, positive, real_array
+from nlfrf._base.numbers import blocks, equal, repeats
+from nlfrf.records.excited_lines import jumpy_grid, line_powers, lines_in
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record, refuse_constant
 from nlfrf.records.reference import played_period, played_reference
-from nlfrf.records.regular_grids import jumpy_grid
-from nlfrf.shared.arguments import data_warning, integer, of_kind, positive, real_array
-from nlfrf.shared.transforms import blocks, equal, repeats
+from nlfrf.records.screening.gaps import gaps_inside
+from nlfrf.records.screening.input import SEVERE, Track, held_over, recut, track, warn_about_channel
+from nlfrf.records.screening.output import follow, on_the_clock_of_the_input
+from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import Multisine
 
 __all__ = ["record_from_samples", "records_from_streams"]
 
@@ -93,7 +92,7 @@ def record_from_samples(
 
     Examples
     --------
-    >>> from nlfrf.excitation.multisine import multisine
+    >>> from nlfrf.signals.multisine import multisine
     >>> u = np.tile(multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1).u[0], 3)
     >>> record = record_from_samples(u, 2 * u, fs=100, n_samples=100, n_discard=1)
     >>> record.u.shape, record.lines.excited.tolist()

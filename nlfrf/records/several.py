@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.excitation.lines import LineGrid
-from nlfrf.excitation.multisine import Multisine
-from nlfrf.excitation.orthogonal import OrthogonalMultisine
-from nlfrf.records.detection import detect_lines
+from nlfrf._base.arguments import HOLDS, channel_names, of_kind, one_of, positive, real_array
+from nlfrf._base.numbers import squared
+from nlfrf._base.values import value
+from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.reference import Design, fill_reference, played_period
 from nlfrf.records.samples import records_from_streams
-from nlfrf.shared.arguments import HOLDS, channel_names, of_kind, one_of, positive, real_array
-from nlfrf.shared.leastsquares import squared
-from nlfrf.shared.values import value
+from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.orthogonal import OrthogonalMultisine
 
 __all__ = ["MultiRecord", "multirecord_from_samples"]
 
@@ -53,7 +53,7 @@ class MultiRecord:
 
     Examples
     --------
-    >>> from nlfrf.excitation.multisine import multisine
+    >>> from nlfrf.signals.multisine import multisine
     >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
     >>> u = ms.u[:, :, None]
     >>> record = MultiRecord(u=u, y=u[::-1], fs=100, lines=ms.lines)
@@ -203,7 +203,7 @@ def multirecord_from_samples(
 
     Examples
     --------
-    >>> from nlfrf.excitation.multisine import multisine
+    >>> from nlfrf.signals.multisine import multisine
     >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
     >>> u = [np.tile(ms.u[:, m], 3) for m in range(2)]
     >>> record = multirecord_from_samples(u, [2 * one for one in u], fs=100, n_samples=100, n_discard=1)

@@ -21,7 +21,7 @@ reached at one frequency, so the gain of the path is exactly the square root abo
 1998). Where F does not fall off neither sum is finite: the perturbation reaches the sampler unfiltered.
 
 Aliases near the band are taken one by one, those beyond in blocks with the largest |F| of each, the last ones by their
-power law: nothing is cut off. `robust.verification.aliases` proves the same between frequencies, in exact arithmetic.
+power law: nothing is cut off. `robust.proofs.exact.aliases` proves the same between frequencies, in exact arithmetic.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ import control
 import numpy as np
 from scipy.special import psi, zeta
 
-from nlfrf.shared.values import value
-from robust.certificates.intervals import Magnitude, magnitude
-from robust.systems.connections import in_series
-from robust.systems.lti import finite, poles, responder
-from robust.uncertain.forms import FORMS
+from nlfrf._base.values import value
+from robust.lti.connections import in_series
+from robust.lti.lti import finite, poles, responder
+from robust.models.sets.forms import FORMS
+from robust.proofs.search.intervals import Magnitude, magnitude
 
 __all__ = [
     "AliasSums",

@@ -9,25 +9,23 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.shared.arguments import positive
-from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz, paragraph, shown
+from nlfrf._base.arguments import hertz, paragraph, positive, shown
+from nlfrf._base.values import value
+from robust._base.states import Verdict
 from robust.analysis.disk_margin import LoopMargins
-from robust.analysis.verdict import judge_structure, judged, nominal_verdict, stability_words, structure_sentences
-from robust.certificates.bounded_real import certify_norm
-from robust.certificates.certificate import Certificate, refused
-from robust.certificates.stability import instability
+from robust.analysis.report import judge_structure, judged, nominal_verdict, stability_words, structure_sentences
+from robust.lti.grids import structure_grid
+from robust.lti.lti import along
+from robust.lti.stability import StabilityResult
+from robust.models.sets.interconnection import UncertainSystem
 from robust.mu.blocks import structure
 from robust.mu.certify import certify_mu
 from robust.mu.lower import searched
-from robust.mu.parameter_margin import ParameterMargin, parameter_margin
-from robust.mu.real_parameters import Crossing, crossing
+from robust.mu.parameters import Crossing, ParameterMargin, crossing, parameter_margin
 from robust.mu.upper import bound, mu_upper, refined
-from robust.shared.states import Verdict
-from robust.systems.grids import structure_grid
-from robust.systems.lti import along
-from robust.systems.stability import StabilityResult
-from robust.uncertain.interconnection import UncertainSystem
+from robust.proofs.search.bounded_real import certify_norm
+from robust.proofs.search.certificate import Certificate, refused
+from robust.proofs.search.stability import instability
 
 __all__ = ["StructuredReport", "bound_at", "check_structure"]
 
@@ -77,7 +75,7 @@ class StructuredReport:
 
     Examples
     --------
-    >>> from robust.uncertain.interconnection import Block, interconnection
+    >>> from robust.models.sets.interconnection import Block, interconnection
     >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
     >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
     >>> report = check_structure(interconnection([lag, K], {"pole": Block("y", "pole", 7.5, kind="real")}))
@@ -160,7 +158,7 @@ def check_structure(
 
     Examples
     --------
-    >>> from robust.uncertain.interconnection import Block, interconnection
+    >>> from robust.models.sets.interconnection import Block, interconnection
     >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
     >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
     >>> blocks = {"pole": Block("y", "pole", 2.5, kind="real"), "actuator": Block("u", "u", 0.5)}

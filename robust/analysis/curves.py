@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.shared.values import value
-from robust.systems.closed_loop import factor_allowed, worst_sensitivity
-from robust.systems.lti import finite
-from robust.uncertain.forms import FORMS, worst_terms
+from nlfrf._base.values import value
+from robust.lti.connections import factor_allowed, worst_sensitivity
+from robust.lti.lti import finite
+from robust.models.sets.forms import FORMS, worst_terms
 
 __all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
 

@@ -18,18 +18,16 @@ import control
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from nlfrf.shared.arguments import integer, real
-from nlfrf.shared.values import value
-from nlfrf.shared.wording import shown
-from robust.certificates.stability import instability
+from nlfrf._base.arguments import integer, real, shown
+from nlfrf._base.values import value
+from robust.lti.connections import joined, lower, refuse_shape
+from robust.lti.grids import structure_grid
+from robust.lti.lti import along, clock_of, clocks_differ, constant, refuse_other_clock, timebase
+from robust.lti.realisation import multivariable
+from robust.lti.stability import winding
+from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.mu.upper import mu_upper, refined
-from robust.systems.closed_loop import refuse_shape
-from robust.systems.grids import structure_grid
-from robust.systems.lft import joined, lower
-from robust.systems.lti import along, clock_of, clocks_differ, constant, refuse_other_clock, timebase
-from robust.systems.nyquist import winding
-from robust.systems.realisation import multivariable
-from robust.uncertain.matrix_model import MatrixUncertainty
+from robust.proofs.search.stability import instability
 
 __all__ = ["DiskMargin", "LoopMargins", "disk_margin", "disk_margins"]
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.shared.arguments import integer
-from nlfrf.shared.values import value
+from nlfrf._base.arguments import integer
+from nlfrf._base.values import value
 from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
-from robust.uncertain.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel
 
 __all__ = ["LoopFamily", "sample_loops"]
 

@@ -7,13 +7,13 @@ from typing import Any
 import control
 import numpy as np
 
-from robust.systems.closed_loop import closed_loop
-from robust.systems.lti import Matrices, clocks_differ, constant, timebase, zeros
-from robust.systems.norms import hinf_norm
-from robust.systems.realisation import multivariable
-from robust.uncertain.coprime import coprime_factors
-from robust.uncertain.matrix_model import MatrixUncertainty
-from robust.uncertain.model import UncertaintyModel
+from robust.lti.connections import closed_loop
+from robust.lti.lti import Matrices, clocks_differ, constant, timebase, zeros
+from robust.lti.norms import hinf_norm
+from robust.lti.realisation import multivariable
+from robust.models.sets.coprime import coprime_factors
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
 
 __all__ = ["ncf_margin", "nu_gap"]
 

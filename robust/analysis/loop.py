@@ -10,26 +10,24 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.shared.arguments import nonnegative
-from nlfrf.shared.values import value
+from nlfrf._base.arguments import nonnegative
+from nlfrf._base.values import value
+from robust._base.states import Stability
 from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_down
 from robust.analysis.curves import Curves, Peaks, loop_curves
-from robust.certificates.intervals import Magnitude, magnitude
-from robust.certificates.responses import in_doubt, trusted_responder
-from robust.certificates.stability import LARGEST_EXACT, beside_boundary
-from robust.shared.states import Stability
-from robust.systems.closed_loop import closed_loop
-from robust.systems.connections import in_series, inverse
-from robust.systems.grids import climb, highest, loop_grid
-from robust.systems.lti import clocks_differ, constant, timebase
-from robust.systems.realisation import stable_weight, state_space
-from robust.systems.sampling import delay_samples, delayed, sampled
-from robust.systems.stability import StabilityResult, certain_poles, moved_out
-from robust.uncertain.forms import FORMS
-from robust.uncertain.model import UncertaintyModel
-from robust.verification.claim import as_given
-from robust.verification.closed_loops import poles_of_closed_loop
-from robust.verification.poles import stable_loop
+from robust.lti.connections import closed_loop, in_series, inverse
+from robust.lti.grids import climb, highest, loop_grid
+from robust.lti.lti import clocks_differ, constant, timebase
+from robust.lti.realisation import stable_weight, state_space
+from robust.lti.sampling import delay_samples, delayed, sampled
+from robust.lti.stability import StabilityResult, certain_poles, moved_out
+from robust.models.sets.forms import FORMS
+from robust.models.sets.model import UncertaintyModel
+from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.closed_loops import poles_of_closed_loop
+from robust.proofs.exact.stability import stable_loop
+from robust.proofs.search.intervals import Magnitude, in_doubt, magnitude, trusted_responder
+from robust.proofs.search.stability import LARGEST_EXACT, beside_boundary
 
 __all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with", "weighted"]
 

@@ -3,29 +3,55 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz
+from nlfrf._base.arguments import hertz
+from nlfrf._base.values import value
+from robust._base.states import Outcome
 from robust.analysis.aliases import operator_performance
-from robust.analysis.claims import claimed
 from robust.analysis.loop import Loop, weighted
-from robust.certificates.bounded_real import certify_norm
-from robust.certificates.certificate import EXACT, Certificate, refused
-from robust.certificates.intervals import IntervalProof, around, prove
-from robust.certificates.single_loop import LoopFactors, product, prove_loop
-from robust.shared.states import Outcome
-from robust.systems.bilinear import continuous_image
-from robust.systems.closed_loop import closed_loop
-from robust.systems.lti import Matrices, constant, over_frequency, response, timebase
-from robust.systems.norms import well_conditioned
-from robust.uncertain.forms import FORMS
-from robust.verification.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim
-from robust.verification.loops import verify_loop
+from robust.lti.connections import closed_loop
+from robust.lti.lti import Matrices, constant, over_frequency, response, timebase
+from robust.lti.norms import continuous_image, well_conditioned
+from robust.lti.realisation import state_space
+from robust.models.sets.forms import FORMS
+from robust.models.sets.model import UncertaintyModel
+from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim, as_given
+from robust.proofs.exact.loops import verify_loop
+from robust.proofs.search.bounded_real import certify_norm
+from robust.proofs.search.certificate import EXACT, Certificate, refused
+from robust.proofs.search.intervals import IntervalProof, around, prove
+from robust.proofs.search.stability import LoopFactors, product, prove_loop
 
-__all__ = ["Proofs", "prove_set"]
+__all__ = ["Proofs", "claim_of", "claimed", "prove_set"]
+
+
+# ---- What a check claims of a loop, put into the exact form in which someone else can prove it again.
+
+
+def claim_of(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopClaim:
+    """Robust stability of a model with its controller, with all numbers as they were given."""
+    form = FORMS[model.form]
+    return LoopClaim(
+        plant=as_given(model.nominal),
+        controller=as_given(state_space("K", K)),
+        weight=as_given(model.weight),
+        performance=None if w_P is None else as_given(state_space("w_P", w_P)),
+        reads=tuple(name for name in form.read if name != "w"),
+        inverse=form.inverse,
+        perturbation=model.perturbation,
+        delay=float(delay),
+        claims=(STABILITY,),
+        shaping=tuple(as_given(W) for W in (model.W1, model.W2)) if form.scaled else (),
+    )
+
+
+def claimed(found: Certificate, claim: LoopClaim, name: str, *, scaling: float = 1.0) -> Certificate:
+    """A certificate with what it claims, by that name; one that does not hold claims nothing."""
+    return replace(found, claim=replace(claim, claims=(name,), scaling=scaling) if found.holds else None)
 
 
 BUDGET = 3.0  # seconds for each proof by intervals

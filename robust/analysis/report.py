@@ -2,22 +2,442 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from nlfrf.shared.cards import Sketch
-from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz, paragraph
+from nlfrf._base.arguments import hertz, paragraph
+from nlfrf._base.values import Sketch, value
+from robust._base.states import Verdict
+from robust.analysis.aliases import Shares
 from robust.analysis.curves import Curves, Peaks
+from robust.analysis.loop import Loop
 from robust.analysis.loop_level import LoopLevel
-from robust.analysis.verdict import judged, stability_words
-from robust.certificates.certificate import Certificate
-from robust.performance.classical import ClassicalMargins, classical_margins
-from robust.shared.states import Verdict
-from robust.uncertain.forms import FORMS, loop_discs
+from robust.analysis.performance import ClassicalMargins, classical_margins
+from robust.analysis.proofs import Proofs
+from robust.lti.stability import StabilityResult
+from robust.models.sets.forms import FORMS, loop_discs
+from robust.models.sets.joint import told
+from robust.models.sets.model import UncertaintyModel
+from robust.proofs.search.certificate import Certificate
 
-__all__ = ["RobustnessReport", "fill_report"]
+__all__ = [
+    "VERDICTS",
+    "RobustnessReport",
+    "factor",
+    "fill_report",
+    "folding_sentence",
+    "judge_structure",
+    "judged",
+    "meaning",
+    "nominal_verdict",
+    "on_lines_only",
+    "on_set",
+    "on_unstable",
+    "probability_of",
+    "stability_words",
+    "structure_sentences",
+]
+
+
+# ---- What a result means and what to do next, in words a test engineer can act on.
+
+CURES = {
+    "noise": "noise: average more periods",
+    "odd": "odd distortion: lower the bandwidth, or identify at the level of the loop; more periods will not help",
+    "even": "even distortion: look for an offset or an asymmetry; more periods will not help",
+    "misfit": "misfit of the nominal model: give it more poles or a delay; robust orders (scan_orders) says which",
+    "level": "the change of the plant with the level: narrow the range of levels, or schedule the controller",
+    "systematic": "the allowance for the systematic part: measure at a second level",
+    "weight": "the weight, not the radius: give it a higher order",
+    "assumed": "what is assumed where nothing was measured: measure there",
+}
+#: What a verdict on a set around a sampled nominal does not cover.
+SAMPLES = "; it is a set of sampled plants, and says nothing of what happens between the samples"
+LITTLE = 0.005  # of rs: a part so small is not told apart
+SAID, RULES = 1.26, 2.0  # what the weight has beyond the radius is said from 2 dB on, and rules from 6 dB on
+
+
+def advice(
+    model: Any, omega_rs: float, weight: Callable[[np.ndarray], np.ndarray], folding: Shares | None = None
+) -> str:
+    """What limits the stability margin and what to measure or change next, by what the weight is made of there.
+
+    `weight` is the response of the weight; `folding` what rs is made of, where it is known.
+    """
+    if not np.isfinite(omega_rs):
+        return ""
+    seen_at = hertz(omega_rs)
+    if folding is not None and folding.source != folding.omega:
+        seen_at += f" by what folds down from {hertz(folding.source)}"
+        omega_rs = folding.source
+    low, high = float(model.omega[0]), float(model.omega[-1])
+    outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
+    k = int(np.argmin(np.abs(np.log(model.omega / omega_rs))))
+    shares = shares_of_radius(model, k)
+    listed = ", ".join(f"{name} {100 * share:.0f} %" for share, name in shares[:4] if share >= 0.005)
+    where = f"where the radius is {listed}" if shares else "the model does not say what its radius is made of there"
+    on_line, there = np.abs(weight(np.array([model.omega[k], omega_rs]))).tolist()
+    over, rise = on_line / float(model.radius[k]), 1.0
+    if outside:
+        side, edge = ("below", "first") if omega_rs < low else ("above", "last")
+        rise = there / on_line
+        where = (
+            f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
+            f"go on from the {edge} line, {hertz(model.omega[k])}, "
+        ) + where
+    said = [f"The margin is limited at {seen_at}, {where}."]
+    if rise > SAID:
+        said.append(f"The rise assumed from there on makes it {rise:.3g} times as large.")
+    if over > SAID:
+        said.append(f"The weight lies {20 * np.log10(over):.1f} dB over the radius there.")
+    if rise > RULES or (outside and not shares):
+        cause = "assumed"
+    elif over > RULES:
+        cause = "weight"
+    else:
+        cause = shares[0][1] if shares else ""
+    if cause:
+        said.append(f"{CURES[cause][0].upper()}{CURES[cause][1:]}.")
+        said += ["Or measure there."] * (outside and cause != "assumed")
+    return " ".join(said)
+
+
+def blame_of_weight(model: Any, loop: Loop, peaks: Peaks) -> str:
+    """What to do where the radius passes on every measured line and the weight that covers it does not; else empty."""
+    omega = model.omega[model.omega < loop.top]
+    if peaks.rs[0] < 1 or FORMS[model.form].scaled or not omega.size:
+        return ""
+    curves = loop.curves(omega)
+    nearest = int(np.argmin(np.abs(np.log(omega / peaks.rs[1]))))
+    there, on_line = np.abs(loop.responses["w"](np.array([peaks.rs[1]])))[0], np.abs(curves.w[nearest])
+    if on_line < SAID * model.radius[nearest] or there > SAID * on_line:  # what is assumed outside the band, then
+        return ""
+    on_lines = float(np.max(np.abs(curves.b) * model.radius[: omega.size] / np.abs(curves.w)))
+    if not on_lines < 1:
+        return ""
+    order = model.weight.nstates + 2
+    return (
+        f" The measured lines alone pass: there the radius makes rs at most {on_lines:.3g}. This weight does not, as "
+        f"it lies above the radius. Fit one of a higher order: robust model ... --order {order}, or "
+        f"uncertainty(..., order={order})."
+    )
+
+
+def shares_of_radius(model: Any, k: int) -> list[tuple[float, str]]:
+    """(share, name) of the parts of the radius on line k, the largest first; none where they are not known."""
+    parts = {name: float(part[k]) for name, part in model.budget().items() if np.isfinite(part[k])}
+    total = sum(parts.values())
+    return sorted(((part / total, name) for name, part in parts.items() if part > 0), reverse=True)
+
+
+def described(model: Any) -> str:
+    """The set, in words."""
+    if model.perturbation == "LTI":
+        return f"every stable LTI perturbation inside the {model.form} weight"
+    if model.perturbation == "operator":
+        return f"every causal perturbation, nonlinear ones included, with the gain of the {model.form} weight"
+    return f"every linear plant inside the {model.form} weight"
+
+
+def probability_of(model: Any) -> str:
+    """The confidence behind a set and the joint probability beside it, in words; empty where none is claimed."""
+    confidence, joint = getattr(model, "confidence", np.nan), getattr(model, "joint", np.nan)
+    if np.isnan(confidence):
+        return ""
+    if getattr(model, "other", None) is not None:  # both sets hold the truth: what may go wrong adds up
+        confidence, joint = 2 * confidence - 1, max(joint + model.other.joint - 1, 0.0)
+    percent = f"{100 * confidence:.4g} %"
+    estimated = "" if np.isnan(joint) else told(joint)
+    if model.simultaneous:
+        text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
+        return f"{text} ({estimated} by estimate)" if estimated else text
+    text = f"each line of another realisation lies in the set with {percent} probability"
+    return f"{text}, all lines together with {estimated}" if estimated else text
+
+
+def judged(verdict: Verdict, probability: str) -> str:
+    """The verdict in capitals, what it means, and with which probability the set holds what it was made for."""
+    return f"{verdict.upper()} ({meaning(verdict, probability)}{'; ' if probability else ''}{probability})"
+
+
+def meaning(verdict: Verdict, probability: str) -> str:
+    """What a verdict means; of a statistical set without a probability no confidence is spoken of."""
+    return WITHOUT_CONFIDENCE if verdict is Verdict.STATISTICALLY_ROBUST and not probability else VERDICTS[verdict]
+
+
+def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[str, str]:
+    """What was proved and what was not, one sentence each."""
+    where = "at all frequencies"
+    if loop.dt:
+        where += f" up to Nyquist ({0.5 / loop.dt:.4g} Hz), " + (
+            "with everything that folds down from above" if loop.aliases is not None else "of the samples"
+        )
+    if not stable:
+        proved = "Only that the nominal loop is stable."
+        return proved, "Anything about the set around it."
+    what = "stability and the performance demand" if performance else "stability"
+    proved = f"{what.capitalize()} with {described(model)}, {where}."
+    missing = []
+    if model.perturbation == "statistical":
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+        if probability_of(model):
+            missing.append(f"more than the confidence of the set ({probability_of(model)})")
+    if loop.w_P is not None and not performance:
+        missing.append("the performance demand for the whole set")
+    if loop.dt and loop.aliases is None:
+        missing.append("perturbations of the continuous plant between the samples: the set is one of sampled plants")
+    missing.append(f"anything about the plant outside the measured band beyond the assumption ({model.extrapolation})")
+    text = "; ".join(missing)
+    return proved, text[0].upper() + text[1:] + "."
+
+
+def folding_sentence(found: Shares, model: Any) -> str:
+    """What rs is made of where it is largest: by itself and at the aliases, measured and assumed."""
+    if not found.filtered:
+        return "the sum over the aliases has no bound, as nothing filters the perturbation before the sampler"
+    other = (
+        "what the perturbation may move to other frequencies" if moves(model) else "what folds down from the aliases"
+    )
+    rs = f"rs {found.total:.3f} at {hertz(found.omega)}"
+    if found.total - found.own < LITTLE * found.total:
+        text = f"{other} adds less than {100 * LITTLE:g} % to {rs}"
+    else:
+        text = f"{found.own:.3f} of {rs} acts at that frequency, the rest is {other}"
+        if found.source != found.omega:
+            text += f", most of it from {hertz(found.source)}"
+    if found.total - found.measured < LITTLE * found.total:
+        return f"{text}; all of it lies inside the measured band"
+    return f"{text}; inside the measured band alone it would be {found.measured:.3f}, the rest is assumed"
+
+
+def moves(model: Any) -> bool:
+    """Whether a perturbation may answer at other frequencies than it is asked."""
+    return bool(model.perturbation == "operator")
+
+
+def cure_of_folding(found: Shares, model: Any) -> str:
+    """Why the aliases keep a loop from being certified, and what helps."""
+    if not found.filtered:
+        return (
+            "the perturbation reaches the sampler unfiltered: above the Nyquist frequency it does not fall off, "
+            "and what folds down has no bound. Roll the weight off there, or put the anti-alias filter into the nominal"
+        )
+    if FORMS[model.form].inverse and not moves(model) and found.F_max >= 1:
+        return (
+            f"the inverse uncertainty reaches {found.F_max:.3g} above the Nyquist frequency: of one or more there it "
+            "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
+        )
+    other = "moves to other frequencies" if moves(model) else "does above the Nyquist frequency, which folds down,"
+    text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {hertz(found.omega)} "
+    text += f"({found.own:.4g} without)"
+    if found.source != found.omega:
+        text += f", most of it from {hertz(found.source)}"
+    helps = "Sample faster, or filter before the sampler"
+    if found.measured < 1:
+        helps += f"; above the last line, {hertz(model.omega[-1])}, it is assumed: measure there"
+    return f"{text}. {helps}"
+
+
+def context(model: Any, loop: Any) -> str:
+    """The loop in one line."""
+    kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
+    held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
+    band = f"{hertz(model.omega[0])} to {hertz(model.omega[-1])}"
+    return (
+        f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
+        f"{model.weight.nstates}, perturbations {model.perturbation}, measured {band}"
+    )
+
+
+def on_set(
+    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, folding: Shares | None, *, certify: bool
+) -> dict[str, str]:
+    """Every word of the report on a loop that is stable to begin with."""
+    verdict, reason = judge(model, loop, peaks, proofs, folding, certify)
+    proved, not_proved = sentences(model, loop, proofs.stable, proofs.performance)
+    return {
+        "verdict": verdict,
+        "reason": reason,
+        "advice": advice(model, peaks.rs[1], loop.responses["w"], folding) + blame_of_weight(model, loop, peaks),
+        "proved": proved,
+        "not_proved": not_proved,
+        "context": context(model, loop),
+    }
+
+
+def nominal_verdict(nominal: StabilityResult) -> Verdict:
+    """The verdict on a loop whose nominal is not stable, or cannot be told to be."""
+    return Verdict.NOT_ROBUST if nominal.unstable else Verdict.NOT_CERTIFIED
+
+
+def on_unstable(model: UncertaintyModel, loop: Loop, nominal: StabilityResult) -> dict[str, str]:
+    """Every word of the report on a loop that is not stable to begin with: no margins."""
+    return {
+        "verdict": nominal_verdict(nominal),
+        "reason": f"{nominal}",
+        "advice": "Lower the gain or the bandwidth until the nominal loop is stable; nothing else can be said before.",
+        "proved": "Nothing.",
+        "not_proved": "Everything: margins mean nothing for a loop that is not stable.",
+        "context": context(model, loop),
+    }
+
+
+def on_lines_only(
+    omega: np.ndarray, peak: float, *, encirclements: int, wanted: int, clear: bool, has_set: bool, loop: str
+) -> dict[str, str]:
+    """Every word of the report on a plant that is known on its lines only; `loop` in words, peak the largest rs."""
+    verdict, lines_only = Verdict.NOT_CERTIFIED, "holds on the measured lines only"
+    if not clear:
+        reason = "the lines are too far apart, or end too early, to count how often 1 + L winds about zero"
+    elif encirclements != wanted:
+        verdict = Verdict.NOT_ROBUST
+        reason = (
+            f"unstable: on the measured lines 1 + L winds {encirclements} times about zero, stability needs {wanted}"
+        )
+    elif has_set and peak >= 1:
+        verdict, reason = Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: rs = {peak:.4g}"
+    elif has_set:
+        reason = f"rs stays below {peak:.4g}, but this {lines_only}: fit a nominal model"
+    else:
+        reason = f"the FRF comes without uncertainty, and all of this {lines_only}"
+    return {
+        "verdict": verdict,
+        "reason": reason,
+        "advice": "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies.",
+        "proved": "Nothing; computed on the measured lines only.",
+        "not_proved": "Anything between and outside the measured lines.",
+        "context": f"{omega.size} lines, {hertz(omega[0])} to {hertz(omega[-1])}{loop}",
+    }
+
+
+def judge(
+    model: UncertaintyModel, loop: Loop, peaks: Peaks, proofs: Proofs, folding: Shares | None, certify: bool
+) -> tuple[Verdict, str]:
+    """The verdict on stability and why."""
+    if folding is not None and folding.total >= 1:
+        if folding.member >= 1:
+            return (
+                Verdict.NOT_ROBUST,
+                f"a plant of the set is unstable in this loop: rs = {folding.member:.4g} at {hertz(folding.omega)}",
+            )
+        return Verdict.NOT_CERTIFIED, cure_of_folding(folding, model)
+    if proofs.violated:
+        found = f"rs = {peaks.rs[0]:.4g} at {hertz(peaks.rs[1])}"
+        how = proofs.certificates[0].reason if proofs.certificates else found
+        return Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: {how}"
+    if proofs.stable:
+        kind = {
+            "LTI": (Verdict.ROBUST, "every linear time-invariant perturbation of the set leaves the loop stable"),
+            "operator": (
+                Verdict.ROBUST,
+                "every perturbation of the set, nonlinear ones included, leaves the loop stable",
+            ),
+            "statistical": (Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set"),
+        }
+        verdict, reason = kind[model.perturbation]
+        return verdict, reason + (SAMPLES if loop.dt and loop.aliases is None else "")
+    below = f"rs stays below {peaks.rs[0]:.4g} on the grid"
+    if not certify:
+        return Verdict.NOT_CERTIFIED, f"{below}, and no proof was asked for (certify=False)"
+    return Verdict.NOT_CERTIFIED, f"{below}, but no proof was found: {proofs.certificates[0].reason}"
+
+
+#: Every verdict, and what it means.
+VERDICTS = {
+    Verdict.ROBUST: "proved for every perturbation of the set",
+    Verdict.STATISTICALLY_ROBUST: (
+        "holds for the whole set at its confidence; no stability proof for the nonlinear plant"
+    ),
+    Verdict.NOT_ROBUST: "fails for a plant of the set, or for the nominal one",
+    Verdict.NOT_CERTIFIED: "neither proved nor disproved",
+}
+#: The same of a set from a radius or from plants of the user's own, where no class of perturbation was named.
+WITHOUT_CONFIDENCE = (
+    "holds for every linear plant of the set, of which no confidence is known; no stability proof for the nonlinear "
+    'plant. A claim about the perturbation is made by perturbation="LTI" or "operator"'
+)
+
+
+def factor(margin: float) -> str:
+    """A margin on the uncertainty, in words."""
+    if margin > 1:
+        return f"the uncertainty may grow by a factor {margin:.3g}"
+    return f"the uncertainty would have to shrink to {100 * margin:.3g} %"
+
+
+def stability_words(measure: str, margin: float, omega: float) -> str:
+    """The largest rs or mu, where it is, and the margin on the uncertainty."""
+    if margin == 0:
+        return f"{measure} has no bound at {hertz(omega)}: no uncertainty of this shape is small enough"
+    return f"max {measure} {1 / margin:.3f} at {hertz(omega)}: {factor(margin)}"
+
+
+def judge_structure(
+    system: Any, curves: Any, broken: float, certify: bool, certificates: tuple[Any, ...], cut: Any
+) -> tuple[Verdict, str]:
+    """The verdict on the stability of a loop with several uncertainties and why; `cut` a `ParameterMargin` or None."""
+    if broken <= 1:
+        return (
+            Verdict.NOT_ROBUST,
+            f"a perturbation of the set, {broken:.3f} times as large as allowed, makes the loop singular",
+        )
+    peak, where = curves.peak, float(curves.omega[curves.mu.argmax()])
+    if certificates and certificates[0].holds:
+        samples = SAMPLES if system.N.dt else ""
+        if any(block.perturbation == "statistical" for block in system.blocks.values()):
+            return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set" + samples
+        return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
+    if peak >= 1:
+        reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
+        late = " by the time cap" if curves.late else ""
+        parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
+        return Verdict.NOT_CERTIFIED, f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
+    if not certify:
+        return (
+            Verdict.NOT_CERTIFIED,
+            f"mu stays below {peak:.4g} on the grid, and no proof was asked for (certify=False)",
+        )
+    return (
+        Verdict.NOT_CERTIFIED,
+        f"mu stays below {peak:.4g} on the grid, but no proof was found: {certificates[0].reason}",
+    )
+
+
+def structure_sentences(system: Any, stable: bool, performs: bool) -> tuple[str, str]:
+    """What was proved and what was not."""
+    if not stable:
+        return "Only that the nominal loop is stable.", "Anything about the set around it."
+    words = {
+        "real": "every constant value of {}",
+        "LTI": "every stable linear {}",
+        "statistical": "every linear {}",
+        "operator": "every causal {}, nonlinear ones included",
+    }
+    parts = [
+        words["real" if block.kind == "real" else block.perturbation].format(name)
+        for name, block in system.blocks.items()
+    ]
+    what = "Stability and the performance demand" if performs else "Stability"
+    missing = []
+    if any(block.kind == "real" for block in system.blocks.values()):
+        missing.append("parameters that change while the loop runs")
+    if any(block.perturbation == "statistical" for block in system.blocks.values()):
+        missing.append(
+            "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
+        )
+    if system.inputs and not performs:
+        missing.append("the performance demand for the whole set")
+    if system.N.dt:
+        missing.append("perturbations of a continuous plant between the samples: the set is one of sampled plants")
+    text = "; ".join(missing or ["anything outside the set"])
+    where = "at all frequencies"
+    if system.N.dt:
+        where += f" up to Nyquist ({0.5 / system.N.dt:.4g} Hz), of the samples"
+    return f"{what} with {' and '.join(parts)}, all at once, {where}.", text[0].upper() + text[1:] + "."
 
 
 @value

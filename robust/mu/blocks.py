@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.shared.values import value
-from nlfrf.shared.wording import shown
+from nlfrf._base.arguments import shown
+from nlfrf._base.values import value
 
 __all__ = ["KINDS", "BlockStructure", "fitting", "structure"]
 

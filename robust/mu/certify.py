@@ -1,7 +1,7 @@
 """A level for the structured singular value proved at every frequency, not only on a grid.
 
 On each interval of the frequency axis the scaling found in its middle is frozen; what is left is a norm bound on a
-linear system, decided by its Hamiltonian (`robust.certificates.intervals`). Intervals that fail are split.
+linear system, decided by its Hamiltonian (`robust.proofs.search.intervals`). Intervals that fail are split.
 """
 
 from __future__ import annotations
@@ -12,19 +12,17 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf.shared.arguments import positive
-from nlfrf.shared.values import value
-from nlfrf.shared.wording import hertz
-from robust.certificates.certificate import Certificate, refused
-from robust.certificates.intervals import SLACK, around, inside, prove
-from robust.certificates.stability import instability
+from nlfrf._base.arguments import hertz, positive
+from nlfrf._base.values import value
+from robust._base.states import Outcome
+from robust.lti.lti import Matrices, along, timebase
+from robust.lti.norms import continuous_image, sign_changes, well_conditioned
+from robust.lti.realisation import multivariable
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, bounded
-from robust.shared.states import Outcome
-from robust.systems.bilinear import continuous_image
-from robust.systems.lti import Matrices, along, timebase
-from robust.systems.norms import sign_changes, well_conditioned
-from robust.systems.realisation import multivariable
+from robust.proofs.search.certificate import Certificate, refused
+from robust.proofs.search.intervals import SLACK, around, inside, prove
+from robust.proofs.search.stability import instability
 
 __all__ = ["certify_mu"]
 

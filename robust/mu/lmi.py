@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf.shared.arguments import one_of
-from robust.certificates.solver import SOLVERS, attempt
+from nlfrf._base.arguments import one_of
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, osborne, recomputed, response_matrices
+from robust.proofs.search.certificate import SOLVERS, attempt
 
 __all__ = ["mu_upper_lmi"]
 

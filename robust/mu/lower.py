@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from nlfrf.shared.arguments import generator, integer
+from nlfrf._base.arguments import generator, integer
 from robust.mu.blocks import BlockStructure, fitting
 from robust.mu.upper import MuBound, hermitian, response_matrices, scalings
 

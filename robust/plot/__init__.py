@@ -1,22 +1,19 @@
 """Pictures. They compute nothing beyond units; the curves come from the values.
 
     models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
-    roots    poles and zeros of a fit in their confidence ellipses
-    loops    pictures of loops: gains, check, Nyquist with discs, family, bounds
+    loops    pictures of loops: gains, check, Nyquist with discs, family, bounds, poles and zeros in their ellipses
     matrices pictures of several inputs and outputs: the set, its weights, the loop
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of what friction does to a loop
-    band     the measured band in white, what was not measured in grey; how far the axis goes
-    colours  colours and units that they share
+    look     colours, units, and the measured band in white
 
 The pictures are handed on from here: `from robust.plot import plot_check`.
 """
 
 from robust.plot.friction import plot_quasi_linear
-from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_step
+from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_roots, plot_step
 from robust.plot.matrices import plot_matrix_loop, plot_matrix_set, plot_matrix_weights
 from robust.plot.models import plot_bode, plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
-from robust.plot.roots import plot_roots
 
 __all__ = [
     "plot_bode",

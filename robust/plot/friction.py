@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, finished
-from robust.friction_motion.quasi_linear import QuasiLinear
-from robust.plot.colours import COLOR
+from nlfrf._base.arguments import of_kind
+from nlfrf._base.axes import axes, finished
+from robust.friction.describing_function import QuasiLinear
+from robust.plot.look import COLOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf import Frm
-from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, db, finished, finished_matrix, gain_band, lower_edge, matrix_axes
+from nlfrf._base.arguments import of_kind
+from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, lower_edge, matrix_axes
 from robust.analysis.check_structure import StructuredReport
-from robust.modelling.nominal import behind_hold
-from robust.performance.loop_gains import LoopGains
-from robust.plot.band import BESIDE, OVER, mark_band, show_all_of
-from robust.plot.colours import COLOR, MEASURED, hz
-from robust.systems.lti import along, timebase
-from robust.uncertain.matrix_model import MatrixUncertainty
+from robust.analysis.performance import LoopGains
+from robust.lti.lti import along, timebase
+from robust.models.fit.nominal import behind_hold
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.plot.look import BESIDE, COLOR, MEASURED, OVER, hz, mark_band, show_all_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf.shared.arguments import of_kind
-from nlfrf.shared.axes import axes, bode_axes, db, finished, gain_band, labelled, lower_edge, phase_band
-from robust.modelling.nominal import NominalFit, behind_hold
-from robust.modelling.orders import OrderScan
-from robust.plot.band import BESIDE, OVER, mark_band
-from robust.plot.colours import COLOR, MEASURED, STYLE, hz
-from robust.systems.lti import response, timebase
-from robust.uncertain.forms import FORMS
-from robust.uncertain.model import UncertaintyModel
-from robust.validation.records import Validation
+from nlfrf._base.arguments import of_kind
+from nlfrf._base.axes import axes, bode_axes, db, finished, gain_band, labelled, lower_edge, phase_band
+from robust.lti.lti import response, timebase
+from robust.models.fit.nominal import NominalFit, behind_hold
+from robust.models.fit.orders import OrderScan
+from robust.models.sets.forms import FORMS
+from robust.models.sets.model import UncertaintyModel
+from robust.models.validation import Validation
+from robust.plot.look import BESIDE, COLOR, MEASURED, OVER, STYLE, hz, mark_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf.shared.axes import axes, db, finished
-from nlfrf.shared.wording import hertz
+from nlfrf._base.arguments import hertz
+from nlfrf._base.axes import axes, db, finished
+from robust._base.states import Verdict
+from robust.analysis.bounds import loop_bounds
 from robust.analysis.check import check
-from robust.loopshaping.bounds import loop_bounds
-from robust.plot.band import mark_band
-from robust.plot.colours import COLOR, hz
-from robust.shared.states import Verdict
-from robust.uncertain.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel
+from robust.plot.look import COLOR, hz, mark_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 
 import nlfrf
-from nlfrf.shared.arguments import nonnegative, positive
-from nlfrf.shared.command import working
-from nlfrf.shared.outputs import signature
-from nlfrf.shared.whole_files import write_text
-from robust.files.certificates import certificate_of, save_certificate, verify_certificate
-from robust.files.models import load_model
-from robust.modelling.weight_formulas import performance_weight
-from robust.performance.loop_gains import loop_gains
-from robust.performance.loop_signals import LoopSignals, NoiseSignal, StepSignal
-from robust.systems.sampling import discretize
-from robust.uncertain.matrix_model import MatrixUncertainty
+from nlfrf._base.arguments import nonnegative, positive
+from nlfrf._base.command import working
+from nlfrf._base.files import signature, write_text
+from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
+from robust.analysis.performance import loop_gains
+from robust.io.certificates import certificate_of, save_certificate, verify_certificate
+from robust.io.models import load_model
+from robust.lti.sampling import discretize
+from robust.models.fit.weights import performance_weight
+from robust.models.sets.matrix_model import MatrixUncertainty
 
 __all__ = ["check_pictures", "demanded", "hand_over", "measured", "model_of_one", "model_pictures", "named_signals"]
 

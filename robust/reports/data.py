@@ -6,15 +6,14 @@ import numpy as np
 
 import nlfrf
 from nlfrf import Bla, Record
-from nlfrf.shared.wording import counted
-from robust.analysis.verdict import probability_of
-from robust.modelling.nominal import NominalFit
+from nlfrf._base.arguments import counted
+from robust.analysis.report import probability_of
+from robust.lti.lti import poles, timebase, zeros
+from robust.models.fit.nominal import NominalFit
+from robust.models.sets.model import UncertaintyModel
+from robust.models.validation import Validation, validate
 from robust.reports import parts
-from robust.reports.parts import Section, rows_of
-from robust.reports.words import roots_text, system_text
-from robust.systems.lti import poles, timebase, zeros
-from robust.uncertain.model import UncertaintyModel
-from robust.validation.records import Validation, validate
+from robust.reports.parts import Section, roots_text, rows_of, system_text
 
 LITTLE = 100.0  # dB under the excited lines from which energy on the others is not worth a number
 

@@ -9,14 +9,13 @@ import control
 
 import nlfrf
 from nlfrf import Frm
-from nlfrf.shared.wording import counted
+from nlfrf._base.arguments import counted
 from robust.analysis.check_structure import StructuredReport
-from robust.performance.loop_gains import loop_gains
+from robust.analysis.performance import loop_gains
+from robust.lti.lti import poles, timebase
+from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.reports import parts
-from robust.reports.parts import Section, rows_of
-from robust.reports.words import roots_text, system_text
-from robust.systems.lti import poles, timebase
-from robust.uncertain.matrix_model import MatrixUncertainty
+from robust.reports.parts import Section, roots_text, rows_of, system_text
 
 __all__ = ["matrix_sections"]
 

@@ -15,24 +15,21 @@ from typing import Any
 
 import nlfrf
 from nlfrf import Bla, Frm, MultiRecord, Record
-from nlfrf.shared.whole_files import path_of, write_text
-from nlfrf.shared.wording import shown
+from nlfrf._base.arguments import shown
+from nlfrf._base.files import path_of, write_text
 from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
-from robust.analysis.loop_level import require_parametric
-from robust.analysis.report import RobustnessReport
-from robust.analysis.verdict import meaning
-from robust.friction_proof.proof import FrictionProof
-from robust.modelling.nominal import NominalFit
-from robust.performance.loop_signals import LoopSignals
+from robust.analysis.loop_level import LoopSignals, require_parametric
+from robust.analysis.report import RobustnessReport, meaning
+from robust.friction.prove import FrictionProof
+from robust.lti.realisation import multivariable, state_space
+from robust.models.fit.nominal import NominalFit
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
 from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
 from robust.reports.matrix import matrix_sections
-from robust.reports.same_loop import refuse_another, refuse_another_matrix
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_section
-from robust.reports.verdicts import friction_section, in_short
-from robust.systems.realisation import multivariable, state_space
-from robust.uncertain.matrix_model import MatrixUncertainty
-from robust.uncertain.model import UncertaintyModel
+from robust.reports.verdicts import friction_section, in_short, refuse_another, refuse_another_matrix
 
 __all__ = ["write_report"]
 

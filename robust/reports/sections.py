@@ -10,19 +10,17 @@ import control
 import numpy as np
 
 import nlfrf
-from nlfrf.shared.wording import counted, hertz
+from nlfrf._base.arguments import counted, hertz
 from robust.analysis.family import sample_loops
-from robust.analysis.report import RobustnessReport
-from robust.analysis.verdict import factor, stability_words
+from robust.analysis.performance import step_response
+from robust.analysis.report import RobustnessReport, factor, stability_words
 from robust.analysis.worst_case import worst_case
-from robust.files.biquads import controller_sections
-from robust.files.pid_gains import told_gains
-from robust.performance.steps import step_response
+from robust.io.biquads import controller_sections
+from robust.io.pid_gains import told_gains
+from robust.lti.lti import poles, timebase, zeros
+from robust.models.sets.model import UncertaintyModel
 from robust.reports import parts
-from robust.reports.parts import Section
-from robust.reports.words import demand_text, roots_text, system_text
-from robust.systems.lti import poles, timebase, zeros
-from robust.uncertain.model import UncertaintyModel
+from robust.reports.parts import Section, demand_text, roots_text, system_text
 
 __all__ = ["check_section", "loop_section", "settings_section", "verdict_section", "worst_section"]
 

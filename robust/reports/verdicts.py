@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import control
 import numpy as np
 
-from robust.analysis.report import RobustnessReport
-from robust.analysis.verdict import meaning
-from robust.friction_proof.proof import FrictionProof
+from robust._base.states import FrictionVerdict
+from robust.analysis.check import check_lines
+from robust.analysis.check_structure import StructuredReport, bound_at
+from robust.analysis.disk_margin import LoopMargins, disk_margins
+from robust.analysis.loop import assemble
+from robust.analysis.report import RobustnessReport, meaning
+from robust.friction.prove import FrictionProof
+from robust.lti.lti import response
+from robust.lti.realisation import state_space
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
 from robust.reports.parts import Section
-from robust.shared.states import FrictionVerdict
 
-__all__ = ["both_verdicts", "friction_section", "in_short"]
+__all__ = ["both_verdicts", "friction_section", "in_short", "refuse_another", "refuse_another_matrix"]
+
 
 MEANS = {
     FrictionVerdict.PROVED: "comes to rest with every friction of the class, from every state",
@@ -57,3 +68,74 @@ def friction_section(report: RobustnessReport, proof: FrictionProof) -> Section:
         "hard kick, a loop proved for a class of friction may fail on a wide set of linear plants.",
         table=both_verdicts(report, proof),
     )
+
+
+# ---- Whether a report is of the set and the controller that it is to be told of: nobody is told of two loops at once.
+
+ANOTHER = "report must be what check gave of this model and this K, got one of another loop"
+
+
+def refuse_another(report: RobustnessReport, model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> None:
+    """Refuse a report of something else than what is to be reported."""
+    if delay not in (0.0, report.delay):
+        raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
+    if w_P is not None and not is_demand(report, w_P):
+        raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
+    if not is_of(report, model, K):
+        raise ValueError(ANOTHER)
+
+
+def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
+    """Whether a report is of this set and this controller, by their responses at some of its frequencies."""
+    at = slice(None, None, max(1, report.omega.size // 50))
+    omega = report.omega[at]
+    if model.measured_only:
+        again = check_lines(model, K, w_P=None, delay=report.delay, n_unstable=0)
+        if not np.array_equal(again.omega, report.omega):
+            return False
+        now = again.G[at], again.K[at], again.radius[at]
+    else:
+        curves = assemble(model, K, None, report.delay).curves(omega)
+        now = curves.G, curves.K, np.abs(curves.w)
+    known = report.G[at], report.K[at], report.radius[at]
+    return model.form == report.form and all(map(same, now, known))
+
+
+def same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Equal up to rounding."""
+    return np.allclose(one, other, rtol=1e-6, atol=0, equal_nan=True)
+
+
+def is_demand(report: RobustnessReport, w_P: Any) -> bool:
+    """Whether a performance weight is the one that a report was made with."""
+    if report.w_P is None:
+        return False
+    return same(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P)
+
+
+def refuse_another_matrix(report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace) -> None:
+    """Refuse a report of another set or controller, by margins of the nominal loop and by mu where it peaks."""
+    if not (same_margins(report, disk_margins(model, K)) and same_peak(report, model, K)):
+        raise ValueError(ANOTHER)
+
+
+def same_margins(report: StructuredReport, now: LoopMargins) -> bool:
+    """Whether the nominal loop bears what it bore."""
+    known = report.margins
+    if known is None or (len(known.inputs), len(known.outputs)) != (len(now.inputs), len(now.outputs)):
+        return False
+    pairs = zip(parts(known), parts(now), strict=True)
+    return all(np.isclose(one.alpha, other.alpha, rtol=1e-6, atol=0, equal_nan=True) for one, other in pairs)
+
+
+def parts(margins: LoopMargins) -> tuple[Any, ...]:
+    """The disk margins of every channel, and of all at once."""
+    return (*margins.inputs, *margins.outputs, margins.all_inputs, margins.all_outputs, margins.everywhere)
+
+
+def same_peak(report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace) -> bool:
+    """Whether mu of this set, in one of its forms, has at the peak of the report the size that is told of there."""
+    if not report.nominally_stable:
+        return True
+    peaks = [bound_at(form.loop(K), report.omega_rs) for form in (model, model.other) if form is not None]
+    return bool(np.isclose(peaks, 1 / report.margin_rs, rtol=0.02, atol=0).any())  # searched for, to better than that

@@ -12,9 +12,9 @@ from typing import Any
 
 import control
 
-from robust.systems.connections import in_parallel, in_series
-from robust.systems.lti import constant, timebase
-from robust.systems.realisation import state_space
+from robust.lti.connections import in_parallel, in_series
+from robust.lti.lti import constant, timebase
+from robust.lti.realisation import state_space
 
 __all__ = ["cascade"]
 

@@ -1,4 +1,4 @@
-"""The house: wings and their arrows, rooms that show their face, heavy packages late."""
+"""The layout: packages and parts with their arrows, modules that name what is public, heavy packages late."""
 
 import ast
 import subprocess
@@ -10,70 +10,64 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-#: Wing -> the wings its rooms may import from; every room may import from `shared`. The only thing typed by hand here.
+#: Package -> the packages that its modules may import from; every module may import from `_base`.
 ARROWS = {
-    "nlfrf.shared": "",
-    "nlfrf.excitation": "",
-    "nlfrf.friction": "",
-    "nlfrf.records": "excitation",
-    "nlfrf.identification": "records excitation",
-    "nlfrf.multivariable": "identification records excitation",
-    "nlfrf.coupled": "friction",
-    "nlfrf.bench": "coupled friction records excitation",
-    "nlfrf.readers": "",
-    "nlfrf.files": "readers multivariable identification records excitation",
-    "nlfrf.studies": "bench identification records excitation",
-    "nlfrf.plot": "multivariable identification records excitation",
+    "nlfrf._base": "",
+    "nlfrf.signals": "",
+    "nlfrf.records": "signals",
+    "nlfrf.bla": "records signals",
+    "nlfrf.rig": "bla records signals",
+    "nlfrf.io": "bla records signals",
+    "nlfrf.plot": "bla records signals",
     "nlfrf.doctor": "",
-    "robust.shared": "",
-    "robust.systems": "",
-    "robust.verification": "",
-    "robust.friction_verification": "verification",
-    "robust.certificates": "verification systems",
-    "robust.modelling": "systems",
-    "robust.mu": "certificates systems",
-    "robust.uncertain": "modelling mu certificates systems",
-    "robust.validation": "uncertain modelling systems",
-    "robust.performance": "systems",
-    "robust.analysis": "performance uncertain mu certificates verification systems",
-    "robust.synthesis": "analysis uncertain modelling mu certificates systems",
-    "robust.fixed_structure": "friction_proof sliding analysis synthesis uncertain certificates systems",
-    "robust.sliding": "systems",
-    "robust.storage": "",
-    "robust.friction_proof": "sliding storage certificates friction_verification verification systems",
-    "robust.saturation": "friction_proof friction_verification sliding storage certificates systems",
-    "robust.friction_motion": "friction_proof sliding systems",
-    "robust.plot": "validation loopshaping friction_motion analysis performance uncertain modelling systems",
-    "robust.loopshaping": "uncertain systems",
-    "robust.shaping_page": "loopshaping analysis uncertain modelling systems",
-    "robust.files": "saturation friction_proof friction_verification sliding analysis uncertain verification systems",
-    "robust.reports": "files plot validation friction_proof analysis performance uncertain modelling systems",
+    "robust._base": "",
+    "robust.lti": "",
+    "robust.proofs": "lti",
+    "robust.mu": "proofs lti",
+    "robust.models": "mu proofs lti",
+    "robust.friction": "proofs lti",
+    "robust.analysis": "models mu proofs lti",
+    "robust.synthesis": "analysis friction models mu proofs lti",
+    "robust.plot": "analysis friction models lti",
+    "robust.io": "analysis friction models proofs lti",
+    "robust.reports": "io plot synthesis analysis friction models lti",
 }
-#: Faces: public modules that hand on the names of a wing, and the commands, which may enter any room.
+#: The same one level down: part -> the parts of the same package that it may import from.
+#: The modules that lie in the package itself are the part named ".".
+PARTS = {
+    "nlfrf.records": {"screening": "", ".": "screening"},
+    "nlfrf.bla": {".": "", "mimo": "."},
+    "nlfrf.rig": {"kernels": "", "laws": "kernels", "bench": "laws kernels", "studies": "bench"},
+    "nlfrf.io": {"readers": "", ".": "readers"},
+    "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
+    "robust.proofs": {"exact": "", "search": "exact"},
+    "robust.friction": {"exact": "", ".": "exact"},
+    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf ."},
+    "robust.reports": {".": "", "shaping_page": ""},
+}
+#: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.
 FACES = {
     *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
     *("robust", "robust.cli", "robust.plot", "robust.shaping_plot"),
 }
-#: Where a heavy package may be imported at all: rooms, or whole wings.
+#: Where a heavy package may be imported at all: modules, or whole packages.
 HEAVY = {
-    "matplotlib": "nlfrf.plot robust.plot nlfrf.shared.axes nlfrf.studies.figures "
+    "matplotlib": "nlfrf.plot robust.plot nlfrf._base.axes nlfrf.rig.studies.figures "
     "robust.reports.parts nlfrf.cli robust.cli",
-    "numba": "nlfrf.friction.leuven_kernels nlfrf.friction.slip_kernels nlfrf.friction.slider_kernels "
-    "nlfrf.friction.loop_kernels nlfrf.friction.own_kernels nlfrf.coupled.step_kernels "
-    "nlfrf.coupled.run_kernels",
-    "h5py": "nlfrf.readers.hdf5 nlfrf.shared.whole_files nlfrf.shared.outputs",
-    "cvxpy": "robust.certificates robust.mu.lmi robust.fixed_structure.cone_program "
-    "robust.friction_proof.bristle_multipliers robust.friction_proof.linear_uncertainty",
+    "numba": "nlfrf.rig.kernels",
+    "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
+    "cvxpy": "robust.proofs.search robust.mu.lmi robust.synthesis.fixed.cone_program "
+    "robust.friction.multipliers robust.friction.linear_uncertainty",
     "jinja2": "robust.reports.page",
-    "flint": "robust.verification robust.friction_verification",
-    "anywidget": "robust.shaping_page.widget",
-    "traitlets": "robust.shaping_page.widget",
-    "pandas": "nlfrf.readers.tables",
-    "matio": "nlfrf.readers.matlab_objects",
-    "nptdms": "nlfrf.readers.tdms",
-    "asammdf": "nlfrf.readers.mdf",
-    "pyuff": "nlfrf.readers.uff",
-    "pyarrow": "nlfrf.readers.columns",
+    "flint": "robust.proofs.exact robust.friction.exact",
+    "anywidget": "robust.reports.shaping_page.widget",
+    "traitlets": "robust.reports.shaping_page.widget",
+    "pandas": "nlfrf.io.readers.tables",
+    "matio": "nlfrf.io.readers.matlab_objects",
+    "nptdms": "nlfrf.io.readers.tdms",
+    "asammdf": "nlfrf.io.readers.mdf",
+    "pyuff": "nlfrf.io.readers.uff",
+    "pyarrow": "nlfrf.io.readers.columns",
 }
 ALWAYS_LATE = set(HEAVY) - {"numba"}
 
@@ -92,6 +86,13 @@ EACH = pytest.mark.parametrize(("name", "tree"), ROOMS.items(), ids=list(ROOMS))
 def wing_of(room):
     """The folder of a room; a room on the landing is a wing of its own."""
     return ".".join(room.split(".")[:2])
+
+
+def part_of(room):
+    """(package, part) of a module on the second level; part "." for a module that lies in the package itself."""
+    names = room.split(".")
+    package = ".".join(names[:2])
+    return package, names[2] if len(names) > 2 and names[2] in PARTS.get(package, ()) else "."
 
 
 def imports(tree):
@@ -151,15 +152,31 @@ def test_arrows_run_one_way(name, tree):
         if top not in ("nlfrf", "robust") or name in FACES:
             continue
         if top != package:
-            allowed = imported in ("nlfrf", "nlfrf.plot") or wing_of(imported) == "nlfrf.shared"
+            allowed = imported in ("nlfrf", "nlfrf.plot") or wing_of(imported) == "nlfrf._base"
             assert allowed, f"{name} imports {imported}: nlfrf is known by its public names and its shared ground"
             public = set(import_module("nlfrf").__all__)
             assert imported != "nlfrf" or set(names) <= public, f"{name} imports {names} from nlfrf"
         elif imported != package:
-            allowed = {f"{package}.{other}" for other in ARROWS[wing].split()} | {wing, f"{package}.shared"}
+            allowed = {f"{package}.{other}" for other in ARROWS[wing].split()} | {wing, f"{package}._base"}
             assert wing_of(imported) in allowed, f"{name} imports {imported}"
         else:
             raise AssertionError(f"{name} imports its own package")
+
+
+@EACH
+def test_arrows_run_one_way_between_parts(name, tree):
+    package, part = part_of(name)
+    if package in PARTS and name not in FACES and name != package:
+        for imported, _, _ in imports(tree):
+            other_package, other = part_of(imported)
+            if other_package == package and imported != package:
+                allowed = {part, *PARTS[package][part].split()}
+                assert other in allowed, f"{name} imports {imported}"
+
+
+def test_the_table_of_parts_names_every_folder():
+    folders = {room for room in ROOMS if room.count(".") == 2 and (ROOT / room.replace(".", "/")).is_dir()}
+    assert folders == {f"{package}.{part}" for package, parts in PARTS.items() for part in parts if part != "."}
 
 
 def test_no_circle_inside_a_wing():
@@ -179,7 +196,7 @@ def test_wings_stand_in_few_floors():
         package = wing.split(".")[0]
         others = [f"{package}.{other}" for other in ARROWS[wing].split()]
         own = 1 + max(map(floor, others), default=0)
-        return own if wing == "nlfrf.shared" else max(own, 1 + floor("nlfrf.shared"))
+        return own if wing == "nlfrf._base" else max(own, 1 + floor("nlfrf._base"))
 
     assert max(map(floor, ARROWS)) + 2 <= 10  # and the face, and the command
 
@@ -196,8 +213,12 @@ def test_no_wing_is_called_like_a_public_name():
 @EACH
 def test_a_plate_hangs_at_every_door(name, tree):
     """A wing's `__init__` says what each room holds, and has no code but where the wing is public."""
-    rooms = {other.split(".")[-1] for other in ROOMS if other.startswith(f"{name}.") and other.count(".") == 2}
-    if not (name.count(".") == 1 and rooms):
+    rooms = {
+        other.split(".")[-1]
+        for other in ROOMS
+        if other.startswith(f"{name}.") and other.count(".") == name.count(".") + 1
+    }
+    if not (name.count(".") >= 1 and rooms):
         return
     rows = [line.split(maxsplit=1) for line in ast.get_docstring(tree).splitlines()]
     said = {row[0] for row in rows if len(row) == 2}
@@ -230,7 +251,7 @@ def test_heavy_packages_are_imported_where_they_are_used(name, tree):
         package = imported.split(".")[0]
         if package in HEAVY:
             places = HEAVY[package].split()
-            assert name in places or wing_of(name) in places, f"{name} imports {package}"
+            assert any(f"{name}.".startswith(f"{place}.") for place in places), f"{name} imports {package}"
         assert not (at_import and package in ALWAYS_LATE), f"{name} imports {package} at the top"
 
 
@@ -270,9 +291,9 @@ def test_the_library_never_prints():
 
 def test_forms_are_named_in_one_room():
     """A further form of uncertainty is one row of the table: no other room asks for a form by its name."""
-    from robust.uncertain.forms import FORMS
+    from robust.models.sets.forms import FORMS
 
     for name, tree in ROOMS.items():
-        if name != "robust.uncertain.forms":
+        if name != "robust.models.sets.forms":
             named = {n.value for n in ast.walk(tree) if isinstance(n, ast.Constant) and n.value in tuple(FORMS)}
             assert not named, f"{name} asks for {named}"

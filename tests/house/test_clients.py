@@ -13,10 +13,10 @@ import pytest
 from scipy.io import loadmat
 
 from nlfrf import export_csv, save_multisine
-from nlfrf.excitation.multisine import multisine
+from nlfrf.signals.multisine import multisine
 from robust import controller_sections, export_matlab, fit_nominal, load_model, save_controller, save_model
-from robust.systems.lti import response
-from tests.robust.files.test_export import BLA, MODELS
+from robust.lti.lti import response
+from tests.robust.io.test_export import BLA, MODELS
 
 CONTROLLERS = {
     "continuous": control.tf([1.0, 0.1, 1 / 3], [1, 0.7, 0.1]),

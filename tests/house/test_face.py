@@ -7,7 +7,7 @@ import pytest
 import nlfrf
 import robust
 from nlfrf import friction, hysteresis
-from nlfrf.shared.values import field_names
+from nlfrf._base.values import field_names
 
 CALLS = {
     nlfrf.multisine: "kind fs n_samples f_min f_max rms amplitude lines n_realizations rng",

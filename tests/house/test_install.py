@@ -94,4 +94,4 @@ def test_a_wheel_holds_what_pages_are_made_of(tmp_path):
     static += ROOT.glob("nlfrf/**/*.pyi")
     assert len(static) > 7
     assert {path.relative_to(ROOT).as_posix() for path in static} <= held
-    assert "robust/shaping_page/uplot/LICENSE" in held
+    assert "robust/reports/shaping_page/uplot/LICENSE" in held

@@ -14,7 +14,7 @@ import nlfrf
 import robust
 from benchmarks.fuzz_commands import made
 from nlfrf import cli as measuring
-from nlfrf.shared.command import WRITTEN
+from nlfrf._base.command import WRITTEN
 from robust import cli as controlling
 
 DESIGN = "nlfrf design --fs 512 --period 512 --f-min 2 --f-max 100 --seed 1 -o {}"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf.excitation.lines import LineGrid
-from nlfrf.identification.bla import Bla, DistortionLevels
+from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.signals.lines import LineGrid
 
 
 def make_bla(

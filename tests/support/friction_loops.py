@@ -4,8 +4,7 @@ import control
 import numpy as np
 from scipy.linalg import expm
 
-from robust.sliding.loop import sliding_loop
-from robust.sliding.machine import sliding_machine
+from robust.friction.plant import sliding_loop, sliding_machine
 
 T = 1e-3
 RIG = sliding_machine(1.0, 80e3, 0.4)

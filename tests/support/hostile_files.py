@@ -10,10 +10,10 @@ import zlib
 import numpy as np
 from numpy.lib import format as npy
 
-from nlfrf.files.channels import read_channels
-from nlfrf.readers.tables import START
-from nlfrf.shared import own_process
-from nlfrf.shared.own_process import FACTOR
+from nlfrf._base import own_process
+from nlfrf._base.own_process import FACTOR
+from nlfrf.io.channels import read_channels
+from nlfrf.io.readers.tables import START
 from tests.support import measurement_files as files
 
 SECRET = 7777.0 + np.arange(64)  # numbers that stand in another file of the machine

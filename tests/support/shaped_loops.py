@@ -4,9 +4,9 @@ import control
 import numpy as np
 
 import robust
-from robust.systems.lti import response
-from robust.systems.realisation import from_roots, state_space
-from robust.uncertain.forms import FORMS
+from robust.lti.lti import response
+from robust.lti.realisation import from_roots, state_space
+from robust.models.sets.forms import FORMS
 
 
 def random_loop(seed):

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 import nlfrf
-from nlfrf.records.faults import held_over
+from nlfrf.records.screening.input import held_over
 
 FS, N = 512.0, 1024
 

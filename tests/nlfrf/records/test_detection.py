@@ -5,7 +5,7 @@ import pytest
 
 import nlfrf
 from nlfrf import DataWarning, LineGrid, Record, identify, load_record, multisine, record_from_samples
-from nlfrf.records.detection import detect_lines
+from nlfrf.records.excited_lines import detect_lines
 
 ACTUATORS = {
     "sound": lambda u: u,

@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 from benchmarks import faults
-from nlfrf.records.output_faults import follow
+from nlfrf.records.screening.output import follow
 
 GUIDE = Path(__file__).parents[3] / "docs" / "guide" / "faults.md"
 

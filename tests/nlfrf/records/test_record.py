@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nlfrf import DataWarning, LineGrid, Record, multisine, record_from_samples
-from nlfrf.records.detection import detect_lines
+from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.period import detect_period
 
 

@@ -7,9 +7,9 @@ import pytest
 
 import nlfrf
 from benchmarks.sound_records import FS, N, played, without, without_twice
-from nlfrf.records.faults import between
-from nlfrf.records.gaps import gaps_inside, torn_periods
-from nlfrf.records.output_faults import follow
+from nlfrf.records.screening.gaps import gaps_inside, torn_periods
+from nlfrf.records.screening.input import between
+from nlfrf.records.screening.output import follow
 
 
 def held(u, y, truth):

@@ -9,8 +9,8 @@ import pytest
 from robust import UncertaintyModel, check, ncfsyn, sampled, uncertainty
 from robust.analysis.aliases import shares
 from robust.analysis.loop import assemble
-from robust.systems.lti import response
-from robust.verification.claim import ALIASED, STABILITY
+from robust.lti.lti import response
+from robust.proofs.exact.claim import ALIASED, STABILITY
 from tests.support.random_families import above_nyquist, sampled_operators
 from tests.support.random_loops import closed_loop_poles, hold_and_delay, tf_response
 from tests.support.sampled_sets import alias_terms, period_map, worst_member, worst_period_map

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, fit_nominal, frd, performance_weight, uncertainty
-from robust.systems.closed_loop import factor_allowed, worst_perturbation, worst_sensitivity
-from robust.systems.lti import response
-from robust.systems.sampling import sampled
-from robust.uncertain.forms import worst_terms
+from robust.lti.connections import factor_allowed, worst_perturbation, worst_sensitivity
+from robust.lti.lti import response
+from robust.lti.sampling import sampled
+from robust.models.sets.forms import worst_terms
 from tests.support.bla import make_bla
 
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from robust import Block, check_structure, interconnection
-from robust.systems.lft import upper
+from robust.lti.connections import upper
 
 
 def lag_loop(pole, actuator, gain=4.0, **block):

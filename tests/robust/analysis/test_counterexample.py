@@ -11,7 +11,7 @@ import pytest
 
 from nlfrf import identify, multisine, record_from_samples
 from robust import UncertaintyModel, check, fit_nominal, fit_weight, uncertainty
-from robust.systems.lti import response
+from robust.lti.lti import response
 
 LIMIT, K = 0.6745, 1.06
 GAIN = 0.5  # Bussgang: P(|u| < 0.6745) for a normal u

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check
-from robust.verification.claim import as_given
-from robust.verification.poles import stable_loop
+from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.stability import stable_loop
 from tests.support.hard_loops import boundary_gain, hard_loop, margin, with_gain
 
 LINES = np.array([1.0, 2.0])

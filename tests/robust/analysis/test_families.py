@@ -9,9 +9,9 @@ import pytest
 from benchmarks.soundness import WRONG, judged
 from robust import check_structure, disk_margin, worst_case
 from robust.analysis.loop import assemble, nominal_instability
-from robust.certificates.stability import instability
-from robust.uncertain.interconnection import Block, interconnection
-from robust.uncertain.model import UncertaintyModel
+from robust.models.sets.interconnection import Block, interconnection
+from robust.models.sets.model import UncertaintyModel
+from robust.proofs.search.stability import instability
 from tests.support.random_families import FAMILIES
 
 

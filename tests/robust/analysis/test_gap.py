@@ -10,7 +10,7 @@ from robust import (
     nu_gap,
     sampled,
 )
-from robust.systems.lti import response
+from robust.lti.lti import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust import MatrixUncertainty, ncf_margin, ncfsyn, nu_gap, sampled
-from robust.systems.lti import over_frequency
+from robust.lti.lti import over_frequency
 
 OMEGA = np.geomspace(1e-3, 1e4, 3000)
 

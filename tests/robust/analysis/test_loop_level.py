@@ -13,8 +13,8 @@ from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 import nlfrf
 import robust
 from robust import LevelState, LoopSignals, NoiseSignal, SampledSignal, SineSignal, StepSignal, UncertaintyModel
-from robust.systems.lti import response
-from robust.uncertain.forms import FORMS
+from robust.lti.lti import response
+from robust.models.sets.forms import FORMS
 
 LAG = control.tf([1], [1, 1])
 OMEGA, RADIUS = np.array([1.0, 2.0]), np.array([0.1, 0.2])

@@ -6,7 +6,7 @@ import pytest
 
 from robust import UncertaintyModel, check
 from robust.analysis.curves import loop_curves
-from robust.systems.grids import highest
+from robust.lti.grids import highest
 
 
 def curve(G, K, w, delay, omega, form):

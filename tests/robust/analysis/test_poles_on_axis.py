@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, discretize, disk_margin, sampled, worst_case
-from robust.systems.lti import response
-from robust.uncertain.forms import FORMS
+from robust.lti.lti import response
+from robust.models.sets.forms import FORMS
 
 LEAD = ([0.5, 1.0], [0.05, 1.0])
 LOOPS = {

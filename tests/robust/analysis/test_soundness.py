@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, performance_weight
-from robust.systems.lti import response
-from robust.systems.sampling import sampled
+from robust.lti.lti import response
+from robust.lti.sampling import sampled
 from tests.support.precise_loops import unstable_poles, wrongly_stable
 from tests.support.random_loops import closed_loop_poles, curves, dense_grid, random_case, roots, tf_response, zpk
 

@@ -8,8 +8,8 @@ import pytest
 from flint import arb, ctx
 
 from robust import UncertaintyModel, check, ncfsyn
-from robust.certificates.responses import trusted_responder
-from robust.systems.realisation import from_roots
+from robust.lti.realisation import from_roots
+from robust.proofs.search.intervals import trusted_responder
 from tests.support.precise_loops import BITS, PreciseLoop
 
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive")

@@ -17,9 +17,9 @@ from robust import (
     scan_orders,
     worst_case,
 )
-from robust.systems.lti import response
-from robust.uncertain import forms
-from robust.uncertain.perturbations import all_pass, perturbed, random_perturbation, with_phase
+from robust.lti.lti import response
+from robust.models.sets import forms
+from robust.models.sets.perturbations import all_pass, perturbed, random_perturbation, with_phase
 from tests.support.bla import make_bla
 
 FORMS = ("multiplicative", "additive", "inverse-multiplicative", "inverse-additive", "coprime")
@@ -162,8 +162,8 @@ def test_perturbed_systems_are_what_the_formula_says(form):
 @pytest.mark.parametrize("form", FORMS[:4])
 def test_loop_bounds_are_sufficient(form):
     """Any L above low or below high meets |w_P| max |S_p| <= 1, whatever its phase."""
-    from robust.systems.closed_loop import worst_sensitivity
-    from robust.uncertain.forms import worst_terms
+    from robust.lti.connections import worst_sensitivity
+    from robust.models.sets.forms import worst_terms
 
     set_, w_P = model(form, 2.0), performance_weight(2.0, M_S=2.0, A=1e-2)
     low, high = loop_bounds(set_, w_P)

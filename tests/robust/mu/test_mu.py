@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust import certify_mu, mu_lower, mu_upper
+from robust.lti.connections import lower
+from robust.lti.lti import evaluate
 from robust.mu.upper import recomputed
-from robust.systems.lft import lower
-from robust.systems.lti import evaluate
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
 
 SP_8_5 = np.array([[2, 2], [-1, -1]])[:, :, None]

@@ -10,7 +10,7 @@ from matplotlib import pyplot as plt
 
 import robust
 from robust import plot as pictures
-from robust.systems.lti import along
+from robust.lti.lti import along
 from tests.support.pictures import labels
 
 OMEGA = np.geomspace(1, 100, 30)

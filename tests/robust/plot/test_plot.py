@@ -21,7 +21,7 @@ from robust import (
     validate,
 )
 from robust import plot as pictures
-from robust.systems.lti import response
+from robust.lti.lti import response
 from tests.support.bla import make_bla
 from tests.support.pictures import labels
 

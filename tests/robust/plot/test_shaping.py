@@ -9,8 +9,8 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 from robust import UncertaintyModel, lag, lead, loop_bounds, performance_weight
+from robust.lti.lti import response
 from robust.shaping_plot import plot_loop_bounds
-from robust.systems.lti import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

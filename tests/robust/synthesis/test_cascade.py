@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, cascade, check, disk_margin, feedforward, sampled
-from robust.systems.lti import response
+from robust.lti.lti import response
 
 LINES = np.array([1.0, 10.0])
 INTEGRATOR = control.tf([1], [1, 0])

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from robust import hinfsyn, mixsyn, ncfsyn, performance_weight
-from robust.certificates.closed_loop import certify_closed_loop
-from robust.synthesis.hinfsyn import Synthesis
-from robust.verification.claim import as_given
-from robust.verification.closed_loops import (
+from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.closed_loops import (
     ClosedLoopClaim,
     decide_closed_loop,
     norm_of_closed_loop,
     poles_of_closed_loop,
     verify_closed_loop,
 )
+from robust.proofs.search.stability import certify_closed_loop
+from robust.synthesis.hinf.hinfsyn import Synthesis
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.precise_lft import lft_gain, lft_norm
 
@@ -97,8 +97,8 @@ def test_a_loop_that_is_not_stable_in_many_digits_is_no_result():
 
 
 def test_a_gamma_that_is_not_certified_says_so(monkeypatch):
-    monkeypatch.setattr("robust.verification.closed_loops.refined", lambda *_: None)
-    monkeypatch.setattr("robust.verification.closed_loops.by_sign", lambda *_: None)
+    monkeypatch.setattr("robust.proofs.exact.closed_loops.refined", lambda *_: None)
+    monkeypatch.setattr("robust.proofs.exact.closed_loops.by_sign", lambda *_: None)
     P = random_plant(np.random.default_rng(0), 4, 2, 1, 2, 1, 0.0)
     found = hinfsyn(P, 1, 1)
     assert isinstance(found, Synthesis)

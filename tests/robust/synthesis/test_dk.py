@@ -16,11 +16,11 @@ from robust import (
     performance_weight,
     worst_gain,
 )
-from robust.certificates.stability import instability
-from robust.modelling.weights import minimum_phase
-from robust.systems.bilinear import to_discrete
-from robust.systems.lft import lower
-from robust.systems.lti import response
+from robust.lti.connections import lower
+from robust.lti.lti import response
+from robust.lti.norms import to_discrete
+from robust.models.fit.weights import minimum_phase
+from robust.proofs.search.stability import instability
 from tests.robust.mu.test_mu import along, random_matrix, size
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from robust import hinfsyn
-from robust.certificates.stability import instability
-from robust.systems.bilinear import to_discrete
-from robust.systems.lft import lower
-from robust.systems.lti import evaluate
+from robust.lti.connections import lower
+from robust.lti.lti import evaluate
+from robust.lti.norms import to_discrete
+from robust.proofs.search.stability import instability
 
 BOOK = control.ss(control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1]))))
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, discretize, mixsyn, performance_weight, sampled
-from robust.systems.closed_loop import weighted_plant
-from robust.systems.lti import response
+from robust.lti.connections import weighted_plant
+from robust.lti.lti import response
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W_P = performance_weight(10, M_S=1.5, A=1e-4)

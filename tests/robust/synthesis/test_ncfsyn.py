@@ -6,8 +6,8 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from robust import crossover_weight, ncf_margin, ncfsyn, sampled
-from robust.systems.lti import evaluate, response
-from robust.uncertain.coprime import coprime_factors
+from robust.lti.lti import evaluate, response
+from robust.models.sets.coprime import coprime_factors
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 

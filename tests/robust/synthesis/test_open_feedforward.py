@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, feedforward
-from robust.systems.lti import response
-from robust.uncertain.forms import FORMS
+from robust.lti.lti import response
+from robust.models.sets.forms import FORMS
 
 LINES = np.array([0.1, 1.0, 10.0])
 LAG, WANTED = control.ss(control.tf([2], [1, 1])), control.tf([1], [0.5, 1])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, prefilter
-from robust.systems.lti import response
+from robust.lti.lti import response
 
 LAG, W = control.tf([1], [1, 1]), control.tf([0.3, 0.1], [0.1, 1])
 PI = control.tf([2, 2], [1, 0])  # T = 2/(s + 2)

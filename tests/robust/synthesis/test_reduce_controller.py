@@ -19,9 +19,9 @@ from robust import (
     sampled,
     uncertainty,
 )
+from robust.lti.lti import response
+from robust.lti.norms import hinf_norm
 from robust.synthesis.reduction import balanced, of_factors, weighted
-from robust.systems.lti import response
-from robust.systems.norms import hinf_norm
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W = control.tf([0.05, 0.1], [0.02, 1])

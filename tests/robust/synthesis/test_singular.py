@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, hinfsyn, mixsyn, performance_weight
-from robust.certificates.stability import instability
-from robust.systems.bilinear import from_half_plane, to_half_plane
-from robust.systems.lft import lower
-from robust.systems.lti import evaluate, response
+from robust.lti.connections import lower
+from robust.lti.lti import evaluate, response
+from robust.lti.norms import from_half_plane, to_half_plane
+from robust.proofs.search.stability import instability
 from tests.support.compleib import BEST, generalised, problem
 
 S = control.tf("s")

@@ -1,0 +1,274 @@
+"""Refusals: one clear line naming the parameter, what it must be, and what it was."""
+
+from __future__ import annotations
+
+import numbers
+import re
+import sys
+import warnings
+from collections.abc import Sequence
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.numbers import all_finite
+
+__all__ = [
+    "HOLDS",
+    "DataWarning",
+    "channel_names",
+    "counted",
+    "data_warning",
+    "generator",
+    "hertz",
+    "in_unit",
+    "in_words",
+    "integer",
+    "inverse_unit",
+    "listed",
+    "nonnegative",
+    "of_kind",
+    "one_line",
+    "one_of",
+    "paragraph",
+    "positive",
+    "printable",
+    "probability",
+    "ratio_unit",
+    "real",
+    "real_array",
+    "shown",
+]
+
+
+# ---- How things are said to people: a frequency in Hz, anything at all at the end of a message.
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+#: What commands a terminal or turns the direction of the text behind it: control characters but the line break and the
+#: tab, marks of direction and of no width, tags, halves of a pair (bytes of a file name that are no text).
+COMMANDS = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
+)
+BREAKS = re.compile("[\t\n\x0b\f\r\x85\u2028\u2029]+")
+
+
+def printable(text: str) -> str:
+    r"""Return a text with every character that commands a terminal written out, as JSON writes it.
+
+    >>> printable("force\x1b[2J [N]\n")
+    'force\\u001b[2J [N]\n'
+    """
+
+    def written_out(found: re.Match[str]) -> str:
+        raw = found[0].encode("utf-16-be", "surrogatepass").hex()
+        return "".join(f"\\u{raw[i : i + 4]}" for i in range(0, len(raw), 4))
+
+    return COMMANDS.sub(written_out, text)
+
+
+def one_line(text: str) -> str:
+    r"""Return a text that comes from a file or names a thing, printable and without line breaks.
+
+    >>> one_line("Force\r\n[N]"), one_line("u\x9b2J")
+    ('Force [N]', 'u\\u009b2J')
+    """
+    return printable(BREAKS.sub(" ", text))
+
+
+def shown(thing: Any) -> str:
+    """A short form of anything, for the end of a message."""
+    if isinstance(thing, np.ndarray):
+        return f"an array of shape {thing.shape}"
+    text = " ".join(repr(thing).split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def hertz(omega: float) -> str:
+    """A frequency for people."""
+    return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"
+
+
+def counted(n: int, what: str) -> str:
+    """A count with its noun."""
+    return f"{n} {what}" + "s" * (n != 1)
+
+
+def in_words(n: int, what: str) -> str:
+    """A count with its noun, small numbers in words.
+
+    >>> in_words(1, "sample"), in_words(2, "sample"), in_words(40, "sample")
+    ('one sample', 'two samples', '40 samples')
+    """
+    return f"{NUMBERS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(NUMBERS) else counted(n, what)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names with commas and an "and" between them.
+
+    >>> listed(["1"]), listed(["1", "3"]), listed(["1", "3", "4"])
+    ('1', '1 and 3', '1, 3 and 4')
+    """
+    return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
+
+
+def paragraph(label: str, text: str) -> list[str]:
+    """A labelled paragraph that fits a screen 100 wide."""
+    rows = wrap(text, 86) or [""]
+    return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
+
+
+def inverse_unit(unit: str) -> str:
+    """The unit of one over a quantity.
+
+    >>> inverse_unit("m/N"), inverse_unit("1/N"), inverse_unit("rad"), inverse_unit("m/s/V")
+    ('N/m', 'N', '1/rad', '1/(m/s/V)')
+    """
+    top, *bottom = unit.split("/")
+    if len(bottom) > 1:
+        return f"1/({unit})"
+    return bottom[0] if bottom and top == "1" else f"{bottom[0] if bottom else 1}/{top}"
+
+
+def ratio_unit(top: str, bottom: str) -> str:
+    """The unit of one quantity over another; empty where neither is known.
+
+    >>> ratio_unit("m", "N"), ratio_unit("m", ""), ratio_unit("", "")
+    ('m/N', 'm/1', '')
+    """
+    return f"{top or '1'}/{bottom or '1'}" if top or bottom else ""
+
+
+def in_unit(what: str, unit: str, otherwise: str) -> str:
+    """A quantity with its unit in brackets, for an axis: the one known, or what it would be.
+
+    >>> in_unit("u", "N", "unit of u"), in_unit("u", "", "unit of u")
+    ('u [N]', 'u [unit of u]')
+    """
+    return f"{what} [{unit or otherwise}]"
+
+
+#: How a signal runs between its samples: as the band-limited signal itself, held by a converter, or nobody said.
+HOLDS = ("band-limited", "zoh", "unknown")
+
+
+class DataWarning(UserWarning):
+    """A result that is usable but suspicious: the data or the grid limit what it means.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", DataWarning)  # to stop at every suspicious result
+    """
+
+
+def data_warning(text: str) -> None:
+    """A `DataWarning` that points at the line of the user's that led to it, however many of ours lie between."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] in ("nlfrf", "robust"):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, DataWarning, stacklevel=level)
+
+
+def of_kind(name: str, thing: Any, *kinds: type[Any]) -> None:
+    """A refusal unless the thing is of one of these kinds: what is made for one of them would fail somewhere inside."""
+    if not isinstance(thing, kinds):
+        raise ValueError(f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got {shown(thing)}")
+
+
+def positive(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it is finite and above zero."""
+    number = real(name, number)
+    if not number > 0:
+        raise ValueError(f"{name} must be positive, got {number:g}")
+    return number
+
+
+def nonnegative(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it is finite and at least zero."""
+    number = real(name, number)
+    if number < 0:
+        raise ValueError(f"{name} must be zero or positive, got {number:g}")
+    return number
+
+
+def real(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it is one finite real number."""
+    if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real):
+        raise ValueError(f"{name} must be a real number, got {shown(number)}")
+    if not np.isfinite(float(number)):
+        raise ValueError(f"{name} must be finite, got {float(number)}")
+    return float(number)
+
+
+def integer(name: str, number: Any, *, least: int) -> int:
+    """The number as an int, or a refusal unless it is a whole number of at least `least`."""
+    if type(number) is int and number >= least:
+        return number
+    if isinstance(number, numbers.Real) and not isinstance(number, (bool, np.bool_)):
+        number_f = float(number)
+        if number_f.is_integer() and number_f >= least:
+            return int(number_f)
+    raise ValueError(f"{name} must be a whole number of at least {least}, got {shown(number)}")
+
+
+def probability(name: str, number: Any) -> float:
+    """The number as a float, or a refusal unless it lies strictly between 0 and 1."""
+    p = real(name, number)
+    if not 0 < p < 1:
+        raise ValueError(f"{name} must lie strictly between 0 and 1, got {p:g}")
+    return p
+
+
+def generator(name: str, seed: Any) -> np.random.Generator:
+    """A source of random numbers from one, from a seed or from nothing, or a refusal."""
+    try:
+        return np.random.default_rng(seed)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a numpy Generator, a whole number or None, got {shown(seed)}") from None
+
+
+def one_of(name: str, choice: Any, choices: tuple[str, ...]) -> str:
+    """The choice, or a refusal that lists what can be chosen."""
+    if choice not in choices:
+        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {shown(choice)}")
+    return str(choice)
+
+
+def real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
+    """The array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
+    if isinstance(array, np.ma.MaskedArray):
+        refuse_masked(name, array)
+    array = np.asarray(array)
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}")
+    if array.ndim != ndim:
+        raise ValueError(f"{name} must have {ndim} axes, got shape {array.shape}")
+    array = np.asarray(array, dtype=float)
+    if not all_finite(array):
+        bad = int(np.count_nonzero(~np.isfinite(array)))
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        where = first[0] if ndim == 1 else first
+        raise ValueError(f"{name} must be finite, got {bad} nan or infinite numbers, the first at {where}")
+    return array
+
+
+def refuse_masked(name: str, array: np.ma.MaskedArray) -> None:
+    """Refuse masked samples, which would otherwise count with whatever lies under the mask."""
+    mask = np.ma.getmaskarray(array)
+    if mask.any():
+        first = tuple(int(i) for i in np.argwhere(mask)[0])
+        raise ValueError(
+            f"{name} must have no masked numbers, got {int(mask.sum())}, the first at "
+            f"{first[0] if array.ndim == 1 else first}; cut them out or fill them"
+        )
+
+
+def channel_names(name: str, given: Any, count: int) -> tuple[str, ...]:
+    """Names of channels, none where none are given; of one channel a text will do."""
+    names = (given,) if isinstance(given, str) else tuple(given)
+    if names and (not all(isinstance(one, str) for one in names) or len(set(names)) != count or len(names) != count):
+        wanted = "one name" if count == 1 else f"{count} different names"
+        raise ValueError(f"{name} must be {wanted}, got {given!r}")
+    return names

@@ -1,0 +1,282 @@
+"""Axes, legends and decibels, as every picture of both packages has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nlfrf._base.files import PICTURE, Role, write_whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = [
+    "axes",
+    "bode_axes",
+    "db",
+    "finished",
+    "finished_matrix",
+    "follow_lines",
+    "gain_band",
+    "labelled",
+    "lower_edge",
+    "matrix_axes",
+    "note",
+    "phase_band",
+    "save_figure",
+    "under",
+    "write_pictures",
+]
+
+
+LETTERS = 15.0  # of a legend in an inch, its markers counted as
+MARKER = 6
+DEEP = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
+HEADROOM = 6.0  # dB that are left free above and below the curves of a picture, at least
+GROWS = 1.25  # what a layout adds to the width that the axes had to begin with
+
+
+def axes(ax: Axes | None) -> Any:
+    """The axes given, or those of a new figure."""
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot as plt
+
+    return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
+
+
+def bode_axes(ax: Axes | None) -> tuple[Any, Any]:
+    """Axes of magnitude and phase over one another, in the place of those given or in a new figure."""
+    if ax is None:
+        from matplotlib import pyplot as plt
+
+        ax = plt.figure(figsize=(8, 6.5), layout="constrained").add_subplot()
+    figure: Any = ax.figure
+    spec = ax.get_subplotspec()
+    place = ax.get_position()
+    ax.remove()
+    if spec is not None:
+        rows = spec.subgridspec(2, 1, height_ratios=(1.5, 1))
+        top = figure.add_subplot(rows[0])
+        bottom = figure.add_subplot(rows[1], sharex=top)
+    else:
+        low = 0.38 * place.height
+        top = figure.add_axes((place.x0, place.y0 + low, place.width, place.height - low))
+        bottom = figure.add_axes((place.x0, place.y0, place.width, low - 0.03), sharex=top)
+    top.tick_params(which="both", labelbottom=False)
+    return top, bottom
+
+
+def matrix_axes(ax: Axes | None, rows: Sequence[str], columns: Sequence[str]) -> tuple[Any, Any]:
+    """(n, m) axes of a matrix, in the place of those given or in a new figure, and a foot for their legend.
+
+    Rows are called at their left end, columns at their top: outputs and inputs. A row shares what goes up.
+    """
+    n, m = len(rows), len(columns)
+    if ax is None:
+        from matplotlib import pyplot as plt
+
+        ax = plt.figure(figsize=(1.6 + 2.8 * m, 1.4 + 2.0 * n), layout="constrained").add_subplot()
+    figure: Any = ax.figure
+    spec, place = ax.get_subplotspec(), ax.get_position()
+    ax.remove()
+    inside: Any = None if spec is None else spec.subgridspec(n + 1, m, height_ratios=[1.0] * n + [1e-3])
+    wide, high = place.width / m, place.height / n
+    made = np.empty((n, m), dtype=object)
+    for j, i in np.ndindex(n, m):
+        where = (place.x0 + i * wide, place.y0 + (n - 1 - j) * high, 0.93 * wide, 0.86 * high)
+        shared = {"sharex": made[0, 0], "sharey": made[j, 0]}  # None, of the first
+        one = figure.add_axes(where, **shared) if inside is None else figure.add_subplot(inside[j, i], **shared)
+        one.tick_params(which="both", labelbottom=j == n - 1, labelleft=i == 0)
+        one.set_title(columns[i] if j == 0 else "", fontsize="medium")
+        one.set_ylabel(rows[j] if i == 0 else "")
+        made[j, i] = one
+    under_all = (place.x0, place.y0, place.width, 1e-3)
+    foot = figure.add_axes(under_all) if inside is None else figure.add_subplot(inside[n, :])
+    foot.set_axis_off()
+    return made, foot
+
+
+def finished_matrix(made: Any, foot: Any, across: str) -> Any:
+    """Grids, the label of the axis that goes across in the lowest row, and one legend for all under it."""
+    entries: dict[str, Any] = {}
+    for one in made.flat:
+        grid(one)
+        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    for one in made[-1]:
+        one.set_xlabel(across)
+    if entries:
+        legend_below(foot, list(entries.values()), list(entries), -34 if foot.get_subplotspec() is None else 0)
+    return made
+
+
+def finished(ax: Any) -> Any:
+    """Grid and legend, the same in every picture: the legend stands below the axes, off the data."""
+    grid(ax)
+    handles, labels = ax.get_legend_handles_labels()
+    if handles:
+        legend_below(ax, handles, labels)
+    return ax
+
+
+def grid(ax: Any) -> None:
+    """A grid, and plain numbers on a logarithmic axis."""
+    ax.grid(alpha=0.3, which="both", lw=0.5)
+    if ax.get_xscale() == "log":
+        plain_numbers(ax)
+
+
+def legend_below(ax: Any, handles: Sequence[Any], labels: list[str], down: float = -34) -> None:
+    """A legend under the axes, so many points down."""
+    from matplotlib.transforms import offset_copy
+
+    ax.legend(
+        handles,
+        labels,
+        fontsize="small",
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+        bbox_transform=offset_copy(ax.transAxes, ax.figure, y=down, units="points"),
+        ncols=columns(ax, labels),
+        frameon=False,
+        borderaxespad=0.2,
+        columnspacing=1.4,
+    )
+
+
+def plain_numbers(ax: Any) -> None:
+    """A logarithmic axis that says 20, not two times ten to the one."""
+    from matplotlib.ticker import FuncFormatter
+
+    low, high = ax.get_xlim()
+    between = (2, 5) if high < 300 * low else ()
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_formatter(
+        FuncFormatter(lambda x, _: f"{x:g}" if round(x / 10 ** np.floor(np.log10(x) + 1e-9)) in between else "")
+    )
+
+
+def labelled(bottom: Any, top: Any) -> None:
+    """The legend of a pair under the lower axes: the labels of the upper ones, once."""
+    said = set(bottom.get_legend_handles_labels()[1])
+    for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
+        if label not in said:
+            draw = bottom.plot if hasattr(handle, "get_marker") else bottom.fill_between
+            draw(*[[]] * (2 if draw == bottom.plot else 3), label=label, **look(handle))
+        handle.set_label(f"_{label}")
+
+
+def look(handle: Any) -> dict[str, Any]:
+    """How a curve or a band is drawn, for a sample of it in a legend."""
+    if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
+        kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
+        return {name: getattr(handle, f"get_{name}")() for name in kept}
+    face, edge = handle.get_facecolor(), handle.get_edgecolor()
+    drawn = {"facecolor": face[0] if len(face) else "none", "edgecolor": edge[0] if len(edge) else "none"}
+    return drawn | {"hatch": handle.get_hatch(), "linewidth": 0}
+
+
+def columns(ax: Any, labels: list[str]) -> int:
+    """How many columns of a legend fit under the axes."""
+    room = ax.get_position().width * ax.figure.get_figwidth() * LETTERS
+    if ax.figure.get_layout_engine() is not None:
+        room *= GROWS
+    widest = max(map(len, labels)) + MARKER
+    return int(np.clip(room // widest, 1, len(labels)))
+
+
+def under(ax: Any) -> float:
+    """Height [inch] that the axis label and the legend take below the axes."""
+    legend = ax.get_legend()
+    if legend is None:
+        return 0.5
+    rows = -(-len(legend.get_texts()) // max(legend._ncols, 1))
+    return 0.6 + 0.19 * rows
+
+
+def note(ax: Any, text: str) -> None:
+    """A remark in small letters inside the axes, at the bottom."""
+    ax.text(0.01, 0.015, text, transform=ax.transAxes, fontsize="small", color="0.35", va="bottom")
+
+
+def db(x: np.ndarray) -> np.ndarray:
+    """Amplitude in decibels; nan where it is zero."""
+    x = np.asarray(x, dtype=float)
+    return np.asarray(20 * np.log10(np.where(x > 0, x, np.nan)))
+
+
+def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., Any], Any]]) -> None:
+    """Draw pictures (function, what it draws) side by side into one file, without a screen."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, places = plt.subplots(1, len(pictures), figsize=(7.5 * len(pictures), 4.8), layout="constrained")
+    for ax, (plot, content) in zip(np.atleast_1d(places), pictures, strict=True):
+        plot(content, ax=ax)
+    if path.suffix.lstrip(".").lower() not in figure.canvas.get_supported_filetypes():
+        raise ValueError(f"picture must be a file that matplotlib writes (.png, .pdf, .svg), got {path}")
+    save_figure(path, figure, dpi=130)
+    plt.close(figure)
+
+
+def save_figure(path: Path, figure: Any, *, dpi: int, role: Role = Role.NAMED) -> None:
+    """Write a figure that says who drew it, in the formats that can say so."""
+    kind = path.suffix.lstrip(".").lower()
+    said = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
+    metadata = {} if said is None else {"metadata": {said: PICTURE}}
+    write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=dpi, **metadata), role=role)
+
+
+def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """Where a band of gains ends below, for a logarithmic axis: zero has no place there, so DEEP under the curve."""
+    return np.maximum(low, 10 ** (-DEEP / 20) * size)
+
+
+def gain_band(
+    ax: Any,
+    f: np.ndarray,
+    size: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    *,
+    color: Any,
+    label: str,
+    over: str,
+    alpha: float = 0.35,
+) -> None:
+    """Draw gains `low` to `high` as a band in decibels about the curve `size`.
+
+    Where `low` is not above zero the band has no lower edge. It ends DEEP under the curve there, is hatched, and the
+    legend says by `over` what that means.
+    """
+    edge, top = db(lower_edge(size, low)), db(np.minimum(high, 1e3 * size))
+    ax.fill_between(f, edge, top, color=color, alpha=alpha, lw=0, label=label)
+    endless = ~(low > 0) & (size > 0)
+    if endless.any():
+        beside = endless.copy()  # half a step is none: hatched up to the next line on both sides
+        beside[1:] |= endless[:-1]
+        beside[:-1] |= endless[1:]
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": color, "hatch": "/////", "lw": 0}
+        ax.fill_between(f, edge, top, where=beside, label=over, **look)
+
+
+def follow_lines(ax: Any) -> None:
+    """Fit the vertical axis to the curves and points that are drawn, whatever the bands around them do."""
+    seen = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
+    values = np.concatenate([y[np.isfinite(y)] for y in seen]) if seen else np.zeros(0)
+    if values.size:
+        free = max(HEADROOM, 0.08 * float(np.ptp(values)))
+        ax.set_ylim(float(values.min()) - free, float(values.max()) + HEADROOM)
+
+
+def phase_band(G: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """(W,) half the width [deg] of the phases of a disc about G; nan where it holds zero, and with it every phase."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = radius / np.abs(G)
+        return np.degrees(np.arcsin(np.where(ratio < 1, ratio, np.nan)))

@@ -1,0 +1,220 @@
+"""What the commands `nlfrf` and `robust` share: one line for a warning, for bad input, and for the version."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+import sys
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any, TextIO, get_type_hints
+
+import typer
+
+from nlfrf._base.arguments import one_line, printable
+from nlfrf._base.files import outputs, require_writable
+from nlfrf._base.values import as_json
+
+__all__ = ["Commands", "Decimal", "Json", "Version", "end", "number", "run", "speaker", "terminal", "working"]
+
+WRITTEN = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
+OVERWRITE = "Replace a file that no such command made; an input is never replaced."
+
+
+class Commands(typer.Typer):
+    """The commands of a program. Each keeps its inputs from its outputs, and names every file that it wrote."""
+
+    def command(self, *arguments: Any, **options: Any) -> Callable[[Any], Any]:
+        """Register a command; one with an output has `--overwrite`, too."""
+
+        def add(function: Any) -> Any:
+            # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
+            sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
+            super(Commands, self).command(*arguments, **{"short_help": sentence, **options})(with_outputs(function))
+            return function
+
+        return add
+
+
+def with_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The same command, whose outputs are held against its inputs and named at its end."""
+    signature = inspect.signature(function)
+    if not set(WRITTEN) & set(signature.parameters):
+        return function
+
+    @functools.wraps(function)
+    def run_with_outputs(*, overwrite: bool, **given: Any) -> None:
+        read = [path for name, value in given.items() if name not in WRITTEN for path in paths_in(value)]
+        with outputs(read, overwrite=overwrite) as running:
+            require_writable(*(path for name in WRITTEN for path in paths_in(given.get(name)) if not path.is_dir()))
+            try:
+                function(**given)
+            finally:  # of a command that fails half way, too
+                for path in running.written:
+                    typer.echo(f"wrote {path}", err=bool(given.get("json")))
+
+    # where --force is the largest friction force, it has the one name only
+    names = ("--overwrite",) if "force" in signature.parameters else ("--overwrite", "--force")
+    hints = get_type_hints(function, include_extras=True)
+    hints["overwrite"] = Annotated[bool, typer.Option(*names, help=OVERWRITE)]
+    overwrite = inspect.Parameter("overwrite", inspect.Parameter.KEYWORD_ONLY, default=False)
+    parameters = [*signature.parameters.values(), overwrite]
+    run_with_outputs.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[one.replace(annotation=hints[one.name]) for one in parameters]
+    )
+    run_with_outputs.__annotations__ = hints
+    return run_with_outputs
+
+
+def paths_in(value: Any) -> list[Path]:
+    """The paths among what a parameter was given."""
+    return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
+
+
+class Printable:
+    """A text stream that writes out whatever in a text would command the terminal behind it (`printable`)."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text so."""
+        self.stream.write(printable(text))
+        return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write several so."""
+        self.write("".join(lines))
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "buffer":  # the way around it, which click takes where it finds one
+            raise AttributeError(name)
+        return getattr(self.stream, name)
+
+
+@contextmanager
+def printable_streams() -> Iterator[None]:
+    """Everything that is printed, whoever prints it, cleaned: names in files, paths, messages of libraries."""
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (Printable(stream) for stream in before)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = before
+
+
+def terminal() -> Any:
+    """A console of rich on standard error itself: what moves there is drawn by codes that are meant."""
+    from rich.console import Console
+
+    return Console(file=getattr(sys.stderr, "stream", sys.stderr))
+
+
+def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
+    """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
+
+    Warnings of the classes `shown` are one line there too, each once. `options` says which parameters of the library
+    have another name on the command line: in messages they have that one. What names in a file could do to a terminal
+    is undone on the way, in everything that is printed.
+    """
+    with printable_streams(), warnings.catch_warnings():
+        for category in shown:
+            warnings.simplefilter("always", category)
+        said: set[str] = set()
+
+        others = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if not issubclass(category, shown):  # of a library below: nothing that a user of ours can mend
+                others(message, category, *where, **more)
+                return
+            text = in_options(one_line(str(message)), options)
+            if text not in said:  # of several outputs, each warns of what they share
+                typer.echo(f"{name}: warning: {text}", err=True)
+            said.add(text)
+
+        warnings.showwarning = show
+        try:
+            app(prog_name=name)
+        except (ValueError, OSError) as error:
+            typer.echo(f"{name}: {in_options(in_one_line(error), options)}", err=True)
+            raise SystemExit(2) from None
+        except MemoryError as error:
+            typer.echo(f"{name}: not enough memory for this: {error or 'none is left'}", err=True)
+            raise SystemExit(2) from None
+
+
+def in_options(text: str, options: Mapping[str, str]) -> str:
+    """A message of the library in the words of the command line.
+
+    >>> in_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
+    '--period must be 7; give --period 7 or --resample'
+    >>> in_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call stays one
+    'go to record_from_samples(u, y, fs=...)'
+    """
+    for parameter, option in options.items():
+        option = f"--{option or parameter}"
+        text = re.sub(rf"\b{parameter} ?= ?True\b", option, text)
+        text = re.sub(rf"\b{parameter} ?= ?(?!\.\.\.)(?=\S)", f"{option} ", text)
+        verb = " must name" if len(parameter) == 1 else "(?: of [^ ]+)? must"  # u, y and r are signals everywhere else
+        text = re.sub(rf"(?<![-\w.]){parameter}(?={verb}\b| above\b)|(?<=give ){parameter}\b", option, text)
+    return text
+
+
+def in_one_line(error: Exception) -> str:
+    """What went wrong, for a command line: the system's own errors name their file first."""
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{one_line(str(error.filename))} could not be opened: {error.strerror.lower()}"
+    return one_line(str(error))
+
+
+def speaker(json: bool) -> Callable[[Any], None]:
+    """Who says what was found: standard output, or standard error where that is kept for JSON."""
+    return lambda said: typer.echo(str(said), err=json)
+
+
+def end(results: Any, good: bool, json: bool) -> None:
+    """The end of a command with a verdict: the result as JSON where asked for, exit code 1 where it is not good."""
+    if json:
+        typer.echo(as_json(results, most=MOST))
+    if not good:
+        raise typer.Exit(1)
+
+
+def number(name: str, text: str) -> float:
+    """A number given as text, or a refusal."""
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{name} must be a number or the word its help names, got {text!r}") from None
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """A spinner on standard error while something takes its time."""
+    with terminal().status(what):
+        yield
+
+
+def print_version(wanted: bool) -> None:
+    """Print the version and stop, before a command is asked for."""
+    if wanted:
+        typer.echo(f"nlfrf + robust {version('nlfrf')}")
+        raise typer.Exit
+
+
+MOST = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
+Decimal = Annotated[
+    str,
+    typer.Option("--decimal", help="Mark of decimals in a .csv: a point, or a comma with semicolons between columns."),
+]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print the result as JSON, all else on standard error; long arrays by shape.")
+]
+Version = Annotated[
+    bool, typer.Option("--version", is_eager=True, callback=print_version, help="Print the version and stop.")
+]

@@ -1,0 +1,652 @@
+"""Files are written whole or not at all; arrays as NPZ, HDF5 or MATLAB v5. Pickles are never written or read."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from nlfrf._base.arguments import one_line, shown
+
+__all__ = [
+    "DECIMALS",
+    "PICTURE",
+    "PLAYED",
+    "SIMULATED",
+    "VERSION",
+    "Role",
+    "admit",
+    "is_command",
+    "kind_of",
+    "outputs",
+    "parse_json",
+    "path_of",
+    "require_schema",
+    "require_writable",
+    "save_mat",
+    "schema_fault",
+    "signature",
+    "target_of",
+    "write_arrays",
+    "write_table",
+    "write_text",
+    "write_whole",
+]
+
+
+# ---- What a command may write: never onto a file that it reads, nor over a file that no command of its kind made.
+#
+# Every file of both packages goes through `whole_files.write_whole`, which asks here. A command opens `outputs`; then
+# its
+# inputs are safe under each of their names, and an existing file is replaced only by a result of its own kind. The kind
+# is read from the file itself (`kind_of`), because nothing else survives copying a folder or calling a script again.
+#
+# Outside a command a path is one that the caller wrote down, and is replaced as NumPy and pandas do. A file whose name
+# a
+# function made up (`Role.DERIVED`) is treated as in a command: nobody asked for that name.
+
+PICTURE = "nlfrf and robust: a picture of a result"  # what pictures say of who made them
+RECORDS = ("nlfrf-record", "nlfrf-multirecord")
+SIMULATED = "simulated"  # entry of a record that a command computed: any other record may be someone's measurement
+PLAYED = "the samples of a design"
+TABLES = (
+    (r"f \[Hz\],Re G,Im G,bound,bound_realization,std_noise,.*", "the table of a BLA"),
+    (r"f \[Hz\](,Re [^,]+,Im [^,]+,bound [^,]+)+", "the table of a matrix"),
+    (r"b0,b1,b2,a0,a1,a2", "second-order sections"),
+    (r"t \[s\](,u\d+( experiment \d+)?)+", PLAYED),
+    (r"t \[s\],.*", ""),  # a record: it looks like anybody's measurement
+)
+TEXTS = re.compile(r"^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$", re.M)
+HEAD = 1 << 12  # bytes at either end of a file in which it says what it is
+
+
+class Role(Enum):
+    """Why a file has the name it has."""
+
+    NAMED = "the caller wrote its name"
+    DERIVED = "its name is made up from that of another file"
+    KEPT = "its name is a digest of what computes it, in a folder for resuming"
+
+
+@dataclass
+class Outputs:
+    """What the command that is running reads, and what it has written so far."""
+
+    inputs: tuple[Path, ...]
+    overwrite: bool
+    written: list[Path] = field(default_factory=list)
+
+
+RUNNING: ContextVar[Outputs | None] = ContextVar("running", default=None)
+
+
+@contextmanager
+def outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Iterator[Outputs]:
+    """While a command runs: keep its inputs, and what it did not make, from what it writes."""
+    running = Outputs(tuple(inputs), overwrite)
+    token = RUNNING.set(running)
+    try:
+        yield running
+    finally:
+        RUNNING.reset(token)
+
+
+def is_command() -> bool:
+    """Whether a command is running, and not a script of the user's."""
+    return RUNNING.get() is not None
+
+
+def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
+    """Refuse, before the work is done, what `admit` would refuse after it whatever is to be written.
+
+    Parameters
+    ----------
+    *paths : Path
+        Files that are to be written.
+    role : Role
+        Where their names come from.
+    """
+    running = RUNNING.get()
+    for path in paths:
+        target = target_of(path)
+        for taken in () if running is None else running.inputs:
+            if same_file(target, taken):
+                raise ValueError(
+                    f"a file to write must not be one that the command reads, got {name_of(path, taken)}: what it "
+                    "holds would be lost; take another name"
+                )
+        for taken in () if running is None else running.written:
+            if same_file(target, taken):
+                raise ValueError(f"files to write must have different names, got {path} twice; take another name")
+        if target.exists() and not target.is_file():
+            raise ValueError(f"a file to write must be a file, got {path}, which is a folder or a device")
+        if is_guarded(running, role) and target.exists() and not is_replaceable(target, path):
+            raise_for_foreign(path, running)
+
+
+def admit(path: Path, new: Path, role: Role) -> None:
+    """Refuse a file that is about to take a place, or note that it is written.
+
+    Parameters
+    ----------
+    path : Path
+        The place.
+    new : Path
+        The whole file that is to be there.
+    role : Role
+        Where the name of the place comes from.
+    """
+    require_writable(path, role=role)
+    running, target = RUNNING.get(), target_of(path)
+    if is_guarded(running, role) and target.exists():
+        suffix = path.suffix.lower()
+        if kind_of(target, suffix) != kind_of(new, suffix):
+            raise_for_foreign(path, running)
+    if running is not None and role is not Role.KEPT:
+        running.written.append(path)
+
+
+def is_guarded(running: Outputs | None, role: Role) -> bool:
+    """Whether a file that is no result of ours has to stay."""
+    return role is not Role.KEPT and (role is Role.DERIVED if running is None else not running.overwrite)
+
+
+def raise_for_foreign(path: Path, running: Outputs | None) -> None:
+    """Refuse to replace what is in a place."""
+    cure = "take another name, or move it away" + ("" if running is None else ", or replace it by --overwrite")
+    raise ValueError(
+        f"a file to write must be new or an earlier result of the same kind, got {path}, which holds something else; "
+        f"{cure}"
+    )
+
+
+def target_of(path: Path) -> Path:
+    """The file behind a path: a symbolic link is written through, as by every other program."""
+    return Path(os.path.realpath(path))
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Whether two paths name one file: by links of both kinds, and by case where names differ in nothing else."""
+    try:
+        if one.samefile(other):
+            return True
+    except OSError:  # one of them is not there
+        pass
+    return str(target_of(one)).casefold() == str(target_of(other)).casefold()
+
+
+def name_of(path: Path, taken: Path) -> str:
+    """A path, and the input it is another name of."""
+    return str(path) if str(path) == str(taken) else f"{path}, which is {taken}"
+
+
+def is_replaceable(target: Path, path: Path) -> bool:
+    """Whether an existing file says that these packages made it."""
+    kind = kind_of(target, path.suffix.lower())
+    # anybody's generator may write a column u0: ours has its design beside it
+    return kind is not None and (kind != PLAYED or "multisine" in (kind_of(path.with_suffix(".npz"), ".npz") or ""))
+
+
+def signature(command: str) -> str:
+    """The line at the end of a text file by which `kind_of` knows the command that wrote it.
+
+    >>> signature("robust check")
+    "(written by 'robust check')"
+    """
+    return f"(written by '{command}')"
+
+
+def kind_of(path: Path, suffix: str) -> str | None:
+    """What a file says it is, None where it does not say that these packages made it, or cannot be read.
+
+    A record counts only where a command simulated it, because a measurement is written by the same function.
+    """
+    try:
+        return READERS[suffix](path)
+    except Exception:  # a damaged file makes its reader raise anything; so does a suffix that nobody here writes
+        return None
+
+
+def of_npz(path: Path) -> str | None:
+    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        return of_schema(str(file["schema"]), SIMULATED in file.files)
+
+
+def of_hdf5(path: Path) -> str | None:
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        return of_schema(str(file.attrs["schema"]), SIMULATED in file)
+
+
+def of_mat(path: Path) -> str | None:
+    from scipy.io import loadmat
+
+    content = loadmat(path, variable_names=["schema", "kind", "content", SIMULATED])
+    if "content" in content:  # of `robust export`
+        return str(content["content"]["kind"].item().item())
+    return (
+        str(content["kind"].item()) if "kind" in content else of_schema(content["schema"].item(), SIMULATED in content)
+    )
+
+
+def of_schema(schema: str, simulated: bool) -> str | None:
+    ours = schema.startswith(("nlfrf-", "robust-")) and (schema not in RECORDS or simulated)
+    return schema if ours else None
+
+
+def of_json(path: Path) -> str | None:
+    return of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False)
+
+
+def of_table(path: Path) -> str | None:
+    with path.open("rb") as stream:
+        first = stream.readline(1 << 20).decode().rstrip("\n").replace('"', "")
+    first = first if "," in first else first.replace(";", ",")
+    return next((kind for pattern, kind in TABLES if re.fullmatch(pattern, first)), None) or None
+
+
+def of_page(path: Path) -> str | None:
+    found = re.search(rb'<meta name="generator" content="(robust: [^"]+)">', ends_of(path))
+    return found and found[1].decode()
+
+
+def of_picture(path: Path) -> str | None:
+    return PICTURE if PICTURE.encode() in ends_of(path) else None
+
+
+def of_text(path: Path) -> str | None:
+    found = TEXTS.search(ends_of(path).decode(errors="replace"))
+    return found and found[1]
+
+
+def of_sound(path: Path) -> str | None:
+    return PLAYED if b"ISFT" in ends_of(path) and b"nlfrf" in ends_of(path) else None
+
+
+def ends_of(path: Path) -> bytes:
+    """The first and the last bytes of a file."""
+    with path.open("rb") as stream:
+        head = stream.read(HEAD)
+        stream.seek(max(len(head), path.stat().st_size - HEAD))
+        return head + stream.read()
+
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    ".npz": of_npz,
+    ".mat": of_mat,
+    ".json": of_json,
+    ".csv": of_table,
+    ".wav": of_sound,
+    **dict.fromkeys((".h5", ".hdf5"), of_hdf5),
+    **dict.fromkeys((".html", ".htm"), of_page),
+    **dict.fromkeys((".png", ".pdf", ".svg", ".eps", ".ps"), of_picture),
+    **dict.fromkeys((".txt", ".m", ".md"), of_text),
+}
+
+
+DECIMALS = (".", ",")  # marks of decimals that a table may have
+ROWS = 1 << 14  # of a table that are put into text at a time
+VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
+
+
+def path_of(path: Any) -> Path:
+    """The path as a `Path`, or a refusal of what is none."""
+    if not isinstance(path, str | os.PathLike):
+        raise ValueError(f"path must be a text or a pathlib.Path, got {shown(path)}")
+    return Path(path)
+
+
+def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED) -> None:
+    """Write a file whole or not at all: `write` fills a file beside it, which then takes its place.
+
+    Parameters
+    ----------
+    path : path
+        Where the file is to be.
+    write : callable
+        Is given the path to write to.
+    role : Role
+        Where the name comes from: it decides which existing file may be replaced, see `nlfrf._base.files`.
+
+    Raises
+    ------
+    ValueError
+        A file that has to stay.
+    FileNotFoundError
+        A folder that does not exist.
+    """
+    path = path_of(path)
+    target = target_of(path)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"path must lie in an existing folder, got {str(path)!r}")
+    require_writable(path, role=role)
+    handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{path.stem}-", suffix=path.suffix)
+    os.close(handle)
+    beside = Path(name)
+    try:
+        write(beside)
+        admit(path, beside, role)
+        beside.chmod(0o666 & ~current_umask())
+        beside.replace(target)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def current_umask() -> int:
+    """The process's umask; mkstemp makes files that only their owner may read."""
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_arrays(path: Path, content: Mapping[str, np.ndarray], *, role: Role = Role.NAMED) -> None:
+    """Write named arrays in the format that the suffix says."""
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        write_whole(path, lambda target: save_arrays(target, content), role=role)
+    elif suffix in (".h5", ".hdf5"):
+        write_whole(path, lambda target: save_hdf5(target, content), role=role)
+    else:
+        raise ValueError(f"path must end in .npz or .h5, got {path.name!r}")
+
+
+def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
+    """Write arrays as a MATLAB v5 file."""
+    from scipy.io import savemat
+
+    write_whole(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
+
+
+def save_arrays(target: Path, content: Mapping[str, Any]) -> None:
+    """Write arrays as NPZ."""
+    with target.open("wb") as stream:
+        np.savez(stream, **content)
+
+
+def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
+    """Write arrays as HDF5, texts as attributes."""
+    import h5py
+
+    with h5py.File(target, "w") as file:
+        for name, array in content.items():
+            if array.dtype.kind == "U":
+                file.attrs[name] = str(array)
+            else:
+                file.create_dataset(name, data=array)
+
+
+def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal: str = ".") -> None:
+    """Write columns of numbers under their names, each number with the fewest digits that give it back exactly.
+
+    Parameters
+    ----------
+    path : Path
+        The ``.csv`` file.
+    table : (n, columns) ndarray
+        The numbers.
+    names : sequence of str
+        What stands above the columns.
+    decimal : str
+        "." with commas between columns, or "," with semicolons, as spreadsheets in most of Europe want it.
+    """
+    between = "," if decimal == "." else ";"
+
+    def quoted(name: str) -> str:
+        return '"' + name.replace('"', '""') + '"' if set(name) & {between, '"'} else name
+
+    def write(beside: Path) -> None:
+        with beside.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(between.join(map(quoted, names)) + "\n")
+            for first in range(0, len(table), ROWS):
+                rows = (between.join(map(repr, row)) for row in table[first : first + ROWS].tolist())
+                text = "\n".join(rows) + "\n"
+                stream.write(text if decimal == "." else text.replace(".", ","))
+
+    write_whole(path, write)
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAMED) -> None:
+    """Write text as UTF-8, whole or not at all."""
+
+    def write(beside: Path) -> None:
+        beside.write_text(text, encoding="utf-8")
+
+    write_whole(path, write, role=role)
+
+
+# ---- JSON from a file, strictly: finite numbers, no key twice, and held against a JSON schema.
+#
+# The schema is the file that is published, so that what a reader accepts is what the schema says, to the last rule. Of
+# JSON Schema (draft 2020-12) as much is understood as our schemas use, and nothing else is skipped in silence.
+
+KINDS: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}
+NAMES = {"object": "an object", "array": "a list", "string": "a text", "number": "a number", "boolean": "true or false"}
+BOUNDS = {
+    "minimum": ("at least", lambda number, bound: number >= bound),
+    "exclusiveMinimum": ("above", lambda number, bound: number > bound),
+    "maximum": ("at most", lambda number, bound: number <= bound),
+    "exclusiveMaximum": ("below", lambda number, bound: number < bound),
+}
+SILENT = {"$schema", "$defs", "title", "description"}
+
+
+def parse_json(path: str | os.PathLike[str]) -> Any:
+    """Return what a JSON file holds.
+
+    Raises
+    ------
+    ValueError
+        A file that is no JSON, a key that stands twice in one object, a number that is not finite or does not fit into
+        a float, brackets nested too deeply.
+    FileNotFoundError
+        No such file.
+    """
+    text = path_of(path).read_text(encoding="utf-8", errors="replace")
+    try:
+        return json.loads(
+            text, parse_constant=refused, parse_float=finite, parse_int=whole, object_pairs_hook=keys_once
+        )
+    except RecursionError:
+        reason = "it is nested too deeply"
+    except ValueError as error:  # of json.JSONDecodeError too
+        reason = str(error)
+    raise ValueError(f"path must be a whole JSON file, got {path}: {reason[:160]}") from None
+
+
+def refused(text: str) -> NoReturn:
+    """Refuse NaN and infinities, which are no JSON."""
+    raise ValueError(f"a number must be finite, got {text}")
+
+
+def finite(text: str) -> float:
+    """Return a number with a point or an exponent."""
+    number = float(text)
+    return number if math.isfinite(number) else refused(text[:40])
+
+
+def whole(text: str) -> int:
+    """Return a whole number that a float can hold."""
+    finite(text)
+    return int(text)
+
+
+def keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object; two values by one key would be read one way here and another way there."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"a key must stand once, got {shown(next(key for key in keys if keys.count(key) > 1))} twice")
+    return found
+
+
+def require_schema(content: Any, path: str | os.PathLike[str], package: str, name: str) -> None:
+    """Refuse what a file holds where it is not what the schema of that name says, which lies in the package.
+
+    Raises
+    ------
+    ValueError
+        The first place that is not as it must be.
+    """
+    try:
+        fault = schema_fault(content, published(package, name))
+    except RecursionError:
+        fault = "it is nested too deeply"
+    if fault:
+        raise ValueError(f"path must hold a whole {name} file, got {path}: {fault}")
+
+
+@lru_cache
+def published(package: str, name: str) -> Any:
+    """Return a schema as it is published."""
+    return json.loads(files(package).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
+
+
+def schema_fault(content: Any, schema: Any, root: Any = None, place: str = "it") -> str:
+    """Return in one line the first place in which parsed JSON is not what a schema says; "" where it is.
+
+    >>> schema_fault({"dt": -1}, {"type": "object", "properties": {"dt": {"type": "number", "minimum": 0}}})
+    'dt must be at least 0, got -1'
+    """
+    root = schema if root is None else root
+    for rule, wanted in schema.items():
+        if fault := RULES[rule](content, wanted, schema, root, place) if rule not in SILENT else "":
+            return fault
+    return ""
+
+
+def refer(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+    """Hold content against another part of the schema, "#" or "#/$defs/name"."""
+    part = root if wanted == "#" else root["$defs"][wanted.removeprefix("#/$defs/")]
+    return schema_fault(content, part, root, place)
+
+
+def of_type(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+    """Hold content against a type; true is no number."""
+    fits = content is None if wanted == "null" else isinstance(content, KINDS[wanted])
+    fits &= wanted == "boolean" or not isinstance(content, bool)
+    return "" if fits else f"{place} must be {NAMES.get(wanted, wanted)}, got {shown(content)}"
+
+
+def of_enum(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+    """Hold content against the values that there are."""
+    if any(same(content, one) for one in wanted):
+        return ""
+    return f"{place} must be {' or '.join(json.dumps(one) for one in wanted)}, got {shown(content)}"
+
+
+def one_of_these(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+    """Hold content against schemas of which exactly one must fit."""
+    faults = [schema_fault(content, one, root, place) for one in wanted]
+    if faults.count("") == 1:
+        return ""
+    if faults.count("") > 1:
+        return f"{place} must be one thing, got {shown(content)}, which may be read in two ways"
+    meant = [fault for one, fault in zip(wanted, faults, strict=True) if is_meant(content, one, root)]
+    return meant[0] if meant else f"{place} must be as its schema says, got {shown(content)}: {faults[0]}"
+
+
+def is_meant(content: Any, schema: Any, root: Any) -> bool:
+    """Return whether content is of the type, and has the constants, by which a choice tells its schemas apart."""
+    if "$ref" in schema:
+        return is_meant(content, root["$defs"][schema["$ref"].removeprefix("#/$defs/")], root)
+    constants = {name: part for name, part in schema.get("properties", {}).items() if "const" in part}
+    kind = {rule: schema[rule] for rule in ("type", "const", "enum") if rule in schema}
+    fits = not schema_fault(content, kind)
+    return fits and all(name in content and not schema_fault(content[name], one) for name, one in constants.items())
+
+
+def of_bound(rule: str) -> Any:
+    """Return how to hold a number against a bound."""
+    words, fits = BOUNDS[rule]
+
+    def hold(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+        if isinstance(content, bool) or not isinstance(content, int | float) or fits(content, wanted):
+            return ""
+        return f"{place} must be {words} {wanted}, got {shown(content)}"
+
+    return hold
+
+
+def of_length(rule: str) -> Any:
+    """Return how to hold a list against the least or the largest number of its items."""
+
+    def hold(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+        if not isinstance(content, list) or (len(content) >= wanted if rule == "minItems" else len(content) <= wanted):
+            return ""
+        return f"{place} must have {'at least' if rule == 'minItems' else 'at most'} {wanted} items, got {len(content)}"
+
+    return hold
+
+
+def of_items(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+    """Hold every item of a list against a schema."""
+    for i, item in enumerate(content if isinstance(content, list) else ()):
+        if fault := schema_fault(item, wanted, root, f"{place}[{i}]"):
+            return fault
+    return ""
+
+
+def of_properties(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+    """Hold the values of an object against their schemas."""
+    for name, schema in wanted.items() if isinstance(content, dict) else ():
+        if name in content and (fault := schema_fault(content[name], schema, root, within(place, name))):
+            return fault
+    return ""
+
+
+def with_required(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+    """Hold an object against the keys that it must have."""
+    missing = [name for name in wanted if isinstance(content, dict) and name not in content]
+    return f"{within(place, missing[0])} must be there, got none" if missing else ""
+
+
+def without_others(content: Any, wanted: Any, schema: Any, _: Any, place: str) -> str:
+    """Hold an object against the keys that it may have, where it may have no others."""
+    known = schema.get("properties", {})
+    others = [name for name in content if name not in known] if isinstance(content, dict) and not wanted else []
+    return f"{place} must have no entry {shown(one_line(others[0]))}, got one" if others else ""
+
+
+def within(place: str, name: str) -> str:
+    """Return the place of a key."""
+    return name if place == "it" else f"{place}.{name}"
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two values of JSON are the same: 1 is 1.0, and true is no number."""
+    if isinstance(one, bool) or isinstance(other, bool):
+        return one is other
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    return bool(one == other)
+
+
+RULES: dict[str, Any] = {
+    "$ref": refer,
+    "type": of_type,
+    "const": lambda content, wanted, *rest: of_enum(content, [wanted], *rest),
+    "enum": of_enum,
+    "oneOf": one_of_these,
+    "items": of_items,
+    "properties": of_properties,
+    "required": with_required,
+    "additionalProperties": without_others,
+    **{rule: of_bound(rule) for rule in BOUNDS},
+    **{rule: of_length(rule) for rule in ("minItems", "maxItems")},
+}

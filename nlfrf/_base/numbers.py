@@ -1,0 +1,296 @@
+"""Small least-squares problems in many windows at once."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+
+import numpy as np
+
+__all__ = [
+    "BLOCK",
+    "EPS",
+    "SMALL",
+    "TINY",
+    "all_finite",
+    "blocks",
+    "equal",
+    "fast_length",
+    "is_constant",
+    "least_squares",
+    "mean_power",
+    "power",
+    "repeats",
+    "rfft",
+    "rfft_at",
+    "rms",
+    "roy_probability",
+    "roy_quantile",
+    "squared",
+    "two_unknowns",
+]
+
+
+EPS = float(np.finfo(float).eps)
+TINY = float(np.finfo(float).tiny)  # in place of a zero that is divided by
+SMALL = TINY**0.25  # the same where its square is
+
+
+def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares x1 first + x2 second = b by Gram-Schmidt, and the residual; dependent vectors get zero.
+
+    `rows` (..., 3, n) holds b, first and second; x is (..., 2).
+    """
+    first = rows[..., 1, :]
+    along = np.vecdot(first[..., None, :], rows)
+    n_first = np.maximum(along[..., 1].real, TINY)
+    along /= n_first[..., None]
+    b, second = (rows[..., i, :] - along[..., i, None] * first for i in (0, 2))
+    n_second = power(second)
+    n_second = np.where(n_second > 1e-20 * n_first, n_second, np.inf)
+    x = np.empty((*n_first.shape, 2), dtype=rows.dtype)
+    x_second = np.divide(np.vecdot(second, b), n_second, out=x[..., 1])
+    np.subtract(along[..., 0], along[..., 2] * x_second, out=x[..., 0])
+    b -= x_second[..., None] * second
+    return x, b
+
+
+def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Solve A x = b in many windows at once, for the last unknown.
+
+    Parameters
+    ----------
+    A : (..., n, p) ndarray
+    b : (..., n) ndarray
+
+    Returns
+    -------
+    last : (...) ndarray
+        The last unknown: in the QR factors it needs no back substitution.
+    residual : (..., n) ndarray
+        What is left, over the root of its n - p degrees of freedom.
+    leverage : (...) ndarray
+        Variance of the last unknown over that of b.
+    """
+    scale = np.sqrt(power(np.swapaxes(A, -1, -2)))
+    scale = np.where(scale > 0, scale, 1.0)
+    Q, R = np.linalg.qr(A / scale[..., None, :])
+    diagonal = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
+    projected = (np.swapaxes(Q, -1, -2).conj() @ b[..., None])[..., 0]
+    projected = np.where(diagonal > 1e-13, projected, 0.0)  # a column that the others span says nothing
+    residual = b - (Q @ projected[..., None])[..., 0]
+    pivot = np.where(diagonal[..., -1] > 1e-13, R[..., -1, -1] * scale[..., -1], np.inf)
+    return projected[..., -1] / pivot, residual / np.sqrt(A.shape[-2] - A.shape[-1]), 1 / np.abs(pivot) ** 2
+
+
+def squared(x: np.ndarray) -> np.ndarray:
+    """Squared modulus, without the root that `abs` takes."""
+    return np.asarray(x.real**2 + x.imag**2)
+
+
+def power(x: np.ndarray) -> np.ndarray:
+    """Sum of squared moduli over the last axis."""
+    return np.asarray(np.vecdot(x, x).real)
+
+
+def mean_power(x: np.ndarray) -> np.ndarray:
+    """Mean squared modulus over the first axis, the realisations."""
+    return np.asarray(np.add.reduce(squared(x), axis=0) / x.shape[0])
+
+
+def rms(x: np.ndarray) -> np.ndarray:
+    """Root mean square modulus over the first axis, the realisations."""
+    return np.sqrt(mean_power(x))
+
+
+# ---- Work on long signals: a block at a time, by Fourier transforms that NumPy does not name.
+#
+# Those of SciPy would take longer to import than all that they are used for.
+
+BLOCK = 1 << 17  # numbers that are worked on together: they stay in the cache
+LONG = 1 << 17  # samples past which threads are worth the import
+PART = 1 << 16  # samples of a part: its transform stays in the cache
+TOGETHER = 8  # parts that are read together: the samples of a line of the cache
+FEW = 8  # samples to a line and a part, from which a long transform is put together of parts
+
+
+def blocks(n: int, size: int = 1) -> list[slice]:
+    """n entries of `size` numbers each, as many at a time as stay in the cache.
+
+    >>> blocks(5, BLOCK // 2)
+    [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
+    """
+    step = max(1, BLOCK // size)
+    return [slice(first, min(first + step, n)) for first in range(0, n, step)]
+
+
+def all_finite(x: np.ndarray) -> bool:
+    """Whether every number of an array of any shape is finite.
+
+    A nan or an infinite number stays in a sum, which is one pass with nothing beside it; a sum may overflow where no
+    number of it does, so only a finite one is believed.
+    """
+    if x.size > BLOCK:
+        with np.errstate(over="ignore", invalid="ignore"):
+            if np.isfinite(np.add.reduce(x, axis=None)):
+                return True
+    return bool(np.isfinite(x).all())
+
+
+def equal(x: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two streams (n,) are the same, number by number; over at the first block that differs."""
+    return all(np.array_equal(x[some], other[some]) for some in blocks(x.size))
+
+
+def repeats(x: np.ndarray) -> bool:
+    """Whether the periods of x (M, P, N) are the same in each realisation, number by number."""
+    if x[:, 0].size <= BLOCK:
+        return bool((x[:, 1:] == x[:, :1]).all())
+    return all(equal(one[0], period) for one in x for period in one[1:])
+
+
+def is_constant(x: np.ndarray) -> bool:
+    """Whether all numbers of a stream (n,), or of periods (P, N), are the same; over at the first block that varies."""
+    rows = np.atleast_2d(x)
+    return all(bool((row[some] == rows[0, 0]).all()) for row in rows for some in blocks(row.size))
+
+
+@lru_cache(maxsize=64)
+def fast_length(n: int) -> int:
+    """The least 2^a 3^b 5^c that is n or more: a length that the FFT is quick for.
+
+    >>> [fast_length(n) for n in (1, 7, 1000, 1025, 8193)]
+    [1, 8, 1000, 1080, 8640]
+    """
+    best = 1 << max(int(n) - 1, 0).bit_length()
+    five = 1
+    while five < best:
+        three = five
+        while three < best:
+            twos = 1 << max(-(-n // three) - 1, 0).bit_length()
+            best = min(best, three * twos)
+            three *= 3
+        five *= 5
+    return best
+
+
+def rfft(x: np.ndarray) -> np.ndarray:
+    """`numpy.fft.rfft` along the last axis; in several threads where it is long.
+
+    >>> bool(np.array_equal(rfft(np.ones((2, 8))), np.fft.rfft(np.ones((2, 8)))))
+    True
+    """
+    if x.size <= LONG:
+        return np.fft.rfft(x)
+    from scipy import fft
+
+    return np.asarray(fft.rfft(x, workers=os.cpu_count() or 1))
+
+
+def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """(..., K) `rfft` of x (..., n) at some lines; a long one is put together of short ones.
+
+    The samples a, a + A, a + 2 A, ... have a transform X_a of n / A lines, and X[k] is the sum over a of
+    X_a[k] exp(-2j pi k a / n), where X_a repeats itself beyond its lines (decimation in time; Cooley & Tukey, 1965).
+    Where few lines are wanted this is quicker than the whole transform, and takes no memory of its size.
+
+    >>> x = np.sin(np.arange(1 << 18))
+    >>> lines = np.array([0, 1, 70_000, 1 << 17])
+    >>> bool(np.allclose(rfft_at(x, lines), np.fft.rfft(x)[lines], rtol=0, atol=1e-9))
+    True
+    """
+    n = x.shape[-1]
+    n_parts = parts_of(n, lines.size)
+    if n_parts == 1:
+        return rfft(x).take(lines, axis=-1)
+    size = n // n_parts
+    folded = lines % size
+    mirrored = folded > size // 2
+    at = np.where(mirrored, size - folded, folded)
+    sign = np.where(mirrored, -1.0, 1.0)
+    spectra = np.zeros((*x.shape[:-1], lines.size), dtype=complex)
+    for where in np.ndindex(x.shape[:-1]):
+        parts = x[where].reshape(size, n_parts)
+        for first in range(0, n_parts, TOGETHER):
+            transformed = np.fft.rfft(np.ascontiguousarray(parts[:, first : first + TOGETHER].T)).take(at, axis=1)
+            transformed.imag *= sign
+            for a, part in enumerate(transformed, first):
+                spectra[where] += np.exp(-2j * np.pi / n * (a * lines % n)) * part
+    return spectra
+
+
+@lru_cache(maxsize=64)
+def parts_of(n: int, n_lines: int) -> int:
+    """Into how many parts a transform of n samples is taken apart for so many lines; 1 where that does not pay."""
+    if n <= 2 * LONG:
+        return 1
+    least = -(-n // PART)
+    return next((parts for parts in range(least, 8 * least) if n % parts == 0 and n_lines * parts * FEW <= n), 1)
+
+
+# ---- Roy's largest root: the exact law of the largest singular value of a matrix of estimates over its own scatter.
+#
+# Z = C^-1/2 dG Gamma^-1/2, with C = S/L estimated from L complex degrees of freedom. The largest root t of
+# det(H - t (H + S)) = 0, H = Z's own square, has the law of the largest eigenvalue of a Jacobi ensemble:
+#
+#     P(sigma_max^2 <= x) = det [ integral_0^t p_i p_j w ],  i, j < s,  w = th^a (1 - th)^b,  t = x / (L + x)
+#
+# with s = min(n_y, n_u), a = |n_u - n_y|, b = L - n_y and p_i orthonormal on [0, 1] under w; for L = inf the weight is
+# that of Laguerre. One input: Hotelling. (Khatri 1964; C. G. Khatri, Ann. Math. Statist. 35, p. 1807.)
+
+N_NODES = 200
+
+
+def roy_probability(x: float, n_y: int, n_u: int, dof: float) -> float:
+    """P(sigma_max^2 <= x) for an (n_y, n_u) matrix over a covariance of `dof` complex degrees of freedom.
+
+    >>> round(roy_probability(9.391049, 2, 2, 12.0), 6)
+    0.95
+    """
+    from scipy.special import eval_genlaguerre, eval_jacobi, gammaln
+
+    s, a = min(n_y, n_u), abs(n_u - n_y)
+    nodes, weights = nodes_and_weights()
+    i = np.arange(s)[:, None]
+    if np.isinf(dof):
+        theta = x * nodes
+        log_norm = gammaln(i + a + 1) - gammaln(i + 1)
+        p = eval_genlaguerre(i, a, theta) * np.exp(a * np.log(theta) / 2 - theta / 2 - log_norm / 2)
+        gram = (p * weights * x) @ p.T
+    else:
+        b = dof - n_y
+        t = x / (dof + x)
+        theta = t * nodes
+        # of the Jacobi polynomials P_i^(b, a)(2 theta - 1) on [0, 1]
+        log_norm = gammaln(i + a + 1) + gammaln(i + b + 1) - gammaln(i + 1) - gammaln(i + a + b + 1)
+        log_norm = log_norm - np.log(2 * i + a + b + 1)
+        half = (a * np.log(theta) + b * np.log1p(-theta) - log_norm) / 2
+        p = eval_jacobi(i, b, a, 2 * theta - 1) * np.exp(half)
+        gram = (p * weights * t) @ p.T
+    return float(np.clip(np.linalg.det(gram), 0.0, 1.0))
+
+
+@lru_cache(maxsize=1)
+def nodes_and_weights() -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre on [0, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(N_NODES)
+    return (nodes + 1) / 2, weights / 2
+
+
+@lru_cache(maxsize=512)
+def roy_quantile(p: float, n_y: int, n_u: int, dof: float) -> float:
+    """The squared singular value that is not exceeded with probability p; needs dof > n_y - 1, not a whole number.
+
+    >>> round(roy_quantile(0.95, 1, 1, 6.0), 6)       # F(2, 12)
+    3.885294
+    """
+    from scipy.optimize import brentq
+
+    if not dof > n_y - 1:
+        raise ValueError(f"dof must be more than n_y - 1 = {n_y - 1} for a bound on the whole matrix, got {dof:g}")
+    high = 4.0 * (n_y + n_u)
+    while roy_probability(high, n_y, n_u, dof) < p:
+        high *= 2
+        if high > 1e12:
+            raise ValueError(f"dof must be larger for a bound at probability {p:g}, got {dof:g} for {n_y} outputs")
+    return float(brentq(lambda x: roy_probability(x, n_y, n_u, dof) - p, 1e-9, high, xtol=1e-12, rtol=1e-13))

@@ -1,0 +1,244 @@
+"""What a detection line tells about an excited line, grid by grid.
+
+A cubic nonlinearity sends to line k every combination f1 + f2 + f3 of excited lines. How many combinations land on
+a detection line and how many on an excited line depends on the grid, so a level that was read on detection lines
+has to be scaled before it says anything about excited lines. The counts below are exact for y = u^3 and any
+amplitude spectrum; they are convolutions, done by FFT.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf._base.numbers import TINY, fast_length, rms, squared
+
+__all__ = ["COMMON", "FEW", "HIGHEST", "LARGEST", "read_grid", "read_peaks", "variance_ratio"]
+
+
+LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
+HARMONIC = 12.0  # what an output reaches at three times a light resonance: its cube stands on a line or two there
+HIGHEST = np.array([[LARGEST], [HARMONIC]])  # of input and output
+#: Over the number of lines: the share of its distortion that is one gain on all lines, which neither roughness nor
+#: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and
+#: the middle lines by 3/2 (of a fifth power the share is 6 / n).
+COMMON = 8 / 3
+FILLED = 0.1  # of the mean count: other orders fill the lines that a cubic leaves
+FEW = 27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
+MOST = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
+GAIN = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
+LEAST_OF_FEW, MOST_OF_FEW = 0.6, 6.0
+ALLOWED = 1.25  # of the gain that a cubic puts on all lines: a fifth power asks for 9/4, a jump for less than one
+ALIKE = 500  # lines of all realisations past which they distort alike, within 17 %, unless their peaks are low
+
+
+def cubic_variance(amplitude: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Variance of the output amplitude of y = u^3 over random phases, on any lines.
+
+    Parameters
+    ----------
+    amplitude : (..., F) ndarray
+        Amplitude of the cosine on each excited line.
+    excited : (F,) int ndarray
+        Excited lines.
+    lines : (K,) int ndarray
+        Lines to evaluate, in the excited band or outside it.
+
+    Returns
+    -------
+    (..., K) ndarray
+        E|Y - G U|^2, with G the BLA of the cubic (`cubic_bla`): at detection lines E|Y|^2.
+
+    Notes
+    -----
+    With p_k = A_k^2 / 4 (two-sided), S3 = p*p*p, S21(k) = sum_{2j+m=k} p_j^2 p_m and S111(k) = sum_{3j=k} p_j^3 the
+    variance is 4 (6 S3 - 9 S21 + 4 S111); at an excited line the coherent triples (j, -j, k), which make up the
+    BLA, are taken out of S3 and S21 first.
+
+    Examples
+    --------
+    >>> lines = np.array([1, 3, 9, 11, 17, 19])
+    >>> cubic_variance(np.ones(6), lines, np.array([1, 5])).round(9)
+    array([12.9375, 15.75  ])
+    """
+    last = int(max(excited[-1], lines.max()))
+    n = 2 * fast_length(2 * last + 1)  # terms beyond last alias onto lines outside -last..last
+    both = np.zeros((2, *amplitude.shape[:-1], n))
+    p, doubled = both
+    power = amplitude * amplitude
+    p[..., excited] = power / 4
+    np.multiply(p[..., : last + 1], p[..., : last + 1], out=doubled[..., : 2 * last + 1 : 2])
+    # twice the real part is the DFT of the even sequence of which this is the half
+    spectrum, spectrum_doubled = 2 * np.fft.rfft(both).real
+    spectrum_doubled *= -9
+    spectrum_doubled += 6 * (spectrum * spectrum)
+    counts = np.fft.irfft(spectrum * spectrum_doubled, n).take(lines, axis=-1)  # 6 S3 - 9 S21
+    tripled = np.zeros((*amplitude.shape[:-1], last + 1))
+    tripled[..., ::3] = p[..., : last // 3 + 1]
+    p, p_third = p.take(lines, axis=-1), tripled.take(lines, axis=-1)
+    counts -= 9 * p * (np.vecdot(power, power)[..., None] / 4 - 3 * p * p)
+    counts += 4 * p_third * p_third * p_third
+    return np.maximum(4 * counts, 0.0)
+
+
+def cubic_bla(amplitude: np.ndarray) -> np.ndarray:
+    """(F,) the best linear approximation of y = u^3 on the excited lines: 3 sigma^2 - 3/4 A_k^2.
+
+    >>> cubic_bla(np.ones(6))
+    array([8.25, 8.25, 8.25, 8.25, 8.25, 8.25])
+    """
+    return 3 * np.sum(amplitude**2) / 2 - 0.75 * amplitude**2
+
+
+def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """Variance at each excited line over the mean on its window of detection lines, for a cubic.
+
+    Parameters
+    ----------
+    amplitude : (..., F) ndarray
+        Amplitude spectrum of whatever drives the nonlinearity.
+    excited, detection : (F,), (O,) int ndarray
+        Lines.
+    window : (F, n) int ndarray
+        For each excited line the indices of the detection lines used.
+
+    Returns
+    -------
+    (..., F) ndarray
+        The ratio; inf where the detection lines of a window hold no combination at all.
+    """
+    # the convolutions are exact to rounding of the largest count; below that a count is noise
+    counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
+    at_excited, at_detection = counts[..., : excited.size], counts[..., excited.size :]
+    trusted = 1e-9 * counts.max(axis=-1, keepdims=True)
+    mean = np.add.reduce(at_detection.take(window, axis=-1), axis=-1) / window.shape[1]
+    ratio = np.full(at_excited.shape, np.inf)
+    np.divide(at_excited, mean, out=ratio, where=mean > trusted)
+    return ratio
+
+
+def read_grid(
+    amplitude: np.ndarray,
+    excited: np.ndarray,
+    detection: np.ndarray,
+    window: np.ndarray,
+    highest: np.ndarray | float = LARGEST,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a cubic makes of detection and of excited lines, for each spectrum that may drive it.
+
+    Parameters
+    ----------
+    amplitude : (d, F) ndarray
+        Amplitude spectra: of the input, of the output, as friction sees the displacement.
+    excited, detection : (F,), (O,) int ndarray
+        Lines.
+    window : (F, n) int ndarray
+        For each excited line the indices of the detection lines used.
+    highest : (d, 1) ndarray or float
+        The largest factor.
+
+    Returns
+    -------
+    profile : (n, d, F) ndarray
+        Variance on each line of a window over the mean there, but not under `FILLED`.
+    factor : (d, F) ndarray
+        Variance at the excited line over that mean, from 1 / `LARGEST` to `highest`; `LARGEST` where the lines of a
+        window hold no combination at all.
+    """
+    counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
+    at_excited, at_detection = counts[:, : excited.size], counts[:, excited.size :]
+    near = at_detection.take(window.T, axis=1)  # (d, n, F)
+    mean = np.add.reduce(near, axis=1) / near.shape[1]
+    # the convolutions are exact to rounding of the largest count; below that a count is noise
+    trusted = mean > 1e-9 * counts.max(axis=-1, keepdims=True)
+    untold = None if trusted.all() else ~trusted
+    if untold is not None:
+        mean[untold] = 1.0
+    near /= mean[:, None]
+    profile, factor = near.swapaxes(0, 1), at_excited / mean
+    np.maximum(profile, FILLED, out=profile)
+    np.minimum(np.maximum(factor, 1 / LARGEST), highest, out=factor)
+    if untold is not None:
+        profile[:, untold], factor[untold] = 1.0, LARGEST
+    return profile, factor
+
+
+def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool, order: int = 0) -> tuple[float, float]:
+    """What the peaks of the inputs tell of their distortion: how typical it is, and how much of it no level shows.
+
+    Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. Where there are
+    few lines, and where they are lower than usual, a fifth power is allowed for, which changes about as the square of
+    what a cubic tells, unless another law is told; one that is told counts everywhere. What is more than `MOST` and
+    `GAIN` was chosen, and said to be; behind dynamics the peaks are others, and an input all but square would ask for a
+    factor without end.
+
+    Parameters
+    ----------
+    U : (M, F) complex ndarray
+        Input of each realisation.
+    lines : (F,) int ndarray
+        Excited lines.
+    low : bool
+        Whether their peaks are lower than usual (`are_low`).
+    order : int
+        Of the law, where it is told (`Law`).
+
+    Returns
+    -------
+    typical : float
+        How much more random phases distort than those at hand: at least one, as powers; of fewer than `FEW` lines,
+        where high peaks are chance too, also less.
+    common : float
+        The distortion that is one gain on all lines, over what scatters about it, as powers.
+
+    Examples
+    --------
+    Thirteen lines in phase are one high peak; Schroeder's phases have none. Either gain is far from the usual.
+
+    >>> k = np.arange(1, 14)
+    >>> high, low = np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None]
+    >>> np.round([read_peaks(high, k, low=False), read_peaks(low, k, low=True)], 1)
+    array([[0.6, 4.9],
+           [6. , 5.8]])
+    """
+    n, n_lines = U.shape
+    chance, few = COMMON / n_lines, n_lines < FEW
+    if U.size > ALIKE and not low:
+        return 1.0, chance
+    ratio, gap = cube_of(U, lines)
+    steep = order == 5 or (order == 0 and (few or low))
+    typical = ratio * ratio if steep else ratio
+    typical = min(max(typical, LEAST_OF_FEW), MOST_OF_FEW) if few else min(max(typical, 1.0), MOST)
+    if not (few and n == 1) and not (low and order != 1):
+        return typical, chance
+    amplitude = rms(U)
+    whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n
+    common = ALLOWED * gap * gap * (1 + chance) / whole * ratio
+    return typical, common if few and n == 1 else min(max(common, chance), GAIN)
+
+
+def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
+    """What random phases leave of the cube of an input (M, F) beside its linear part, over what those at hand leave.
+
+    And by how much the gain of that linear part, mean u^4 over mean u^2, differs. Those of a sum of cosines of
+    independent phases are known exactly, by its cumulants: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 of each.
+    """
+    second, fourth, sixth = moments(U, lines)
+    gain = fourth / second
+    left = float(np.add.reduce(sixth - fourth * gain)) / len(U)
+    A2 = np.add.reduce(squared(U)) / len(U)
+    k2, k4, k6 = float(A2.sum() / 2), float(-0.375 * (A2 @ A2)), float(1.25 * (A2 * A2 @ A2))
+    expected_gain = (k4 + 3 * k2**2) / k2
+    expected = k6 + 15 * k4 * k2 + 15 * k2**3 - expected_gain**2 * k2
+    return expected / max(left, TINY), float(np.add.reduce(gain)) / len(U) - expected_gain
+
+
+def moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """(3, M) mean square, fourth and sixth power of multisines of amplitudes U (M, F)."""
+    n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines mirror themselves
+    spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)
+    spectrum[:, lines] = U / 2
+    u = np.fft.irfft(spectrum, n, norm="forward")
+    if np.bitwise_and.reduce(lines) & 1:
+        u = u[:, : n // 2]  # the other half mirrors it
+    square = u * u
+    return np.array([np.vecdot(x, x) for x in (u, square, square * u)]) / u.shape[1]

@@ -1,0 +1,155 @@
+"""Experiments that do not belong to one machine: a channel that stands higher, or comes later, in one of them.
+
+A channel that is off by a factor 1 + a in experiment e leaves V = Y - G U = a X there, X what the channel adds to G U:
+in the phases of that experiment, which are random from line to line, as no smooth G has them. So a is told by all lines
+together, long before the matrix is seen to jump. What all experiments have in common looks like the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning
+from nlfrf._base.numbers import TINY, squared
+from nlfrf._base.values import value
+from nlfrf.bla.mimo.channels import ChannelSpectra
+from nlfrf.bla.mimo.conditions import is_zippered
+from nlfrf.bla.mimo.matrix_level import MatrixLevel
+from nlfrf.records.several import MultiRecord
+from nlfrf.signals.lines import local_mean
+
+__all__ = ["warn_of_unequal"]
+
+
+RARE, FEW = 4.0, 10.0  # standard deviations, times 1 + FEW over the lines that weigh: a few of them scatter by chance
+HARM = 0.25  # error by it over the variance of G from which it is told: the bound then holds 91 % instead of 95 %
+MOST = 3.0  # times the usual line that one may weigh
+NEARBY = 9  # lines over which the residual is averaged to weigh them
+SILENT = 1e-9  # of the weight of a line in the most telling experiment, under which a channel was not played
+ALIKE = 0.8  # of the most telling one, for a channel that explains it nearly as well
+
+
+@value(copy=False)
+class Suspect:
+    """A channel that may differ in one experiment.
+
+    Fields
+    ------
+    name : str
+        Of the channel.
+    experiment : int
+        From 1 on.
+    kind : str
+        "gain" or "delay".
+    size : float
+        How far it is off, of its size or in samples: above zero it stands higher, or comes later.
+    told : float
+        By how many times what chance makes of it.
+    """
+
+    name: str
+    experiment: int
+    kind: str
+    size: float
+    told: float
+
+    def __str__(self) -> str:
+        more = self.size > 0
+        if self.kind == "gain":
+            return f"{self.name} stands about {100 * abs(self.size):.2g} % {'higher' if more else 'lower'}"
+        return f"{self.name} comes about {abs(self.size):.2g} samples {'later' if more else 'earlier'}"
+
+
+def warn_of_unequal(
+    record: MultiRecord,
+    spectra: ChannelSpectra,
+    part: tuple[np.ndarray, np.ndarray, np.ndarray],
+    level: MatrixLevel,
+    left: float,
+) -> bool:
+    """Warn of the channel and the experiment that differ most, where the bound would not hold for it.
+
+    `part` is from `linear_part`; `left` is what its G, which took part in the fault, leaves of it.
+    """
+    if spectra.U.shape[1] < 2:
+        return False
+    found = [one for one in suspects(record, spectra, part, level, left) if one.told > RARE]
+    if not found:
+        return False
+    worst = max(found, key=lambda one: one.told)
+    beside = {one.name for one in found if one.told > ALIKE * worst.told and one.experiment == worst.experiment}
+    others = " or ".join(sorted(beside - {worst.name}))
+    data_warning(
+        f"{worst} in experiment {worst.experiment} of {spectra.U.shape[1]} than in the others"
+        f"{f' ({others} would explain it nearly as well)' if others else ''}, by what all lines together tell: G is of "
+        "no one machine, and its bound does not hold. Was a range changed, or is the channel of another run? Measure "
+        "that experiment again, or correct it where the change is known"
+    )
+    return True
+
+
+def suspects(
+    record: MultiRecord,
+    spectra: ChannelSpectra,
+    part: tuple[np.ndarray, np.ndarray, np.ndarray],
+    level: MatrixLevel,
+    left: float,
+) -> Iterator[Suspect]:
+    """Every channel, and all outputs together, in the experiment in which they differ most, where that does harm."""
+    at = spectra.excited
+    V, noise, G = (one[..., at] for one in part)
+    size = np.mean(squared(spectra.Y[..., at]), axis=1)
+    weight = 1 / (local_mean(np.mean(squared(V), axis=1), NEARBY) + 1e-24 * size + TINY)
+    C = np.einsum("jjk->jk", level.cov).real + TINY
+    samples = record.n_samples / (2 * np.pi * spectra.lines[at])  # by which a line is late, for a radian
+    X = G[:, :, None] * spectra.U[..., at]  # (n_y, n_u, M, F)
+    outputs = X.sum(axis=1)
+    n_y = len(outputs)
+    channels = [(name, slice(j, j + 1), outputs[j : j + 1]) for j, name in enumerate(record.outputs)]
+    if not is_zippered(spectra):  # what is recorded too high answers too little
+        channels += [(name, slice(n_y), -X[:, i]) for i, name in enumerate(record.inputs)]
+    channels += [(f"all of {', '.join(record.outputs)}", slice(n_y), outputs)] * (n_y > 1)
+    # one nonlinearity sends a product of four lines to each of them: what it does to the gain on all of them is twice
+    # what they tell one by one (a delay has each with either sign, and is none)
+    bent = 1 + np.clip(1 - np.median(noise / C, axis=1), 0.0, 1.0)
+    for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
+        for name, rows, x in channels:
+            chance = bent[rows].max() if kind == "gain" else 1.0
+            yield differing(name, kind, (V[rows], x * slope, weight[rows], C[rows]), left, float(chance))
+
+
+def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, chance: float) -> Suspect:
+    """How far V (n, M, F) is X times a factor of its own in one experiment, against the others.
+
+    `lines` is V, X, and (n, F) their weight and the level C of V. How far chance takes the factor, its scatter over the
+    lines tells, whatever they scatter by; `chance` is what they have in common.
+    """
+    V, X, weight, C = lines
+    along = np.sum((V.real * X.real + V.imag * X.imag) * weight[:, None], axis=0)  # (M, F)
+    power = squared(X)
+    whole = np.sum(power * weight[:, None], axis=0)
+    usual = np.median(whole, axis=1)
+    on = np.flatnonzero(usual > SILENT * usual.max())
+    M = on.size
+    if M < 2:  # what was played once differs from nothing
+        return Suspect(name=name, experiment=1, kind=kind, size=0.0, told=0.0)
+    along, power, whole = along[on], power[:, on], whole[on]
+    # a peak that the fit follows leaves nothing of V, and would weigh most
+    most = MOST * usual[on, None]
+    trust = most / np.maximum(whole, most)
+    along, whole = along * trust, whole * trust
+    total = whole.sum(axis=1)
+    factor = along.sum(axis=1) / total
+    variance = np.sum((along - factor[:, None] * whole) ** 2, axis=1) / total**2
+    apart = (factor - factor.mean()) * M / (M - 1)
+    scatter = np.sqrt(variance + (variance.sum() - variance) / (M - 1) ** 2)
+    n = float(np.min(total**2 / np.sum(whole**2, axis=1)))
+    told = np.abs(apart) / np.maximum(scatter * chance * (1 + FEW / n), TINY)
+    worst = int(told.argmax())
+    size = float(apart[worst] / left)
+    chances = float(told[worst])
+    if chances > RARE and size**2 / M * np.median(power[:, worst] / C, axis=1).max() < HARM:
+        chances = 0.0
+    return Suspect(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, told=chances)

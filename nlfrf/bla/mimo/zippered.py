@@ -1,0 +1,206 @@
+"""The matrix from experiments in which each line drives one input: columns fitted between their own lines.
+
+    (1 + a1 r + a2 r^2) G_ji(r) = B_0 + B_1 r + B_2 r^2,  r: distance in the window
+
+A column is known on its own lines and fitted on the others over the nine of its own around each. The poles of a machine
+are those of all its entries: a1 and a2 are found from all columns at once, first with the weights of the step before
+(Sanathanan & Koerner 1963), as a small denominator would hide the peak it makes, then by Gauss-Newton, as noise in the
+regressors would bias them. How noise and distortion of the lines of a window reach the fitted value is followed, to
+first order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf._base.numbers import TINY, two_unknowns
+from nlfrf._base.values import value
+from nlfrf.bla.mimo.channels import ChannelSpectra, nearest_lines
+from nlfrf.bla.mimo.frm import in_own_units
+from nlfrf.bla.mimo.local_matrix import EARNED, ORDER, POOLED, WIDTH
+from nlfrf.bla.mimo.matrix_frf import MatrixFrf, adjoint, lines_last, noise_covariance
+from nlfrf.signals.lines import local_mean
+
+__all__ = ["Between", "spread_between", "zippered_frf"]
+
+
+REWEIGHTED, REFINED = 3, 3  # rounds of either kind
+SMALLEST = 0.02  # of 1 + a1 r + a2 r^2 on a line: below it a pole sits on the line, and the round before stands
+
+
+@value(copy=False)
+class Between:
+    """What the columns are between their own lines.
+
+    Fields
+    ------
+    owner : (F,) int ndarray
+        Which input each line drives.
+    own : (F,) ndarray
+        Variance of an entry of that column over that of one experiment's residual.
+    window : (F, n_u, n) int ndarray
+        Lines, as indices, from which column i was fitted at line k.
+    weights : (F, n_u, n_y, n_u, n, n_y) complex ndarray
+        What the error of each entry of a window adds to each fitted entry.
+    """
+
+    owner: np.ndarray
+    own: np.ndarray
+    window: np.ndarray
+    weights: np.ndarray
+
+
+def zippered_frf(spectra: ChannelSpectra) -> tuple[MatrixFrf, Between]:
+    """The matrix in open loop; the scatter over experiments is that of the column that a line drives."""
+    at, lines = spectra.excited, spectra.lines[spectra.excited]
+    U, Y = spectra.U[..., at], spectra.Y[..., at]
+    (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(at.size)
+    size = np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
+    owner = (size / size.max(axis=1, keepdims=True)).argmax(axis=0)
+    measured = Y / U[owner, :, k].T  # (n_y, M, F) of the column that the line drives
+    column = measured.mean(axis=1)
+    G, between = fitted_between(column, lines, owner, 1 / (M * size[owner, k] ** 2))
+    each = np.broadcast_to(G, (M, *G.shape)).copy()
+    each[:, :, owner, k] = np.moveaxis(measured, 1, 0)
+    scatter = np.full((n_y, n_y, F), np.nan, dtype=complex)
+    if M > 1:
+        V = (measured - column[:, None]) * size[owner, k]
+        scatter = np.einsum("jmf,lmf->jlf", V, V.conj()) / (M - 1)
+    gamma = np.zeros((n_u, n_u, F), dtype=complex)
+    for i in range(n_u):
+        gamma[i, i] = np.interp(lines, lines[owner == i], between.own[owner == i])
+    own_of = np.broadcast_to(np.moveaxis(G, 2, 0), (M, F, n_y, n_u))
+    frf = MatrixFrf(
+        G=G,
+        each=each,
+        gamma=gamma,
+        gamma_each=np.broadcast_to(M * gamma, (M, *gamma.shape)),
+        cov_noise=lines_last(noise_covariance(spectra, own_of)),
+        cov_scatter=scatter,
+    )
+    return frf, between
+
+
+def fitted_between(
+    column: np.ndarray, lines: np.ndarray, owner: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, Between]:
+    """(n_y, n_u, F) with every column on every line, from (n_y, F) the column that each line drives."""
+    n_y, F = column.shape
+    n_u = int(owner.max()) + 1
+    places = [np.flatnonzero(owner == i) for i in range(n_u)]
+    width = min(WIDTH, *(place.size for place in places))
+    window = np.stack([place[nearest_lines(lines, lines[place], width)] for place in places], axis=1)
+    r = (lines[window] - lines[:, None, None]).astype(float)
+    r /= np.abs(r).max(axis=(1, 2), keepdims=True)  # (F, n_u, n)
+    g = np.moveaxis(column[:, window], 0, 2)  # (F, n_u, n_y, n)
+    known = np.sqrt(np.mean(own[window], axis=2))[:, :, None, None]  # of each column, in the units of its input
+    size = known * (np.sqrt(np.mean(np.abs(g / known) ** 2, axis=(1, 3), keepdims=True)) + TINY)
+    D = denominator(r, g, size)
+    plain, rational = (power_left(r, g, one, size) for one in (np.ones(D.shape), D))
+    dof = n_y * n_u * (width - ORDER - 1)
+    better = local_mean(EARNED * plain / dof - rational / (dof - 2), POOLED) > 0
+    D = np.where(better[:, None, None] & (width >= 2 * ORDER + 4), D, 1.0)
+    at_zero, _, _, slopes, rest = solved(r, g, D)
+    value_at_zero = (g @ at_zero[..., None])[..., 0]  # (F, n_u, n_y)
+    # a step of (a1, a2) by the error of a window, and what it does to the fitted value
+    rows = (rest / size[..., None]).reshape(F, -1, 2)
+    step = np.linalg.pinv(rows, rcond=1e-10).reshape(F, 2, n_u, n_y, width) / size[:, None]
+    step = np.where(better[:, None, None, None, None], step, 0.0)
+    by_step = -np.einsum("fin,fijnm->fijm", at_zero, slopes)
+    weights = np.einsum("fijm,fmaln->fijanl", by_step, step)
+    for i in range(n_u):
+        for j in range(n_y):
+            weights[:, i, j, i, :, j] += at_zero[:, i]
+    G = np.moveaxis(value_at_zero, 0, 2).swapaxes(0, 1).copy()
+    G[:, owner, np.arange(F)] = column
+    return G, Between(owner=owner, own=own, window=window, weights=weights)
+
+
+def solved(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of a given denominator: row of B_0, basis, fitted values, slopes by (a1, a2), and what the numerator leaves."""
+    w = 1 / D
+    basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(ORDER + 1))  # (F, n_u, n, 3)
+    first = np.linalg.solve(adjoint(T), np.eye(ORDER + 1)[0][:, None])
+    at_zero = (basis @ first)[..., 0].conj()  # B_0 = at_zero @ g
+
+    fit = g - left_over(g, basis)
+    slopes = [-fit * (w * r**m)[:, :, None] for m in (1, 2)]
+    rest = [left_over(slope, basis) for slope in slopes]
+    return at_zero, basis, fit, np.stack(slopes, axis=-1), np.stack(rest, axis=-1)
+
+
+def left_over(x: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """What a numerator leaves of x (F, n_u, n_y, n)."""
+    return np.asarray(x - (x @ basis.conj()) @ np.swapaxes(basis, -1, -2))
+
+
+def power_left(r: np.ndarray, g: np.ndarray, D: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(F,) what a denominator leaves, with rows of one size."""
+    return np.asarray(np.sum(np.abs((g - solved(r, g, D)[2]) / size) ** 2, axis=(1, 2, 3)))
+
+
+def denominator(r: np.ndarray, g: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(F, n_u, n) 1 + a1 r + a2 r^2 on the lines of each window."""
+    D = np.ones(r.shape, dtype=complex)
+    a = np.zeros((len(r), 2), dtype=complex)
+    for turn in range(REWEIGHTED + REFINED):
+        _, basis, fit, _, rest = solved(r, g, D)
+        aim = g - fit
+        if turn < REWEIGHTED:
+            first, second = (left_over(-g * (r**m / D)[:, :, None], basis) for m in (1, 2))
+            aim, rest = left_over(g / D[:, :, None], basis), np.stack([first, second], axis=-1)
+        found, _ = two_unknowns(
+            np.stack([one / size for one in (aim, *np.moveaxis(rest, -1, 0))], 1).reshape(len(r), 3, -1)
+        )
+        trial = found if turn < REWEIGHTED else a + found
+        there = 1 + r * trial[:, 0, None, None] + r**2 * trial[:, 1, None, None]
+        good = np.abs(there).min(axis=(1, 2)) > SMALLEST
+        if turn >= REWEIGHTED:
+            good &= power_left(r, g, there, size) <= power_left(r, g, D, size)
+        a = np.where(good[:, None], trial, a)
+        D = np.where(good[:, None, None], there, D)
+    return D
+
+
+def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gamma and covariance that lie over those of every column, own or fitted.
+
+    Parameters
+    ----------
+    between : Between
+        How the columns were fitted.
+    gamma : (n_u, n_u, F) ndarray
+        Diagonal, as if every column had been measured on every line.
+    cov : (n_y, n_y, F) complex ndarray
+        Covariance of one experiment's residual.
+    n_sets : int
+        Experiments R behind it.
+
+    Returns
+    -------
+    gamma, cov : (n_u, n_u, F), (n_y, n_y, F) ndarray
+        Entry by entry exact or above; the covariance grows where a fitted column scatters in other directions.
+    """
+    n_y, F = len(cov), cov.shape[2]
+    C = np.moveaxis(cov, 2, 0)
+    lines = between.own[:, None, None] * C  # of the column that each line drives
+    around = lines[between.window]  # (F, n_u, n, n_y, n_y)
+    columns = np.einsum("fijanl,fanlm,fipanm->fijp", between.weights, around, between.weights.conj(), optimize=True)
+    correlation, scale = (np.moveaxis(part, -1, 0) for part in in_own_units(cov))
+    values, vectors = np.linalg.eigh(correlation)
+    values = np.maximum(values, 1e-8 * values[:, -1:] + TINY)
+    root = scale[:, :, None] * ((vectors * np.sqrt(values)[:, None]) @ adjoint(vectors))
+    inverse = ((vectors / np.sqrt(values)[:, None]) @ adjoint(vectors)) / scale[:, None]
+    gamma, more = gamma.copy(), np.zeros((F, n_y, n_y), dtype=complex)
+    for i in range(columns.shape[1]):
+        fitted = between.owner != i
+        ratio = np.einsum("fjj->fj", columns[:, i]).real / np.einsum("fjj->fj", C).real
+        own, smooth = gamma[i, i].real, ratio.max(axis=1)
+        # a fit scatters less than a line, but a new set may have measured where this one fitted: its share in
+        # bound(of="realization") is n_sets times one
+        gamma[i, i] = np.where(fitted, np.maximum(smooth, (smooth + n_sets * own) / (1 + n_sets)), between.own)
+        T = inverse @ columns[:, i] @ adjoint(inverse) / gamma[i, i].real[:, None, None]
+        beyond, along = np.linalg.eigh(T)
+        part = (along * np.maximum(beyond - 1, 0.0)[:, None]) @ adjoint(along)
+        more = more + np.where(fitted[:, None, None], part, 0.0)
+    return gamma, np.moveaxis(root @ (np.eye(n_y) + more) @ adjoint(root), 0, 2)

@@ -1,0 +1,112 @@
+"""Which lines of a grid are neighbours: worked out once for each grid, as every level is read off windows of them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from nlfrf._base.values import value
+from nlfrf.signals.lines import LineGrid
+
+__all__ = ["KEPT", "Places", "place_lines"]
+
+
+KEPT = 16  # grids that are remembered: those of one experiment, and of the next
+BELOW = 2  # detection lines below the band
+WIDTH = 9  # excited lines over which an FRF is fitted locally
+
+
+@value(copy=False)
+class Places:
+    """The excited and detection lines of a grid in one row, and who is near whom; it travels with the spectra.
+
+    Fields
+    ------
+    lines : (K,) int ndarray
+        All lines, increasing.
+    excited, odd, even : (F,), (O,), (E,) int ndarray
+        Where each kind stands among them.
+    detection : (D,) int ndarray
+        The odd detection lines, and those just below the band.
+    near_excited, near_odd : (F, n) int ndarray
+        For each excited line the nearest excited and odd lines, nearest first, as indices into those kinds; `near_odd`
+        into `detection`.
+    near_detection : (n, k, F) int ndarray
+        For each excited line the nearest odd lines, and where there are any the even ones, as places among all lines;
+        -1 where there are fewer. Windows stand along the first axis, so that sums over them run through memory in
+        order.
+    near_even : (n, 1, F) int ndarray
+        The even ones alone.
+    below, share : (K,) int and float ndarray
+        The excited line below each line, by its order, and how far it is to the next one, from 0 to 1; 0
+        outside the band.
+    """
+
+    lines: np.ndarray
+    excited: np.ndarray
+    odd: np.ndarray
+    even: np.ndarray
+    detection: np.ndarray
+    near_excited: np.ndarray
+    near_odd: np.ndarray
+    near_detection: np.ndarray
+    near_even: np.ndarray
+    below: np.ndarray
+    share: np.ndarray
+
+
+@lru_cache(maxsize=KEPT)
+def place_lines(grid: LineGrid, n_detection: int = 6) -> Places:
+    """All lines of a grid in one row, with windows of `n_detection` detection lines."""
+    detection = np.concatenate([odd_below(grid), grid.odd])
+    lines = np.sort(np.concatenate([grid.excited, detection, grid.even]))
+    excited, odd, even = (np.searchsorted(lines, kind) for kind in (grid.excited, grid.odd, grid.even))
+    near_odd, near_even = (nearest_lines(grid.excited, kind, n_detection) for kind in (detection, grid.even))
+    windows = [np.searchsorted(lines, detection)[near_odd]] + bool(even.size) * [even[near_even]]
+    near_detection = np.full((len(windows), excited.size, max(one.shape[1] for one in windows)), -1)
+    for row, one in zip(near_detection, windows, strict=True):
+        row[:, : one.shape[1]] = one
+    below = np.maximum(np.searchsorted(grid.excited, lines, side="right") - 1, 0)
+    step = np.append(np.diff(grid.excited), np.inf)[below]
+    return Places(
+        lines=lines,
+        excited=excited,
+        odd=odd,
+        even=even,
+        detection=detection,
+        near_excited=nearest_lines(grid.excited, grid.excited, WIDTH),
+        near_odd=near_odd,
+        near_detection=windows_first(near_detection),
+        near_even=windows_first(even[near_even][None]),
+        below=below,
+        share=np.maximum(lines - grid.excited[below], 0) / step,
+    )
+
+
+def odd_below(grid: LineGrid) -> np.ndarray:
+    """The odd lines just below the band, within an octave: without them the windows of the first lines are one-sided.
+
+    A level that falls with frequency, as that of a hysteresis does, is read too low in such a window. A grid whose
+    detection lines were chosen, or that has none, keeps its own.
+    """
+    first, last = int(grid.excited[0]), int(grid.excited[-1])
+    n_odd = grid.odd.size + np.count_nonzero(grid.excited % 2)
+    if not grid.odd.size or n_odd < (last + 1) // 2 - first // 2:
+        return np.empty(0, dtype=np.int64)
+    below = np.arange(first - 2 * BELOW, first, 2)
+    return below[(2 * below > first) & (below % 2 == 1)]
+
+
+def windows_first(windows: np.ndarray) -> np.ndarray:
+    """(k, F, n) -> (n, k, F)."""
+    return np.ascontiguousarray(np.moveaxis(windows, -1, 0))
+
+
+def nearest_lines(at: np.ndarray, lines: np.ndarray, n: int) -> np.ndarray:
+    """(F, n) indices into `lines` of the n lines nearest to each of `at`, nearest first; one-sided at the ends."""
+    n, reach = min(n, lines.size), min(2 * n, lines.size)
+    first = np.clip(np.searchsorted(lines, at) - n, 0, lines.size - reach)
+    near = first[:, None] + np.arange(reach)
+    order = np.argsort(np.abs(lines[near] - at[:, None]), axis=1, kind="stable")[:, :n]
+    return np.asarray(first[:, None] + order)

@@ -1,0 +1,230 @@
+"""The BLA from noise excitation: S_YU / S_UU, by Welch segments or by local polynomials.
+
+With an input that never repeats, distortion and noise cannot be told apart: the variances here hold both. It is the
+other form of the same BLA, to lay over the one from a multisine of the same power spectrum.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning, integer, one_of, positive, real_array
+from nlfrf._base.numbers import TINY, power
+from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.signals.lines import LineGrid
+
+__all__ = ["identify_noise"]
+
+
+HANN = 1.5  # lines that the power in one line of a Hann window comes from
+SIDE = 6  # DFT lines on either side that a local polynomial sees
+PARTS = 16  # of the record, over which the power of stationary noise stays
+BANDS = 8  # of the band that is excited
+UNSTEADY = 4.0  # how many times the scatter of noise that power may have from part to part
+FAR = 3.0  # in 95 % bounds: how far leakage takes a line at least; by chance some of 265 lines are 2 to 2.5 off
+
+
+def identify_noise(
+    u: np.ndarray,
+    y: np.ndarray,
+    *,
+    fs: float,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    method: str = "local",
+) -> Bla:
+    """BLA from a record of noise excitation, of any length and not periodic.
+
+    Parameters
+    ----------
+    u, y : (n,) ndarray
+        Input and output, n of at least 8 n_samples for "welch", 2 n_samples for "local".
+    fs : float
+        Sampling frequency [Hz].
+    n_samples : int
+        The resolution asked for is fs / n_samples.
+    f_min, f_max : float
+        Band [Hz].
+    method : str
+        "welch": Hann-windowed half-overlapping segments of n_samples. "local": a quadratic for the FRF and one for
+        the transient over the DFT lines around each frequency of the whole record; much less leakage.
+
+    Returns
+    -------
+    Bla
+        With `grid` "noise", `level_source` "coherence" and that `coherence`; distortion contains the noise (var_noise
+        is nan). `levels.excited` is the amplitude of a cosine of the power in one line, fs / n_samples wide.
+
+    Raises
+    ------
+    ValueError
+        A record that is too short, a band without lines, numbers out of range.
+
+    Warns
+    -----
+    DataWarning
+        An input that is no stationary noise (a chirp, bursts), for which the bounds do not hold. Segments of "welch"
+        that smear a resonance.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 2.6 (spectral analysis), 7.2.2 (local polynomial method).
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> u = rng.standard_normal(40_000)
+    >>> bla = identify_noise(u, u**3, fs=1.0, n_samples=400, f_min=0.01, f_max=0.4)
+    >>> bool(abs(bla.G.mean() - 3) < 0.1)
+    True
+    """
+    u, y = check_signals(u, y, n_samples, method)
+    fs, n_samples = positive("fs", fs), integer("n_samples", n_samples, least=16)
+    lines = band_of(positive("f_min", f_min), positive("f_max", f_max), fs, n_samples)
+    estimate = welch if method == "welch" else local
+    u, y = u - u.mean(), y - y.mean()
+    G, variance, dof, coherence, power_y = estimate(u, y, n_samples, lines)
+    warn_of_other_signals(u)
+    if method == "welch":
+        warn_of_coarse_segments(lines * fs / n_samples, G, variance, dof, local(u, y, n_samples, lines)[0])
+    nan = np.full(lines.size, np.nan)
+    return Bla(
+        f=lines * fs / n_samples,
+        G=G,
+        lines=LineGrid(excited=lines),
+        grid="noise",
+        fs=fs,
+        n_samples=n_samples,
+        n_realizations=1,
+        n_periods=1,
+        transient="local" if method == "local" else "none",
+        level_source="coherence",
+        var_noise=nan,
+        var_total=variance,
+        var_distortion=variance,
+        var_even=nan,
+        dof=np.full(lines.size, float(dof)),
+        grid_factor=np.ones(lines.size),
+        levels=output_level(lines * fs / n_samples, power_y),
+        var_bound=variance,
+        coherence=coherence,
+    )
+
+
+def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> tuple[np.ndarray, np.ndarray]:
+    """Input and output of one length, that is enough for the resolution."""
+    u, y = real_array("u", u, ndim=1), real_array("y", y, ndim=1)
+    if u.size != y.size:
+        raise ValueError(f"y must be as long as u, {u.size} samples, got {y.size}")
+    one_of("method", method, ("local", "welch"))
+    least = (8 if method == "welch" else 2) * integer("n_samples", n_samples, least=16)
+    if u.size < least:
+        raise ValueError(f"u must hold at least {least} samples for method={method!r}, got {u.size}")
+    return u, y
+
+
+def band_of(f_min: float, f_max: float, fs: float, n_samples: int) -> np.ndarray:
+    """(F,) lines of the band, both ends included whatever the rounding of the frequencies."""
+    first, last = int(np.ceil(f_min / fs * n_samples - 1e-6)), int(np.floor(f_max / fs * n_samples + 1e-6))
+    lines = np.arange(max(1, first), last + 1)
+    if lines.size == 0 or 2 * lines[-1] >= n_samples:
+        raise ValueError(f"f_min and f_max must hold lines below Nyquist, got {f_min:g} to {f_max:g} Hz")
+    return lines
+
+
+def output_level(f: np.ndarray, power_y: np.ndarray) -> DistortionLevels:
+    """The output as amplitudes of cosines of its power in one line; there are no detection lines."""
+    nothing = np.empty((1, 0))
+    return DistortionLevels(
+        f_excited=f,
+        f_odd=nothing[0],
+        f_even=nothing[0],
+        excited=np.sqrt(2 * power_y)[None].astype(complex),
+        odd=nothing.astype(complex),
+        even=nothing.astype(complex),
+        noise_excited=np.full(f.size, np.nan),
+        noise_odd=nothing[0],
+        noise_even=nothing[0],
+    )
+
+
+def welch(
+    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+    """G, its variance and degrees of freedom, coherence, output power by line, from half-overlapping Hann segments."""
+    from scipy import signal  # takes a second to import
+
+    options = {"nperseg": n, "noverlap": n // 2, "window": "hann", "detrend": False, "scaling": "spectrum"}
+    S_uu = signal.welch(u, **options)[1][lines]
+    S_yy = signal.welch(y, **options)[1][lines]
+    S_yu = signal.csd(u, y, **options)[1][lines]
+    G = S_yu / S_uu
+    n_segments = 2 * (u.size // n) - 1
+    dof = n_segments / (1 + 2 / 36)  # half-overlapping Hann windows correlate by 1/6: 11 effective of 12
+    rest = np.maximum(S_yy - np.abs(S_yu) ** 2 / S_uu, 0.0)
+    return G, rest / S_uu / (dof - 1), dof - 1, 1 - rest / np.maximum(S_yy, TINY), S_yy / HANN
+
+
+def local(
+    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+    """The same from local polynomials over the lines of the whole record around each frequency."""
+    ratio = u.size / n
+    U, Y = np.fft.rfft(u), np.fft.rfft(y)
+    side = max(SIDE, int(ratio / 2))
+    centre = np.clip(np.round(lines * ratio).astype(int), side + 1, U.size - side - 2)
+    around = centre[:, None] + np.arange(-side, side + 1)
+    # from the frequency that is wanted, which lies between the lines or, at the ends of the band, off the middle
+    s = (around - (lines * ratio)[:, None]) / side
+    # Y = (g0 + g1 s + g2 s^2) U + t0 + t1 s + t2 s^2, the wanted g0 last
+    columns = np.stack([s**2, s, np.ones(s.shape), s**2 * U[around], s * U[around]], axis=-1)
+    A = np.concatenate([columns, U[around][..., None]], axis=-1)
+    norm = np.sqrt(power(np.swapaxes(A, -1, -2)))
+    Q, R = np.linalg.qr(A / norm[:, None, :])
+    projected = (np.swapaxes(Q, -1, -2).conj() @ Y[around][..., None])[..., 0]
+    pivot = R[:, -1, -1] * norm[:, -1]
+    rest = Y[around] - (Q @ projected[..., None])[..., 0]
+    dof = A.shape[-2] - A.shape[-1]
+    S_yy, S_rest = power(Y[around]) / around.shape[1], power(rest) / dof
+    coherence = np.clip(1 - S_rest / np.maximum(S_yy, TINY), 0.0, 1.0)
+    variance = S_rest / np.abs(pivot) ** 2
+    return projected[:, -1] / pivot, variance, float(dof), coherence, 2 * S_yy / (u.size * n)
+
+
+def warn_of_other_signals(u: np.ndarray) -> None:
+    """Warn of an input (n,) whose power wanders over time and frequency as that of noise does not: chirps, bursts.
+
+    The power of noise in a band scatters from part to part of the record by 1 over the root of the lines it has there.
+    """
+    size = u.size // PARTS
+    power = np.abs(np.fft.rfft(u[: PARTS * size].reshape(PARTS, size), axis=1)[:, 1:]) ** 2
+    mean = power.mean(axis=0)
+    share = np.cumsum(mean) / mean.sum()
+    edges = np.searchsorted(share, np.linspace(0.005, 0.995, BANDS + 1))
+    ratios = []
+    for first, last in pairwise(edges.tolist()):
+        if last - first < 4:
+            continue
+        band = power[:, first:last].sum(axis=1)
+        lines = mean[first:last].sum() ** 2 / np.sum(mean[first:last] ** 2)
+        ratios.append(float(np.var(band, ddof=1) / band.mean() ** 2 * lines))
+    if ratios and np.mean(ratios) > UNSTEADY:
+        data_warning(
+            f"u must be stationary noise for its bounds to hold: its power scatters {np.mean(ratios) ** 0.5:.1f} times "
+            "as much over time as that of noise, as chirps and bursts do; play a multisine, or noise all the time"
+        )
+
+
+def warn_of_coarse_segments(f: np.ndarray, G: np.ndarray, variance: np.ndarray, dof: float, better: np.ndarray) -> None:
+    """Warn where segments smear a resonance: G is further from a `better` estimate than its variance lets it be."""
+    bound = np.sqrt(dof * np.expm1(-np.log(0.05) / dof) * variance)  # as of `Bla.bound`
+    far = np.abs(G - better) > FAR * bound
+    if far.any():
+        at = int(np.argmax(np.where(far, np.abs(G - better) / bound, 0.0)))
+        data_warning(
+            f"n_samples must resolve the resonances: on {far.sum()} of {f.size} lines, worst at {f[at]:g} Hz, leakage "
+            'moves G further than its bound; take method="local" or longer segments'
+        )

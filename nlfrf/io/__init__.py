@@ -1,0 +1,13 @@
+"""Files: records, results and designs, read and written.
+
+channels        the named channels inside such a file, by the reader of its kind
+designs         multisines, and the signals to play
+inspection      what such a file holds, and a guess at how to load it
+moments         whether channels were sampled at the same moments
+npz             arrays of NPZ files, read to where they stay
+readers         readers of file formats
+records         records, from any measurement file
+results         `Bla`, `Frm` and tables
+stored_records  records written to a file, and read back
+stored_values   any value of this package, field by field, with its schema and version
+"""

@@ -1,0 +1,425 @@
+"""Named channels of measurement files: which reader reads which file, and what it found."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning, one_line, positive
+from nlfrf._base.files import path_of
+from nlfrf._base.own_process import Found, read_apart
+from nlfrf._base.values import value
+from nlfrf.io import npz
+from nlfrf.io.moments import hold_moments
+from nlfrf.io.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
+from nlfrf.io.readers.clock import RATES, STEPS, UNIT, frequency_of, hertz_of, is_time, seconds_of, unit_of
+from nlfrf.io.readers.layout import once
+
+__all__ = ["OTHERWISE", "SUFFIXES", "Channels", "paths_of", "read_channels"]
+
+
+SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
+APART = 1e-3  # how far a sampling frequency that was given may be from that of the file
+DAY = 86400.0  # seconds
+DATES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
+QUICK = 1e6  # a clock that is more likely in days there [Hz]
+WIDE = 64  # columns that a matrix of signals may have
+OTHERWISE = "arrays of any origin go to record_from_samples(u, y, fs=...)"
+
+
+@value
+class Channels:
+    """What a file holds: arrays by name.
+
+    Fields
+    ------
+    path : str
+        Where they come from.
+    arrays : dict of str to ndarray
+        Numeric arrays and texts; members of structs as ``struct.member``, columns of matrices as ``matrix.2``, the
+        start of a channel [s] as ``channel.start``.
+    time : str
+        Name of the time channel, empty where there is none.
+    units : dict of str to str
+        Units that the file says apart from the names.
+    clocks : dict of str to float or str
+        Sampling frequency [Hz] or name of the time channel that the file says of a channel, of all by "".
+    notes : dict of str to str
+        Why something in the file is no signal.
+    """
+
+    path: str
+    arrays: Mapping[str, np.ndarray]
+    time: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    clocks: Mapping[str, Any] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def full_name(self, name: str) -> str:
+        """The name of a channel as the file has it: "input" finds "input (V)" and "run.input", where one is meant."""
+        if (name := one_line(name)) in self.arrays:
+            return name
+        for short in (lambda known: UNIT.sub("", known), lambda known: UNIT.sub("", known).rsplit(".", 1)[-1]):
+            found = [known for known in self.arrays if short(known) == name]
+            if len(found) == 1:
+                return found[0]
+        return name
+
+    @property
+    def signals(self) -> list[str]:
+        """Names of what may be a stream of samples, in the order of the file."""
+        return [name for name, array in self.arrays.items() if array.dtype.kind in "fiub" and array.size > 1]
+
+    def signal(self, parameter: str, name: str) -> np.ndarray:
+        """One stream of samples; a refusal lists the names there are."""
+        full, file = self.full_name(name), Path(self.path).name
+        array = self.arrays.get(full)
+        if array is None or array.dtype.kind not in "fiub" or array.size < 2:
+            listed = ", ".join(sorted(self.signals)) or "none"
+            noted = "; ".join(f"{one!r} {why}" for one, why in self.notes.items() if one == name or not self.signals)
+            raise ValueError(
+                f"{parameter} must name a signal of {file!r}, one of {listed}; got {name!r}"
+                + (f"; {noted}" if noted else "")
+                + (f"; {OTHERWISE}" if not self.signals else "")
+            )
+        if array.ndim > 1 and self.text("schema"):
+            return stream_of(array)  # this package's own file: whoever asks knows the axes
+        array = np.squeeze(array)
+        if array.ndim != 1:
+            inside = [known for known in self.signals if known.startswith(f"{full}.")]
+            raise ValueError(
+                f"{parameter} must name one stream of samples, got {name!r} with shape {array.shape}; "
+                + (f"its columns are {', '.join(inside)}" if inside else OTHERWISE)
+            )
+        if full in self.notes:
+            raise ValueError(f"{parameter} must hold numbers, but {name!r} of {file!r} {self.notes[full]}")
+        if twins := [
+            known for known in self.signals if known.startswith(f"{full}.") and known[len(full) + 1 :].isdigit()
+        ]:
+            data_warning(
+                f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, as channels of one name are told "
+                f"apart: {parameter} is {full!r}, the first of them"
+            )
+        return stream_of(array)
+
+    def labels(self, u: str, y: str) -> dict[str, str]:
+        """Names of input and output without their units, and the units that the file has in brackets or beside them."""
+        labels = {}
+        for signal, name in (("u", u), ("y", y)):
+            full = self.full_name(name)
+            labels[f"{signal}_name"] = "" if full == signal else UNIT.sub("", full)
+            labels[f"{signal}_unit"] = self.unit(full)
+        return labels
+
+    def unit(self, full: str) -> str:
+        """The unit of a channel by its full name, empty where the file tells none."""
+        bracket = UNIT.search(full)
+        return bracket[1].strip() if bracket else self.units.get(full, "")
+
+    def text(self, name: str) -> str:
+        """A text, empty where there is none of that name."""
+        array = self.arrays.get(name)
+        if array is None or array.dtype.kind not in "US" or array.size != 1:
+            return ""
+        item = array.reshape(-1)[0]
+        return one_line(item.decode(errors="replace") if isinstance(item, bytes) else str(item))
+
+    def sampling_frequency(self, given: float | None = None, names: tuple[str, ...] = ()) -> float:
+        """As given, else what the file says of these channels, of all, or by its time channel [Hz].
+
+        What was given is held against what the file says.
+        """
+        file = Path(self.path).name
+        told = {self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names}
+        known = {name: clock for name, clock in told.items() if clock is not None}
+        found: dict[str, tuple[float, str]] = {}
+        for name, clock in known.items() if known else [("", self.clocks.get(""))]:
+            if isinstance(clock, str):
+                found[name] = self.frequency_of_time(clock, given is not None), f"the time channel {clock!r}"
+            elif clock is not None:
+                found[name] = float(clock), f"what it says of {name!r}" if name else "its own word"
+        if not found:
+            found = self.clock_beside(tuple(told), given is not None)
+        rates = [fs for fs, _ in found.values() if fs > 0]
+        if rates and max(rates) > min(rates) * (1 + APART):
+            said = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
+            raise ValueError(
+                f"u and y must be sampled together, but {file!r} has {said}; bring them to one clock and give them to "
+                "record_from_samples"
+            )
+        fs, where = next(iter(found.values()), (0.0, ""))
+        axes = {name: axis for name in told if (axis := self.moments_of(name)) is not None}
+        if axes:
+            hold_moments(file, axes, positive("fs", given) if given is not None else fs)
+        if given is None:
+            if not fs > 0:
+                raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel")
+            return fs
+        given = positive("fs", given)
+        if fs > 0 and abs(given / fs - 1) > APART:
+            data_warning(
+                f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {fs:g} Hz; the one given is used"
+            )
+        return given
+
+    def clock_beside(self, names: tuple[str, ...], known: bool) -> dict[str, tuple[float, str]]:
+        """What a variable says of the clock of these channels, else a time channel; where both do, the two agree."""
+        scalar = self.scalar_clock(next(iter(names), ""), known)
+        n = {self.arrays[name].size: name for name in names if name in self.arrays}
+        time = self.time
+        if len(n) == 1:
+            as_long = [one for one in self.times if self.arrays[one].size in n]
+            home = names[0].rpartition(".")[0]
+            time = min(as_long, key=lambda one: one.rpartition(".")[0] != home, default="")
+        if scalar is None and self.time and not time and not known:
+            raise ValueError(
+                f"fs must be given: the time channel {self.time!r} has {self.arrays[self.time].size} samples, and "
+                + " and ".join(f"{name!r} has {size}" for size, name in n.items())
+            )
+        where = f"the time channel {time!r}"
+        if scalar is None:
+            return {"": (self.frequency_of_time(time, known), where)} if time else {}
+        fs = self.frequency_of_time(time, True) if time and not known else 0.0
+        if fs > 0 and abs(scalar[0] / fs - 1) > APART:
+            data_warning(
+                f"fs is {scalar[0]:g} Hz by {scalar[1]!r} of {Path(self.path).name!r} and {fs:g} Hz by {where}; the "
+                "first is used, give fs if it is not the one"
+            )
+        return {"": scalar}
+
+    def moments_of(self, name: str) -> Any:
+        """The time axis of a channel, its own or that beside it, or its start [s]; None where it has neither."""
+        time, home = self.clocks.get(name), name.rpartition(".")[0]
+        if isinstance(time, float):
+            return float(self.arrays.get(f"{name}.start", 0.0))
+        if time is None and home and name in self.arrays:
+            beside = (one for one in self.times if one.rpartition(".")[0] == home)
+            time = next((one for one in beside if self.arrays[one].size == self.arrays[name].size), None)
+        return (self.second_of(time) or np.nan) * np.ravel(self.arrays[time]) if isinstance(time, str) else None
+
+    def seconds(self, name: str) -> np.ndarray | None:
+        """The time of each sample of a channel [s], None where no time channel of a known unit belongs to it."""
+        full = self.full_name(name)
+        clock = self.clocks.get(full, self.clocks.get(""))
+        if clock is None and full in self.arrays:
+            home = full.rpartition(".")[0]
+            as_long = [time for time in self.times if self.arrays[time].size == self.arrays[full].size]
+            clock = min(as_long, key=lambda time: time.rpartition(".")[0] != home, default=None)
+        second = self.second_of(clock) if isinstance(clock, str) else None
+        return None if second is None else second * np.ravel(self.arrays[clock]).astype(float, copy=False)
+
+    @property
+    def times(self) -> list[str]:
+        """Names of the time channels, those that a clock can be read from in front."""
+        found = [name for name in self.signals if is_time(name) and self.arrays[name].dtype.kind in "fiu"]
+        if len(found) < 2:
+            return found
+        return sorted(found, key=lambda name: not (self.second_of(name) and frequency_of(np.ravel(self.arrays[name]))))
+
+    def second_of(self, time: str) -> float | None:
+        """The unit of a time channel [s], None where it is not known."""
+        unit = unit_of(time)
+        return seconds_of((self.units.get(time) if unit is None else unit) or "")
+
+    def scalar_clock(self, beside: str, known: bool = False) -> tuple[float, str] | None:
+        """The sampling frequency [Hz] by a variable fs, Ts and the like, first in the struct of a channel."""
+        homes = [f"{beside.rpartition('.')[0]}." if "." in beside else "", ""]
+        found = []
+        for name, array in self.arrays.items():
+            key = name.rsplit(".", 1)[-1].replace("_", "").replace(" ", "").lower()
+            key = UNIT.sub("", key)
+            if array.size == 1 and array.dtype.kind in "fiu" and key in (*RATES, *STEPS):
+                scale = (seconds_of if key in STEPS else hertz_of)(self.unit(name))
+                number = float(array.reshape(-1)[0]) * (scale or 0.0)
+                if 0 < number < np.inf:
+                    home = name.rpartition(".")[0]
+                    rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
+                    found.append((rank, number if key in RATES else float(f"{1 / number:.12g}"), name))
+        best = min(found, default=None)
+        if best is None:
+            return None
+        others = [one for one in found if one[0] == best[0] and one[1] > best[1] * (1 + APART)]
+        if others and not known:
+            raise ValueError(
+                f"fs must be given: {Path(self.path).name!r} says {best[1]:g} Hz by {best[2]!r} and "
+                f"{others[0][1]:g} Hz by {others[0][2]!r}"
+            )
+        return best[1], best[2]
+
+    def frequency_of_time(self, time: str, known: bool) -> float:
+        """The sampling frequency [Hz] by a time channel, 0 where it has none or where it need not be understood."""
+        unit, second = unit_of(time) or self.units.get(time), self.second_of(time)
+        if second is None and not known:
+            raise ValueError(f"fs must be given: the unit of the time channel {time!r} is not known")
+        t = np.ravel(self.arrays[time])
+        fs = frequency_of(t if second == 1.0 else (second or 0.0) * t)
+        if not fs > 0 and not known:
+            raise ValueError(f"fs must be given: the time channel {time!r} {stumbles(t)}")
+        if unit is None and fs > QUICK and any(low < t[0] < high for low, high in DATES):
+            if known:
+                return 0.0
+            raise ValueError(
+                f"fs must be given: the time channel {time!r} names no unit, begins at {t[0]:.9g} and steps by "
+                f"{1 / fs:.3g}: {fs:g} Hz if these are seconds, {fs / DAY:g} Hz if they are days"
+            )
+        if unit is not None or not 0 < fs <= SLOW:
+            return fs
+        if known:  # without a unit, a slow clock in seconds may be a fast one in milliseconds
+            return 0.0
+        said = f"the time channel {time!r} names no unit and steps by {1 / fs:g}: {fs:g} Hz if these are seconds, "
+        said += f"{1e3 * fs:g} Hz if they are milliseconds"
+        if fs <= UNLIKELY:
+            raise ValueError(f"fs must be given: {said}")
+        data_warning(f"{said}; seconds are taken, give fs if they are not")
+        return fs
+
+
+def stumbles(t: np.ndarray) -> str:
+    """Where a time channel does not run forward."""
+    steps = np.diff(t.astype(float))
+    if not np.any(steps < 0):
+        return "does not run forward"
+    at = int(np.nanargmin(steps))
+    return f"runs backwards at sample {at + 1}, from {t[at]:.9g} to {t[at + 1]:.9g}"
+
+
+def stream_of(array: np.ndarray) -> np.ndarray:
+    """The same as float64, sample by sample in memory, which nobody writes."""
+    stream = np.ascontiguousarray(array, dtype=float)
+    stream.flags.writeable = False
+    return stream
+
+
+class Reader(NamedTuple):
+    """Who reads a kind of file, whether apart in a process of its own, and with which extra of this package."""
+
+    contents: Any
+    apart: bool = False
+    extra: str = ""
+
+
+TEXT = Reader(tables.contents)
+HDF5 = Reader(hdf5, apart=True)
+MDF = Reader(mdf, apart=True, extra="mdf")
+READERS = {
+    ".mat": Reader(matlab.contents),
+    ".npz": Reader(npz.contents),
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc"), TEXT),
+    ".lvm": Reader(lvm.contents),
+    ".h5": HDF5,
+    ".hdf5": HDF5,
+    ".tdms": Reader(tdms, apart=True, extra="tdms"),
+    **dict.fromkeys((".mf4", ".mdf"), MDF),
+    **dict.fromkeys((".uff", ".unv"), Reader(uff, apart=True, extra="uff")),
+    **dict.fromkeys((".parquet", ".feather"), Reader(columns, apart=True, extra="parquet")),
+    ".wav": Reader(wav, apart=True),
+}
+SUFFIXES = ", ".join(READERS)
+
+
+def paths_of(path: Any) -> list[Any]:
+    """The files of an experiment, one or several."""
+    paths = list(path) if isinstance(path, Iterable) and not isinstance(path, str) else [path]
+    if not paths:
+        raise ValueError("path must be a file or a list of files, got none")
+    return paths
+
+
+def read_channels(path: str | os.PathLike[str]) -> Channels:
+    """Read every channel of a file, chosen by its suffix.
+
+    Raises
+    ------
+    ValueError
+        An unknown suffix, a file that is damaged or is not what its suffix says, a package that is not installed.
+    FileNotFoundError
+        No such file.
+    """
+    path = path_of(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
+    suffix = path.suffix.lower()
+    reader = READERS.get(suffix)
+    if reader is None:
+        cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
+        raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHERWISE}")
+    try:
+        if reader is TEXT:
+            with path.open("rb") as stream:
+                reader = MDF if stream.read(8).startswith(b"MDF ") else TEXT  # its older versions are called .dat
+        arrays, units, clocks, notes = (
+            read_apart(reader.contents.__file__, path) if reader.apart else reader.contents(path)
+        )
+    except MemoryError:
+        raise ValueError(f"path must be a readable {suffix} file, got {path.name!r}: too large to read") from None
+    except ModuleNotFoundError as missing:
+        raise ValueError(
+            f"path must be a file that can be read here: {path.name!r} needs {missing.name}, which is not installed: "
+            f"pip install 'nlfrf[{reader.extra}]'; {OTHERWISE}"
+        ) from None
+    except Exception as error:  # readers of damaged files raise nearly anything
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(
+            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHERWISE}"
+        ) from None
+    arrays, units, clocks, notes = with_plain_names(arrays, units, clocks, notes)
+    numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
+    if not numeric:
+        said = "; ".join(f"{name!r} {why}" for name, why in notes.items())
+        raise ValueError(
+            f"path must be a file that holds arrays of numbers, got {path.name!r} with none"
+            + (f": {said}" if said else "")
+            + f"; {OTHERWISE}"
+        )
+    if "schema" not in numeric:
+        numeric, clocks = with_columns(numeric, clocks)
+    for array in numeric.values():  # nobody else holds them, so they go into a record as they are
+        for one in (array.base, array):
+            if isinstance(one, np.ndarray):
+                one.flags.writeable = False
+    times = [name for name in numeric if is_time(name) and numeric[name].size > 1 and numeric[name].dtype.kind in "fiu"]
+    return Channels(
+        path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
+    )
+
+
+def with_plain_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Found:
+    """The same with names, units and notes that are one line each and command no terminal, whoever reads them."""
+    texts = [clock for clock in clocks.values() if isinstance(clock, str)]
+    names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
+    named = {"": ""} | dict(zip(names, once(list(map(one_line, names))), strict=True))  # of those alike after it, too
+    return (
+        {named[name]: array for name, array in arrays.items()},
+        {named[name]: one_line(unit) for name, unit in units.items()},
+        {named[name]: named[clock] if isinstance(clock, str) else clock for name, clock in clocks.items()},
+        {named[name]: one_line(note) for name, note in notes.items()},
+    )
+
+
+def with_columns(arrays: Mapping[str, np.ndarray], clocks: Mapping[str, Any]) -> tuple[Any, Any]:
+    """The same with the columns of matrices as streams of their own; one that rises evenly in front is their time."""
+    more, clocks = dict(arrays), dict(clocks)
+    for name, array in arrays.items():
+        if array.ndim != 2 or array.dtype.kind not in "fiu":
+            continue
+        rows = array if array.shape[0] < array.shape[1] else array.T
+        if not 1 < len(rows) <= WIDE or rows.shape[1] < 4 * len(rows):
+            continue
+        for i, row in enumerate(rows):
+            more[f"{name}.{i + 1}"] = row
+            if name in clocks:
+                clocks[f"{name}.{i + 1}"] = clocks[name]
+            elif rises(rows[0]) and i:
+                clocks[f"{name}.{i + 1}"] = f"{name}.1"
+    return more, clocks
+
+
+def rises(t: np.ndarray) -> bool:
+    """Whether a stream is a time axis: it rises by even steps."""
+    steps = np.diff(np.asarray(t, dtype=float))
+    return bool(steps.size and steps.min() > 0.5 * np.median(steps) > 0 and np.ptp(steps) < 0.1 * np.median(steps))

@@ -1,0 +1,168 @@
+"""Multisines to and from files, and to play."""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from nlfrf._base.arguments import integer, of_kind, one_of
+from nlfrf._base.files import DECIMALS, PLAYED, Role, path_of, require_writable, save_mat, write_table, write_whole
+from nlfrf.io.stored_values import load_value, save_value
+from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.orthogonal import OrthogonalMultisine
+
+__all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
+
+
+MULTISINE_SCHEMA = "nlfrf-multisine"
+ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
+KEPT = (".npz", ".h5", ".hdf5")
+TO_PLAY = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
+DESIGNS = {MULTISINE_SCHEMA: Multisine, ORTHOGONAL_SCHEMA: OrthogonalMultisine}
+
+
+def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
+    """Write a design with its samples.
+
+    ``.npz`` and ``.h5`` hold the design exactly, and the samples u beside it, (M, N), or (n_u, M, N) of several inputs.
+    ``.csv``, ``.mat`` and ``.wav`` hold what a signal generator plays, with the design in an ``.npz`` of the same name
+    beside them: one column or channel a realisation, or each input of the first experiment, of the second and so on; a
+    WAV file is scaled to a peak of 1, and that peak stored with the design.
+
+    Parameters
+    ----------
+    ms : Multisine or OrthogonalMultisine
+        The design.
+    path : path
+        File to write; its suffix says the format. Written whole or not at all.
+    decimal : str
+        Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
+
+    Raises
+    ------
+    ValueError
+        Another suffix; a sampling frequency that is not a whole number for a WAV file, which can hold no other; a file
+        with the name of the ``.npz`` beside it that is no design.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> from nlfrf.signals.multisine import multisine
+    >>> ms = multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> save_multisine(ms, f"{folder.name}/ms.csv")              # and the design beside it
+    >>> bool(np.array_equal(load_multisine(f"{folder.name}/ms.npz").phase, ms.phase))
+    True
+    >>> folder.cleanup()
+    """
+    of_kind("ms", ms, Multisine, OrthogonalMultisine)
+    one_of("decimal", decimal, DECIMALS)
+    path, beside = path_of(path), path_of(path).with_suffix(".npz")
+    schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
+    suffix, u = path.suffix.lower(), ms.u
+    peak = float(np.abs(u).max())
+    if suffix not in (*KEPT, *TO_PLAY):
+        raise ValueError(
+            f"path must end in {', '.join(KEPT)} or, to be played, {', '.join(TO_PLAY)}, got {path.name!r}"
+        )
+    if suffix in TO_PLAY:
+        require_writable(beside, role=Role.DERIVED)  # before the first of two files is there
+    if suffix == ".csv":
+        t = np.arange(ms.n_samples) / ms.fs
+        write_table(path, np.column_stack([t, *to_play(u)]), ["t [s]", *played_names(ms)], decimal=decimal)
+    elif suffix == ".mat":
+        save_mat(
+            path,
+            {
+                "kind": np.array(PLAYED),
+                "u": u,
+                "fs": np.array(ms.fs),
+                "f": ms.f,
+                "amplitude": ms.amplitude,
+                "phase": ms.phase,
+            },
+        )
+    elif suffix == ".wav":
+        from scipy.io import wavfile
+
+        rate = integer("fs of a .wav file", ms.fs, least=1)
+        samples = (to_play(u).T / peak).astype(np.float32)
+
+        def write(target: Path) -> None:
+            wavfile.write(target, rate, samples)
+            add_remark(target, f"full scale is {peak:.17g}")
+
+        write_whole(path, write)
+    else:
+        save_value(ms, schema, path, u=u)
+        return
+    save_value(ms, schema, beside, role=Role.DERIVED, u=u, peak=np.array(peak))
+
+
+def add_remark(path: Path, text: str) -> None:
+    """Add a LIST chunk to a WAV file: the program that wrote it, and a comment (Microsoft RIFF, INFO list)."""
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        return name + struct.pack("<I", len(content)) + content + b"\0" * (len(content) % 2)
+
+    remark = chunk(b"LIST", b"INFO" + chunk(b"ISFT", b"nlfrf\0") + chunk(b"ICMT", text.encode() + b"\0"))
+    with path.open("r+b") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.write(remark)
+        stream.seek(4)
+        stream.write(struct.pack("<I", size + len(remark) - 8))
+
+
+def to_play(u: np.ndarray) -> np.ndarray:
+    """(channels, N) periods in the order they are played: all inputs of an experiment beside one another."""
+    return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
+
+
+def played_names(ms: Multisine | OrthogonalMultisine) -> list[str]:
+    """Names of those periods: u0, u1 of realisations; of several inputs first the input, then the experiment."""
+    if isinstance(ms, Multisine):
+        return [f"u{m}" for m in range(ms.n_realizations)]
+    return [f"u{i + 1} experiment {m + 1}" for m in range(ms.n_experiments) for i in range(ms.n_inputs)]
+
+
+def load_multisine(path: str | os.PathLike[str]) -> Multisine:
+    """Read the design of one input that `save_multisine` wrote; `load` reads those of several inputs, too.
+
+    Parameters
+    ----------
+    path : path
+        The ``.npz`` or ``.h5`` file of the design.
+
+    Returns
+    -------
+    Multisine
+
+    Raises
+    ------
+    ValueError
+        A file that is not a whole design of a version this package reads.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> load_multisine("README.md")
+    Traceback (most recent call last):
+        ...
+    ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
+    """
+    ms = load_design(path)
+    if not isinstance(ms, Multisine):
+        raise ValueError(
+            f"path must be a design of one input, got one of {ms.n_inputs} in {str(path)!r}: take nlfrf.load"
+        )
+    return ms
+
+
+def load_design(path: str | os.PathLike[str]) -> Multisine | OrthogonalMultisine:
+    """The design that `save_multisine` wrote, of one input or of several."""
+    ms: Multisine | OrthogonalMultisine = load_value(DESIGNS, path)
+    return ms

@@ -1,0 +1,310 @@
+"""What a measurement file holds, and a guess at how to load it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import warnings
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import counted
+from nlfrf._base.values import value
+from nlfrf.bla.bla import Bla
+from nlfrf.bla.mimo.frm import Frm
+from nlfrf.io.channels import Channels, read_channels
+from nlfrf.io.readers.clock import UNIT, is_time
+from nlfrf.io.records import LostRows, find_lost_rows
+from nlfrf.io.results import loaded
+from nlfrf.records.excited_lines import detect_lines
+from nlfrf.records.period import detect_period
+from nlfrf.records.record import Record
+from nlfrf.records.several import MultiRecord
+from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.orthogonal import OrthogonalMultisine
+
+__all__ = ["Channel", "FileContents", "inspect_file"]
+
+
+INPUTS = re.compile(
+    r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
+    re.I,
+)
+OUTPUTS = re.compile(
+    r"y\d*|out(put)?\d*|.*(pos|weg|angle|winkel|enc|acc|beschl|vel|speed|disp|response|meas|ist).*|x\d*|theta.*", re.I
+)
+MOST = 12  # channels whose spectra are looked at
+WHOLE = 0.05  # how far a period may be from a whole number of samples, in samples
+
+
+class Channel(NamedTuple):
+    """One channel of a file: its name, unit, samples, sampling frequency [Hz] (nan where not told), extremes, rms."""
+
+    name: str
+    unit: str
+    n: int
+    fs: float
+    low: float
+    high: float
+    rms: float
+
+
+@value
+class FileContents:
+    """What `inspect_file` found.
+
+    Fields
+    ------
+    path : str
+        The file.
+    channels : tuple of Channel
+        Streams of samples, in the order of the file.
+    notes : dict of str to str
+        Why other things in the file are no signals.
+    u, y : str
+        Guess at input and output, empty where there is none.
+    period : float
+        Guess at the period of the input, in samples; 0 where it does not repeat.
+    lines : str
+        The lines that are excited, in words; of a file of this package what it holds.
+    schema : str
+        What this package wrote, empty for a file of others.
+    lost : str
+        Rows that are missing by the time column, and the periods that are whole all the same; empty where none is.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> t = np.arange(400) / 100
+    >>> np.savez(f"{folder.name}/run.npz", u=np.sin(2 * np.pi * t), y=np.cos(2 * np.pi * t), fs=100.0)
+    >>> found = inspect_file(f"{folder.name}/run.npz")
+    >>> [(channel.name, channel.fs) for channel in found.channels]
+    [('u', 100.0), ('y', 100.0)]
+    >>> folder.cleanup()
+    """
+
+    path: str
+    channels: tuple[Channel, ...]
+    notes: dict[str, str]
+    u: str
+    y: str
+    period: float
+    lines: str
+    schema: str
+    lost: str = ""
+
+    @property
+    def command(self) -> str:
+        """The command that identifies the BLA from this file."""
+        out = f"-o {shlex.quote(Path(self.path).stem + '-bla.npz')}"
+        words = ["nlfrf", "identify", shlex.quote(self.path)]
+        if self.schema:
+            return " ".join([*words, out])
+        words += ["--input", shlex.quote(self.u or "INPUT"), "--output", shlex.quote(self.y or "OUTPUT")]
+        fs = {channel.name: channel.fs for channel in self.channels}.get(self.u, np.nan)
+        words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
+        words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE else []
+        return " ".join([*words, out])
+
+    def __str__(self) -> str:
+        head = ("channel", "unit", "samples", "fs [Hz]", "lowest", "highest", "rms")
+        table = [
+            (c.name, c.unit, str(c.n), *("" if np.isnan(x) else f"{x:.6g}" for x in (c.fs, c.low, c.high, c.rms)))
+            for c in self.channels
+        ]
+        widths = [max(len(row[i]) for row in [head, *table]) for i in range(len(head))]
+        lines = [f"{Path(self.path).name}: {counted(len(self.channels), 'channel') if table else self.schema}"]
+        for row in [head, *table] if table else []:
+            cells = [
+                cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+            ]
+            lines.append(("  " + "  ".join(cells)).rstrip())
+        lines += [f"  {name}: {why}" for name, why in self.notes.items()]
+        if self.schema:
+            lines += [self.lines, f"written by this package, as {self.schema}"]
+            return "\n".join([*lines, f"run:   {self.command}"] if table else lines)
+        if self.lost:
+            lines.append(f"lost:  {self.lost}")
+        if self.u or self.y:
+            lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}; {self.lines}")
+            lines.append("add:   --hold zoh where the input is a command, --hold band-limited where it was measured")
+        return "\n".join([*lines, f"run:   {self.command}"])
+
+
+def inspect_file(path: str | os.PathLike[str]) -> FileContents:
+    """Look into a measurement file: its channels, and a guess at input, output and period.
+
+    Parameters
+    ----------
+    path : path
+        A file that `load_record` reads.
+
+    Returns
+    -------
+    FileContents
+        Printed, a table with the command to run. The guess goes by names, then by spectra: the input is the channel
+        whose lines are the most even.
+
+    Raises
+    ------
+    ValueError
+        A file that cannot be read as what its name says.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> import nlfrf, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> u = np.tile(ms.u[0], 4)
+    >>> np.savez(f"{folder.name}/run.npz", force=u, position=2 * u, Ts=0.01)
+    >>> found = inspect_file(f"{folder.name}/run.npz")
+    >>> found.u, found.y, found.lines
+    ('force', 'position', 'period 100 samples (1 s), 4 periods; 6 lines from 1 to 19 Hz')
+    >>> folder.cleanup()
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
+        file = read_channels(path)
+        if file.text("schema"):
+            return of_own(file)
+        streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
+        streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
+        channels = tuple(described(file, name, stream) for name, stream in streams.items())
+    times = {name for name in streams if is_time(name)} | {clock for clock in file.clocks.values() if clock in streams}
+    candidates = {name: stream for name, stream in streams.items() if name not in times and varies(stream)}
+    rows = {name: lost_rows_of(file, name) for name in candidates}
+    filled = {
+        name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
+    }
+    u, period, lines = guessed_input(file, filled)
+    lost = rows.get(u)
+    return FileContents(
+        path=str(path),
+        channels=channels,
+        notes=dict(file.notes),
+        u=u,
+        y=guessed_output(u, candidates),
+        period=period,
+        lines=lines,
+        schema="",
+        lost="" if lost is None else lost.describe(round(period)),
+    )
+
+
+def lost_rows_of(file: Channels, name: str) -> LostRows | None:
+    """Rows that the time column shows to be lost, of one channel."""
+    try:
+        return find_lost_rows(file.seconds(name), file.sampling_frequency(None, (name,)))
+    except ValueError:  # no clock is known
+        return None
+
+
+def of_own(file: Channels) -> FileContents:
+    """What a file of this package holds: the channels of a record, anything else in words."""
+    content = loaded(file)
+    signals = signals_of(content) if isinstance(content, Record | MultiRecord) else []
+    return FileContents(
+        path=file.path,
+        channels=tuple(in_numbers(name, unit, content.fs, samples) for name, unit, samples in signals),
+        notes={},
+        u="",
+        y="",
+        period=0.0,
+        lines=str(content) if isinstance(content, Bla | Frm) else extent(content),
+        schema=file.text("schema"),
+    )
+
+
+def signals_of(record: Record | MultiRecord) -> list[tuple[str, str, np.ndarray]]:
+    """Name, unit and samples of every channel."""
+    if isinstance(record, Record):
+        named = [(record.u_name or "u", record.u_unit, record.u), (record.y_name or "y", record.y_unit, record.y)]
+        return named if record.r is None else [*named, ("r", record.u_unit, record.r)]
+    sides = [(record.inputs, record.u), (record.outputs, record.y)]
+    sides += [] if record.r is None else [(tuple(f"r {name}" for name in record.inputs), record.r)]
+    return [(name, "", one) for names, signals in sides for name, one in zip(names, signals, strict=True)]
+
+
+def extent(content: Record | MultiRecord | Multisine | OrthogonalMultisine) -> str:
+    """How much of a signal there is, in words."""
+    if isinstance(content, MultiRecord | OrthogonalMultisine):
+        runs = counted(content.n_experiments, "experiment")
+    else:
+        runs = counted(content.n_realizations, "realisation")
+    periods = f"{counted(content.n_periods, 'period')} x " if isinstance(content, Record | MultiRecord) else ""
+    f = content.lines.excited * content.f0
+    said = f"{runs} x {periods}{content.n_samples} samples, {counted(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
+    return f"{said}, hold {content.hold}"
+
+
+def varies(stream: np.ndarray) -> bool:
+    """Whether a stream of numbers or truth values moves, and all of it is finite."""
+    return bool(np.isfinite(stream).all() and stream.max() > stream.min())
+
+
+def described(file: Channels, name: str, stream: np.ndarray) -> Channel:
+    """One channel in numbers."""
+    try:
+        fs = file.sampling_frequency(None, (name,))
+    except ValueError:
+        fs = float("nan")
+    return in_numbers(name, file.unit(name), fs, stream)
+
+
+def in_numbers(name: str, unit: str, fs: float, stream: np.ndarray) -> Channel:
+    """A channel by its samples."""
+    x = np.asarray(stream, dtype=float)
+    x = x[np.isfinite(x)]
+    extremes = (float(x.min()), float(x.max()), float(np.sqrt(np.mean(x**2)))) if x.size else (np.nan,) * 3
+    return Channel(name, unit, stream.size, fs, *extremes)
+
+
+def guessed_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str]:
+    """The input, its period in samples, and what is excited, in words."""
+    found: dict[str, tuple[float, float, str]] = {}
+    for name, stream in list(candidates.items())[:MOST]:
+        x = np.asarray(stream, dtype=float)
+        try:
+            period = detect_period(x)
+            n = round(period)
+            u = x[: x.size // n * n].reshape(1, -1, n)
+            excited = detect_lines(u).excited
+        except (ValueError, ZeroDivisionError):
+            continue
+        spectrum = np.abs(np.fft.rfft(u.mean(axis=1)[0]))[excited]
+        uneven = float(np.std(20 * np.log10(spectrum))) if excited.size > 1 else np.inf
+        period = float(n) if abs(period - n) <= WHOLE else period
+        said = f"period {period:.6g} samples"
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                fs = file.sampling_frequency(None, (name,))
+            said += f" ({period / fs:.4g} s), {x.size // n} periods; {counted(excited.size, 'line')}"
+            said += f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
+        except ValueError:
+            said += f", {x.size // n} periods; {counted(excited.size, 'line')}"
+        found[name] = uneven, period, said
+    if not found:
+        return "", 0.0, "no channel repeats"
+    best = min(
+        found, key=lambda name: (not INPUTS.fullmatch(bare(name)), bool(OUTPUTS.fullmatch(bare(name))), found[name][0])
+    )
+    return best, *found[best][1:]
+
+
+def guessed_output(u: str, candidates: dict[str, np.ndarray]) -> str:
+    """The first channel that is called like an output, else the first that is not called like an input."""
+    others = [name for name in candidates if name != u and (not u or candidates[name].size == candidates[u].size)]
+    ranked = sorted(others, key=lambda name: (not OUTPUTS.fullmatch(bare(name)), bool(INPUTS.fullmatch(bare(name)))))
+    return ranked[0] if ranked else ""
+
+
+def bare(name: str) -> str:
+    """A name without its unit and the structs around it."""
+    return UNIT.sub("", name).rsplit(".", 1)[-1].strip()

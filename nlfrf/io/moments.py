@@ -1,0 +1,53 @@
+"""Whether channels were sampled at the same moments, where the file has a time axis or a start for each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning
+
+__all__ = ["hold_moments"]
+
+
+TOLD, REFUSED = 0.05, 0.5  # samples by which one channel may begin behind another
+LOOKED_AT = 1000  # samples of long axes
+
+
+def hold_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: float) -> None:
+    """Refuse channels that begin at different moments, and warn of those that do by part of a sample.
+
+    Parameters
+    ----------
+    file : str
+        What the file is called.
+    axes : dict of str to ndarray or float
+        The moments of a channel, or its first one [s].
+    fs : float
+        Their sampling frequency [Hz].
+    """
+    (first, there), *others = axes.items()
+    for name, here in others:
+        late = samples_behind(there, here, fs)
+        if abs(late) < TOLD:
+            continue
+        said = f"by the times in {file!r} {name!r} begins {late:+.4g} samples behind {first!r}"
+        if abs(late) > REFUSED:
+            raise ValueError(
+                f"u and y must be sampled together, but {said}; bring them to one clock and give them to "
+                "record_from_samples"
+            )
+        data_warning(f"{said}: G has that delay in it, which is none of the machine")
+
+
+def samples_behind(there: Any, here: Any, fs: float) -> float:
+    """By how many samples one axis is behind the other; 0 where they cannot be told, or count from other origins."""
+    if here is there or np.shape(here) != np.shape(there):
+        return 0.0
+    step = max(1, np.size(here) // LOOKED_AT)
+    behind = np.ravel(here)[::step] - np.ravel(there)[::step]
+    behind = behind[np.isfinite(behind)]
+    late = float(np.median(behind)) * fs if behind.size else 0.0
+    return late if abs(late) < max(np.size(here), LOOKED_AT) else 0.0

@@ -1,0 +1,108 @@
+"""NPZ files of NumPy: every array, read to where it stays.
+
+A member is a small header and its numbers, compressed or not. The header says how many they are, the archive says how
+many bytes the member has. Where the two contradict each other, or ask for more than `require_size` grants, nothing of
+the file is unpacked.
+"""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import IO, NamedTuple
+from zipfile import ZIP_STORED, BadZipFile, ZipFile, ZipInfo
+
+import numpy as np
+from numpy.lib import format as npy
+
+from nlfrf._base.numbers import blocks
+from nlfrf._base.own_process import Found, require_size
+
+__all__ = ["contents"]
+
+
+LARGE = 1 << 20  # bytes from which it is worth not to read them twice
+HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+class Header(NamedTuple):
+    """What the header of a member says, and how many bytes it has itself."""
+
+    shape: tuple[int, ...]
+    by_columns: bool
+    kind: np.dtype
+    length: int
+
+    @property
+    def n_numbers(self) -> int:
+        """Numbers in the array."""
+        return int(np.prod(self.shape, dtype=object))
+
+
+def contents(path: Path) -> Found:
+    """Arrays by name; those that are not compressed without a copy on the way, held against their checksum."""
+    notes: dict[str, str] = {}
+    arrays: dict[str, np.ndarray] = {}
+    with path.open("rb") as stream, ZipFile(stream) as archive:
+        members = archive.infolist()
+        require_size(sum(member.file_size for member in members), path.stat().st_size)
+        headers: dict[str, tuple[ZipInfo, Header]] = {}
+        for member in members:
+            name = member.filename.removesuffix(".npy")
+            if name in headers or name in notes:
+                raise ValueError(f"it holds {name!r} twice")
+            with archive.open(member) as opened:
+                header = header_of(opened) if opened.read(6) == npy.MAGIC_PREFIX else None
+            if header is None:
+                notes[name] = "is no array of NumPy"
+            elif header.kind.hasobject:
+                raise ValueError(f"{name!r} holds Python objects, and pickles are never read")
+            elif (
+                header.length + header.n_numbers * header.kind.itemsize != member.file_size or header.kind.itemsize == 0
+            ):
+                raise ValueError(f"{name!r} says that it has the shape {header.shape}, and its numbers are not as many")
+            else:
+                headers[name] = member, header
+        for name, (member, header) in headers.items():
+            plain = member.compress_type == ZIP_STORED and member.file_size == member.compress_size > LARGE
+            arrays[name] = stored(path, archive, member, header) if plain else unpacked(archive, member)
+    return arrays, {}, {}, notes
+
+
+def header_of(stream: IO[bytes]) -> Header | None:
+    """The header of a member behind the first bytes of it; None of a version that only tables have."""
+    version = tuple(stream.read(2))
+    if version not in HEADERS:
+        return None
+    shape, by_columns, kind = HEADERS[version](stream)
+    if min(shape, default=1) < 0:
+        raise ValueError(f"a shape must be of whole numbers from zero, got {shape}")
+    return Header(shape, by_columns, kind, stream.tell())
+
+
+def unpacked(archive: ZipFile, member: ZipInfo) -> np.ndarray:
+    """An array as NumPy reads it; the archive holds it against its checksum."""
+    with archive.open(member) as stream:
+        return npy.read_array(stream, allow_pickle=False)
+
+
+def stored(path: Path, archive: ZipFile, member: ZipInfo, header: Header) -> np.ndarray:
+    """An array that lies in the file as it is."""
+    with archive.open(member) as opened:
+        head = opened.read(header.length)
+    with path.open("rb") as stream:
+        stream.seek(begin_of(stream, member) + header.length)
+        flat = np.fromfile(stream, header.kind, header.n_numbers)
+    check = zlib.crc32(head)
+    for some in blocks(flat.size):
+        check = zlib.crc32(flat[some].data, check)
+    if flat.size < header.n_numbers or check != member.CRC:
+        raise BadZipFile(f"Bad CRC-32 for file {member.filename!r}")
+    return flat.reshape(header.shape, order="F" if header.by_columns else "C")
+
+
+def begin_of(stream: IO[bytes], member: ZipInfo) -> int:
+    """Where the bytes of a member begin: behind its local head of 30 bytes, a name and an extra field."""
+    stream.seek(member.header_offset + 26)
+    lengths = stream.read(4)
+    return member.header_offset + 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")

@@ -1,0 +1,16 @@
+"""Readers of file formats: named channels of any file.
+
+clock           names of clocks, the frequency of a time axis
+columns         Parquet and Feather
+hdf5            HDF5: datasets, tables, attributes
+layout          where header, units and numbers stand in a text table
+lvm             LabVIEW measurements
+matlab          MATLAB: which version it is
+matlab_objects  MATLAB: time series, timetables, datasets
+matlab_v5       MATLAB to v7: variables, structs, Simulink scopes, dSPACE recordings
+mdf             MDF of cars and test benches
+tables          text tables: CSV as the world writes it
+tdms            TDMS of LabVIEW
+uff             universal files, datasets of type 58
+wav             sound
+"""

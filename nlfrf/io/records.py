@@ -1,0 +1,555 @@
+"""Records to and from files."""
+
+from __future__ import annotations
+
+import os
+import zlib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning, in_words, integer, listed, shown
+from nlfrf._base.files import path_of
+from nlfrf._base.numbers import all_finite
+from nlfrf._base.values import value
+from nlfrf.io.channels import Channels, paths_of, read_channels
+from nlfrf.io.designs import load_design, load_multisine
+from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, Asked, stored_multirecord, stored_records
+from nlfrf.records.period import detect_period
+from nlfrf.records.record import SAME_CLOCK, Record
+from nlfrf.records.reference import Design, played_period
+from nlfrf.records.samples import records_from_streams
+from nlfrf.records.several import MultiRecord, multirecord_from_samples
+from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import Multisine
+
+__all__ = ["LostRows", "find_lost_rows", "holds_multirecord", "keep_whole_periods", "load_multirecord", "load_record"]
+
+
+# ---- Rows that a logger lost, as the time column of its file shows them, and the periods that are whole all the same.
+#
+# Behind a lost row every sample stands one early. Cut by counting, all later periods are out of place; cut by their
+# times, all periods but the one with the hole are as good as before.
+
+UNEVEN = 0.25  # of a sample: a step further from a whole number of samples shows a clock that jitters, not a lost row
+WHOLE = 0.1  # of a sample: a period further from a whole number of samples is none
+NAMED = 3  # jumps that a message names
+
+
+@value
+class LostRows:
+    """Where the rows of a file stand on an even clock.
+
+    Fields
+    ------
+    place : (n,) ndarray of int
+        The sample that each row is, counted from the first one.
+    moments : (n,) ndarray
+        Its time [s].
+    fs : float
+        Sampling frequency [Hz].
+    """
+
+    place: np.ndarray
+    moments: np.ndarray
+    fs: float
+
+    @property
+    def n_places(self) -> int:
+        """Samples from the first row to the last, lost ones included."""
+        return int(self.place[-1]) + 1
+
+    def filled(self, stream: np.ndarray) -> np.ndarray:
+        """(n_places,) a stream with straight lines over what is lost: good enough to find its period, no more."""
+        return np.asarray(np.interp(np.arange(self.n_places), self.place, stream))
+
+    def whole_periods(self, n_samples: int) -> np.ndarray:
+        """Numbers of the periods, from 0, in which no row is lost."""
+        count = np.bincount(self.place // n_samples, minlength=1)
+        return np.flatnonzero(count == n_samples)
+
+    def kept(self, stream: np.ndarray, n_samples: int, n_discard: int) -> np.ndarray:
+        """The whole periods of streams (..., n), one behind the other, but for the first `n_discard` of the record."""
+        period = self.place // n_samples
+        whole = self.whole_periods(n_samples)
+        kept = np.ascontiguousarray(stream[..., np.isin(period, whole[whole >= n_discard])])
+        kept.flags.writeable = False
+        return kept
+
+    def __str__(self) -> str:
+        steps = np.diff(self.place)
+        jumps = np.flatnonzero(steps > 1)
+        said = [
+            f"time jumps by {in_words(int(steps[j]), 'sample')} at {self.moments[j] + 1 / self.fs:.9g} s: "
+            f"{in_words(int(steps[j]) - 1, 'sample')} lost"
+            for j in jumps[:NAMED]
+        ]
+        more = jumps.size - NAMED
+        return "; ".join(said + [f"and {in_words(more, 'such jump')} more"] * (more > 0))
+
+    def describe(self, n_samples: int) -> str:
+        """The same, with the periods that are whole.
+
+        >>> place = np.delete(np.arange(30), 14)
+        >>> LostRows(place=place, moments=place / 10, fs=10.0).describe(10)
+        'time jumps by two samples at 1.4 s: one sample lost; periods 1 and 3 are whole'
+        """
+        whole = [str(j + 1) for j in self.whole_periods(n_samples)]
+        if not whole:
+            return f"{self}; no period is whole"
+        named = f"period {whole[0]} is" if len(whole) == 1 else f"periods {listed(whole)} are"
+        return f"{self}; {named} whole"
+
+
+def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
+    """Read from a time column which rows are lost; None where none is, or where the column does not show it.
+
+    Parameters
+    ----------
+    seconds : (n,) ndarray, optional
+        The time of each row [s].
+    fs : float
+        Sampling frequency [Hz].
+
+    Returns
+    -------
+    LostRows or None
+        None of a column whose steps are no whole numbers of samples, as moments that a computer noted, and where more
+        is lost than is there.
+    """
+    if seconds is None or not fs > 0 or seconds.size < 2:
+        return None
+    steps = np.diff(seconds) * fs
+    whole = np.round(steps)
+    if not np.isfinite(steps).all() or whole.min() < 1 or whole.max() == 1 or np.abs(steps - whole).max() > UNEVEN:
+        return None
+    place = np.concatenate([[0], np.cumsum(whole)])
+    return LostRows(place=place.astype(int), moments=seconds, fs=fs) if place[-1] < 2 * seconds.size else None
+
+
+def keep_whole_periods(
+    times: Sequence[np.ndarray | None],
+    groups: Sequence[list[np.ndarray]],
+    excitation: np.ndarray,
+    fs: float,
+    asked: Asked,
+    paths: Sequence[str],
+) -> Asked:
+    """Leave out of streams, in place, the periods in which a time column shows that rows are lost.
+
+    `resample` looks where the input shows that the periods stand, and is left alone.
+
+    Parameters
+    ----------
+    times : sequence of (n,) ndarray or None
+        Time of each row [s], of each file.
+    groups : sequence of list of (..., n) ndarray
+        The streams of each signal, of each file.
+    excitation : (n,) ndarray
+        Input or reference of the first file.
+    fs : float
+        Sampling frequency [Hz].
+    asked : Asked
+        How they are to be cut.
+    paths : sequence of str
+        The files.
+
+    Returns
+    -------
+    Asked
+        How what is left is to be cut.
+
+    Raises
+    ------
+    ValueError
+        A file in which no period is whole.
+    """
+    lost = [find_lost_rows(seconds, fs) for seconds in times]
+    if not any(lost) or asked.resample:
+        return asked
+    sizes = {stream.shape[-1] for group in groups for stream in group[:1]}
+    if len(sizes) > 1 or not all(all_finite(stream) for group in groups for stream in group):
+        return asked  # refused, or cut at its ends, where the streams are held against each other
+    n_samples = asked.n_samples
+    if n_samples is None and asked.design is not None:
+        n_samples = played_period(asked.design, fs)
+    elif n_samples is None:
+        found = detect_period(excitation if lost[0] is None else lost[0].filled(excitation))
+        n_samples = round(found)
+        if abs(found - n_samples) > WHOLE:
+            return asked  # refused where it is looked for again
+    n_samples, n_discard = integer("n_samples", n_samples, least=4), integer("n_discard", asked.n_discard, least=0)
+    for m, rows in enumerate(lost):
+        if rows is not None:
+            said = f"{Path(paths[m]).name!r}: {rows.describe(n_samples)}"
+            if not np.any(rows.whole_periods(n_samples) >= n_discard):
+                raise ValueError(
+                    f"u and y must hold a whole period of n_samples = {n_samples} samples after "
+                    f"n_discard = {n_discard}, got {said}; measure again, "
+                    "or let resample=True look for periods"
+                )
+            data_warning(f"{said}, and kept; the others are left out")
+        for group in groups:
+            cut = n_discard * n_samples
+            group[m] = group[m][..., cut:] if rows is None else rows.kept(group[m], n_samples, n_discard)
+    return asked._replace(n_samples=n_samples, n_discard=0)
+
+
+FRAYED = 0.01  # share of rows at the ends of a file that may lack a channel without a word
+
+
+Path_ = str | os.PathLike[str]
+
+
+@overload
+def load_record(
+    path: Path_ | Sequence[Path_],
+    *,
+    u: str = ...,
+    y: str = ...,
+    r: str | None = ...,
+    fs: float | None = ...,
+    n_samples: int | None = ...,
+    lines: LineGrid | None = ...,
+    n_discard: int = ...,
+    resample: bool = ...,
+    design: Multisine | Path_ | None = ...,
+    hold: str | None = ...,
+) -> Record: ...
+
+
+@overload
+def load_record(
+    path: Path_ | Sequence[Path_],
+    *,
+    u: str = ...,
+    y: list[str] | tuple[str, ...],
+    r: str | None = ...,
+    fs: float | None = ...,
+    n_samples: int | None = ...,
+    lines: LineGrid | None = ...,
+    n_discard: int = ...,
+    resample: bool = ...,
+    design: Multisine | Path_ | None = ...,
+    hold: str | None = ...,
+) -> list[Record]: ...
+
+
+def load_record(
+    path: Path_ | Sequence[Path_],
+    *,
+    u: str = "u",
+    y: str | list[str] | tuple[str, ...] = "y",
+    r: str | None = None,
+    fs: float | None = None,
+    n_samples: int | None = None,
+    lines: LineGrid | None = None,
+    n_discard: int = 0,
+    resample: bool = False,
+    design: Multisine | Path_ | None = None,
+    hold: str | None = None,
+) -> Record | list[Record]:
+    """Read a record from a measurement file, or from several of one experiment.
+
+    Parameters
+    ----------
+    path : path, or a list of them
+        ``.csv .txt .tsv .dat .asc`` as instruments and spreadsheets write them, ``.lvm``, ``.mat`` (Simulink scopes,
+        dSPACE, ``[t u y]`` matrices; objects by mat-io), ``.npz``, ``.h5``, ``.tdms``, ``.mf4 .mdf``, ``.uff .unv``,
+        ``.parquet .feather``, ``.wav``; `inspect_file` shows what is inside. Several files are several realisations of
+        one experiment, as in `join_records`.
+    u, y, r : str
+        Names of the input, output and reference: variables, columns or channels, ``struct.field`` inside structs,
+        ``matrix.2`` for a column, ``col2`` where a table has no header. A list of names for `y` gives a list of
+        records that share the input. The reference that `save_record` wrote comes along where `r` is not named.
+    fs : float, optional
+        Sampling frequency [Hz]; when not given from the file: a variable ``fs`` or ``Ts``, what a channel says of
+        itself, a time channel (in seconds, or in the unit that its name or a units row tells).
+    n_samples : int, optional
+        Samples in one period; found from the input when not given.
+    lines : LineGrid, optional
+        Excited and detection lines; found from the input when not given.
+    n_discard : int
+        Periods to leave out at the start.
+    resample : bool
+        Cut the periods where the input shows that they stand; see `record_from_samples`.
+    design : Multisine or path, optional
+        What was played, or the file that ``nlfrf design`` wrote; see `record_from_samples`.
+    hold : str, optional
+        How u runs between its samples, "zoh" or "band-limited"; see `Record`. From the file or the design when not
+        given.
+
+    Returns
+    -------
+    Record, or a list of them for a list of y
+        With the names and units that the file has for the channels.
+
+    Raises
+    ------
+    ValueError
+        A file that cannot be read as what its name says, names that are not in it (the message lists those that
+        are), signals that do not make a record.
+    FileNotFoundError
+        No such file.
+
+    Warns
+    -----
+    DataWarning
+        A sampling frequency that is not that of the file, a time channel without a unit, one that shows lost rows: the
+        periods that are whole by their times are kept.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> import tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> nlfrf.save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.mat")
+    >>> record = load_record(f"{folder.name}/run.mat", u="u", y="y")
+    >>> bool(np.array_equal(record.u, ms.u[None]))
+    True
+    >>> folder.cleanup()
+    """
+    refuse_wrong_names(u, y, r)
+    paths = paths_of(path)
+    if isinstance(design, str | os.PathLike):
+        design = load_multisine(design)
+    names = {"u": u} | ({} if r is None else {"r": r})
+    outputs = [y] if isinstance(y, str) else list(y)
+    asked = Asked(n_samples, lines, n_discard, resample, design, hold)
+    files = [read_channels(one) for one in paths]
+    if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
+        raise ValueError(
+            f"path must be a record of one input, got {several!r} of several: take load_multirecord, or leave input out"
+        )
+    stored = [file.text("schema") == RECORD_SCHEMA for file in files]
+    if any(stored) and not all(stored):
+        raise ValueError("path must be records that this package wrote, or none of them, got some of each")
+    read = stored_records if all(stored) else measured_records
+    records = read(files, names, outputs, fs, asked)
+    return records[0] if isinstance(y, str) else records
+
+
+def refuse_wrong_names(u: Any, y: Any, r: Any) -> None:
+    """Refuse what is no name of a channel, and an output that is asked for twice."""
+    for parameter, name in (("u", u), ("r", "" if r is None else r)):
+        if not isinstance(name, str):
+            raise ValueError(
+                f"{parameter} must name one channel, got {shown(name)}; load_multirecord reads several inputs"
+            )
+    outputs = [y] if isinstance(y, str) else y
+    if not isinstance(outputs, list | tuple) or not all(isinstance(name, str) for name in outputs):
+        raise ValueError(f"y must name an output, or be a list of names, got {shown(y)}")
+    if not outputs:
+        raise ValueError("y must name at least one output, got none")
+    if len(set(outputs)) < len(outputs):
+        raise ValueError(f"y must name different outputs, got {shown(list(outputs))}")
+
+
+def measured_records(
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
+) -> list[Record]:
+    """A record for each output, of the streams of all files."""
+    streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
+    streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
+    asked_for = (*names.values(), *outputs)
+    clocks = [file.sampling_frequency(fs, asked_for) for file in files]
+    if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
+        raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+    groups = [*(streams[signal] for signal in names), *streams["y"].values()]
+    times = [file.seconds(names["u"]) for file in files]
+    asked = keep_whole_periods(
+        times, groups, streams.get("r", streams["u"])[0], clocks[0], asked, [f.path for f in files]
+    )
+    whole({signal: streams[signal] for signal in names}, streams["y"])
+    found = {name: [names["u"], name] for name in outputs}
+    for name in outputs:
+        if files[0].full_name(name) == files[0].full_name(names["u"]):
+            data_warning(f"y names the input itself, {name!r}: G is 1 whatever was measured")
+    labels: dict[str, Any] = {name: files[0].labels(*pair) for name, pair in found.items()}
+    files.clear()  # what else they hold is not needed any more
+    return records_from_streams(  # which alone holds the streams then, so that it can let go of them
+        streams.pop("u"),
+        streams.pop("y"),
+        r=streams.pop("r", None),
+        fs=clocks[0],
+        n_samples=asked.n_samples,
+        lines=asked.lines,
+        n_discard=asked.n_discard,
+        resample=asked.resample,
+        design=asked.design,
+        hold=asked.hold,
+        labels=labels,
+    )
+
+
+def whole(*groups: dict[str, list[np.ndarray]]) -> None:
+    """Cut the rows off both ends of each file where a channel has no number yet, or none any more."""
+    for m in range(len(next(iter(groups[0].values())))):
+        streams = {(i, name): group[name][m] for i, group in enumerate(groups) for name in group}
+        sizes = {stream.size for stream in streams.values()}
+        if len(sizes) > 1 or all(map(all_finite, streams.values())):
+            continue
+        held = np.logical_and.reduce([np.isfinite(s) for s in streams.values()])
+        if not held.any():
+            continue
+        first, last = np.flatnonzero(held)[[0, -1]]
+        inside = held[first : last + 1]
+        if not inside.all():
+            worst = min(streams, key=lambda key: np.isfinite(streams[key]).sum())
+            bad = np.flatnonzero(~np.isfinite(streams[worst]))
+            raise ValueError(
+                f"{'y' if worst[0] else worst[1]} must be finite, got {bad.size} nan or infinite numbers, the first at "
+                f"{bad[0]}; where a channel has a slower clock than the other its cells stay empty: record both at "
+                "one, or fill the gaps and give the arrays to record_from_samples(u, y, fs=...)"
+            )
+        if held.size - inside.size > FRAYED * held.size:
+            data_warning(
+                f"{held.size - inside.size} of {held.size} rows at the ends of the file have no number in every "
+                "channel; they are left out"
+            )
+        for (i, name), stream in streams.items():
+            groups[i][name][m] = stream[first : last + 1]
+
+
+# ---- Records of several inputs or outputs from files.
+
+HEAD = 1 << 16  # bytes in which the schema of a file of this package stands: as NumPy has texts, or as HDF5 has them
+FIRST = 128 + 8  # bytes of a MATLAB file before its first variable
+
+
+def load_multirecord(
+    path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    u: Sequence[str] | None = None,
+    y: Sequence[str] | None = None,
+    r: Sequence[str] = (),
+    fs: float | None = None,
+    n_samples: int | None = None,
+    lines: LineGrid | None = None,
+    n_discard: int = 0,
+    resample: bool = False,
+    design: Design | str | os.PathLike[str] | None = None,
+    hold: str | None = None,
+) -> MultiRecord:
+    """Read a record of several inputs or outputs: from measurement files, one file an experiment, or as it was saved.
+
+    Parameters
+    ----------
+    path : path, or a list of them
+        Any file that `load_record` reads; or what `save_record` wrote of a `MultiRecord`, of several such files the
+        experiments of all.
+    u, y, r : sequence of str
+        Names of the inputs, the outputs and, in closed loop, the references. Of what `save_record` wrote they may be
+        left out; there y chooses outputs.
+    fs : float, optional
+        Sampling frequency [Hz]; from the file when not given.
+    n_samples : int, optional
+        Samples in one period; found from the first input when not given.
+    lines : LineGrid, optional
+        Excited and detection lines; found from the inputs when not given.
+    n_discard : int
+        Periods to leave out at the start.
+    resample : bool
+        Cut the periods where the inputs show that they stand; see `multirecord_from_samples`.
+    design : OrthogonalMultisine or path, optional
+        What was played, or the file that `save_multisine` wrote; see `multirecord_from_samples`.
+    hold : str, optional
+        How all inputs run between their samples: "zoh" where they are commands of converters, "band-limited" where
+        they were measured behind the hold. From the file or the design, or unknown, when not given.
+
+    Returns
+    -------
+    MultiRecord
+        With the channels called as they were asked for.
+
+    Raises
+    ------
+    ValueError
+        A file or a name as in `load_record`, files of different sampling frequencies, signals that do not make a
+        record.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> import nlfrf, tempfile
+    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, n_inputs=2, rng=1)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> paths = [f"{folder.name}/run{m}.npz" for m in range(2)]
+    >>> for m, path in enumerate(paths):
+    ...     fx, fy = np.tile(ms.u[:, m], 3)
+    ...     np.savez(path, fx=fx, fy=fy, x=fx + fy, fs=100.0)
+    >>> load_multirecord(paths, u=["fx", "fy"], y=["x"], n_samples=100).u.shape
+    (2, 2, 3, 100)
+    >>> folder.cleanup()
+    """
+    if design is not None and isinstance(design, str | os.PathLike):
+        design = load_design(design)
+    files = [read_channels(one) for one in paths_of(path)]
+    if all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
+        if r:
+            raise ValueError(f"r must be left out for a record that has its own references or none, got {shown(r)}")
+        return stored_multirecord(files, u, y, fs, Asked(n_samples, lines, n_discard, resample, design, hold))
+    if isinstance(u, str) or isinstance(y, str) or isinstance(r, str) or not (u and y):
+        raise ValueError(
+            f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
+        )
+    signals: dict[str, Any] = {
+        parameter: [together(parameter, names, file) for file in files]
+        for parameter, names in (("u", u), ("y", y), ("r", r))
+        if names
+    }
+    clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
+    if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
+        raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
+    asked = keep_whole_periods(
+        [file.seconds(u[0]) for file in files],
+        list(signals.values()),
+        signals.get("r", signals["u"])[0][0],
+        clocks[0],
+        Asked(n_samples, lines, n_discard, resample, design, hold),
+        [file.path for file in files],
+    )
+    return multirecord_from_samples(
+        **signals,
+        fs=clocks[0],
+        n_samples=asked.n_samples,
+        lines=lines,
+        n_discard=asked.n_discard,
+        resample=resample,
+        inputs=tuple(u),
+        outputs=tuple(y),
+        design=design,
+        hold=hold,
+    )
+
+
+def holds_multirecord(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a record of several inputs that `save_record` wrote: its schema stands in front."""
+    path = path_of(path)
+    if path.suffix.lower() not in (".npz", ".mat", ".h5", ".hdf5") or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        head = stream.read(HEAD)
+    if head.startswith(b"MATLAB 5.0"):
+        with suppress(zlib.error):  # of variables that are not compressed
+            head = zlib.decompressobj().decompress(head[FIRST:], HEAD)
+    return any(MULTIRECORD_SCHEMA.encode(code) in head for code in ("utf-8", "utf-32-le"))
+
+
+def together(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
+    """(n_channels, n) channels of one file."""
+    if file.text("schema"):
+        raise ValueError(f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}")
+    streams = [file.signal(parameter, name) for name in names]
+    for name, stream in zip(names, streams, strict=True):
+        if stream.size != streams[0].size:
+            raise ValueError(
+                f"{parameter} must be channels of one length, got {streams[0].size} samples in {names[0]!r} and "
+                f"{stream.size} in {name!r}"
+            )
+    return np.stack(streams)

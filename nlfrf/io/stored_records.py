@@ -1,0 +1,204 @@
+"""Records as this package keeps them, of one input and output or of several, written and read."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from nlfrf._base.arguments import integer, of_kind, one_of, shown
+from nlfrf._base.files import DECIMALS, SIMULATED, VERSION, is_command, path_of, save_mat, write_arrays, write_table
+from nlfrf._base.values import field_names
+from nlfrf.io.channels import Channels
+from nlfrf.io.stored_values import AXES, names_of, refuse_newer
+from nlfrf.records.record import Record, join_records, joined
+from nlfrf.records.reference import fill_reference, played_reference
+from nlfrf.records.several import MultiRecord
+from nlfrf.signals.lines import LineGrid
+
+__all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "Asked", "save_record", "stored_multirecord", "stored_records"]
+
+
+RECORD_SCHEMA = "nlfrf-record"
+MULTIRECORD_SCHEMA = "nlfrf-multirecord"
+LABELS = ("u_name", "y_name", "u_unit", "y_unit")
+CHANNELS = ("inputs", "outputs")
+SEVERAL_AXES = f"channel {AXES}"
+
+
+class Asked(NamedTuple):
+    """How the samples are to be cut, as `load_record` was asked."""
+
+    n_samples: int | None = None
+    lines: LineGrid | None = None
+    n_discard: int = 0
+    resample: bool = False
+    design: Any = None  # a Multisine, or an OrthogonalMultisine of several inputs
+    hold: str | None = None
+
+
+def save_record(record: Record | MultiRecord, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
+    """Write a record: ``.npz``, ``.mat`` and ``.h5`` hold all of it, ``.csv`` the samples of one experiment.
+
+    Parameters
+    ----------
+    record : Record or MultiRecord
+        What was measured or simulated.
+    path : path
+        File to write; its suffix says the format. Written whole or not at all.
+    decimal : str
+        Mark of decimals in a ``.csv``: "." or ",", which has semicolons between its columns.
+
+    Raises
+    ------
+    ValueError
+        A suffix that is none of these; several realisations or experiments for a CSV file.
+
+    Examples
+    --------
+    >>> import nlfrf, tempfile
+    >>> from pathlib import Path
+    >>> ms = nlfrf.multisine(fs=100, n_samples=100, f_min=1, f_max=20, rng=1)
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> save_record(Record(u=ms.u[None], y=2 * ms.u[None], fs=100, lines=ms.lines), f"{folder.name}/run.csv")
+    >>> Path(folder.name, "run.csv").read_text().splitlines()[0]
+    't [s],u,y'
+    >>> folder.cleanup()
+    """
+    of_kind("record", record, Record, MultiRecord)
+    path = path_of(path)
+    one_of("decimal", decimal, DECIMALS)
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        write_table(path, *columns_of(record), decimal=decimal)
+    elif suffix == ".mat":
+        save_mat(path, content_of(record))
+    elif suffix in (".npz", ".h5", ".hdf5"):
+        write_arrays(path, content_of(record))
+    else:
+        raise ValueError(f"path must end in .npz, .mat, .h5 or .csv, got {path.name!r}")
+
+
+def content_of(record: Record | MultiRecord) -> dict[str, np.ndarray]:
+    """All of a record as named arrays."""
+    several = isinstance(record, MultiRecord)
+    content = {
+        "schema": np.array(MULTIRECORD_SCHEMA if several else RECORD_SCHEMA),
+        "version": np.array(VERSION),
+        "axes": np.array(SEVERAL_AXES if several else AXES),
+        "shape": np.array(record.u.shape),  # MATLAB drops axes of length one
+        "u": record.u,
+        "y": record.y,
+        "fs": np.array(record.fs),
+        "hold": np.array(record.hold),
+        **{name: getattr(record.lines, name) for name in field_names(LineGrid)},
+    }
+    if isinstance(record, MultiRecord):
+        content |= {name: np.array(json.dumps(getattr(record, name))) for name in CHANNELS}
+    else:
+        content |= {name: np.array(getattr(record, name)) for name in LABELS}
+    if is_command():  # `nlfrf simulate`: no other command writes records, and what was measured must never say this
+        content[SIMULATED] = np.array(True)
+    return content if record.r is None else {**content, "r": record.r}
+
+
+def columns_of(record: Record | MultiRecord) -> tuple[np.ndarray, list[str]]:
+    """The samples of a single experiment as columns, time [s] in front, and their names."""
+    experiments = record.n_experiments if isinstance(record, MultiRecord) else record.n_realizations
+    if experiments != 1:
+        what = "experiment" if isinstance(record, MultiRecord) else "realisation"
+        raise ValueError(f"record must hold one {what} for a .csv file, got {experiments}; use .npz")
+    signals = {"u": record.u, "y": record.y} | ({} if record.r is None else {"r": record.r})
+    samples = {name: signal.reshape(-1, record.n_periods * record.n_samples) for name, signal in signals.items()}
+    names = list(samples)
+    if isinstance(record, MultiRecord):
+        names = [*record.inputs, *record.outputs, *(f"r {name}" for name in record.inputs if "r" in samples)]
+    t = np.arange(record.n_periods * record.n_samples) / record.fs
+    return np.column_stack([t, *(row for signal in samples.values() for row in signal)]), ["t [s]", *names]
+
+
+def stored_records(
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
+) -> list[Record]:
+    """A record for each output, of files that `save_record` wrote."""
+    records: list[Record] = []
+    for output in outputs:
+        runs = [stored_record(file, {**names, "y": output}, fs, asked) for file in files]
+        record = runs[0] if len(runs) == 1 else join_records(runs)
+        if records:  # the very same input, so that what is known of it need not be found again
+            record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
+        records.append(record)
+    return records
+
+
+def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, asked: Asked) -> Record:
+    """A record as `save_record` wrote it, already cut into periods, with its grid."""
+    if "r" in file.arrays:  # which a closed loop cannot do without
+        names = {"r": "r", **names}
+    signals = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
+    labels: dict[str, Any] = {name: file.text(name) for name in LABELS}
+    refuse_newer(file, RECORD_SCHEMA, AXES)
+    found = periods_of(file, signals, asked)
+    found |= {name: found[name][0] for name in names}
+    if asked.design is not None:
+        found.setdefault("r", played_reference(asked.design, found["u"]))
+    return Record(**found, fs=file.sampling_frequency(fs), **labels)
+
+
+def stored_multirecord(
+    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: Asked
+) -> MultiRecord:
+    """A record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
+    return joined([stored_experiments(file, u, y, fs, asked) for file in files], 1, *CHANNELS)
+
+
+def stored_experiments(
+    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: Asked
+) -> MultiRecord:
+    """The experiments of one such file; of the outputs those that are asked for."""
+    refuse_newer(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
+    if missing := [name for name in ("u", "y", *CHANNELS) if name not in file.arrays]:
+        raise ValueError(f"path must hold a whole record, got one without {', '.join(missing)}")
+    inputs, outputs = (names_of(name, file.arrays[name]) for name in CHANNELS)
+    if u is not None and tuple(u) != inputs:
+        raise ValueError(f"u must be the inputs of the record, {', '.join(inputs)}, all of them, got {shown(list(u))}")
+    for name in y or ():
+        if name not in outputs:
+            raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {shown(name)}")
+    signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
+    found = periods_of(file, signals, asked)
+    if y is not None:
+        found["y"] = found["y"][[outputs.index(name) for name in y]]
+    fill_reference(found, asked.design)
+    outputs = outputs if y is None else tuple(y)
+    return MultiRecord(**found, fs=file.sampling_frequency(fs), inputs=inputs, outputs=outputs)
+
+
+def periods_of(file: Channels, signals: Mapping[str, np.ndarray], asked: Asked) -> dict[str, Any]:
+    """Signals (channels, M, P, N) as they were cut, with their lines and hold: what was asked for goes first."""
+    arrays = file.arrays
+    try:
+        shape = tuple(int(n) for n in np.ravel(arrays["shape"]))[-3:]
+        grid = LineGrid(**{name: np.ravel(arrays[name]) for name in field_names(LineGrid)})
+        periods = {name: signal.reshape(-1, *shape) for name, signal in signals.items()}
+    except KeyError as missing:
+        raise ValueError(f"path must hold a whole record, got one without {missing}") from None
+    if asked.resample:
+        raise ValueError(f"resample must be left out for a record that is cut into periods already, got {file.path!r}")
+    if asked.n_samples not in (None, shape[2]):
+        raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {shown(asked.n_samples)}")
+    n_discard = integer("n_discard", asked.n_discard, least=0)
+    if n_discard >= shape[1]:
+        raise ValueError(f"n_discard must be less than the {shape[1]} periods of the record, got {n_discard}")
+    design, hold = asked.design, file.text("hold") or "unknown"
+    if design is not None:
+        grid, hold = design.lines, design.hold if hold == "unknown" else hold
+    return {
+        **{name: signal[:, :, n_discard:] for name, signal in periods.items()},
+        "lines": grid if asked.lines is None else asked.lines,
+        "hold": asked.hold or hold,
+    }

@@ -1,0 +1,7 @@
+"""Screening of a record: timing of input and output, lost samples, drift, channels.
+
+decimation  long signals looked at coarsely, where they are smooth
+gaps    samples lost or repeated inside a period
+input   faults of one signal: drifting clocks, lost samples, standstills, clipping, dead channels
+output  faults of the output against the input: lost samples, clocks apart, another sign
+"""

@@ -1,0 +1,386 @@
+"""Faults of a raw record: a period that is not whole, a drifting clock, lost samples, clipping, dead channels.
+
+Each of them would otherwise be read as distortion. The periods of the input are laid over each other: in a sound
+record period j stands exactly j n_samples after the first. Its delay against that place tells the fault: a delay
+that grows evenly is a wrong or fractional period, one that bends is a drifting clock, one that jumps by whole samples
+is a gap. Cutting the record along that track, between the samples where need be, cures all three.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning
+from nlfrf._base.numbers import BLOCK, blocks, equal, rfft, rfft_at, squared
+from nlfrf._base.values import value
+from nlfrf.records.screening.decimation import coarse, common_step
+from nlfrf.records.screening.gaps import gaps_inside, torn_periods
+
+__all__ = [
+    "MOST",
+    "SEVERE",
+    "Track",
+    "between",
+    "clipped",
+    "held_over",
+    "likeliest_lag",
+    "longest_standstill",
+    "nonzero",
+    "recut",
+    "track",
+    "warn_about_channel",
+]
+
+
+SEVERE = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
+VISIBLE = 1e-7
+HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
+MOST = 1 << 14  # lines that tell delays well enough
+FEW = 8  # steps of which one or two may be jumps, and the median halfway into them
+CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+PART, FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
+SLOW = 0.02  # how much a pace of one sample counts against one of none that explains as much
+DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
+NEAR = 1e-12  # of a sample: so near it is that sample
+BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
+OFFSET = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)  # of the samples it takes
+SMOOTH = 7  # order of the polynomials that follow that window from one sample to the next: to rounding
+
+
+@value
+class Track:
+    """Where each period of a stream stands.
+
+    Fields
+    ------
+    n_samples : int
+        The period that was assumed [samples].
+    delay : (P,) ndarray
+        Delay of each period against j n_samples, that of the first one that is not empty being zero [samples].
+    sound : (P,) bool ndarray
+        Periods that repeat the others but for that delay, with no gap inside.
+    gaps : (P,) ndarray
+        Samples lost (negative) or repeated inside each period.
+    noise : float
+        Standard deviation of the delays by noise [samples].
+    misplaced : float
+        Share of the input's power that the delays turn into apparent distortion.
+    unexplained : float
+        Share of the power of a typical period that does not repeat the first one, delay or not.
+    """
+
+    n_samples: int
+    delay: np.ndarray
+    sound: np.ndarray
+    gaps: np.ndarray
+    noise: float
+    misplaced: float
+    unexplained: float
+
+    @property
+    def jumps(self) -> np.ndarray:
+        """(P,) how far each period stands off by lost (negative) or repeated samples before it [samples]."""
+        j = np.flatnonzero(self.sound)
+        if j.size < 2:
+            return np.zeros(self.sound.size)
+        known = np.add.reduceat(self.gaps, j)[:-1]
+        steps, apart = np.diff(self.delay[j]) - known, np.diff(j)
+        whole = known + np.round(steps - even_pace(steps, apart) * apart)
+        sums = np.concatenate([[0.0], np.cumsum(whole)])
+        return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
+
+    @property
+    def pace(self) -> np.ndarray:
+        """(2,) the straight line through the delays, jumps taken out: samples per period, and at the first."""
+        j = np.arange(self.delay.size)[self.sound]
+        smooth = (self.delay - self.jumps)[self.sound]
+        return np.polyfit(j, smooth, 1) if j.size > 1 else np.array([0.0, smooth[0]])
+
+    @property
+    def period(self) -> float:
+        """The period that the input has, on average between jumps [samples]."""
+        return self.n_samples + float(self.pace[0])
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether that period is a whole number of samples, but for noise."""
+        return abs(self.period - round(self.period)) < max(0.002, 3 * self.noise)
+
+    @property
+    def spacing(self) -> float:
+        """Samples of the stream to one of a period that is cut into n_samples (`recut`)."""
+        return (round(self.period) if self.is_whole else self.period) / self.n_samples
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the periods leave an even pace."""
+        return self.bend > max(0.02, 5 * self.noise)
+
+    @property
+    def bend(self) -> float:
+        """Largest departure of the sound periods from an even pace, jumps taken out [samples]."""
+        even = np.polyval(self.pace, np.arange(self.delay.size))
+        return float(np.abs((self.delay - self.jumps - even)[self.sound]).max())
+
+    @property
+    def fault(self) -> str:
+        """What is wrong, with its numbers, and its cure; empty where nothing is."""
+        steps = np.diff(self.jumps)
+        if steps.any():
+            found = ", ".join(
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in nonzero(steps)
+            )
+            return f"samples were lost or repeated ({found}); resample=True cuts the periods where they stand"
+        if not self.sound.all():
+            bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
+            return f"the input does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
+        if self.misplaced < VISIBLE or np.abs(self.delay).max() < 5 * self.noise:
+            return ""
+        if self.drifts:
+            return (
+                f"the clock drifts: the periods leave an even pace by up to {self.bend:.3g} samples; "
+                "resample=True puts them on an even one"
+            )
+        if self.is_whole:
+            whole = round(self.period)
+            return f"the input repeats every {whole} samples; give n_samples={whole}" if whole != self.n_samples else ""
+        return (
+            f"the input repeats every {self.period:.4f} samples, not a whole number; "
+            "resample=True cuts it on that period"
+        )
+
+
+def even_pace(steps: np.ndarray, apart: np.ndarray) -> float:
+    """The pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
+    if steps.size > FEW:
+        return float(np.median(steps / apart))
+    paces = np.append(steps / apart, 0.0)
+    left = steps - paces[:, None] * apart
+    jumps = np.round(left)
+    beside = np.abs(left - jumps).sum(axis=1) + SLOW * np.abs(paces)
+    return float(paces[np.lexsort((beside, np.count_nonzero(jumps, axis=1)))[0]])
+
+
+def nonzero(steps: np.ndarray) -> list[tuple[int, float]]:
+    """The first few jumps: after which period, and by how much."""
+    return [(int(j), float(steps[j])) for j in np.flatnonzero(steps)[:4]]
+
+
+def track(u: np.ndarray, n_samples: int) -> Track:
+    """Follow the periods of an input (n,) that is at least two periods long.
+
+    Parameters
+    ----------
+    u : (n,) ndarray
+        Input, or reference.
+    n_samples : int
+        Its nominal period; gaps may amount to an eighth of it.
+    """
+    n_periods = u.size // n_samples
+    periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
+    if all(equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
+        return in_place(n_samples, np.ones(n_periods, dtype=bool))
+    step = common_step([u], n_samples) if n_samples > BLOCK else 1
+    found = track_periods(coarse(periods, step))
+    return replace(
+        found, n_samples=n_samples, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise
+    )
+
+
+def in_place(n_samples: int, sound: np.ndarray) -> Track:
+    """Periods (P,) that are sound or not, and stand where they should."""
+    nothing = np.zeros(sound.size)
+    return Track(
+        n_samples=n_samples, delay=nothing, sound=sound, gaps=nothing, noise=0.0, misplaced=0.0, unexplained=0.0
+    )
+
+
+def track_periods(periods: np.ndarray) -> Track:
+    """`track` of periods (P, N) that are cut evenly; one is transformed at a time."""
+    n_samples = periods.shape[1]
+    power = np.array([np.vdot(one, one) - np.add.reduce(one) ** 2 / n_samples for one in periods])
+    steady = power > 0.9 * np.median(power)  # not empty, or half empty
+    first = int(np.argmax(steady))
+    weight = squared(rfft(periods[first]))
+    weight[0] = 0.0
+    weight[weight < 1e-6 * weight.max()] = 0.0
+    weight[int(0.45 * n_samples) :] = 0.0
+    used = np.flatnonzero(weight)  # the lines that tell: all that follows is of these
+    if used.size > MOST:
+        used = np.sort(np.argpartition(weight, -MOST)[-MOST:])
+    weight = weight[used]
+    spectra = np.array([rfft_at(one, used) for one in periods])
+    gaps = gaps_inside(periods, int(used[-1]))
+    torn, gaps = torn_periods(periods, int(used[-1]), gaps)
+    whole_inside = (gaps == 0) & ~torn
+    if torn.all():
+        return in_place(n_samples, whole_inside)
+    if not whole_inside[first]:
+        first = int(np.argmax(steady & whole_inside))
+    reference = spectra[first]
+    whole = -np.array([likeliest_lag(one * reference.conj(), used, n_samples) for one in spectra])
+    cross, slope = spectra * reference.conj(), 2 * np.pi * used / n_samples
+    # x_j(t) = x_0(t + d): phase of the cross spectrum + slope d; Gauss-Newton on the phase, from the whole shift
+    delay = whole.astype(float)
+    for _ in range(4):
+        turned = cross * np.exp(-1j * slope * delay[:, None])
+        delay += np.sum(slope * turned.imag, axis=1) / np.sum(slope**2 * weight)
+    turned = spectra * np.exp(-1j * slope * delay[:, None])
+    rest = np.sum(np.abs(turned - reference) ** 2, axis=1) / np.sum(weight)
+    delay = -delay  # a period that stands later has a positive delay
+    whole_ones = np.delete(rest, first)[np.delete(whole_inside, first)]
+    typical = float(np.median(whole_ones)) if whole_ones.size else 0.0
+    sound = (rest < max(1e-3, 10 * typical)) & whole_inside
+    noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size)))
+    shift = delay[sound] - delay[sound].mean()
+    misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
+    return Track(
+        n_samples=n_samples,
+        delay=delay - delay[first],
+        sound=sound,
+        gaps=gaps,
+        noise=noise,
+        misplaced=misplaced,
+        unexplained=typical,
+    )
+
+
+def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
+    """The shift of one period (in samples, an eighth of it at most) against another, by their cross spectrum (F,)."""
+    spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
+    spectrum[lines] = cross
+    correlation = np.fft.irfft(spectrum, n_samples)
+    reach = max(2, n_samples // 8)
+    late, early = int(np.argmax(correlation[:reach])), int(np.argmax(correlation[-reach:]))
+    return late if correlation[late] >= correlation[early - reach] else early - reach
+
+
+def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
+    """The sound periods (P, N) of a stream, each cut where it stands, between the samples where need be, and which.
+
+    Parameters
+    ----------
+    x : (n,) ndarray
+        Input, output or reference, sampled together.
+    where : Track
+        From the input.
+
+    Raises
+    ------
+    ValueError
+        No whole sound period.
+    """
+    n, n_periods = where.n_samples, where.delay.size
+    if not where.sound.any():
+        raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none: {where.fault}")
+    j = np.arange(n_periods)
+    curve = where.pace  # a straight line has less noise in it than the delays one by one
+    if where.drifts:
+        sound = where.sound
+        # a delay is an average over its period: it belongs to the middle
+        middle, smooth = j[sound] + 0.5, (where.delay - where.jumps)[sound]
+        curve = np.polyfit(middle, smooth, min(DRIFT, middle.size - 1))
+    rows, kept = [], []
+    for period in j[where.sound]:
+        jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
+        if jumps and where.sound[period + 1]:  # then the gap lies in this one, too short to make it unsound
+            continue
+        tau = period + np.arange(n) / n
+        at = n * tau + np.polyval(curve, tau) + where.jumps[period]
+        if at[0] > -0.5 and at[-1] < x.size - 0.5:
+            rows.append(between(x, at))
+            kept.append(period)
+    if not rows:
+        raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none")
+    return np.array(rows), np.array(kept)
+
+
+def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values of a band-limited signal between its samples, by a windowed sinc.
+
+    >>> x = np.sin(0.7 * np.arange(200))
+    >>> bool(abs(between(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
+    True
+    """
+    windows, values = kaiser_windows(), np.empty(at.size)
+    for some in blocks(at.size, OFFSET.size):
+        first = np.floor(at[some]).astype(int)
+        beyond = np.maximum(at[some] - first, NEAR)
+        kernel = np.vander(2 * beyond - 1, SMOOTH + 1) @ windows
+        kernel /= beyond[:, None] - OFFSET
+        values[some] = np.vecdot(x.take(first[:, None] + OFFSET, mode="clip"), kernel) / np.add.reduce(kernel, axis=1)
+    return values
+
+
+@lru_cache(maxsize=1)
+def kaiser_windows() -> np.ndarray:
+    """(8, 48) polynomials in the place between two samples, from -1 to 1: what each sample around has of the window.
+
+    With the sign of the sine of the sinc, which is the same for all but for that.
+    """
+    from scipy.special import i0
+
+    nodes = np.cos(np.pi * (np.arange(SMOOTH + 1) + 0.5) / (SMOOTH + 1))
+    away = ((nodes[:, None] + 1) / 2 - OFFSET) / HALF_WIDTH
+    sign = np.where(OFFSET % 2, -1.0, 1.0)
+    windows = np.linalg.solve(np.vander(nodes), sign * i0(BETA * np.sqrt(1 - away**2)))
+    windows.flags.writeable = False
+    return windows
+
+
+def clipped(x: np.ndarray) -> float:
+    """Share of the samples at the largest or smallest value, where they stand there three or more in a row."""
+    n = 0
+    for extreme in (x.max(), x.min()):
+        some_in_a_row, flat_ones = False, 0
+        for some in blocks(x.size):
+            flat = x[max(0, some.start - 2) : some.stop] == extreme  # a row may begin in the block before
+            some_in_a_row |= bool(np.any(flat[2:] & flat[1:-1] & flat[:-2]))
+            flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
+        n += flat_ones if some_in_a_row else 0
+    return n / x.size
+
+
+def longest_standstill(x: np.ndarray) -> tuple[int, int]:
+    """Where the longest run of equal samples begins, and how long it is."""
+    begin, length, edge = 0, 0, 0  # of the longest run so far, and where the one at hand began
+    for some in blocks(x.size):
+        follows = x[some.start + 1 : some.stop + 1]
+        changed = follows != x[some][: follows.size]
+        ends = [x.size] if some.stop == x.size else []
+        if length > 0 and edge == some.start and changed.all():  # nothing stands still
+            edge = some.start + changed.size
+            continue
+        edges = np.concatenate([[edge], np.flatnonzero(changed) + some.start + 1, ends]).astype(int)
+        edge = int(edges[-1])
+        lengths = np.diff(edges)
+        if lengths.size and lengths.max() > length:
+            begin, length = int(edges[np.argmax(lengths)]), int(lengths.max())
+    return begin, length
+
+
+def held_over(x: np.ndarray) -> int:
+    """Over how many samples each number of a stream stands, where it changes at every n-th place only; else one."""
+    part = x[:PART]
+    at = np.flatnonzero(part[1:] != part[:-1])
+    n = int(np.gcd.reduce(at - at[0])) if at.size > FEWEST_CHANGES else 1
+    return n if n > 1 and at.size * n > part.size / 2 else 1
+
+
+def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
+    """Warn of a signal that is clipped or that stands still: both would read as distortion."""
+    begin, length = longest_standstill(signal)
+    share = clipped(signal) if length > 2 else 0.0
+    if share > CLIPPED:
+        data_warning(
+            f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
+            "lower the level or widen the range"
+        )
+    if length > n_samples // 4:
+        data_warning(
+            f"{name} stands still for {length} samples from sample {begin}, {length / n_samples:.2g} periods; "
+            "was the channel alive?"
+        )

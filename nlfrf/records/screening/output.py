@@ -1,0 +1,494 @@
+"""Faults of the output against the input: lost samples, another clock, another sign, and what changes over its periods.
+
+In a sound record the phase of Y/U on the excited lines is the same in every period. A slope of it over frequency is a
+delay: one that jumps by whole samples is a gap in y, one that grows evenly is a clock of y that is off that of u.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from nlfrf._base.numbers import BLOCK, TINY, equal, power, rfft_at
+from nlfrf._base.values import value
+from nlfrf.records.screening.decimation import coarse, common_step
+from nlfrf.records.screening.gaps import gaps_inside, torn_periods
+from nlfrf.records.screening.input import MOST, SEVERE, between, likeliest_lag, nonzero
+from nlfrf.signals.lines import in_common
+
+__all__ = [
+    "ALONE",
+    "FEW",
+    "N_POLYNOMIAL",
+    "WINDOW",
+    "Lag",
+    "follow",
+    "gain_told",
+    "is_transient",
+    "line",
+    "on_the_clock_of_the_input",
+    "point_told",
+]
+
+
+# ---- What changes over the periods of a record: the gain from u to y, evenly or at once, and the operating point.
+
+DRIFT = 0.02  # change of gain over the record that is named
+WANDER = 0.15  # change of the operating point over the record that is named, in rms of the output
+FEW, ALONE = 4, 0.9  # periods from which a drift is told from a transient; of fewer it has to explain so much
+CLEAR = 0.3  # of a change that what is left may be apart from it
+CURE = "let it settle, or cut the record into shorter ones (n_discard)"
+
+
+def gain_told(at: np.ndarray, gain: np.ndarray, noise: float, explained: float) -> str:
+    """How the gain of the periods `at` drifts or steps, with its numbers; empty where it does neither.
+
+    `explained` is what share of all that does not repeat it explains: of little, a first period alone may still ring,
+    and of few periods each is a first one.
+    """
+    if at.size < 2 or (at.size < FEW and explained < ALONE):
+        return ""
+    slope, bend = line(at, gain)
+    drift = slope * float(np.ptp(at))
+    place, step, rest = step_in(gain)
+    least = max(DRIFT, noise)
+    if rest < bend or at.size < 3:
+        if abs(step) > least and rest < CLEAR * abs(step) and (place > 1 or explained > ALONE):
+            where = f"before period {at[place] + 1}"
+            return f"the gain from u to y steps by {100 * step:+.2g} % {where}: G is that of neither side; {CURE}"
+        if place == 1:
+            return ""
+    if at.size >= FEW and abs(drift) > least and bend < CLEAR * abs(drift):
+        said = f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it"
+        return f"{said}; {CURE}"
+    return ""
+
+
+def point_told(offset: np.ndarray) -> str:
+    """How far the operating point of the periods wanders; empty where it does not."""
+    change = float(np.ptp(offset))
+    if change <= WANDER:
+        return ""
+    return (
+        f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is that of "
+        "all these points; hold it by a slow loop, or cut the record into shorter ones (n_discard)"
+    )
+
+
+def line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+    """Slope of the straight line through x, and the largest departure from it."""
+    fit = np.polyfit(at, x, 1)
+    return float(fit[0]), float(np.abs(x - np.polyval(fit, at)).max())
+
+
+def step_in(x: np.ndarray) -> tuple[int, float, float]:
+    """Where x (n,) steps, by what share of what it was, and the largest departure from that."""
+    first, last = (np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1]))
+    rest = np.maximum(first[:-1], last[-2::-1]) / 2
+    k = int(np.argmin(rest))
+    before, after = float(np.mean(x[: k + 1])), float(np.mean(x[k + 1 :]))
+    return k + 1, after / before - 1 if before else 0.0, float(rest[k])
+
+
+# ---- Whether periods differ by a transient: it is smooth over frequency, which neither noise nor a fault is.
+
+N_POLYNOMIAL = 3
+ENOUGH = 1000  # windows that decide whether there is a transient; more would only take time
+WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
+
+
+def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
+    """Whether two periods differ by more than noise: noise is rough over frequency, a transient is smooth.
+
+    Parameters
+    ----------
+    first, last : (M, K) complex ndarray
+        Spectra of two periods on neighbouring lines.
+    """
+    n_windows = first.shape[1] // WINDOW
+    step = max(1, first.shape[0] * n_windows // ENOUGH)
+    apart = first[:, : n_windows * WINDOW] - last[:, : n_windows * WINDOW]
+    windows = apart.reshape(len(apart), -1, WINDOW)[:, ::step].reshape(-1, WINDOW)
+    total = power(windows)
+    if np.add.reduce(total) <= 1e-20 * np.add.reduce(power(last)):
+        return False
+    explained = power(windows @ smooth_part())
+    rest = np.maximum(total - explained, 1e-12 * total)
+    # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
+    ratio = explained / np.maximum(rest, TINY)
+    ratio *= (WINDOW - N_POLYNOMIAL) / N_POLYNOMIAL
+    return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
+
+
+@cache
+def smooth_part() -> np.ndarray:
+    """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
+    return np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
+
+
+SURE = 6.0  # standard deviations past which a fault is believed
+EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
+VISIBLE = 1e-6  # share of the power of y out of place from which it is said
+CLOCKS = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
+LEVEL = 0.25  # how far the gain of a period may be from that of the others
+UNSOUND = 1e-3  # share of the power of a period that may not repeat before it is looked at
+BY_CHANCE = 1e-3  # probability with which noise may pass for a period that is late or early
+OPPOSITE = 0.9  # of what two periods could have in common, from which one is the other with its sign turned
+
+
+@value(copy=False)
+class Lag:
+    """How an output stands against the input, period by period.
+
+    Fields
+    ------
+    n_samples : int
+        Samples in one period.
+    delay : (P,) ndarray
+        Delay of y behind that of u in each period, that of the first sound one being zero [samples].
+    jumps : (P,) ndarray
+        The whole samples of it, from samples of y that were lost (negative) or repeated.
+    sound : (P,) bool ndarray
+        Periods that repeat the others but for a delay and a gain, with no gap inside.
+    torn : (P,) bool ndarray
+        Periods of which a part stands elsewhere than in the others.
+    noise : float
+        Standard deviation of the delays by noise [samples].
+    misplaced : float
+        Share of the power of y that the delays turn into apparent distortion.
+    explained : float
+        Share of what does not repeat from period to period that the delays explain.
+    gain : (P,) ndarray
+        Gain of each period over that of the last one.
+    gain_noise : float
+        Its standard deviation by noise.
+    offset : (P,) ndarray
+        Mean of y over each period, in rms of y about its mean.
+    strange : bool
+        Whether what stands before the first sound period differs from it by no transient.
+    """
+
+    n_samples: int
+    delay: np.ndarray
+    jumps: np.ndarray
+    sound: np.ndarray
+    torn: np.ndarray
+    noise: float
+    misplaced: float
+    explained: float
+    gain: np.ndarray
+    gain_noise: float
+    offset: np.ndarray
+    strange: bool = False
+
+    @property
+    def broken(self) -> bool:
+        """Whether a period does not repeat the others, after the first that do: before, there may be a transient.
+
+        Or a gap, behind which all that is sound stands elsewhere against the input; or a part of it does.
+        """
+        first = int(np.argmax(self.sound))
+        return bool(self.torn.any()) or not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
+
+    @property
+    def clock(self) -> float:
+        """Samples that y falls behind u in a period because of its clock; zero where that is not sure."""
+        at = np.flatnonzero(self.sound)
+        if at.size < 2:
+            return 0.0
+        pace, bend = line(at, (self.delay - self.jumps)[at])
+        spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
+        straight = at.size < FEW or bend < 0.3 * abs(pace) * np.ptp(at)
+        likely = self.explained > (ALONE if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SURE * self.noise
+        return pace if abs(pace) * spread > SURE * self.noise and straight and likely else 0.0
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with the timing of y, or its sign, with its numbers and its cure; empty where nothing is."""
+        turned = np.flatnonzero(self.turns)
+        if turned.size:
+            return f"y changes its sign before period {', '.join(str(j + 2) for j in turned[:6])}; was it rewired?"
+        gaps = np.diff(self.jumps)
+        if gaps.any():
+            found = ", ".join(
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in nonzero(gaps)
+            )
+            return f"samples of y were lost or repeated against u ({found}); resample=True cuts y where it stands"
+        if self.broken:
+            bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
+            return f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
+        if self.clock and self.misplaced > VISIBLE:
+            ppm = 1e6 * self.clock / self.n_samples
+            return (
+                f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a period); "
+                "resample=True puts y on the clock of u"
+            )
+        return ""
+
+    @property
+    def turns(self) -> np.ndarray:
+        """(P - 1,) whether the sign of y changes between one period and the next."""
+        return (self.gain[1:] < 0) != (self.gain[:-1] < 0)
+
+    @property
+    def severe(self) -> bool:
+        """Whether that would read as distortion, beyond what is noise anyhow."""
+        return (self.misplaced > SEVERE and self.explained > EXPLAINED) or self.broken or bool(self.turns.any())
+
+    @property
+    def start(self) -> str:
+        """What may be wrong before the first sound period, and what to do; empty where it may be a transient."""
+        if not self.strange:
+            return ""
+        first = int(np.argmax(self.sound))
+        which = "period 1 differs" if first == 1 else f"periods 1 to {first} differ"
+        return (
+            f"{which} from the others by more than noise, and by no transient: where samples were lost or repeated in "
+            "it, all that follows stands wrong against u. Measure again, or leave it out by n_discard where none were"
+        )
+
+    @property
+    def drift(self) -> str:
+        """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
+        at = np.flatnonzero(self.sound)
+        changed = gain_told(at, self.gain[at], SURE * self.gain_noise, self.explained)
+        return changed if changed or at.size < FEW else point_told(self.offset[at])
+
+
+def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
+    """Follow the periods of an output against those of its input.
+
+    Periods in which y still rings are left aside: a transient has a phase and a gain of its own on every line.
+
+    Parameters
+    ----------
+    u, y : (P, N) ndarray
+        Periods of one realisation, at least two.
+    lines : (F,) int ndarray
+        Excited lines.
+    """
+    n_samples = y.shape[1]
+    step = common_step([u[0], y[0]], n_samples) if n_samples > BLOCK else 1
+    u, y = coarse(u, step), coarse(y, step)
+    lines = lines[2 * lines < y.shape[1]]
+    gaps = gaps_inside(y, int(lines[-1]))
+    torn, gaps = torn_periods(y, int(lines[-1]), gaps)
+    if torn.all():
+        return replace(nothing_told(len(y), n_samples), sound=~torn, torn=torn)
+    gaps *= step
+    lag = followed(u, y, lines, step, gaps, torn)
+    if lag.fault or lag.drift:
+        first = settled_from(y, int(lines[-1]), (gaps != 0) | torn)
+        if first > len(y) - 2:
+            return nothing_told(len(y), n_samples)
+        if first:
+            return with_ringing(followed(u[first:], y[first:], lines, step, gaps[first:], torn[first:]), first)
+    first = int(np.argmax(lag.sound))
+    if first and not lag.fault and not lag.drift:
+        unbroken = np.zeros(first, dtype=bool)
+        lag = replace(lag, strange=settled_from(y[: first + 1], int(lines[-1]), unbroken) < first)
+    # a gap before all that is sound: that is where the rest stands
+    gaps[first:] = 0.0
+    return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
+
+
+def settled_from(y: np.ndarray, last: int, broken: np.ndarray) -> int:
+    """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
+
+    A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,).
+    """
+    Y = rfft_at(y, np.arange(1, last + 1))[:, None]
+    for j, (one, following) in enumerate(itertools.pairwise(y)):
+        early, late = np.array_split(one - following, 2)
+        dies = power(early) >= power(late)
+        if broken[j] or not (dies and is_transient(Y[j], Y[j + 1])):
+            return j
+    return len(y) - 1
+
+
+def nothing_told(n_periods: int, n_samples: int) -> Lag:
+    """Where the periods tell nothing of a fault."""
+    zeros, ones = np.zeros(n_periods), np.ones(n_periods)
+    return Lag(
+        n_samples=n_samples,
+        delay=zeros,
+        jumps=zeros,
+        sound=ones > 0,
+        torn=zeros > 0,
+        noise=np.inf,
+        misplaced=0.0,
+        explained=0.0,
+        gain=ones,
+        gain_noise=np.inf,
+        offset=zeros,
+    )
+
+
+def with_ringing(lag: Lag, n: int) -> Lag:
+    """The same with n periods before it, of which nothing is told."""
+
+    def after(x: np.ndarray, before: float | bool) -> np.ndarray:
+        return np.insert(x, 0, np.full(n, before))
+
+    return replace(
+        lag,
+        delay=after(lag.delay, 0.0),
+        jumps=after(lag.jumps, lag.jumps[0]),
+        sound=after(lag.sound, True),
+        torn=after(lag.torn, False),
+        gain=after(lag.gain, lag.gain[0]),
+        offset=after(lag.offset, lag.offset[0]),
+    )
+
+
+def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray, torn: np.ndarray) -> Lag:
+    """`follow` for signals of which one sample in so many is left, with such gaps in periods, or torn ones (P,)."""
+    n_samples = step * y.shape[1]
+    if lines.size > MOST:
+        lines = np.sort(np.random.default_rng(0).choice(lines, MOST, replace=False))
+    input_side, output = aligned(u, lines), aligned(y, lines)
+    if np.count_nonzero(output.placed) <= len(y) / 2:
+        return nothing_told(len(y), n_samples)
+    delay = step * (output.delay - input_side.delay)
+    delay = held(delay, output.placed)
+    slope = 2 * np.pi * lines / n_samples
+    weight = np.abs(output.mean) ** 2
+    total = float(weight.sum())
+    lever = float(np.sum(slope**2 * weight))
+    typical = float(np.median(output.rest))
+    noise, gain_noise = (
+        spread(weight * by, by, typical / lines.size, len(y)) for by in (slope**2, np.ones(lines.size))
+    )
+    sound = output.rest < max(UNSOUND * total, 10 * typical)
+    size = np.abs(output.gain)
+    sound &= np.abs(size / np.median(size) - 1) < LEVEL + SURE * gain_noise
+    if len(y) == 2:
+        sound = np.ones(2, dtype=bool)
+    whole = (gaps == 0) & ~torn
+    if whole.any():
+        sound &= whole
+    sound, jumps = gaps_in(delay, sound, noise, n_samples)
+    shift = delay[sound] - delay[sound].mean()
+    Y = output.spectra[sound]
+    before = float(np.sum(np.abs(Y - Y.mean(axis=0)) ** 2))
+    return Lag(
+        n_samples=n_samples,
+        delay=delay - delay[np.argmax(sound)],
+        jumps=jumps,
+        sound=sound,
+        torn=torn,
+        noise=noise,
+        misplaced=float(np.mean(shift**2)) * lever / total,
+        explained=1 - float(np.sum(output.rest[sound])) / before if before > 0 else 0.0,
+        gain=output.gain / np.where(input_side.gain != 0, input_side.gain, np.inf),
+        gain_noise=gain_noise,
+        offset=y.mean(axis=1) / (float(np.std(y[-1])) or np.inf),
+    )
+
+
+def spread(seen: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) -> float:
+    """Standard deviation of a delay, or of a gain, by noise: lines (F,) tell of it by their power in the mean.
+
+    The mean of the periods has noise in it too, which tells nothing.
+    """
+    told = seen.sum() - of_noise / n_periods * by.sum()
+    return float(np.sqrt(of_noise / 2 * seen.sum()) / told) if told > 0 else np.inf
+
+
+def held(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
+    """The delays, where they are not known that of the period before, or of the first that is."""
+    at = np.flatnonzero(placed)
+    return delay[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
+
+
+def gaps_in(delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which periods have no gap inside, and the whole samples by which each stands off."""
+    at = np.flatnonzero(sound)
+    nothing = np.zeros(delay.size)
+    if at.size < 2 or SURE * noise > 0.5:
+        return sound, nothing
+    pace = float(np.median(np.diff(delay[at]) / np.diff(at)))
+    pace = 0.0 if abs(pace) > CLOCKS * n_samples else pace
+    left = delay - pace * np.arange(delay.size)
+    apart = left[at] - left[at, None]
+    agree = np.abs(apart - np.round(apart)) < max(0.1, SURE * noise)
+    most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # with which most agree: the first may have a gap inside
+    left -= left[most]
+    whole = np.round(left)
+    if not whole[at].any():
+        return sound, nothing
+    sound = sound & (np.abs(left - whole) < max(0.1, SURE * noise))
+    return sound, held(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
+
+
+def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The stream y (n,) moved to where the input stands, and which of its periods then hold what was measured.
+
+    Parameters
+    ----------
+    y : (n,) ndarray
+        Output as recorded.
+    lag : Lag
+        How its periods stand against those of the input.
+    periods : (P,) int ndarray
+        Which periods of the stream those are.
+    """
+    turns = np.arange(y.size) / lag.n_samples
+    at = np.arange(y.size) + lag.clock * turns  # one trigger started both clocks
+    row = np.clip(np.searchsorted(periods, turns.astype(int), side="right") - 1, 0, periods.size - 1)
+    at += lag.jumps[row]
+    first = int(np.argmax(lag.sound))
+    good = (lag.sound | (np.arange(periods.size) < first)) & ~lag.torn
+    step = np.diff(lag.jumps, append=lag.jumps[-1]) != 0
+    good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to make it unsound
+    inside = (at[0 :: lag.n_samples] > -0.5)[periods]
+    last = np.minimum((periods + 1) * lag.n_samples, y.size) - 1
+    return between(y, at), good & inside & (at[last] < y.size - 0.5)
+
+
+@value(copy=False)
+class Aligned:
+    """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,).
+
+    Whether each has more in common with the others than noise has (P,), and the spectra (P, F) as they were.
+    """
+
+    delay: np.ndarray
+    gain: np.ndarray
+    rest: np.ndarray
+    placed: np.ndarray
+    mean: np.ndarray
+    spectra: np.ndarray
+
+
+def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
+    """The periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
+    n_samples = x.shape[1]
+    repeats = all(equal(x[-1], one) for one in x[:-1])
+    X = np.array([rfft_at(one, lines) * (2 / n_samples) for one in (x[-1:] if repeats else x)])
+    X = np.repeat(X, len(x), axis=0) if repeats else X
+    slope = 2 * np.pi * lines / n_samples
+    reference = X[-1]
+    # of either sign: what is turned round looks like a period that is late on every line
+    sign = np.where((X @ reference.conj()).real < -OPPOSITE * np.sqrt(power(X) * power(reference)), -1.0, 1.0)
+    X = X * sign[:, None]
+    delay = np.zeros(len(x))
+    if not repeats:
+        delay += [likeliest_lag(one * reference.conj(), lines, n_samples) for one in X]
+    for step in range(6):
+        if step == 3:  # the mean has less noise in it
+            reference = np.mean(X * np.exp(1j * slope * delay[:, None]), axis=0)
+        turned = X * np.exp(1j * slope * delay[:, None]) * reference.conj()
+        delay -= np.sum(slope * turned.imag, axis=1) / np.sum(slope**2 * np.abs(reference) ** 2)
+    turned = X * np.exp(1j * slope * delay[:, None])
+    size = np.sum(np.abs(reference) ** 2)
+    gain = np.sum(turned * reference.conj(), axis=1).real / size
+    rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
+    others = reference - turned / len(x)  # what a period has in common with itself says nothing
+    shared = np.abs(np.sum(turned * others.conj(), axis=1)) ** 2
+    least = in_common(BY_CHANCE / n_samples, lines.size) if lines.size > 1 else 0.0
+    placed = shared >= least * power(turned) * power(others)
+    return Aligned(delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)

@@ -1,0 +1,8 @@
+"""The friction rig, simulated: experiments on it, and a sampled controller around it.
+
+closed_loop  a sampled controller around the rig, or a stack of them
+machine      machines of several coupled masses
+motion       the machine's motion through any force, from rest on
+rig          the machine `Rig`, the paper's own `paper_rig`, a stage of two axes
+simulate     multisine experiments, run to steady state
+"""

@@ -1,0 +1,767 @@
+"""A sampled controller around the rig: a design tried on the nonlinear machine.
+
+                                 disturbance
+r ---o--- K(z) --- delay --- [/] ---o--- hold --- rig ---+--- x
+    -|                   saturation                      |
+     +---------------- quantisation ---o-----------------+
+                                     noise
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import integer, nonnegative, of_kind, positive, real, real_array
+from nlfrf._base.values import value
+from nlfrf.rig.bench import machine as axes
+from nlfrf.rig.bench.motion import some_samples
+from nlfrf.rig.bench.rig import Rig, at_rest, one_axis
+from nlfrf.rig.bench.simulate import Arrays, Progress, run_each
+from nlfrf.rig.kernels import data as packing
+from nlfrf.rig.laws.hysteresis import warn_lost
+from nlfrf.rig.laws.laws import OwnLaw, packed_law
+
+__all__ = [
+    "MOST_HALVINGS",
+    "LoopResponse",
+    "LoopRuns",
+    "Parts",
+    "Wanted",
+    "loop_of_axes",
+    "matrices",
+    "respond",
+    "results",
+    "simulate_loop",
+    "simulate_loops",
+    "told",
+    "travels",
+]
+
+
+# ---- Controllers that are put around a rig: anything with A, B, C, D and dt, checked and as arrays.
+
+
+def matrices(K: Any, fs: float, n_inputs: int = 1, n_outputs: int = 1) -> tuple[np.ndarray, ...]:
+    """A (s, s), B (s, n_inputs), C (n_outputs, s) and D of a sampled controller of so many inputs and outputs."""
+    missing = [name for name in ("A", "B", "C", "D", "dt") if not hasattr(K, name)]
+    if missing:
+        raise ValueError(f"K must have A, B, C, D and dt, got {type(K).__name__} without {', '.join(missing)}")
+    dt = K.dt
+    if isinstance(dt, (bool, np.bool_)) or dt is None or dt == 0:
+        raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {dt}. Discretise it first")
+    if abs(float(dt) * fs - 1) > 1e-6:
+        raise ValueError(f"K must be sampled with dt = 1/fs = {1 / fs:g} s, got dt = {float(dt):g} s")
+    given = {name: np.asarray(getattr(K, name)) for name in ("A", "B", "C", "D")}
+    for name, matrix in given.items():
+        if matrix.dtype.kind not in "fiu":
+            raise ValueError(f"K must have real matrices, got {name} of dtype {matrix.dtype}")
+        if not np.isfinite(matrix).all():
+            raise ValueError(f"K must have finite matrices, got a number in {name} that is not")
+    A, B, C, D = (matrix.astype(float) for matrix in given.values())
+    D = np.atleast_2d(D)
+    if D.shape != (n_outputs, n_inputs):
+        wanted = (
+            "one input and one output"
+            if (n_inputs, n_outputs) == (1, 1)
+            else f"{n_inputs} inputs and {n_outputs} outputs"
+        )
+        raise ValueError(f"K must have {wanted}, got {D.shape[1]} and {D.shape[0]}")
+    size = int(np.sqrt(A.size))
+    if A.size != size**2 or B.size != size * n_inputs or C.size != size * n_outputs:
+        raise ValueError(
+            f"K must have A (s, s), B (s, {n_inputs}) and C ({n_outputs}, s), got shapes "
+            f"{given['A'].shape}, {given['B'].shape} and {given['C'].shape}"
+        )
+    return A.reshape(size, size), B.reshape(size, n_inputs), C.reshape(n_outputs, size), D
+
+
+# ---- What a loop around the rig did, and what became of it.
+
+#: Of the swing while disturbed: what is smaller is rest.
+SMALLEST_SWING = 1e-6
+#: Of the swing while disturbed, and of the usual friction then: what has settled swings, and its friction drifts, less.
+SETTLED = 1e-2
+
+
+@value
+class LoopResponse:
+    """What a loop did, sample by sample.
+
+    Fields
+    ------
+    t : (n,) ndarray
+        Time [s].
+    r : (n,) or (n_y, n) ndarray
+        Reference [m].
+    u : (n,) or (n_u, n) ndarray
+        What the controller asked for at each sample, saturated [N]; it reaches the rig after the delay.
+    x, v : (n,) or (n_y, n) ndarray
+        Position [m] and velocity [m/s] of the rig at the samples, where it is measured.
+    y : (n,) or (n_y, n) ndarray
+        Position as the controller saw it: with noise, quantised [m].
+    friction : (n,) or (axes, n) ndarray
+        Friction force [N].
+    diverged : bool
+        Whether the loop ran away; the arrays end there.
+
+    Examples
+    --------
+    >>> import control
+    >>> from nlfrf import paper_rig, simulate_loop
+    >>> K = control.ss(control.tf([2e3, 0], [1, -1], 1e-3))                 # an integrator
+    >>> response = simulate_loop(paper_rig(), K, np.full(500, 1e-6), fs=1000)
+    >>> response.diverged, bool(abs(response.e[-1]) < 1e-7)
+    (False, True)
+    """
+
+    t: np.ndarray
+    r: np.ndarray
+    u: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    y: np.ndarray
+    friction: np.ndarray
+    diverged: bool
+
+    @property
+    def e(self) -> np.ndarray:
+        """(n,) or (n_y, n) error r - x [m]."""
+        return self.r - self.x
+
+    def residual(self, calm: float) -> float:
+        """Swing in the last quarter of the time after `calm` [s], over the swing before; inf where it ran away.
+
+        For a loop that was disturbed until then and left alone afterwards. The swing is between the largest and the
+        smallest error: a loop at rest has none, wherever it rests. Of several channels the one that is left with most
+        of its own counts, be it small beside that of another.
+        """
+        before, after = self.disturbed_and_left_alone(calm)
+        if self.diverged:
+            return np.inf
+        return float(np.max(swing(after[..., -(after.shape[-1] // 4) :]) / usual_swing(before)))
+
+    def outcome(self, calm: float) -> str:
+        """What became of a loop that was disturbed until `calm` [s] and left alone afterwards, judged by its swing.
+
+        "limit cycle": the swing of some channel in the last quarter of what follows is within 5 % of, or larger than,
+        that of the quarter before, however small, down to a millionth of the swing before. "settled": less than a
+        hundredth of it in every channel, and the friction no longer drifts: what sticks while an integrator winds up is
+        not at rest. "stable": on its way there, creeping, or about to slip. "ran away": the simulation had to stop.
+        """
+        if self.diverged:
+            return "ran away"
+        before, after = self.disturbed_and_left_alone(calm)
+        n = after.shape[-1] // 4
+        last, earlier = swing(after[..., -n:]), swing(after[..., -2 * n : -n])
+        if np.any(last > np.maximum(0.95 * earlier, SMALLEST_SWING * usual_swing(before))):
+            return "limit cycle"
+        held = self.friction[..., -2 * n :]
+        usual = np.median(np.abs(self.friction[..., self.t < calm]), axis=-1)
+        waits = np.any(np.abs(held[..., n:].mean(axis=-1) - held[..., :n].mean(axis=-1)) > SETTLED * usual)
+        return "settled" if self.residual(calm) < SETTLED and not waits else "stable"
+
+    def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
+        """The error before and after `calm` [s]."""
+        positive("calm", calm)
+        before, after = self.e[..., self.t < calm], self.e[..., self.t >= calm]
+        if not self.diverged and after.shape[-1] < 8:
+            raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
+        return before, after
+
+
+def swing(x: np.ndarray) -> np.ndarray:
+    """() or (channels,) largest less smallest."""
+    return np.ptp(x, axis=-1) if x.size else np.zeros(x.shape[:-1])
+
+
+def usual_swing(before: np.ndarray) -> np.ndarray:
+    """The swing of each channel while disturbed; of one that hardly moved what is rest beside the others."""
+    found = swing(before)
+    return np.maximum(found, max(SMALLEST_SWING * found.max(), np.finfo(float).tiny))
+
+
+# ---- A sampled controller matrix around several coupled axes.
+
+#: How often the step is halved before a loop that runs away is called diverged.
+MOST_HALVINGS = 6
+
+
+def loop_of_axes(
+    rig: Rig,
+    K: Any,
+    r: Any,
+    fs: float,
+    saturation: Any,
+    resolution: Any,
+    delay: float,
+    disturbance: Any,
+    noise: Any,
+    initial: Any,
+    steps: int,
+) -> LoopResponse:
+    """What `simulate_loop` gives for a rig of matrices; arguments as there."""
+    r = some_samples("r", r, channels=rig.n_outputs)
+    n = r.shape[1]
+    controller = [np.ascontiguousarray(part) for part in matrices(K, fs, rig.n_outputs, rig.n_inputs)]
+    limits = limit("saturation", saturation, rig.n_inputs), limit("resolution", resolution, rig.n_outputs)
+    signals = [channels("disturbance", disturbance, rig.n_inputs, n), channels("noise", noise, rig.n_outputs, n)]
+    begin = begun(initial, rig.n_axes)
+    late = min(nonnegative("delay", delay) * fs, n)  # all later is after the end
+    for halving in range(MOST_HALVINGS + 1):  # what does not reach the end is run again before it is believed
+        numbers = fs, *limits, late, steps * 2**halving
+        length, found, lost = attempt_axes(rig, controller, np.ascontiguousarray(r.T), signals, begin, numbers)
+        if length == n:
+            break
+    warn_lost(lost)
+    x, v, friction, y, u = (part[:, :length] for part in found)
+    t, ran_away = np.arange(length) / fs, length < n
+    return LoopResponse(t=t, r=r[:, :length], u=u, x=x, v=v, y=y, friction=friction, diverged=ran_away)
+
+
+def attempt_axes(
+    rig: Rig, controller: list[np.ndarray], r: np.ndarray, signals: list[np.ndarray], begin: np.ndarray, numbers: Any
+) -> tuple[int, list[np.ndarray], float]:
+    """One call of the compiled code: samples reached, channels (.., n) of x, v, friction, y and u, loops lost."""
+    from nlfrf.rig.kernels.coupled import run_axes_loop
+
+    memory = at_rest(rig)
+    laws, grids = axes.packed_laws(rig.friction)
+    memory.state[:, packing.X], memory.state[:, packing.V] = begin
+    dry = laws[:, 0] == packing.COULOMB
+    memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
+    rows = np.zeros((len(r), 4, rig.n_axes))
+    y, u = np.zeros((len(r), rig.n_outputs)), np.zeros((len(r), rig.n_inputs))
+    machine = axes.machine(rig.mass, rig.stiffness, rig.damping, rig.cubic)
+    places = np.array(rig.sensors), np.array(rig.actuators)
+    length = run_axes_loop(
+        machine, laws, grids, memory.state, memory.stack, *places, *controller, r, *signals, *numbers, rows, y, u
+    )
+    x, v = rig.sensors @ rows[:, 0].T, rig.sensors @ rows[:, 1].T
+    return int(length), [x, v, rows[:, 3].T, y.T, u.T], float(memory.state[:, packing.LOST].sum())
+
+
+def limit(name: str, given: Any, n: int) -> np.ndarray:
+    """(n,) limits: one for all channels, or one for each; a saturation may be infinite, a resolution zero."""
+    if np.ndim(given) > 0 and np.shape(given) != (n,):
+        raise ValueError(f"{name} must be one number or {n}, one a channel, got shape {np.shape(given)}")
+    check = nonnegative if name == "resolution" else positive
+    found = np.broadcast_to(np.asarray(given, dtype=float), (n,)).tolist()
+    return np.array([one if name == "saturation" and one == np.inf else check(name, one) for one in found])
+
+
+def channels(name: str, signal: Any, n_channels: int, n: int) -> np.ndarray:
+    """(n, channels) samples; zeros when not given."""
+    if signal is None:
+        return np.zeros((n, n_channels))
+    signal = real_array(name, signal, ndim=2)
+    if signal.shape != (n_channels, n):
+        raise ValueError(f"{name} must have shape ({n_channels}, {n}), channels and samples of r, got {signal.shape}")
+    return np.ascontiguousarray(signal.T)
+
+
+def begun(initial: Any, n: int) -> np.ndarray:
+    """(2, n) positions and velocities of the axes; of one pair each axis has both."""
+    initial = np.asarray(initial, dtype=float)
+    if initial.shape == (2,):
+        initial = np.repeat(initial[:, None], n, axis=1)
+    if initial.shape != (2, n):
+        raise ValueError(f"initial must hold positions and velocities, shape (2, {n}), got shape {initial.shape}")
+    return real_array("initial", initial, ndim=2)
+
+
+# ---- A stack of loops around one rig as the compiled code takes it: one row of every array a run.
+
+#: How often the step is halved before a loop that runs away is called diverged.
+SHARED = ("rig", "fs", "saturation", "resolution", "steps")
+
+
+@value(copy=False)
+class LoopRuns:
+    """Runs of sampled loops around one rig.
+
+    Fields
+    ------
+    rig : Rig
+    fs, saturation, resolution : float
+    steps : int
+        Integration steps a sample.
+    A, B, C, D : (R, s, s), (R, s), (R, s), (R,) ndarray
+        Controllers.
+    r, disturbance, noise : (R, n) ndarray
+    delays : (R,) ndarray
+        In samples.
+    initial : (R, 2) ndarray
+        Position and velocity.
+    """
+
+    rig: Rig
+    fs: float
+    saturation: float
+    resolution: float
+    steps: int
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    r: np.ndarray
+    disturbance: np.ndarray
+    noise: np.ndarray
+    delays: np.ndarray
+    initial: np.ndarray
+
+    def chosen(self, rows: np.ndarray, steps: int) -> LoopRuns:
+        """Some of the runs, with other steps."""
+        names = [field.name for field in fields(self) if field.name not in SHARED]
+        arrays: dict[str, Any] = {name: some(getattr(self, name), rows) for name in names}
+        return replace(self, steps=steps, **arrays)
+
+    def __reduce__(self) -> Any:
+        """To another process, what all runs share travels once."""
+        held = {field.name: getattr(self, field.name) for field in fields(self)}
+        once = [name for name, part in held.items() if isinstance(part, np.ndarray) and part.strides[0] == 0]
+        return arrived, (held | {name: held[name][:1] for name in once}, once, self.delays.size)
+
+
+def some(rows: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Some rows; of one row shown many times, the same fewer times."""
+    return np.broadcast_to(rows[:1], (chosen.size, *rows.shape[1:])) if rows.strides[0] == 0 else rows[chosen]
+
+
+def arrived(held: dict[str, Any], once: list[str], n: int) -> LoopRuns:
+    """The runs as they were sent."""
+    every = {name: np.broadcast_to(held[name], (n, *held[name].shape[1:])) for name in once}
+    return LoopRuns(**(held | every))
+
+
+class Parts(Sequence[LoopRuns]):
+    """The same runs in parts of at most so many, each made when it is asked for."""
+
+    def __init__(self, runs: LoopRuns, most: int) -> None:
+        n = runs.delays.size
+        self.runs, self.rows = runs, np.array_split(np.arange(n), -(-n // most))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: Any) -> Any:
+        return self.runs.chosen(self.rows[i], self.runs.steps)
+
+
+def respond(runs: LoopRuns) -> dict[str, np.ndarray]:
+    """rows (R, n, 5) of x, v, y, u and friction at each sample, lengths up to where a run ran away, loops lost.
+
+    What does not reach the end is run again with shorter steps, before it is believed.
+    """
+    found = attempt(runs)
+    for halving in range(1, MOST_HALVINGS + 1):
+        short = np.flatnonzero(found["lengths"] < runs.r.shape[1])
+        if not short.size:
+            break
+        again = attempt(runs.chosen(short, runs.steps * 2**halving))
+        for name, part in again.items():
+            found[name][short] = part
+    return found
+
+
+def attempt(runs: LoopRuns) -> dict[str, np.ndarray]:
+    """One call of the compiled code for all runs."""
+    n_runs, n = runs.r.shape
+    law, grid = packed_law(runs.rig.friction)
+    body = packing.Body(False, float(runs.rig.mass), float(runs.rig.stiffness), float(runs.rig.damping))
+    memory = packing.at_rest(law.curve, grid)
+    states = np.tile(memory.state, (n_runs, 1))
+    stacks = np.tile(memory.stack, (n_runs, 1, 1))
+    states[:, packing.X], states[:, packing.V] = runs.initial.T
+    if law.form == packing.COULOMB:
+        states[:, packing.DIRECTION] = np.sign(runs.initial[:, 1])
+    run_loops = kernel_of(law)
+    if isinstance(law, OwnLaw):
+        stacks[:, 0, : law.of.rest.size] = law.of.rest
+    rows, lengths = np.zeros((n_runs, n, 5)), np.zeros(n_runs, dtype=np.int64)
+    # copies: the code was compiled for arrays that can be written
+    controllers = [np.array(part, order="C") for part in (runs.A, runs.B, runs.C, runs.D)]
+    signals = [np.array(part, order="C") for part in (runs.r, runs.disturbance, runs.noise)]
+    numbers = float(runs.fs), float(runs.saturation), float(runs.resolution)
+    places = np.array(grid), states, stacks
+    run_loops(
+        body,
+        packing.Law(*law),
+        *places,
+        *controllers,
+        *signals,
+        *numbers,
+        np.array(runs.delays, order="C"),
+        int(runs.steps),
+        rows,
+        lengths,
+    )
+    return {"rows": rows, "lengths": lengths, "lost": states[:, packing.LOST].copy()}
+
+
+def kernel_of(law: packing.Law) -> Callable[..., None]:
+    """The compiled loops around a law."""
+    if isinstance(law, OwnLaw):
+        from nlfrf.rig.kernels.loops import own_loops
+
+        return own_loops(law.of.derivative, law.of.force, law.of.rest.size)
+    from nlfrf.rig.kernels.loops import run_loops
+
+    return run_loops
+
+
+# ---- What is wanted of each loop of a stack, found where the loops are computed, so that little has to travel.
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A task: the loops computed, and of each what `of` gives. Only that comes back, and how many turns were lost."""
+
+    of: Callable[[LoopResponse], Any]
+
+    def __call__(self, runs: LoopRuns) -> Arrays:
+        out = respond(runs)
+        try:
+            return {"found": objects(results(runs, out, self.of)), "lost": out["lost"]}
+        except Exception as error:  # of the function, not of the executor: raised by whoever asked
+            return {"refused": objects([error]), "lost": out["lost"]}
+
+
+def objects(items: list[Any]) -> np.ndarray:
+    """(n,) array of anything, looked at no further."""
+    held = np.empty(len(items), dtype=object)
+    for i, item in enumerate(items):
+        held[i] = item
+    return held
+
+
+def results(runs: LoopRuns, out: Arrays, of: Callable[[LoopResponse], Any] | None) -> list[Any]:
+    """What comes of computed runs: their responses, or of each what is wanted of it."""
+    if "refused" in out:
+        raise out["refused"][0]
+    if "found" in out:
+        return list(out["found"])
+    responses = told(runs, out)
+    return responses if of is None else [of(response) for response in responses]
+
+
+def told(runs: LoopRuns, out: Arrays) -> list[LoopResponse]:
+    """What the compiled code gave, as values; arrays end where a loop ran away."""
+    found = []
+    for r, rows, n in zip(runs.r, out["rows"], out["lengths"], strict=True):
+        x, v, y, u, friction = rows[:n].T
+        ran_away = bool(n < r.size)
+        t = np.arange(n) / runs.fs
+        found.append(LoopResponse(t=t, r=r[:n], u=u, x=x, v=v, y=y, friction=friction, diverged=ran_away))
+    return found
+
+
+def travels(of: Callable[[LoopResponse], Any]) -> bool:
+    """Whether a process of any executor can be given a function; a lambda it cannot, nor what a notebook defines."""
+    try:
+        sent = pickle.dumps(of)
+    except Exception:  # pickle raises anything
+        return False
+    return b"__main__" not in sent or hasattr(sys.modules["__main__"], "__file__")
+
+
+MOST_STEPS = 10_000  # integration steps per sample; what needs more is a mistake in mass or stiffness
+CHUNK = 250_000  # samples that one task of an executor holds: 10 MB, a second or less
+
+
+def simulate_loop(
+    rig: Rig,
+    K: Any,
+    r: Any,
+    *,
+    fs: float,
+    saturation: Any = np.inf,
+    resolution: Any = 0.0,
+    delay: float = 0.0,
+    disturbance: Any = None,
+    noise: Any = None,
+    initial: Any = (0.0, 0.0),
+    oversampling: int = 4,
+) -> LoopResponse:
+    """Put a sampled controller around the rig, u = K (r - y), with a zero-order hold, and let it follow a reference.
+
+    Around a rig of matrices it is a controller matrix, full or one loop an axis; signals have a channel axis in front.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    K : state space
+        Anything with A, B, C, D and dt: forces [N] from errors [m], n_y inputs and n_u outputs. Sampled, dt = 1/fs.
+    r : (n,) or (n_y, n) ndarray
+        Reference of the measured positions [m], one value per sample.
+    fs : float
+        Sampling frequency of the controller [Hz].
+    saturation : float or (n_u,) ndarray
+        Largest force the actuators give, either way [N].
+    resolution : float or (n_y,) ndarray
+        Step of the position sensors [m]; zero for none.
+    delay : float
+        From sampling to the force changing [s]; any part of a sample, or several.
+    disturbance : (n,) or (n_u, n) ndarray, optional
+        Force added to the controller's [N], held over each sample.
+    noise : (n,) or (n_y, n) ndarray, optional
+        Added to the measured position [m], before it is quantised.
+    initial : (2,) or (2, axes) ndarray
+        Position [m] and velocity [m/s] that the rig begins with, its friction relaxed.
+    oversampling : int
+        Integration steps per sample at least; more are taken where the rig needs them.
+
+    Returns
+    -------
+    LoopResponse
+        A loop that runs away is a result, not an error: `diverged` says so.
+
+    Raises
+    ------
+    ValueError
+        A controller that is continuous, of another sampling time, or of other inputs and outputs than the rig; arrays
+        that do not fit; a rig that is far too fast for fs.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay).
+
+    Examples
+    --------
+    An integrator brings the position to the reference; friction makes it take its time over the last of it.
+
+    >>> from types import SimpleNamespace
+    >>> from nlfrf.rig.bench.rig import paper_rig
+    >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
+    >>> response = simulate_loop(paper_rig(), K, np.full(3000, 1e-3), fs=1000)
+    >>> bool(abs(response.e[-1]) < 1e-5)
+    True
+    """
+    of_kind("rig", rig, Rig)
+    if rig.several:
+        fs = positive("fs", fs)
+        steps = steps_of(rig, fs, oversampling)
+        return loop_of_axes(rig, K, r, fs, saturation, resolution, delay, disturbance, noise, initial, steps)
+    r = some_samples("r", r)
+    runs = stack(
+        rig,
+        [K],
+        r[None],
+        fs,
+        saturation,
+        resolution,
+        delay,
+        np.atleast_2d(initial),
+        oversampling,
+        disturbance=fitted("disturbance", disturbance, r.size)[None],
+        noise=fitted("noise", noise, r.size)[None],
+    )
+    out = respond(runs)
+    warn_lost(float(out["lost"].max()))
+    return told(runs, out)[0]
+
+
+def simulate_loops(
+    rig: Rig,
+    controllers: Any,
+    r: Any,
+    *,
+    fs: float,
+    saturation: float = np.inf,
+    resolution: float = 0.0,
+    delay: Any = 0.0,
+    disturbance: Any = None,
+    noise: Any = None,
+    initial: Any = (0.0, 0.0),
+    oversampling: int = 4,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    resume: Any = None,
+    of: Callable[[LoopResponse], Any] | None = None,
+) -> list[Any]:
+    """Many loops around one rig, in compiled code: controllers, disturbances and initial states, one a run.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    controllers : sequence of state spaces
+        One a run, as in `simulate_loop`; a single one serves all runs.
+    r, disturbance, noise : (n,) or (R, n) ndarray
+        As in `simulate_loop`, for all runs or one a run.
+    fs, saturation, resolution, oversampling
+        As in `simulate_loop`.
+    delay : float or (R,) ndarray
+        From sampling to the force changing [s].
+    initial : (2,) or (R, 2) ndarray
+        Position [m] and velocity [m/s] at the begin.
+    executor : concurrent.futures.Executor, optional
+        Where the runs are computed; one thread per core when not given.
+    progress : callable, optional
+        Called with the number of parts done and their total.
+    resume : path, optional
+        Folder that keeps every finished part, 40 bytes a sample. Run again after an interruption, with the same
+        arguments, only the others are computed.
+    of : callable, optional
+        What is wanted of each response, ``lambda response: response.outcome(0.2)`` say. The responses themselves are
+        let go, so that thousands of runs take no memory. With an executor, a function that pickles (of a module, or a
+        `functools.partial` of one) is called where the run is computed, and only what it gives comes back; a lambda
+        is called here, and so is any function with `resume`, whose folder keeps the runs themselves.
+
+    Returns
+    -------
+    list of LoopResponse, or of what `of` gives
+        In the order of the runs.
+
+    Raises
+    ------
+    ValueError
+        As `simulate_loop`; numbers of runs that do not agree.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3 (hold and delay).
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from nlfrf.rig.bench.rig import paper_rig
+    >>> K = SimpleNamespace(A=[[1.0]], B=[[1.0]], C=[[300.0]], D=[[300.0]], dt=1e-3)
+    >>> kicks = [[0.0, 0.0], [0.0, 0.05]]
+    >>> rest, kicked = simulate_loops(paper_rig(), [K], np.zeros(400), fs=1000, initial=kicks)
+    >>> bool(abs(rest.x).max() == 0), bool(abs(kicked.x).max() > 1e-5)
+    (True, True)
+    """
+    of_kind("rig", rig, Rig)
+    one_axis(rig, "in a stack of loops")
+    controllers = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
+    shapes = {
+        "r": np.ndim(r),
+        "initial": np.ndim(initial),
+        "disturbance": np.ndim(disturbance),
+        "noise": np.ndim(noise),
+    }
+    given = {"r": r, "initial": initial, "disturbance": disturbance, "noise": noise}
+    counts = {name: np.shape(given[name])[0] for name, ndim in shapes.items() if ndim == 2}
+    counts |= {"controllers": len(controllers), "delay": np.size(delay)}
+    n_runs = max(counts.values())
+    for name, count in counts.items():
+        if count not in (1, n_runs):
+            raise ValueError(f"{name} must be given once or for each of the {n_runs} runs, got {count}")
+    r = real_array("r", np.atleast_2d(r), ndim=2)
+    if r.size == 0:
+        raise ValueError("r must hold at least one sample, got none")
+    parts = {name: many(name, given[name], r.shape[1]) for name in ("disturbance", "noise")}
+    runs = stack(
+        rig, controllers, r, fs, saturation, resolution, delay, np.atleast_2d(initial), oversampling, **parts, n=n_runs
+    )
+    parts_of_runs = Parts(runs, max(1, CHUNK // r.shape[1]))
+    # what a folder keeps are the runs themselves, whatever is wanted of them
+    there = of is not None and executor is not None and resume is None and travels(of)
+    task = Wanted(of) if of is not None and there else respond
+    found: dict[int, list[Any]] = {}
+    for i, out in run_each(task, parts_of_runs, executor=executor, progress=progress, resume=resume):
+        warn_lost(float(out["lost"].max()))
+        found[i] = results(parts_of_runs[i], out, of)
+    return [one for i in range(len(parts_of_runs)) for one in found[i]]
+
+
+def stack(
+    rig: Rig,
+    controllers: list[Any],
+    r: np.ndarray,
+    fs: float,
+    saturation: float,
+    resolution: float,
+    delay: Any,
+    initial: np.ndarray,
+    oversampling: int,
+    *,
+    disturbance: np.ndarray,
+    noise: np.ndarray,
+    n: int = 1,
+) -> LoopRuns:
+    """Checked arguments as arrays with one row a run; controllers of fewer states get some that do nothing."""
+    fs = positive("fs", fs)
+    given = [matrices(K, fs) for K in controllers]
+    if not np.isposinf(real_or_infinite("saturation", saturation)):
+        positive("saturation", saturation)
+    resolution = nonnegative("resolution", resolution)
+    delays = np.array([nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
+    steps = steps_of(rig, fs, oversampling)
+    initial = real_array("initial", initial, ndim=2)
+    if initial.shape not in ((1, 2), (n, 2)):
+        raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
+    size = max(A.shape[0] for A, _, _, _ in given)
+
+    def each(rows: Any) -> np.ndarray:
+        rows = np.asarray(rows, dtype=float)
+        return np.broadcast_to(rows, (n, *rows.shape[1:]))  # a view: what all runs share is not copied for each
+
+    return LoopRuns(
+        rig=rig,
+        fs=fs,
+        saturation=float(saturation),
+        resolution=resolution,
+        steps=steps,
+        A=each(padded([A for A, _, _, _ in given], (size, size))),
+        B=each(padded([B[:, 0] for _, B, _, _ in given], (size,))),
+        C=each(padded([C[0] for _, _, C, _ in given], (size,))),
+        D=each([D[0, 0] for _, _, _, D in given]),
+        r=each(r),
+        disturbance=each(disturbance),
+        noise=each(noise),
+        delays=np.minimum(each(delays) * fs, r.shape[1]),  # all later is after the end
+        initial=each(initial),
+    )
+
+
+def padded(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    """(n, *shape) arrays in a stack, zeros behind the smaller ones."""
+    rows = np.zeros((len(parts), *shape))
+    for row, part in zip(rows, parts, strict=True):
+        row[tuple(slice(n) for n in part.shape)] = part
+    return rows
+
+
+def steps_of(rig: Rig, fs: float, oversampling: int) -> int:
+    """Integration steps a sample: those that are asked for, or those that the rig needs."""
+    needed = int(np.ceil(1 / (fs * rig.stable_step)))
+    if needed > MOST_STEPS:
+        raise ValueError(
+            f"fs must leave the rig at most {MOST_STEPS} integration steps a sample, got {fs:g} Hz with {needed}: "
+            f"its stable step is {rig.stable_step:.2g} s"
+        )
+    return max(integer("oversampling", oversampling, least=1), needed)
+
+
+def many(name: str, signal: Any, n: int) -> np.ndarray:
+    """(R, n) signals, one a run; zeros when not given."""
+    if signal is None:
+        return np.zeros((1, n))
+    signal = real_array(name, np.atleast_2d(signal), ndim=2)
+    if signal.shape[1] != n:
+        raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.shape[1]}")
+    return signal
+
+
+def fitted(name: str, signal: Any, n: int) -> np.ndarray:
+    """A signal of n samples; zeros when not given."""
+    if signal is None:
+        return np.zeros(n)
+    signal = real_array(name, signal, ndim=1)
+    if signal.size != n:
+        raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.size}")
+    return signal
+
+
+def real_or_infinite(name: str, number: Any) -> float:
+    """A real number that may be infinite."""
+    return np.inf if isinstance(number, (float, np.floating)) and np.isposinf(number) else real(name, number)

@@ -1,0 +1,178 @@
+"""The motion of a rig through any force, from rest; the friction of a motion that is prescribed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import integer, of_kind, one_of, positive, real_array
+from nlfrf._base.values import value
+from nlfrf.rig.bench.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
+from nlfrf.rig.kernels import data as packing
+from nlfrf.rig.laws.hysteresis import warn_lost
+from nlfrf.rig.laws.integration import integrate
+from nlfrf.rig.laws.laws import Friction, packed_law
+
+__all__ = ["Motion", "drive", "run", "some_samples"]
+
+
+@value
+class Motion:
+    """What a run gave, sample by sample.
+
+    Fields
+    ------
+    t : (n,) ndarray
+        Time [s].
+    drive : (n,) or (n_u, n) ndarray
+        Force on the mass [N], or velocity of a prescribed motion [m/s].
+    x, v, z : (n,) or (axes, n) ndarray
+        Position [m], velocity [m/s], and deflection of the friction [m].
+    friction : (n,) or (axes, n) ndarray
+        Friction force [N].
+
+    Examples
+    --------
+    >>> from nlfrf import paper_rig, run
+    >>> motion = run(paper_rig(), np.zeros(4), fs=1000)
+    >>> motion.t.tolist(), motion.x.tolist()
+    ([0.0, 0.001, 0.002, 0.003], [0.0, 0.0, 0.0, 0.0])
+    """
+
+    t: np.ndarray
+    drive: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    z: np.ndarray
+    friction: np.ndarray
+
+
+def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "linear") -> Motion:
+    """Run the rig from rest through any force, periodic or not.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    force : (n,) ndarray, or (n_u, n) of a rig of matrices
+        Force on the mass [N].
+    fs : float
+        Sampling frequency [Hz].
+    oversampling : int
+        Integration steps per sample.
+    hold : str
+        The force between samples: "linear", or "zoh" (held).
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    ValueError
+        A step too long to be stable, with the oversampling that would do; no sample.
+
+    Examples
+    --------
+    A force below the static friction moves the mass by a few micrometres and does not set it free.
+
+    >>> from nlfrf import paper_rig
+    >>> motion = run(paper_rig(), np.full(4000, 0.5), fs=4000.0)
+    >>> bool(2e-6 < motion.x[-1] < 8e-6)
+    True
+    """
+    of_kind("rig", rig, Rig)
+    samples = some_samples("force", force, channels=rig.n_inputs if rig.several else None)
+    fs = positive("fs", fs)
+    oversampling = integer("oversampling", oversampling, least=1)
+    one_of("hold", hold, ("linear", "zoh"))
+
+    def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
+        memory = at_rest(rig)
+        return advance(rig, memory, between_samples(samples, steps, hold), 1 / (fs * steps), steps), memory
+
+    refuse_long_step(rig.stable_step, fs, oversampling)
+    warn_coarse(rig.poles(1.0), fs, oversampling)
+    out, memory = attempt(oversampling)
+    if out is None:
+        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
+    warn_lost(memory.state[..., packing.LOST].sum())
+    return motion(samples, out, fs)
+
+
+def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Motion:
+    """Friction force for a prescribed motion, from rest: to draw hysteresis loops and Stribeck curves.
+
+    Parameters
+    ----------
+    friction : Coulomb, Dahl, LuGre, Leuven or GeneralizedMaxwellSlip
+        The friction law.
+    v : (n,) ndarray
+        Velocity [m/s], straight between samples.
+    fs : float
+        Sampling frequency [Hz].
+    oversampling : int
+        Integration steps per sample.
+
+    Returns
+    -------
+    Motion
+        With the velocity as its drive.
+
+    Raises
+    ------
+    ValueError
+        As in `run`.
+
+    Examples
+    --------
+    At constant velocity the friction settles on the Stribeck curve, with the viscous part on top.
+
+    >>> from nlfrf.friction import Leuven
+    >>> motion = drive(Leuven(), np.full(2000, 0.01), fs=10e3)
+    >>> round(float(motion.friction[-1]), 4)
+    0.8144
+    """
+    velocity = some_samples("v", v)
+    fs = positive("fs", fs)
+    oversampling = integer("oversampling", oversampling, least=1)
+    law, grid = packed_law(friction)
+    body = packing.Body(True, 1.0, 0.0, 0.0)
+
+    def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
+        memory = packing.at_rest(law.curve, grid)
+        samples = between_samples(velocity, steps, "linear")
+        return integrate(body, law, grid, memory, samples, 1 / (fs * steps), steps), memory
+
+    out, memory = attempt(oversampling)
+    if out is None:
+        raise step_refusal(fs, oversampling, lambda steps: attempt(steps)[0] is not None)
+    warn_lost(memory.state[packing.LOST])
+    return motion(velocity, out, fs)
+
+
+def some_samples(name: str, signal: Any, *, channels: int | None = None) -> np.ndarray:
+    """The signal (n,), or (channels, n) where channels are given, as an array of at least one sample."""
+    samples = real_array(name, signal, ndim=1 if channels is None else 2)
+    if channels is not None and len(samples) != channels:
+        raise ValueError(f"{name} must have {channels} channels, as the rig has, got {len(samples)}")
+    if samples.size == 0:
+        raise ValueError(f"{name} must hold at least one sample, got none")
+    return samples
+
+
+def motion(drive: np.ndarray, out: np.ndarray, fs: float) -> Motion:
+    """What the integrator gave, as a value."""
+    x, v, z, friction = np.moveaxis(out, 0, -1)
+    return Motion(t=np.arange(drive.shape[-1]) / fs, drive=drive, x=x, v=v, z=z, friction=friction)
+
+
+def between_samples(samples: np.ndarray, oversampling: int, hold: str) -> np.ndarray:
+    """(n * oversampling, 3), of several channels (.., 3, n_u) force at begin, middle and end; the last one is held."""
+    step = np.arange(oversampling)[:, np.newaxis]
+    fraction = (step + np.array([0.0, 0.5, 1.0])) / oversampling if hold == "linear" else np.zeros((oversampling, 3))
+    rise = np.diff(samples, append=samples[..., -1:])
+    force = samples[..., np.newaxis, np.newaxis] + rise[..., np.newaxis, np.newaxis] * fraction
+    force = force.reshape(*samples.shape[:-1], -1, 3)
+    return force if samples.ndim == 1 else np.moveaxis(force, 0, -1)

@@ -1,0 +1,310 @@
+"""A machine with friction: masses on springs, forces in, positions out.
+
+    m x'' + c x' + k x + friction(x') = force                                          one axis
+    M q'' + C q' + K q + cubic springs + friction(q') = actuators @ force, y = sensors @ q        several
+
+`Rig` is the machine; `nlfrf.run` takes it from rest through any force, `nlfrf.simulate` through multisines.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import DataWarning, nonnegative, one_of, positive
+from nlfrf._base.values import value
+from nlfrf.rig.bench import machine as axes
+from nlfrf.rig.kernels import data as packing
+from nlfrf.rig.laws.integration import integrate
+from nlfrf.rig.laws.laws import Leuven, LuGre, packed_law
+
+__all__ = [
+    "REAL_LIMIT",
+    "Rig",
+    "advance",
+    "at_rest",
+    "longest_step",
+    "one_axis",
+    "paper_rig",
+    "refuse_long_step",
+    "step_refusal",
+    "two_axis_stage",
+    "warn_coarse",
+]
+
+
+# ---- How long an integration step may be: stable, and fine enough for the resonance.
+
+#: |h lambda| on the negative real axis up to which the fourth-order Runge-Kutta step is stable.
+REAL_LIMIT = 2.785
+#: Relative error at the resonance of the stuck rig above which a step is called coarse.
+COARSE = 0.01
+
+
+def longest_step(pole: complex) -> float:
+    """Longest step [s] with which the Runge-Kutta method keeps a mode with this pole from growing."""
+    if abs(pole) == 0 or pole.real > 0:
+        return np.inf
+    direction = pole / abs(pole)
+
+    def growth(length: float) -> float:
+        q = length * direction
+        return abs(1 + q + q**2 / 2 + q**3 / 6 + q**4 / 24)
+
+    low, high = 0.0, 4.0  # along every ray into the left half plane growth passes 1 once before 4
+    for _ in range(25):
+        middle = (low + high) / 2
+        low, high = (middle, high) if growth(middle) <= 1 + 1e-12 else (low, middle)
+    return low / abs(pole)
+
+
+def refuse_long_step(longest: float, fs: float, oversampling: int) -> None:
+    """Refuse a step with which the rig is unstable even before it slides."""
+    if 1 / (fs * oversampling) > longest:
+        raise ValueError(
+            f"oversampling must be at least {int(np.ceil(1 / (fs * longest)))} for a stable integration step "
+            f"of at most {longest:.3g} s at fs = {fs:g} Hz, got {oversampling}"
+        )
+
+
+def step_refusal(fs: float, oversampling: int, stable: Callable[[int], bool]) -> ValueError:
+    """The refusal of a step that turned out too long in sliding, with one that was tried and would do."""
+    enough, finer = "more than", oversampling
+    for finer in (oversampling * 2**i for i in range(1, 10)):
+        if stable(finer):
+            enough = "about"
+            break
+    return ValueError(
+        f"oversampling must be {enough} {finer} for a stable integration step in sliding "
+        f"({1 / (fs * finer):.3g} s at fs = {fs:g} Hz), got {oversampling}"
+    )
+
+
+def warn_coarse(poles: np.ndarray, fs: float, oversampling: int) -> None:
+    """Warn where the step moves a pole of the stuck rig by more than 1 % of its damping: the resonance is wrong."""
+    swinging = poles[(poles.imag > 0) & (poles.real != 0)]
+    if not swinging.size:
+        return
+    # a Runge-Kutta step of fourth order is off by (h p)^5 / 120
+    shift = np.max(np.abs(swinging / swinging.real) * (np.abs(swinging) / (fs * oversampling)) ** 4 / 120)
+    if shift > COARSE:
+        enough = int(np.ceil(oversampling * (shift / COARSE) ** 0.25))
+        warnings.warn(
+            f"the integration step is coarse: the resonance of the stuck rig comes out wrong by {100 * shift:.2g} %. "
+            f"Take an oversampling of {enough}, or state the accuracy",
+            DataWarning,
+            stacklevel=3,
+        )
+
+
+@value(kw_only=False)
+class Rig:
+    """A mass on a spring with viscous damping and friction to ground, or several such axes coupled.
+
+    With numbers it is one axis. With matrices it has n axes, each with a friction law of its own or none.
+
+    Parameters
+    ----------
+    mass : float or (n, n) ndarray
+        [kg]; symmetric and positive definite.
+    stiffness : float or (n, n) ndarray
+        Of the springs to ground and between axes [N/m]; zero for a free mass.
+    friction : law, or a list of n laws or None
+        Coulomb, Dahl, LuGre, Leuven, GeneralizedMaxwellSlip, VaryingSliders, of one axis OwnFriction too.
+    damping : float or (n, n) ndarray
+        Viscous damping beside the friction law's own [Ns/m].
+    cubic : (n, n) ndarray, optional
+        Springs of force c d^3 [N/m^3]: on the diagonal to ground, beside it between two axes. Symmetric.
+    actuators : (n, n_u) ndarray, optional
+        What each force does to each axis; one force an axis when not given.
+    sensors : (n_y, n) ndarray, optional
+        What each measured position sees of each axis; one an axis when not given.
+    inputs, outputs : tuple of str
+        Names of the n_u forces and n_y positions, as records of the rig carry them.
+
+    Raises
+    ------
+    ValueError
+        A mass that is not positive (definite), a negative (indefinite) stiffness or damping, a friction that is no law,
+        matrices, laws or names that do not fit each other.
+
+    References
+    ----------
+    "The impact of nonlinear friction on frequency response function measurements", section 2: the experiment.
+
+    Examples
+    --------
+    >>> from nlfrf.rig.laws.laws import LuGre
+    >>> lugre = LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+    >>> rig = Rig(1.0, 80e3, lugre)
+    >>> bool(rig.stable_step > 1 / 4096), rig.n_axes
+    (True, 1)
+
+    A motor and a load on a shaft, friction at the motor, the load measured:
+
+    >>> drive = Rig(np.diag([1.0, 2.0]), [[5e4, -5e4], [-5e4, 5e4]], [lugre, None], [[2.0, -2.0], [-2.0, 2.0]],
+    ...             actuators=[[1.0], [0.0]], sensors=[[0.0, 1.0]])
+    >>> drive.n_axes, drive.n_inputs, drive.n_outputs
+    (2, 1, 1)
+    """
+
+    mass: Any
+    stiffness: Any
+    friction: Any
+    damping: Any = 0.0
+    cubic: Any = None
+    actuators: Any = None
+    sensors: Any = None
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.several:
+            checked = axes.checked({name: getattr(self, name) for name in axes.FIELDS})
+        else:
+            checked = axes.checked_single({name: getattr(self, name) for name in axes.FIELDS})
+            positive("mass", self.mass)
+            nonnegative("stiffness", self.stiffness)
+            nonnegative("damping", self.damping)
+            packed_law(self.friction)
+        for name, content in checked.items():
+            object.__setattr__(self, name, content)
+
+    @property
+    def several(self) -> bool:
+        """Whether it was made of matrices."""
+        return np.ndim(self.mass) > 0
+
+    @property
+    def n_axes(self) -> int:
+        """Axes n."""
+        return len(self.mass) if self.several else 1
+
+    @property
+    def n_inputs(self) -> int:
+        """Forces n_u."""
+        return len(self.inputs)
+
+    @property
+    def n_outputs(self) -> int:
+        """Measured positions n_y."""
+        return len(self.outputs)
+
+    def poles(self, gain: float) -> np.ndarray:
+        """(2 n,) poles [rad/s] with so many times the presliding stiffness of the friction: 1 stuck, 0 sliding."""
+        if self.several:
+            return axes.poles(self.mass, self.stiffness, self.damping, self.friction, gain)
+        law, _ = packed_law(self.friction)
+        stiffness, damping = self.stiffness + gain * law.curve.K0, self.damping + gain * law.sigma1 + law.sigma2
+        return np.roots([self.mass, damping, stiffness])
+
+    @cached_property
+    def stable_step(self) -> float:
+        """Longest integration step [s] that is stable without sliding; sliding may ask for a shorter one."""
+        # stuck, just after a reversal (dz/dt = 2 v), and sliding
+        limits = [longest_step(complex(pole)) for gain in (1.0, 2.0, 0.0) for pole in self.poles(gain)]
+        for friction in self.friction if self.several else (self.friction,):
+            if friction is None:
+                continue
+            law, _ = packed_law(friction)
+            if law.form == packing.GMS:  # how fast a slipping element is drawn to the Stribeck curve
+                limits.append(REAL_LIMIT * law.Fc / law.n)
+        return min(limits)
+
+
+def paper_rig() -> Rig:
+    """The rig of the paper: 1 kg on 80 kN/m with Leuven friction, resonances near 59 Hz and 45 Hz.
+
+    Returns
+    -------
+    Rig
+
+    References
+    ----------
+    "The impact of nonlinear friction on frequency response function measurements": its table of parameters.
+
+    Examples
+    --------
+    >>> round(float(np.sqrt(paper_rig().stiffness / paper_rig().mass) / (2 * np.pi)), 2)
+    45.02
+    """
+    return Rig(mass=1.0, stiffness=80e3, friction=Leuven())
+
+
+def two_axis_stage(nonlinearity: str = "friction") -> Rig:
+    """A stage of two coupled axes near 29 and 50 Hz, measured at two points that mix them.
+
+    Masses of 1 and 1.5 kg on springs, a spring and a damper between them.
+
+    Parameters
+    ----------
+    nonlinearity : str
+        "friction": LuGre friction on both axes. "springs": cubic springs to ground and between the axes, no friction.
+        "none": neither.
+
+    Returns
+    -------
+    Rig
+        Forces Fx, Fy [N], positions x, y [m].
+
+    Raises
+    ------
+    ValueError
+        Another nonlinearity.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 3.7: what such a stage is for.
+
+    Examples
+    --------
+    >>> poles = two_axis_stage("none").poles(1.0)
+    >>> (np.sort(np.abs(poles))[::2] / (2 * np.pi)).round(1).tolist()
+    [28.9, 49.8]
+    """
+    one_of("nonlinearity", nonlinearity, ("friction", "springs", "none"))
+    k1, k2, coupling = 0.8 * (2 * np.pi * 28) ** 2, 1.5 * (2 * np.pi * 48) ** 2, 9e3
+    lugre = LuGre(sigma0=3e4, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
+    return Rig(
+        mass=np.diag([1.0, 1.5]),
+        stiffness=np.array([[k1 + coupling, -coupling], [-coupling, k2 + coupling]]),
+        friction=[lugre, lugre] if nonlinearity == "friction" else [None, None],
+        damping=np.array([[8.0, -2.0], [-2.0, 14.0]]),
+        cubic=np.array([[3.3e10, 4.5e10], [4.5e10, 1.2e11]]) if nonlinearity == "springs" else None,
+        sensors=np.array([[1.0, 0.15], [-0.1, 1.0]]),
+        inputs=("Fx", "Fy"),
+        outputs=("x", "y"),
+    )
+
+
+def one_axis(rig: Rig, where: str) -> Rig:
+    """The rig, or a refusal where it has several axes."""
+    if rig.several:
+        raise ValueError(f"rig must have one axis {where}, got one of matrices with {rig.n_axes}")
+    return rig
+
+
+def at_rest(rig: Rig) -> packing.Memory:
+    """The memory of a rig that has never moved."""
+    if rig.several:
+        return axes.at_rest(rig.friction)
+    law, grid = packed_law(rig.friction)
+    return packing.at_rest(law.curve, grid)
+
+
+def advance(rig: Rig, memory: packing.Memory, drive: np.ndarray, h: float, substeps: int) -> np.ndarray | None:
+    """Integrate the rig over the force at begin, middle and end of each step, moving `memory` on.
+
+    drive (n, 3), or (n, 3, n_u) where the rig has several axes; what comes (n / substeps, 4), or with an axis of axes.
+    """
+    if rig.several:
+        machine = axes.machine(rig.mass, rig.stiffness, rig.damping, rig.cubic)
+        forces = drive.reshape(len(drive), 3, rig.n_inputs) @ rig.actuators.T
+        return axes.advance(machine, rig.friction, memory, forces, h, substeps)
+    law, grid = packed_law(rig.friction)
+    body = packing.Body(False, float(rig.mass), float(rig.stiffness), float(rig.damping))
+    return integrate(body, law, grid, memory, drive, h, substeps)

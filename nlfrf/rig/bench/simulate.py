@@ -1,0 +1,442 @@
+"""Experiments on a rig: every realisation of a multisine, run to steady state, several at a time."""
+
+from __future__ import annotations
+
+import numbers
+import os
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from dataclasses import fields, is_dataclass, replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+
+from nlfrf._base.arguments import DataWarning, integer, of_kind, one_of, positive, shown
+from nlfrf._base.files import Role, write_arrays
+from nlfrf._base.values import value
+from nlfrf.records.record import Record
+from nlfrf.records.several import MultiRecord
+from nlfrf.rig.bench.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
+from nlfrf.rig.kernels import data as packing
+from nlfrf.rig.laws.hysteresis import warn_lost
+from nlfrf.signals.multisine import Multisine
+from nlfrf.signals.orthogonal import OrthogonalMultisine
+
+__all__ = ["Arrays", "Experiment", "Progress", "run_all", "run_each", "run_experiment", "simulate"]
+
+
+# ---- Many runs of one task: in parallel, with progress, and resumable from the runs that were finished before.
+#
+# A task is a function from a value to a dictionary of arrays. What it gives depends on its value alone, so the
+# result is the same whoever computes it, in whatever order.
+
+WORKERS = 128  # of an executor that does not say how many it has
+
+Arrays = dict[str, np.ndarray]
+Progress = Callable[[int, int], Any]
+
+
+def run_all(
+    task: Callable[[Any], Arrays],
+    values: Sequence[Any],
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    resume: Any = None,
+) -> list[Arrays]:
+    """Run a task on every value; the results in the order of the values. Arguments and refusals as in `run_each`."""
+    results = dict(run_each(task, values, executor=executor, progress=progress, resume=resume))
+    return [results[i] for i in range(len(values))]
+
+
+def run_each(
+    task: Callable[[Any], Arrays],
+    values: Sequence[Any],
+    *,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    resume: Any = None,
+) -> Iterator[tuple[int, Arrays]]:
+    """Run a task on every value; place and result of each as it is done, of which few are held at a time.
+
+    Parameters
+    ----------
+    task : callable
+        From one value to a dictionary of arrays; a function of a module where the executor uses processes.
+    values : sequence
+        What it is run on.
+    executor : concurrent.futures.Executor, optional
+        Where it is run; one thread per core when not given.
+    progress : callable, optional
+        Called with the number done and the total, after each.
+    resume : path, optional
+        Folder that keeps what is done. Results found there are not computed again, unless what computes them changed.
+
+    Returns
+    -------
+    iterator of (int, dict)
+
+    Raises
+    ------
+    ValueError
+        What the task refuses, or an executor that dies: what was done till then is in the folder.
+    """
+    folder = None if resume is None else opened(resume)
+    todo, total, n_done = list(range(len(values))), len(values), 0
+    if folder is not None:
+        names = [f"{fingerprint(task, value)}.npz" for value in values]
+        for i in todo.copy():
+            found = restored(folder / names[i])
+            if found is not None:
+                todo.remove(i)
+                n_done += 1
+                yield i, found
+    if n_done and progress is not None:
+        progress(n_done, total)
+    threads = ThreadPoolExecutor(max_workers=os.cpu_count()) if executor is None else None
+    # what is handed over at a time: nobody waits, and no more results than these are held
+    ahead = 2 * int(getattr(threads or executor, "_max_workers", WORKERS))
+    running: dict[Future[Arrays], int] = {}
+    rest = iter(todo)
+    try:
+        while True:
+            for i in islice(rest, ahead - len(running)):
+                running[(threads or executor).submit(task, values[i])] = i  # type: ignore[union-attr]
+            if not running:
+                break
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                i = running.pop(future)
+                result = future.result()
+                if folder is not None:
+                    write_arrays(folder / names[i], result, role=Role.KEPT)
+                n_done += 1
+                if progress is not None:
+                    progress(n_done, total)
+                yield i, result
+    except ValueError:
+        raise
+    except Exception as error:
+        where = "are lost: give resume= a folder to keep them" if folder is None else f"are kept in {folder}"
+        raise ValueError(
+            f"executor must finish all {total} runs, got {type(error).__name__} ({error}) after {n_done}, which {where}"
+        ) from error
+    finally:
+        for future in running:
+            future.cancel()
+        if threads is not None:
+            threads.shutdown(cancel_futures=True)
+
+
+def opened(resume: Any) -> Path:
+    """The folder, made where it does not exist."""
+    if not isinstance(resume, str | os.PathLike):
+        raise ValueError(f"resume must be a folder, got {shown(resume)}")
+    folder = Path(resume)
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"resume must be a folder, got the file {folder}")
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def restored(path: Path) -> Arrays | None:
+    """A result kept before; None where there is none, or none that can be read."""
+    try:
+        with path.open("rb") as opened_file, np.load(opened_file, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except Exception:  # a damaged file makes zipfile and numpy raise anything
+        return None
+
+
+def fingerprint(task: Callable[[Any], Arrays], value: Any) -> str:
+    """A name for what a task gives on a value: another one for other content, another task, or another integrator."""
+    from hashlib import sha256
+
+    digest = sha256(integrator() + task.__qualname__.encode())
+    absorb(digest, value)
+    return digest.hexdigest()[:32]
+
+
+@cache
+def integrator() -> bytes:
+    """A digest of the code that integrates: results that an older version kept are not taken for those of this one."""
+    from hashlib import sha256
+
+    digest = sha256()
+    package = Path(__file__).parents[1]
+    for path in sorted(path for part in ("bench", "kernels", "laws") for path in (package / part).glob("*.py")):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.digest()
+
+
+def absorb(digest: Any, value: Any) -> None:
+    """Add a value to a digest: type and content, fields one by one."""
+    digest.update(f"<{type(value).__qualname__}>".encode())
+    if is_dataclass(value):
+        for field in fields(value):
+            digest.update(f"{field.name}=".encode())
+            absorb(digest, getattr(value, field.name))
+    elif isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype.str}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, (tuple, list)):
+        for one in value:
+            absorb(digest, one)
+    elif isinstance(value, (str, int, float, type(None))):
+        digest.update(repr(value).encode())
+    elif isinstance(value, numbers.Real):  # of numpy, or a fraction
+        digest.update(repr(float(value)).encode())
+    elif callable(value):
+        raise ValueError("resume must be left out with functions of your own: nothing tells whether they changed")
+    else:
+        raise TypeError(f"no fingerprint of {type(value).__name__}")
+    digest.update(b";")
+
+
+#: Change from one period to the next, relative to the rms of the position, above which a record is called unsettled.
+UNSETTLED = 1e-4
+#: Integration steps per sample beyond which no accuracy is sought.
+MOST_STEPS = 64
+
+
+@value
+class Experiment:
+    """One realisation of a multisine on a rig, and how it is integrated: all that a worker needs."""
+
+    rig: Rig
+    ms: Multisine | OrthogonalMultisine
+    n_periods: int
+    n_discard: int
+    oversampling: int
+    hold: str
+
+
+@overload
+def simulate(
+    rig: Rig,
+    ms: Multisine,
+    *,
+    n_periods: int = ...,
+    n_discard: int = ...,
+    oversampling: int = ...,
+    hold: str = ...,
+    accuracy: float | None = ...,
+    executor: Executor | None = ...,
+    progress: Progress | None = ...,
+    resume: Any = ...,
+) -> Record: ...
+
+
+@overload
+def simulate(
+    rig: Rig,
+    ms: OrthogonalMultisine,
+    *,
+    n_periods: int = ...,
+    n_discard: int = ...,
+    oversampling: int = ...,
+    hold: str = ...,
+    accuracy: float | None = ...,
+    executor: Executor | None = ...,
+    progress: Progress | None = ...,
+    resume: Any = ...,
+) -> MultiRecord: ...
+
+
+def simulate(
+    rig: Rig,
+    ms: Multisine | OrthogonalMultisine,
+    *,
+    n_periods: int = 1,
+    n_discard: int = 2,
+    oversampling: int = 1,
+    hold: str = "band-limited",
+    accuracy: float | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    resume: Any = None,
+) -> Record | MultiRecord:
+    """Run every realisation of a multisine through a rig, from rest to steady state: force in, position out.
+
+    Parameters
+    ----------
+    rig : Rig
+        The machine.
+    ms : Multisine, or OrthogonalMultisine for a rig of several inputs
+        The forces [N], M realisations or experiments of N samples.
+    n_periods : int
+        Periods P kept.
+    n_discard : int
+        Periods run before, for the transient to die out.
+    oversampling : int
+        Integration steps per sample. An even number of steps a period keeps the point symmetry of the friction,
+        so that nothing but rounding appears on even lines.
+    hold : str
+        The force between samples: "band-limited", the multisine itself; "zoh", each sample held.
+    accuracy : float, optional
+        Largest error of the position that is allowed, rms over rms: `oversampling` is doubled until halving the
+        step changes the first realisation by less, from a step too long to be stable too.
+    executor : concurrent.futures.Executor, optional
+        Where the realisations are run; one thread per core when not given. The result does not depend on it.
+    progress : callable, optional
+        Called with the realisations done and the total, after each one.
+    resume : path, optional
+        Folder that keeps every finished realisation. Run again after an interruption, with the same arguments,
+        only the others are computed.
+
+    Returns
+    -------
+    Record, or MultiRecord of an OrthogonalMultisine
+        u, y (M, P, N), or with an axis of channels in front, with the lines of the multisine and the names of the rig.
+
+    Raises
+    ------
+    ValueError
+        A multisine of other inputs than the rig has; a step too long to be stable, with the oversampling that would do;
+        an accuracy that is not reached; an executor that dies; numbers out of range.
+
+    Warns
+    -----
+    DataWarning
+        Where the last two periods still differ by more than 1e-4 of the rms, where the step is coarse for the
+        resonance of the stuck rig, or where the memory of turning points was too short.
+
+    Examples
+    --------
+    The paper's rig, driven on odd lines, answers on odd lines only: even lines hold rounding.
+
+    >>> from nlfrf.signals.multisine import multisine
+    >>> from nlfrf.rig.bench.rig import paper_rig
+    >>> ms = multisine(fs=2048, n_samples=8192, f_min=2, f_max=140, rms=0.25, rng=1)
+    >>> record = simulate(paper_rig(), ms, n_discard=4)
+    >>> spectrum = np.abs(np.fft.rfft(record.y[0, 0]))
+    >>> bool(spectrum[ms.lines.even].max() < 1e-9 * spectrum[ms.lines.odd].max())
+    True
+    """
+    of_kind("rig", rig, Rig)
+    of_kind("ms", ms, Multisine, OrthogonalMultisine)
+    experiment = Experiment(
+        rig=rig,
+        ms=ms,
+        n_periods=integer("n_periods", n_periods, least=1),
+        n_discard=integer("n_discard", n_discard, least=0),
+        oversampling=integer("oversampling", oversampling, least=1),
+        hold=one_of("hold", hold, ("band-limited", "zoh")),
+    )
+    refuse_other_inputs(rig, ms)
+    n_runs = ms.phase.shape[-2]
+    realizations = [replace(experiment, ms=replace(ms, phase=ms.phase[..., m : m + 1, :])) for m in range(n_runs)]
+    if accuracy is None:
+        refuse_long_step(rig.stable_step, ms.fs, oversampling)
+        warn_coarse(rig.poles(1.0), ms.fs, oversampling)
+    else:
+        steps = steps_for(realizations[0], positive("accuracy", accuracy))
+        realizations = [replace(realization, oversampling=steps) for realization in realizations]
+    outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)
+    change = np.array([float(outcome["change"]) for outcome in outcomes])
+    if np.any(change > UNSETTLED):
+        warnings.warn(
+            f"steady state was not reached: the last two periods differ by {change.max():.1e} of the rms. "
+            f"Raise n_discard above {n_discard}",
+            DataWarning,
+            stacklevel=2,
+        )
+    warn_lost(float(sum(outcome["lost"] for outcome in outcomes)))
+    return recorded(rig, ms, np.stack([outcome["y"] for outcome in outcomes], axis=-3), hold)
+
+
+def run_experiment(experiment: Experiment) -> Arrays:
+    """Integrate one realisation from rest; runs in a worker.
+
+    Gives y (P, N) or (n_y, P, N), the change from the last period but one to the last (rms over rms; nan where there is
+    only one), and how many turning points were forgotten for lack of memory.
+    """
+    outcome = attempt(experiment)
+    if outcome is None:
+        fs, steps = experiment.ms.fs, experiment.oversampling
+        raise step_refusal(fs, steps, lambda finer: attempt(replace(experiment, oversampling=finer)) is not None)
+    return outcome
+
+
+def attempt(experiment: Experiment) -> Arrays | None:
+    """What `run_experiment` gives; None where the step was too long to be stable."""
+    rig, ms, steps = experiment.rig, experiment.ms, experiment.oversampling
+    memory = at_rest(rig)
+    drive = one_period(ms, steps, experiment.hold)
+    periods: list[np.ndarray] = []
+    for _ in range(experiment.n_discard + experiment.n_periods):
+        out = advance(rig, memory, drive, 1 / (ms.fs * steps), steps)
+        if out is None:
+            return None
+        periods = [*periods[-max(experiment.n_periods - 1, 1) :], measured(experiment, out[:, 0])]
+    change = np.nan
+    if len(periods) > 1:
+        change = difference(periods[-2], periods[-1])
+    y = np.stack(periods[-experiment.n_periods :], axis=-2)
+    return {"y": y, "change": np.array(change), "lost": np.array(memory.state[..., packing.LOST].sum())}
+
+
+def measured(experiment: Experiment, x: np.ndarray) -> np.ndarray:
+    """(N,) position of the only axis or at the only sensor, or (n_y, N) of several, from those of the axes."""
+    if not experiment.rig.several:
+        return x.copy()
+    y: np.ndarray = experiment.rig.sensors @ x.T
+    return y if isinstance(experiment.ms, OrthogonalMultisine) else y[0]
+
+
+def difference(y: np.ndarray, of: np.ndarray) -> float:
+    """Rms of y - of over the rms of `of`; zero where they are equal, as those of a mass that never moved."""
+    return float(np.linalg.norm(y - of) / max(np.linalg.norm(of), np.finfo(float).tiny))
+
+
+def steps_for(experiment: Experiment, accuracy: float) -> int:
+    """Integration steps per sample with which halving the step changes the position by less than `accuracy`."""
+    coarse = attempt(experiment)
+    while True:
+        finer = replace(experiment, oversampling=2 * experiment.oversampling)
+        fine = attempt(finer)
+        error = np.inf if coarse is None or fine is None else difference(coarse["y"], fine["y"])
+        if error <= accuracy:
+            return experiment.oversampling
+        if finer.oversampling > MOST_STEPS:
+            why = f"halving the step still changes the position by {error:.1e}"
+            if np.isinf(error):
+                why = "the step is still too long to be stable in sliding"
+            raise ValueError(
+                f"accuracy must be one that {MOST_STEPS} integration steps per sample reach ({why}), "
+                f"got {accuracy:g}. Raise the sampling frequency"
+            )
+        experiment, coarse = finer, fine
+
+
+def refuse_other_inputs(rig: Rig, ms: Multisine | OrthogonalMultisine) -> None:
+    """Refuse a multisine that does not drive the inputs that the rig has."""
+    if isinstance(ms, OrthogonalMultisine):
+        if not rig.several or rig.n_inputs != ms.n_inputs:
+            raise ValueError(f"ms must drive {rig.n_inputs} inputs, as the rig has, got {ms.n_inputs}")
+    elif (rig.n_inputs, rig.n_outputs) != (1, 1):
+        raise ValueError(
+            f"ms must be made with n_inputs={rig.n_inputs} for a rig of {rig.n_inputs} inputs and {rig.n_outputs} "
+            "outputs, got one of a single input"
+        )
+
+
+def recorded(rig: Rig, ms: Multisine | OrthogonalMultisine, y: np.ndarray, hold: str) -> Record | MultiRecord:
+    """What was measured, with the names and units of the rig."""
+    u = np.broadcast_to(ms.u[..., np.newaxis, :], (*ms.u.shape[:-1], *y.shape[-2:]))
+    if isinstance(ms, OrthogonalMultisine):
+        return MultiRecord(u=u, y=y, fs=ms.fs, lines=ms.lines, inputs=rig.inputs, outputs=rig.outputs, hold=hold)
+    names = {"u_name": rig.inputs[0], "y_name": rig.outputs[0], "u_unit": "N", "y_unit": "m"}
+    return Record(u=u, y=y, fs=ms.fs, lines=ms.lines, hold=hold, **names)
+
+
+def one_period(ms: Multisine | OrthogonalMultisine, oversampling: int, hold: str) -> np.ndarray:
+    """(n, 3) or (n, 3, n_u) force at the begin, middle and end of every integration step of one period."""
+    if hold == "zoh":
+        u = np.repeat(ms.u[..., 0, :].T, oversampling, axis=0)
+        return np.stack([u, u, u], axis=1)
+    u = ms.sampled(2 * ms.n_samples * oversampling)[..., 0, :].T
+    return np.stack([u[0::2], u[1::2], np.roll(u[0::2], -1, axis=0)], axis=1)

@@ -1,0 +1,8 @@
+"""Compiled steps of friction laws and of sampled loops; numba is imported only here.
+
+coupled  steps and runs of several coupled masses
+data     the numbers that compiled code reads and writes
+leuven   compiled steps of the Leuven, LuGre and Dahl laws
+loops    compiled sampled loops around all of them
+slip     compiled steps of Coulomb friction and of Maxwell slip
+"""

@@ -1,0 +1,529 @@
+"""Compiled steps of several coupled masses, each with a friction law of its own or with none.
+
+    M x'' + C x' + K x + cubic springs + friction(x') = force
+
+Fourth-order Runge-Kutta steps of all axes together, with the states of their laws. Trial stages look at the memories as
+they were committed; they are committed at the end of a step, or of a part of one: a step is divided where a law turns,
+at the first of all axes that stops, breaks away, or turns its bristles round.
+
+Kernels of other files are called from here, which the cache of compiled code on disk does not look at: what calls
+`advance_axes` and is kept there carries a digest of the files, as `loops` says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.data import DIRECTION, ERROR, Curve, F, Law, Step, V, X, Z
+from nlfrf.rig.kernels.leuven import commit, growth, hysteresis, rates
+from nlfrf.rig.kernels.loops import CALLED, digest
+from nlfrf.rig.kernels.slip import commit_sliders, elements_force, settle, sliders_force, sliding_force
+
+__all__ = ["N_ROWS", "advance_axes", "let_free", "run_axes", "run_axes_loop"]
+
+
+# mypy: disable-error-code="untyped-decorator"
+
+
+Array = np.ndarray
+compiled = njit(nogil=True, error_model="numpy")  # kept with what calls it
+inlined = njit(nogil=True, error_model="numpy", forceinline=True)
+#: Matrices of a machine; the last one is there where some spring is cubic.
+MASS, INVERSE, STIFFNESS, DAMPING, CUBIC = range(5)
+#: Rows of the work space, one number an axis. Four rows make a place: position, velocity, two states of the law.
+PLACE, STAGE, RATE, END = 0, 4, 8, 12
+#: Force; friction at the begin and at the end of a step; what turns a law at both; the way it goes; whether it turned.
+NET, BEFORE, AFTER, TURN0, TURN1, COURSE, TURNED = range(16, 23)
+N_ROWS = 23
+MOST_PARTS = 12
+
+
+@inlined
+def law_of(laws: Array, i: int) -> Law:
+    """The numbers of the law of an axis."""
+    curve = Curve(int(laws[i, 8]), laws[i, 9], laws[i, 10])
+    return Law(
+        int(laws[i, 0]),
+        laws[i, 1],
+        laws[i, 2],
+        laws[i, 3],
+        laws[i, 4],
+        laws[i, 5],
+        laws[i, 6],
+        laws[i, 7],
+        curve,
+    )
+
+
+@inlined
+def stuck(laws: Array, states: Array, i: int) -> bool:
+    """Whether dry friction holds an axis."""
+    return laws[i, 0] == kernel_data.COULOMB and states[i, DIRECTION] == 0.0
+
+
+@compiled
+def let_free(machine: Array, laws: Array, states: Array) -> None:
+    """The inverse of the mass matrix over the axes that are not stuck, zero elsewhere (Gauss and Jordan)."""
+    n = machine.shape[1]
+    A = machine[MASS].copy()
+    for i in range(n):
+        for j in range(n):
+            machine[INVERSE, i, j] = 1.0 if i == j and not stuck(laws, states, i) else 0.0
+    for i in range(n):
+        if stuck(laws, states, i):
+            continue
+        pivot = 1.0 / A[i, i]
+        for k in range(n):
+            A[i, k] *= pivot
+            machine[INVERSE, i, k] *= pivot
+        for j in range(n):
+            if j == i or stuck(laws, states, j):
+                continue
+            factor = A[j, i]
+            for k in range(n):
+                A[j, k] -= factor * A[i, k]
+                machine[INVERSE, j, k] -= factor * machine[INVERSE, i, k]
+
+
+@compiled
+def remembered(
+    law: Law, grid: Array, state: Array, stack: Array, d: float, move: float, x: float, v: float, p: float, q: float
+) -> tuple[float, float, float]:
+    """Friction on trial by a law with a memory, and the rates of its two states p and q.
+
+    p is z of the bristles; of the generalised Maxwell-slip model p and q are what its slipping elements keep and gain
+    since the begin of the step.
+    """
+    if law.form == kernel_data.GMS:
+        rate = law.n / sliding_force(law, v)
+        return elements_force(law, grid, stack, d, move, v, p, q), -rate * p, law.n - rate * q
+    if law.form == kernel_data.SLIDERS:
+        return sliders_force(law, grid, stack, move, x, v), 0.0, 0.0
+    fh, fb = hysteresis(law.curve, grid, state, stack, p)
+    dz, force = rates(law, v, fh, fb)
+    return force, dz, 0.0
+
+
+@inlined
+def springs(machine: Array, work: Array, at: int, i: int) -> float:
+    """Force of springs and dampers on an axis at a place."""
+    force = 0.0
+    for j in range(machine.shape[1]):
+        force -= machine[STIFFNESS, i, j] * work[at, j] + machine[DAMPING, i, j] * work[at + 1, j]
+    if machine.shape[0] > CUBIC:
+        for j in range(machine.shape[1]):
+            stretch = work[at, i] if j == i else work[at, i] - work[at, j]
+            force -= machine[CUBIC, i, j] * stretch * stretch * stretch
+    return force
+
+
+@inlined
+def derivative(
+    machine: Array,
+    laws: Array,
+    grids: Array,
+    states: Array,
+    stacks: Array,
+    work: Array,
+    drive: Array,
+    step: int,
+    s: float,
+    at: int,
+    held: int,
+    turn: int,
+) -> None:
+    """Rates at the place `at`, into RATE; friction into the row `held`, what turns a law into the row `turn`.
+
+    The drive runs through begin, middle and end of the step as a parabola; s is where in it.
+    """
+    n = machine.shape[1]
+    for i in range(n):
+        u1, u2, u3 = drive[step, 0, i], drive[step, 1, i], drive[step, 2, i]
+        net = u1 + s * ((4.0 * u2 - 3.0 * u1 - u3) + s * 2.0 * (u1 - 2.0 * u2 + u3)) + springs(machine, work, at, i)
+        x, v, p, q = work[at, i], work[at + 1, i], work[at + 2, i], work[at + 3, i]
+        force, dp, dq, form = 0.0, 0.0, 0.0, int(laws[i, 0])
+        if form == kernel_data.COULOMB:
+            d = states[i, DIRECTION]  # what it holds while it is stuck follows from the others' accelerations
+            law = law_of(laws, i)
+            force = d * sliding_force(law, v) + law.sigma2 * v if d != 0.0 else 0.0
+        elif form >= 0:
+            law = law_of(laws, i)
+            if form != kernel_data.ORIGINAL and law.curve.kind == kernel_data.SPRING:  # no memory to look at
+                dp, force = rates(law, v, law.curve.K0 * p, 0.0)
+            else:
+                d, move = work[COURSE, i], x - work[PLACE, i]
+                force, dp, dq = remembered(law, grids[i], states[i], stacks[i], d, move, x, v, p, q)
+        work[NET, i], work[held, i] = net - force, force
+        work[turn, i] = v if form == kernel_data.COULOMB or form == kernel_data.GMS else dp
+        work[RATE, i], work[RATE + 2, i], work[RATE + 3, i] = v, dp, dq
+    for i in range(n):
+        a = 0.0
+        for j in range(n):
+            a += machine[INVERSE, i, j] * work[NET, j]
+        work[RATE + 1, i] = a
+    for i in range(n):
+        if stuck(laws, states, i):
+            force = work[NET, i]
+            for j in range(n):
+                force -= machine[MASS, i, j] * work[RATE + 1, j]
+            work[held, i], work[turn, i] = force, laws[i, 1] - abs(force)
+
+
+@compiled
+def trial(
+    machine: Array,
+    laws: Array,
+    grids: Array,
+    states: Array,
+    stacks: Array,
+    work: Array,
+    drive: Array,
+    step: int,
+    h: float,
+    a: float,
+    b: float,
+) -> None:
+    """The part a..b of a step off the committed memories, from PLACE to END."""
+    n, span = machine.shape[1], (b - a) * h
+    for stage in range(4):
+        s = a if stage == 0 else (b if stage == 3 else 0.5 * (a + b))
+        at, held, turn = (PLACE, BEFORE, TURN0) if stage == 0 else (STAGE, AFTER, TURN1)
+        derivative(machine, laws, grids, states, stacks, work, drive, step, s, at, held, turn)
+        share = span / 6.0 if stage == 0 or stage == 3 else span / 3.0
+        reach = span if stage == 2 else 0.5 * span
+        for row in range(4):
+            for i in range(n):
+                begin, rate = work[PLACE + row, i], work[RATE + row, i]
+                work[END + row, i] = (begin if stage == 0 else work[END + row, i]) + share * rate
+                work[STAGE + row, i] = begin + reach * rate
+
+
+@inlined
+def turns(laws: Array, states: Array, work: Array, i: int) -> bool:
+    """Whether the law of an axis turns in the step tried: its mass stops or breaks away, its bristles turn."""
+    if laws[i, 0] == kernel_data.COULOMB:
+        if states[i, DIRECTION] != 0.0:
+            return work[PLACE + 1, i] * work[END + 1, i] < 0.0
+        return work[TURN0, i] > 0.0 > work[TURN1, i]
+    return work[TURNED, i] == 0.0 and work[TURN0, i] * work[TURN1, i] < 0.0
+
+
+@inlined
+def indicator(laws: Array, states: Array, work: Array, i: int, by_velocity: bool, row: int) -> float:
+    """What passes zero where the law of an axis turns, at the begin or at the end of the step tried."""
+    if by_velocity:
+        return work[PLACE + 1, i] if row == TURN0 else work[END + 1, i]
+    return work[row, i]
+
+
+@compiled
+def locate(
+    machine: Array,
+    laws: Array,
+    grids: Array,
+    states: Array,
+    stacks: Array,
+    work: Array,
+    drive: Array,
+    step: int,
+    h: float,
+    a: float,
+    b: float,
+    i: int,
+) -> float:
+    """Where between a and b of a step the law of an axis turns: false position. The last trial ended there."""
+    by_velocity = work[PLACE + 1, i] * work[END + 1, i] < 0.0 and not stuck(laws, states, i)
+    e0 = indicator(laws, states, work, i, by_velocity, TURN0)
+    e1 = indicator(laws, states, work, i, by_velocity, TURN1)
+    low, high, enough = a, b, 1e-12 * max(abs(e0), abs(e1))
+    for _ in range(12):
+        b = low + (high - low) * e0 / (e0 - e1)
+        trial(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
+        e = indicator(laws, states, work, i, by_velocity, TURN1)
+        if abs(e) <= enough:
+            break
+        if e * e0 > 0.0:
+            low, e0, e1 = b, e, 0.5 * e1
+        else:
+            high, e1, e0 = b, e, 0.5 * e0
+    return b
+
+
+@inlined
+def begin(
+    machine: Array,
+    laws: Array,
+    grids: Array,
+    states: Array,
+    stacks: Array,
+    work: Array,
+    drive: Array,
+    step: int,
+    s: float,
+) -> None:
+    """The states of the laws at the begin of a step, or of a part; dry friction that holds no longer lets go."""
+    n, dry = machine.shape[1], False
+    for i in range(n):
+        v = work[PLACE + 1, i]
+        form = laws[i, 0]
+        work[PLACE + 2, i], work[PLACE + 3, i] = states[i, Z], 0.0
+        if form == kernel_data.GMS:
+            work[PLACE + 2, i] = 1.0
+            if work[TURNED, i] == 0.0:
+                work[COURSE, i] = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+        if form == kernel_data.COULOMB:
+            dry = True
+            if states[i, DIRECTION] * v < 0.0:  # it came and went within the last step
+                work[PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
+                let_free(machine, laws, states)
+    if not dry:
+        return
+    for _ in range(n):  # one after the other: letting one go changes what the others hold
+        derivative(machine, laws, grids, states, stacks, work, drive, step, s, PLACE, BEFORE, TURN0)
+        worst, most = -1, 0.0
+        for i in range(n):
+            excess = abs(work[BEFORE, i]) - laws[i, 1] * (1.0 + 1e-9)
+            if stuck(laws, states, i) and excess > most:
+                worst, most = i, excess
+        if worst < 0:
+            return
+        states[worst, DIRECTION] = 1.0 if work[BEFORE, worst] > 0.0 else -1.0
+        let_free(machine, laws, states)
+
+
+@inlined
+def accept(machine: Array, laws: Array, grids: Array, states: Array, stacks: Array, work: Array, span: float) -> bool:
+    """Go on to END with all memories; whether that was stable."""
+    stable = True
+    for i in range(machine.shape[1]):
+        form = int(laws[i, 0])
+        x0, v0, x1, v1 = work[PLACE, i], work[PLACE + 1, i], work[END, i], work[END + 1, i]
+        stable = stable and abs(x1) < 1e150 and abs(v1) < 1e150
+        work[PLACE, i], work[PLACE + 1, i] = x1, v1
+        if form < 0 or form == kernel_data.COULOMB:
+            continue
+        law = law_of(laws, i)
+        if form == kernel_data.GMS:
+            d = work[COURSE, i]
+            if d == 0.0:
+                d = 1.0 if v1 > 0.0 else -1.0
+            keep, gain = work[END + 2, i], work[END + 3, i]
+            settle(law, grids[i], stacks[i], d, Step(x0, v0, (0.0, 0.0, 0.0), span), x1, v1, keep, gain)
+        elif form == kernel_data.SLIDERS:
+            commit_sliders(law, grids[i], stacks[i], x1 - x0, x1, v1, span)
+        else:
+            if law.form != kernel_data.ORIGINAL and law.curve.kind == kernel_data.SPRING:
+                slope, states[i, Z] = law.curve.K0, work[END + 2, i]
+                states[i, F] = slope * states[i, Z]
+            else:
+                slope = commit(law.curve, grids[i], states[i], stacks[i], work[END + 2, i])
+            states[i, ERROR] = max(states[i, ERROR], 1.0) * growth(law, v1, states[i, F], slope, span)
+            stable = stable and states[i, ERROR] <= kernel_data.MOST_GROWTH
+    return stable
+
+
+@compiled
+def turn_round(machine: Array, laws: Array, states: Array, stacks: Array, work: Array, i: int) -> None:
+    """What the law of an axis does where it turns."""
+    work[TURNED, i] = 1.0  # once a step
+    if laws[i, 0] == kernel_data.GMS:
+        stacks[i, 1, :] = 0.0  # all its elements stick
+        work[COURSE, i] = -work[COURSE, i]
+    if laws[i, 0] == kernel_data.COULOMB:
+        if states[i, DIRECTION] == 0.0:
+            states[i, DIRECTION] = 1.0 if work[AFTER, i] > 0.0 else -1.0
+        else:
+            work[PLACE + 1, i], states[i, DIRECTION] = 0.0, 0.0
+        let_free(machine, laws, states)
+
+
+@compiled
+def advance_axes(
+    machine: Array,
+    laws: Array,
+    grids: Array,
+    states: Array,
+    stacks: Array,
+    work: Array,
+    drive: Array,
+    h: float,
+    substeps: int,
+    out: Array,
+) -> bool:
+    """All axes over the steps of `drive` (n, 3, axes): begin, middle, end of each; False where it is not stable.
+
+    `out` (n / substeps, 4, axes) takes position, velocity, z and friction force at the begin of every step that is a
+    multiple of `substeps`. machine (4 or 5, axes, axes), let free; laws (axes, 11), one row a `Law`, -1 for none.
+    """
+    n = machine.shape[1]
+    for i in range(n):
+        work[PLACE, i], work[PLACE + 1, i] = states[i, X], states[i, V]
+    for step in range(drive.shape[0]):
+        a, parts = 0.0, 0
+        for i in range(n):
+            work[TURNED, i] = 0.0
+        while a < 1.0:
+            begin(machine, laws, grids, states, stacks, work, drive, step, a)
+            b, which = 1.0, -1
+            trial(machine, laws, grids, states, stacks, work, drive, step, h, a, b)
+            if parts == 0 and step % substeps == 0:
+                for i in range(n):
+                    row = step // substeps
+                    out[row, 0, i], out[row, 1, i] = work[PLACE, i], work[PLACE + 1, i]
+                    out[row, 2, i], out[row, 3, i] = states[i, Z], work[BEFORE, i]
+            for i in range(n):
+                if parts < MOST_PARTS and turns(laws, states, work, i):
+                    b, which = locate(machine, laws, grids, states, stacks, work, drive, step, h, a, b, i), i
+            if not accept(machine, laws, grids, states, stacks, work, (b - a) * h):
+                return False
+            if which >= 0:
+                turn_round(machine, laws, states, stacks, work, which)
+            a, parts = b, parts + 1
+    for i in range(n):
+        states[i, X], states[i, V] = work[PLACE, i], work[PLACE + 1, i]
+    return True
+
+
+# ---- Compiled runs of several coupled masses: through forces that are given, and in a sampled loop.
+#
+# Kept on disk with a digest of the files that they call, for the reason given in `loops`.
+
+
+kept = njit(cache=True, nogil=True, error_model="numpy")
+
+
+def stamped_run(stamp: str) -> Callable[..., bool]:
+    """Steps through given forces, known to the cache by the digest."""
+
+    @kept
+    def run(
+        machine: Array,
+        laws: Array,
+        grids: Array,
+        states: Array,
+        stacks: Array,
+        drive: Array,
+        h: float,
+        substeps: int,
+        out: Array,
+    ) -> bool:
+        work = np.zeros((N_ROWS, machine.shape[1]))
+        if len(stamp) == 0:
+            return False
+        let_free(machine, laws, states)
+        return advance_axes(machine, laws, grids, states, stacks, work, drive, h, substeps, out)
+
+    return run
+
+
+@njit(nogil=True, error_model="numpy")
+def times(M: Array, x: Array, out: Array) -> None:
+    """out = M x."""
+    for row in range(M.shape[0]):
+        total = 0.0
+        for column in range(M.shape[1]):
+            total += M[row, column] * x[column]
+        out[row] = total
+
+
+@njit(nogil=True, error_model="numpy")
+def control(A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: Array, u: Array) -> None:
+    """Output u of the controller for the error e; its state x goes on by one sample, by way of `new`."""
+    for row in range(u.size):
+        total = 0.0
+        for i in range(e.size):
+            total += D[row, i] * e[i]
+        for i in range(x.size):
+            total += C[row, i] * x[i]
+        u[row] = total
+    for row in range(x.size):
+        total = 0.0
+        for i in range(e.size):
+            total += B[row, i] * e[i]
+        for i in range(x.size):
+            total += A[row, i] * x[i]
+        new[row] = total
+    x[:] = new
+
+
+def stamped_loop(stamp: str) -> Callable[..., int]:
+    """The sampled loop, known to the cache by the digest."""
+
+    @kept
+    def loop(
+        machine: Array,
+        laws: Array,
+        grids: Array,
+        states: Array,
+        stacks: Array,
+        sensors: Array,
+        actuators: Array,
+        A: Array,
+        B: Array,
+        C: Array,
+        D: Array,
+        r: Array,
+        disturbance: Array,
+        noise: Array,
+        fs: float,
+        saturation: Array,
+        resolution: Array,
+        delay: float,
+        steps: int,
+        rows: Array,
+        y: Array,
+        u: Array,
+    ) -> int:
+        """Samples till the end, or till the loop ran away.
+
+        r, noise, y (n, n_y); disturbance, u (n, n_u); rows (n, 4, axes): position, velocity, z, friction.
+        """
+        n, axes, samples = sensors.shape[0], sensors.shape[1], r.shape[0]
+        if len(stamp) == 0:
+            return 0
+        work, x, new = np.zeros((N_ROWS, axes)), np.zeros(A.shape[0]), np.zeros(A.shape[0])
+        let_free(machine, laws, states)
+        drive, out, force = np.empty((steps + 1, 3, axes)), np.empty((1, 4, axes)), np.empty(actuators.shape[1])
+        e, whole = np.empty(n), int(delay)
+        part = delay - whole
+        for k in range(samples):
+            times(sensors, states[:, X], e)
+            for i in range(n):
+                y[k, i] = e[i] + noise[k, i]
+                if resolution[i] > 0.0:
+                    y[k, i] = resolution[i] * np.round(y[k, i] / resolution[i])
+                e[i] = r[k, i] - y[k, i]
+            control(A, B, C, D, x, new, e, u[k])
+            for i in range(force.size):
+                u[k, i] = min(max(u[k, i], -saturation[i]), saturation[i])
+            for piece in range(2):
+                span = part if piece == 0 else 1.0 - part
+                if span <= 0.0:
+                    continue
+                asked = k - whole - 1 + piece
+                for i in range(force.size):
+                    force[i] = disturbance[k, i] + (u[asked, i] if asked >= 0 else 0.0)
+                count = int(np.ceil(span * steps))
+                for i in range(axes):
+                    total = 0.0
+                    for column in range(force.size):
+                        total += actuators[i, column] * force[column]
+                    drive[:count, :, i] = total
+                h = span / (count * fs)
+                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, count, out):
+                    return k
+                if piece == 0 or part == 0.0:
+                    rows[k] = out[0]
+        return samples
+
+    return loop
+
+
+STAMP = digest(*CALLED)
+run_axes: Callable[..., Any] = stamped_run(STAMP)
+run_axes_loop: Callable[..., Any] = stamped_loop(STAMP)

@@ -1,0 +1,397 @@
+"""Compiled time stepping of the Leuven family of friction laws, and of hysteresis.
+
+Nothing compiled is called across files, because the cache of compiled code on disk looks only at the file of the
+function it holds: a kernel that calls into another file would go on running old code after an update. Nothing
+imports this module at its head, so that numba is loaded by the first simulation and not by ``import nlfrf``. Arrays
+are passed one by one: taken out of a tuple each would be counted in and out, which costs more than the arithmetic.
+
+Fixed-step fourth-order Runge-Kutta. The trial stages look at the memory of the hysteresis as it was committed,
+and it is committed once at the end of a step: a look ahead leaves no trace. The stiffness jumps where z turns
+and where a loop closes, so a step is divided there. Every formula is odd in (position, velocity, force), so
+the point symmetry of friction survives to rounding.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.data import DEEPEST, DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
+
+__all__ = ["advance_hysteretic", "commit", "follow", "growth", "hysteresis", "rates"]
+
+
+#: Branches: where the memory is asked at every stage, and the two that are followed without asking.
+LOOKED_UP, VIRGIN, LATER = range(3)
+#: What divides a step.
+VELOCITY, RATE_OF_Z, PLACE = range(3)
+Way = tuple[int, float, float]
+Array = np.ndarray
+compiled = njit(cache=True, nogil=True, error_model="numpy")
+inlined = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)  # the innermost: a sixth of the time
+
+
+@inlined
+def virgin(curve: Curve, grid: Array, z: float) -> float:
+    """Virgin curve y(z), odd."""
+    if curve.kind <= kernel_data.LINEAR:
+        return curve.K0 * z
+    if curve.kind == kernel_data.TANH:
+        return curve.Fy * math.tanh(curve.K0 * z / curve.Fy)
+    a = abs(z)
+    if curve.kind == kernel_data.EXPONENTIAL:
+        y = -curve.Fy * math.expm1(-curve.K0 * a / curve.Fy)
+    elif curve.kind == kernel_data.PARABOLA:
+        rest = max(1.0 - 0.5 * curve.K0 * a / curve.Fy, 0.0)
+        y = curve.Fy * (1.0 - rest * rest)
+    elif curve.kind == kernel_data.ELASTIC_PLASTIC:
+        y = min(curve.K0 * a, curve.Fy)
+    else:
+        i = segment(grid, a)
+        y = grid[1, i] + grid[2, i] * (a - grid[0, i])
+    return y if z >= 0.0 else -y
+
+
+@compiled
+def slope(curve: Curve, grid: Array, z: float, y: float) -> float:
+    """Stiffness y'(z) of the virgin curve, where y = y(z)."""
+    if curve.kind <= kernel_data.LINEAR:
+        return curve.K0
+    if curve.kind == kernel_data.TANH:
+        return curve.K0 * (1.0 - (y / curve.Fy) ** 2)
+    if curve.kind == kernel_data.EXPONENTIAL:
+        return curve.K0 * (1.0 - abs(y) / curve.Fy)
+    a = abs(z)
+    if curve.kind == kernel_data.PARABOLA:
+        return curve.K0 * max(1.0 - 0.5 * curve.K0 * a / curve.Fy, 0.0)
+    if curve.kind == kernel_data.ELASTIC_PLASTIC:
+        return curve.K0 if curve.K0 * a < curve.Fy else 0.0
+    return grid[2, segment(grid, a)]
+
+
+@compiled
+def segment(grid: Array, a: float) -> int:
+    """Index of the last point of the table at or before a."""
+    low, high = 0, grid.shape[1]
+    while high - low > 1:
+        middle = (low + high) // 2
+        if grid[0, middle] <= a:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@compiled
+def branch(z: float, z0: float, direction: float, depth: int, stack: Array) -> int:
+    """Depth of the memory after a monotone move from z0 to z; depth + 1 where z0 becomes a turning point.
+
+    Passing the turning point before last closes an inner loop and wipes two points out; the outermost branch
+    meets the virgin curve again at the mirror image of its turning point.
+    """
+    d = 1.0 if z > z0 else -1.0
+    n = depth + 1 if d * direction < 0.0 else depth
+    while n > 1:
+        if d * (z - stack[0, n - 2]) < 0.0:
+            return n
+        n -= 2
+    if n == 1:
+        outermost = z0 if depth == 0 else stack[0, 0]
+        if d * (z + outermost) >= 0.0:
+            n = 0
+    return n
+
+
+@compiled
+def began(state: Array, stack: Array) -> float:
+    """The force the current branch began with."""
+    depth = int(state[DEPTH])
+    return stack[1, depth - 1] if depth > 0 else 0.0
+
+
+@compiled
+def hysteresis(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> tuple[float, float]:
+    """Hysteresis force after a monotone move from the committed state to z, and the force its branch began with."""
+    z0 = state[Z]
+    if curve.kind == kernel_data.SPRING:
+        return curve.K0 * z, 0.0
+    if curve.kind == kernel_data.ELEMENTS:
+        total = 0.0
+        for i in range(grid.shape[1]):
+            w = grid[1, i]
+            total += min(max(stack[0, i] + grid[0, i] * (z - z0), -w), w)
+        return total, 0.0
+    if z == z0:
+        return state[F], began(state, stack)
+    depth = int(state[DEPTH])
+    n = branch(z, z0, state[DIRECTION], depth, stack)
+    if n == 0:
+        return virgin(curve, grid, z), 0.0
+    zm, fm = z0, state[F]
+    if n <= depth:
+        zm, fm = stack[0, n - 1], stack[1, n - 1]
+    return fm + 2.0 * virgin(curve, grid, 0.5 * (z - zm)), fm
+
+
+@compiled
+def commit(curve: Curve, grid: Array, state: Array, stack: Array, z: float) -> float:
+    """Move the memory to z; returns the stiffness dFh/dz there."""
+    z0 = state[Z]
+    if curve.kind == kernel_data.SPRING:
+        state[Z], state[F] = z, curve.K0 * z
+        return curve.K0
+    if curve.kind == kernel_data.ELEMENTS:
+        total, stiffness = 0.0, 0.0
+        for i in range(grid.shape[1]):
+            w = grid[1, i]
+            force = stack[0, i] + grid[0, i] * (z - z0)
+            if abs(force) < w:
+                stiffness += grid[0, i]
+            stack[0, i] = min(max(force, -w), w)
+            total += stack[0, i]
+        state[Z], state[F] = z, total
+        return stiffness
+    depth = int(state[DEPTH])
+    if z != z0:
+        force, _ = hysteresis(curve, grid, state, stack, z)
+        n = branch(z, z0, state[DIRECTION], depth, stack)
+        if n == depth + 1:
+            if depth == stack.shape[1]:  # full: the innermost loop is forgotten, and counted
+                depth -= 2
+                n = depth + 1
+                state[LOST] += 1.0
+            stack[0, depth], stack[1, depth] = z0, state[F]
+        depth = n
+        state[DIRECTION] = 1.0 if z > z0 else -1.0
+        state[DEPTH], state[DEEPEST] = depth, max(state[DEEPEST], depth)
+        state[Z], state[F] = z, force
+    if depth == 0:
+        return slope(curve, grid, z, state[F])
+    return slope(curve, grid, 0.5 * (z - stack[0, depth - 1]), 0.5 * (state[F] - stack[1, depth - 1]))
+
+
+@compiled
+def follow(curve: Curve, grid: Array, state: Array, stack: Array, path: Array, out: Array) -> None:
+    """The hysteresis force along a path of z, monotone between its points."""
+    for j in range(path.size):
+        commit(curve, grid, state, stack, path[j])
+        out[j] = state[F]
+
+
+@inlined
+def sliding_force(law: Law, v: float) -> float:
+    """Stribeck curve |s(v)|."""
+    if law.Fs == law.Fc:
+        return law.Fc
+    q = abs(v) / law.vs
+    e = q * q if law.delta == 2.0 else q**law.delta
+    return law.Fc + (law.Fs - law.Fc) * math.exp(-e)
+
+
+@inlined
+def rates(law: Law, v: float, fh: float, fb: float) -> tuple[float, float]:
+    """dz/dt and the friction force of the Leuven family (LuGre and Dahl are in it)."""
+    g = sliding_force(law, v)
+    if law.form == kernel_data.LEUVEN:
+        r = abs(fh) / g
+        if law.n != 1.0:
+            r = r**law.n
+        dz = v - abs(v) * r if fh >= 0.0 else v + abs(v) * r
+    else:
+        d = 1.0 if v >= 0.0 else -1.0
+        if law.form == kernel_data.ORIGINAL:
+            # where the branch began beyond s(v) no way is left to go: it slides
+            way, room = d * (fh - fb), g - d * fb
+            r = 1.0 if room <= 0.0 or way >= room else way / room
+            dz = v * (1.0 - math.copysign(abs(r) ** law.n, r))
+        else:
+            r = 1.0 - d * fh / g
+            dz = v * math.copysign(abs(r) ** law.n, r)
+    return dz, fh + law.sigma1 * dz + law.sigma2 * v
+
+
+@compiled
+def growth(law: Law, v: float, fh: float, stiffness: float, h: float) -> float:
+    """What a step makes of an error of z while sliding: dz/dt pulls z back with a rate that the step must resolve."""
+    q = h * law.n * law.curve.K0 * abs(v) / law.Fc
+    if q > 30.0:  # z would be thrown to where the curve is flat, and nothing pull it back
+        return np.inf
+    q *= stiffness / law.curve.K0
+    if law.form != kernel_data.DAHL and law.n > 1.0:
+        q *= (min(abs(fh) / law.Fc, 1.0)) ** (law.n - 1.0)
+    return abs(1.0 - q * (1.0 - q * (0.5 - q * (1.0 / 6.0 - q / 24.0))))
+
+
+@compiled
+def way_ahead(law: Law, state: Array, stack: Array, v: float, turned: bool) -> Way:
+    """The branch that is followed until z turns or a loop closes, and its turning point."""
+    if not (kernel_data.LINEAR <= law.curve.kind <= kernel_data.PARABOLA):
+        return LOOKED_UP, 0.0, began(state, stack)
+    if not turned and state[DIRECTION] != 0.0:
+        dz, _ = rates(law, v, state[F], began(state, stack))
+        turned = dz * state[DIRECTION] < 0.0
+    if turned:
+        return LATER, state[Z], state[F]
+    depth = int(state[DEPTH])
+    if depth == 0:
+        return VIRGIN, 0.0, 0.0
+    return LATER, stack[0, depth - 1], stack[1, depth - 1]
+
+
+@inlined
+def ahead(curve: Curve, grid: Array, state: Array, stack: Array, way: Way, z: float) -> tuple[float, float]:
+    """Hysteresis force at z on the way ahead, and the force its branch began with."""
+    if way[0] == LATER:
+        return way[2] + 2.0 * virgin(curve, grid, 0.5 * (z - way[1])), way[2]
+    if way[0] == VIRGIN:
+        return virgin(curve, grid, z), 0.0
+    return hysteresis(curve, grid, state, stack, z)
+
+
+@compiled
+def trial(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, way: Way, step: Step, a: float, b: float
+) -> tuple[float, float, float, float, float]:
+    """The part a..b of a Runge-Kutta step off the committed memory: x, v, z at its end, dz/dt at both ends."""
+    curve, z, h = law.curve, state[Z], (b - a) * step.h
+    w, k, c, driven = 1.0 / body.mass, body.stiffness, body.damping, body.driven
+    u1, u2, u3 = at(step.u, a), at(step.u, 0.5 * (a + b)), at(step.u, b)
+    x, v = step.x, step.v
+    z1, f1 = rates(law, v, state[F], way[2])
+    a1 = w * (u1 - k * x - c * v - f1)
+    v2 = u2 if driven else v + 0.5 * h * a1
+    fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z1)
+    z2, f2 = rates(law, v2, fh, fb)
+    a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - f2)
+    v3 = u2 if driven else v + 0.5 * h * a2
+    fh, fb = ahead(curve, grid, state, stack, way, z + 0.5 * h * z2)
+    z3, f3 = rates(law, v3, fh, fb)
+    a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - f3)
+    v4 = u3 if driven else v + h * a3
+    fh, fb = ahead(curve, grid, state, stack, way, z + h * z3)
+    z4, f4 = rates(law, v4, fh, fb)
+    a4 = w * (u3 - k * (x + h * v3) - c * v4 - f4)
+    x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+    v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    z += h / 6.0 * (z1 + 2.0 * z2 + 2.0 * z3 + z4)
+    return x, v, z, z1, z4
+
+
+@compiled
+def at(u: tuple[float, float, float], s: float) -> float:
+    """Parabola through the begin, middle and end of a step."""
+    return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
+
+
+@compiled
+def locate(
+    body: Body,
+    law: Law,
+    grid: Array,
+    state: Array,
+    stack: Array,
+    way: Way,
+    step: Step,
+    a: float,
+    b: float,
+    what: int,
+    z: float,
+) -> float:
+    """Where between a and b of a step the velocity or dz/dt passes zero, or z is reached: false position."""
+    low, high, e0, e1, enough = a, b, 0.0, 0.0, 0.0
+    for i in range(12):
+        if i > 0:
+            b = low + (high - low) * e0 / (e0 - e1)
+        _, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, a, b)
+        e = v1 if what == VELOCITY else (d1 if what == RATE_OF_Z else z1 - z)
+        if i == 0:
+            e0, e1 = (step.v if what == VELOCITY else (d0 if what == RATE_OF_Z else state[Z] - z)), e
+            enough = 1e-12 * max(abs(e0), abs(e1))
+        elif abs(e) <= enough:
+            break
+        elif e * e0 > 0.0:
+            low, e0, e1 = b, e, 0.5 * e1
+        else:
+            high, e1, e0 = b, e, 0.5 * e0
+    return b
+
+
+@compiled
+def closing(state: Array, stack: Array, z: float) -> tuple[bool, float]:
+    """Whether a monotone move to z closes a loop, and the z where the first one closes."""
+    z0, depth = state[Z], int(state[DEPTH])
+    turned = (z - z0) * state[DIRECTION] < 0.0
+    if branch(z, z0, state[DIRECTION], depth, stack) >= depth + turned:
+        return False, z
+    if turned:
+        return True, (stack[0, depth - 1] if depth > 0 else -z0)
+    return True, (stack[0, depth - 2] if depth > 1 else -stack[0, 0])
+
+
+@compiled
+def divide(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, way: Way, step: Step, a: float, turned: bool
+) -> tuple[float, float, float, float, bool]:
+    """The part of a step from a on up to where z turns or a loop closes: its end, x, v, z there, and if z turned."""
+    b = 1.0
+    x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, a, b)
+    if not turned and d0 * d1 < 0.0:
+        what = VELOCITY if step.v * v1 < 0.0 else RATE_OF_Z
+        b, turned = locate(body, law, grid, state, stack, way, step, a, b, what, 0.0), True
+        x1, v1, z1, _, _ = trial(body, law, grid, state, stack, way, step, a, b)
+    if way[0] != LOOKED_UP:
+        closes, z = closing(state, stack, z1)
+        # a loop that closes just where z turns needs no second division
+        if closes and not (turned and abs(z1 - z) < 1e-4 * abs(z1 - state[Z])):
+            b, turned = locate(body, law, grid, state, stack, way, step, a, b, PLACE, z), False
+            x1, v1, _, _, _ = trial(body, law, grid, state, stack, way, step, a, b)
+            z1 = z
+    return b, x1, v1, z1, turned
+
+
+@compiled
+def advance_hysteretic(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+) -> bool:
+    """Leuven family over the steps of `drive` (begin, middle, end of each); False where it is not stable.
+
+    `drive` is the force on the mass, or the velocity of a driven body. `out` takes position, velocity, z and
+    friction force at the begin of every step that is a multiple of `substeps`. Steps are divided at turning
+    points always, and at closing loops where the curve itself is smooth.
+    """
+    x, v = state[X], state[V]
+    for j in range(drive.shape[0]):
+        u = (drive[j, 0], drive[j, 1], drive[j, 2])
+        if body.driven:
+            v = u[0]
+        if j % substeps == 0:
+            i = j // substeps
+            out[i, 0], out[i, 1], out[i, 2] = x, v, state[Z]
+            _, out[i, 3] = rates(law, v, state[F], began(state, stack))
+            if not (abs(x) < 1e150 and abs(v) < 1e150):
+                break
+        way = way_ahead(law, state, stack, v, False)
+        step = Step(x, v, u, h)
+        x1, v1, z1, d0, d1 = trial(body, law, grid, state, stack, way, step, 0.0, 1.0)
+        if d0 * d1 < 0.0 or (way[0] != LOOKED_UP and closing(state, stack, z1)[0]):
+            a, turned, parts = 0.0, False, 0
+            while a < 1.0 and parts < 6:
+                a, x1, v1, z1, turned = divide(body, law, grid, state, stack, way, step, a, turned)
+                parts += 1
+                if a < 1.0:
+                    step = Step(x1, v1, u, h)
+                    commit(law.curve, grid, state, stack, z1)
+                    way = way_ahead(law, state, stack, v1, turned)
+            if a < 1.0:  # more happens in this step than it resolves: over the rest of it as it comes
+                x1, v1, z1, _, _ = trial(body, law, grid, state, stack, way, step, a, 1.0)
+        x, v = x1, v1
+        stiffness = commit(law.curve, grid, state, stack, z1)
+        state[ERROR] = max(state[ERROR], 1.0) * growth(law, v, state[F], stiffness, h)
+        if state[ERROR] > kernel_data.MOST_GROWTH:
+            return False
+    state[X], state[V] = x, v
+    return abs(x) < 1e150 and abs(v) < 1e150

@@ -1,0 +1,220 @@
+"""Compiled sampled loops: a controller, hold and delay around a body with friction, a whole stack in one call.
+
+This kernel calls those of other files, which the cache of compiled code on disk does not look at. A digest of these
+files is therefore part of it: where one of them changes, the code is compiled anew. The digest must be all that it
+closes over: a compiled function among that is another one to the cache in every process.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.data import Body, Law, X
+from nlfrf.rig.kernels.leuven import advance_hysteretic
+from nlfrf.rig.kernels.slip import advance_coulomb, advance_gms, advance_sliders
+
+__all__ = ["CALLED", "digest", "loops_around", "own_loops", "run_loops", "stepper"]
+
+
+# mypy: disable-error-code="untyped-decorator"
+
+
+Array = np.ndarray
+CALLED = tuple(Path(__file__).parent / f"{name}.py" for name in ("data", "leuven", "slip"))
+
+
+def digest(*files: Path) -> str:
+    """Of the files whose kernels are called from another."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()
+
+
+@njit(nogil=True, error_model="numpy")
+def control_step(i: int, A: Array, B: Array, C: Array, D: Array, x: Array, new: Array, e: float) -> float:
+    """Output of the i-th controller for the error e; its state x goes on by one sample, by way of `new`."""
+    u = D[i] * e
+    for row in range(x.size):
+        u += C[i, row] * x[row]
+        ahead = B[i, row] * e
+        for column in range(x.size):
+            ahead += A[i, row, column] * x[column]
+        new[row] = ahead
+    for row in range(x.size):
+        x[row] = new[row]
+    return float(u)
+
+
+@njit(nogil=True, error_model="numpy")  # compiled with its caller, and kept with it
+def advance(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
+) -> bool:
+    """Some steps of the law at hand."""
+    if law.form == kernel_data.SLIDERS:
+        return bool(advance_sliders(body, law, grid, state, stack, drive, h, n, out))
+    if law.form == kernel_data.GMS:
+        return bool(advance_gms(body, law, grid, state, stack, drive, h, n, out))
+    if law.form == kernel_data.COULOMB:
+        return bool(advance_coulomb(body, law, grid, state, stack, drive, h, n, out))
+    return bool(advance_hysteretic(body, law, grid, state, stack, drive, h, n, out))
+
+
+def stamped(stamp: str) -> Callable[..., None]:
+    """The kernel, with the digest among what the cache knows it by."""
+
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def loops(
+        body: Body,
+        law: Law,
+        grid: Array,
+        states: Array,
+        stacks: Array,
+        A: Array,
+        B: Array,
+        C: Array,
+        D: Array,
+        r: Array,
+        disturbance: Array,
+        noise: Array,
+        fs: float,
+        saturation: float,
+        resolution: float,
+        delays: Array,
+        steps: int,
+        rows: Array,
+        lengths: Array,
+    ) -> None:
+        if len(stamp) == 0:
+            return
+        samples = r.shape[1]
+        drive, out = np.empty((steps + 1, 3)), np.empty((1, 4))
+        for i in range(states.shape[0]):
+            xc, new = np.zeros(A.shape[1]), np.zeros(A.shape[1])
+            whole = int(delays[i])
+            part = delays[i] - whole
+            asked = np.zeros(samples + whole + 1)
+            lengths[i] = samples
+            state, stack = states[i], stacks[i]
+            for k in range(samples):
+                y = state[X] + noise[i, k]
+                if resolution > 0.0:
+                    y = resolution * np.round(y / resolution)
+                e = r[i, k] - y
+                u = min(max(control_step(i, A, B, C, D, xc, new, e), -saturation), saturation)
+                asked[k + whole] = u
+                for piece in range(2):
+                    span = part if piece == 0 else 1.0 - part
+                    if span <= 0.0:
+                        continue
+                    force = disturbance[i, k]
+                    if piece == 1:
+                        force += asked[k]
+                    elif k > 0:
+                        force += asked[k - 1]
+                    n = int(np.ceil(span * steps))
+                    for j in range(n):
+                        drive[j, 0] = drive[j, 1] = drive[j, 2] = force
+                    h = span / (n * fs)
+                    if not advance(body, law, grid, state, stack, drive[:n], h, n, out):
+                        lengths[i] = k
+                        break
+                    if piece == 0 or part == 0.0:
+                        rows[i, k, 0], rows[i, k, 1], rows[i, k, 4] = out[0, 0], out[0, 1], out[0, 3]
+                if lengths[i] < samples:
+                    break
+                rows[i, k, 2], rows[i, k, 3] = y, u
+
+    return loops
+
+
+run_loops = stamped(digest(*CALLED))
+
+
+def loops_around(steps: Callable[..., bool], compiled: bool) -> Callable[..., None]:
+    """The same loops around steps of the user's own, compiled with them where they are."""
+    source = run_loops.py_func  # type: ignore[attr-defined]
+    around = {**source.__globals__, "advance": steps}
+    plain = FunctionType(source.__code__, around, source.__name__, None, source.__closure__)
+    return njit(nogil=True, error_model="numpy")(plain) if compiled else plain
+
+
+# ---- Steps of a body with friction by functions of the user's own, compiled where they can be.
+
+
+@lru_cache(maxsize=64)
+def stepper(derivative: Callable[..., Any], force: Callable[..., float], size: int) -> tuple[Callable[..., bool], bool]:
+    """The code that steps them, and whether it was compiled."""
+    plain = stepping(as_array(derivative), force)
+    try:
+        quick = [njit(error_model="numpy")(getattr(function, "py_func", function)) for function in (derivative, force)]
+        compiled = njit(error_model="numpy")(stepping(*quick))
+        trial = Body(False, 1.0, 0.0, 0.0)
+        compiled(trial, np.zeros(2), np.zeros(size), np.zeros((1, 3)), 1e-9, 1, np.zeros((1, 4)))
+    except Exception:  # numba refuses in many ways; whatever is wrong with the functions, the plain ones will say
+        return plain, False
+    return compiled, True
+
+
+@lru_cache(maxsize=64)
+def own_loops(derivative: Callable[..., Any], force: Callable[..., float], size: int) -> Callable[..., None]:
+    """Sampled loops around them: `run_loops`, with their state where others keep their turning points."""
+    kernel, compiled = stepper(derivative, force, size)
+
+    def advance(
+        body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, n: int, out: Array
+    ) -> bool:
+        return kernel(body, state[:2], stack[0, :size], drive, h, n, out)  # X and V come first
+
+    return loops_around(njit(error_model="numpy")(advance) if compiled else advance, compiled)
+
+
+def as_array(derivative: Callable[..., Any]) -> Callable[..., Array]:
+    """The derivative as an array, whatever sequence the function gives."""
+
+    def wrapped(x: float, v: float, z: Array) -> Array:
+        return np.asarray(derivative(x, v, z), dtype=float)
+
+    return wrapped
+
+
+def stepping(derivative: Callable[..., Array], force: Callable[..., float]) -> Callable[..., bool]:
+    """Runge and Kutta of order four over position, velocity and state."""
+
+    def advance(body: Body, place: Array, z: Array, drive: Array, h: float, substeps: int, out: Array) -> bool:
+        x, v = place[0], place[1]
+        for j in range(drive.shape[0]):
+            if body.driven:
+                v = drive[j, 0]
+            if j % substeps == 0:
+                i = j // substeps
+                out[i, 0], out[i, 1], out[i, 2] = x, v, z[0] if z.size else 0.0
+                out[i, 3] = force(x, v, z)
+            sx, sv, sz = 0.0, 0.0, np.zeros(z.size)
+            kx, kv, kz = 0.0, 0.0, np.zeros(z.size)
+            for stage in range(4):
+                reach = 0.0 if stage == 0 else (h if stage == 3 else h / 2)
+                u = drive[j, 0] if stage == 0 else (drive[j, 2] if stage == 3 else drive[j, 1])
+                xs, zs = x + reach * kx, z + reach * kz
+                vs = u if body.driven else v + reach * kv
+                kx = vs
+                kz = derivative(xs, vs, zs)
+                if not body.driven:
+                    kv = (u - body.damping * vs - body.stiffness * xs - force(xs, vs, zs)) / body.mass
+                share = h / 6 if stage in (0, 3) else h / 3
+                sx, sv, sz = sx + share * kx, sv + share * kv, sz + share * kz
+            x += sx
+            v = drive[j, 2] if body.driven else v + sv
+            z[:] = z + sz
+            if not (abs(x) < 1e150 and abs(v) < 1e150):
+                return False
+        place[0], place[1] = x, v
+        return bool(np.all(np.isfinite(z)))
+
+    return advance

@@ -1,0 +1,382 @@
+"""Compiled time stepping of Coulomb friction and of the generalised Maxwell-slip model.
+
+Stands alone for the reason given in `leuven`. Both laws switch between sticking and slipping where the
+velocity turns: steps are divided there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from nlfrf.rig.kernels.data import DIRECTION, Body, F, Law, Step, V, X
+
+__all__ = [
+    "advance_coulomb",
+    "advance_gms",
+    "advance_sliders",
+    "commit_sliders",
+    "elements_force",
+    "settle",
+    "sliders_force",
+    "sliding_force",
+]
+
+
+# mypy: disable-error-code="untyped-decorator"
+
+
+Array = np.ndarray
+compiled = njit(cache=True, nogil=True, error_model="numpy")
+
+
+@compiled
+def sliding_force(law: Law, v: float) -> float:
+    """Stribeck curve |s(v)|."""
+    if law.Fs == law.Fc:
+        return law.Fc
+    q = abs(v) / law.vs
+    e = q * q if law.delta == 2.0 else q**law.delta
+    return law.Fc + (law.Fs - law.Fc) * math.exp(-e)
+
+
+@compiled
+def at(u: tuple[float, float, float], s: float) -> float:
+    """Parabola through the begin, middle and end of a step."""
+    return u[0] + s * ((4.0 * u[1] - 3.0 * u[0] - u[2]) + s * 2.0 * (u[0] - 2.0 * u[1] + u[2]))
+
+
+@compiled
+def slide(body: Body, law: Law, d: float, step: Step, a: float, b: float) -> tuple[float, float]:
+    """Position and velocity after the part a..b of a step that slides in the direction d."""
+    h, w, k, c = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping + law.sigma2
+    u1, u2, u3 = at(step.u, a), at(step.u, 0.5 * (a + b)), at(step.u, b)
+    x, v = step.x, step.v
+    a1 = w * (u1 - k * x - c * v - d * sliding_force(law, v))
+    v2 = v + 0.5 * h * a1
+    a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - d * sliding_force(law, v2))
+    v3 = v + 0.5 * h * a2
+    a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - d * sliding_force(law, v3))
+    v4 = v + h * a3
+    a4 = w * (u3 - k * (x + h * v3) - c * v4 - d * sliding_force(law, v4))
+    return x + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+
+@compiled
+def breaks_away(body: Body, law: Law, step: Step, a: float) -> tuple[float, float]:
+    """Where after a the force on a stuck mass passes the static friction, and in which direction; (1, 0) if not."""
+    spring = body.stiffness * step.x
+    end = at(step.u, 1.0) - spring
+    if abs(end) <= law.Fs:
+        return 1.0, 0.0
+    d = 1.0 if end > 0.0 else -1.0
+    low, high = a, 1.0
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if d * (at(step.u, middle) - spring) > law.Fs:
+            high = middle
+        else:
+            low = middle
+    return high, d
+
+
+@compiled
+def stops(body: Body, law: Law, d: float, step: Step, a: float, v1: float) -> float:
+    """Where after a the velocity passes zero: false position."""
+    low, high, e0, e1 = a, 1.0, step.v, v1
+    b = low + (high - low) * e0 / (e0 - e1)
+    for _ in range(12):
+        _, e = slide(body, law, d, step, a, b)
+        if abs(e) <= 1e-12 * max(abs(step.v), abs(v1)):
+            break
+        if e * e0 > 0.0:
+            low, e0, e1 = b, e, 0.5 * e1
+        else:
+            high, e1, e0 = b, e, 0.5 * e0
+        b = low + (high - low) * e0 / (e0 - e1)
+    return b
+
+
+@compiled
+def advance_coulomb(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+) -> bool:
+    """Coulomb friction with static friction: the mass sticks until the force passes Fs, and slides until it stops."""
+    x, v = state[X], state[V]
+    for j in range(drive.shape[0]):
+        u = (drive[j, 0], drive[j, 1], drive[j, 2])
+        if body.driven:
+            v = u[0]
+            state[DIRECTION] = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+        if j % substeps == 0:
+            i = j // substeps
+            out[i, 0], out[i, 1], out[i, 2] = x, v, 0.0
+            d = state[DIRECTION]
+            stuck = 0.0 if body.driven else u[0] - body.stiffness * x
+            out[i, 3] = stuck if d == 0.0 else d * sliding_force(law, v) + law.sigma2 * v
+            if not (abs(x) < 1e150 and abs(v) < 1e150):
+                break
+        if body.driven:
+            x, v = x + h / 6.0 * (u[0] + 4.0 * u[1] + u[2]), u[2]
+            continue
+        a = 0.0
+        for _ in range(6):
+            d = state[DIRECTION]
+            step = Step(x, v, u, h)
+            if d == 0.0:
+                a, state[DIRECTION] = breaks_away(body, law, step, a)
+            else:
+                x1, v1 = slide(body, law, d, step, a, 1.0)
+                if d * v1 > 0.0:
+                    x, v, a = x1, v1, 1.0
+                else:
+                    b = stops(body, law, d, step, a, v1) if v != 0.0 else a
+                    x, _ = slide(body, law, d, step, a, b)
+                    v, a = 0.0, b
+                    force = at(u, b) - body.stiffness * x
+                    state[DIRECTION] = 0.0 if abs(force) <= law.Fs else (1.0 if force > 0.0 else -1.0)
+            if a >= 1.0:
+                break
+        if a < 1.0:  # it comes and goes within the step: it rests
+            v, state[DIRECTION] = 0.0, 0.0
+    state[X], state[V] = x, v
+    return abs(x) < 1e150 and abs(v) < 1e150
+
+
+@compiled
+def elements_force(
+    law: Law, grid: Array, stack: Array, d: float, move: float, v: float, keep: float, gain: float
+) -> float:
+    """Force of the elements after a move: the stuck ones follow it up to their limit, the slipping ones relax.
+
+    The limit counts in the direction d of the motion: what was left at the other limit is free to come back.
+    A slipping element is keep times its force at the begin of the step plus gain times its share of the strength.
+    """
+    g, total = sliding_force(law, v), law.sigma2 * v
+    for i in range(grid.shape[1]):
+        if stack[1, i] == 0.0:
+            w, force = grid[1, i] * g, stack[0, i] + grid[0, i] * move
+            if d >= 0.0:
+                force = min(force, w)
+            if d <= 0.0:
+                force = max(force, -w)
+            total += force
+        else:
+            total += keep * stack[0, i] + gain * stack[1, i] * grid[1, i]
+    return total
+
+
+@compiled
+def trial(
+    body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, b: float
+) -> tuple[float, float, float, float]:
+    """The part a..b of a Runge-Kutta step: x, v, and keep and gain of the slipping elements at its end.
+
+    Slipping, dF/dt = d C (alpha - F / s(v)) is linear in F: keep' = -C/|s| keep and gain' = C (1 - gain/|s|)
+    serve all elements at once.
+    """
+    h, w, k, c, n = (b - a) * step.h, 1.0 / body.mass, body.stiffness, body.damping, law.n
+    u1, u2, u3 = at(step.u, a), at(step.u, 0.5 * (a + b)), at(step.u, b)
+    x, v, driven = step.x, step.v, body.driven
+    r = n / sliding_force(law, v)
+    k1, g1 = -r, n
+    a1 = w * (u1 - k * x - c * v - elements_force(law, grid, stack, d, 0.0, v, 1.0, 0.0))
+    v2 = u2 if driven else v + 0.5 * h * a1
+    keep, gain, r = 1.0 + 0.5 * h * k1, 0.5 * h * g1, n / sliding_force(law, v2)
+    k2, g2 = -r * keep, n - r * gain
+    a2 = w * (u2 - k * (x + 0.5 * h * v) - c * v2 - elements_force(law, grid, stack, d, 0.5 * h * v, v2, keep, gain))
+    v3 = u2 if driven else v + 0.5 * h * a2
+    keep, gain, r = 1.0 + 0.5 * h * k2, 0.5 * h * g2, n / sliding_force(law, v3)
+    k3, g3 = -r * keep, n - r * gain
+    a3 = w * (u2 - k * (x + 0.5 * h * v2) - c * v3 - elements_force(law, grid, stack, d, 0.5 * h * v2, v3, keep, gain))
+    v4 = u3 if driven else v + h * a3
+    keep, gain, r = 1.0 + h * k3, h * g3, n / sliding_force(law, v4)
+    k4, g4 = -r * keep, n - r * gain
+    a4 = w * (u3 - k * (x + h * v3) - c * v4 - elements_force(law, grid, stack, d, h * v3, v4, keep, gain))
+    x += h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+    v = u3 if driven else v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    keep = 1.0 + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return x, v, keep, h / 6.0 * (g1 + 2.0 * g2 + 2.0 * g3 + g4)
+
+
+@compiled
+def turning(body: Body, law: Law, grid: Array, stack: Array, d: float, step: Step, a: float, v1: float) -> float:
+    """Where after a the velocity passes zero: false position."""
+    low, high, e0, e1 = a, 1.0, step.v, v1
+    b = low + (high - low) * e0 / (e0 - e1)
+    for _ in range(12):
+        _, e, _, _ = trial(body, law, grid, stack, d, step, a, b)
+        if abs(e) <= 1e-12 * max(abs(step.v), abs(v1)):
+            break
+        if e * e0 > 0.0:
+            low, e0, e1 = b, e, 0.5 * e1
+        else:
+            high, e1, e0 = b, e, 0.5 * e0
+        b = low + (high - low) * e0 / (e0 - e1)
+    return b
+
+
+@compiled
+def settle(
+    law: Law, grid: Array, stack: Array, d: float, step: Step, x1: float, v1: float, keep: float, gain: float
+) -> None:
+    """Commit the elements at the end of a step: those that passed their limit have begun to slip.
+
+    Where in the step one passed it counts: from there on it lags behind the Stribeck curve instead of following it.
+    """
+    g0, g1 = sliding_force(law, step.v), sliding_force(law, v1)
+    for i in range(grid.shape[1]):
+        share = grid[1, i]
+        if stack[1, i] == 0.0:
+            begin, end = d * stack[0, i], d * (stack[0, i] + grid[0, i] * (x1 - step.x))
+            if end >= share * g1:
+                s = 0.0
+                if begin < share * g0:
+                    s = (share * g0 - begin) / (share * g0 - begin + end - share * g1)
+                # what it relaxes in the rest of this step is of second order
+                end = min(begin + s * (end - begin), share * sliding_force(law, step.v + s * (v1 - step.v)))
+                stack[1, i] = d
+            stack[0, i] = d * end
+        else:
+            stack[0, i] = keep * stack[0, i] + gain * stack[1, i] * share
+
+
+@compiled
+def advance_gms(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+) -> bool:
+    """Generalised Maxwell-slip: grid holds stiffness and share of the strength, stack force and slip direction."""
+    x, v = state[X], state[V]
+    for j in range(drive.shape[0]):
+        u = (drive[j, 0], drive[j, 1], drive[j, 2])
+        if body.driven:
+            v = u[0]
+        d = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+        if j % substeps == 0:
+            i = j // substeps
+            state[F] = elements_force(law, grid, stack, d, 0.0, v, 1.0, 0.0)
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, v, 0.0, state[F]
+            if not (abs(x) < 1e150 and abs(v) < 1e150):
+                break
+        step = Step(x, v, u, h)
+        x1, v1, keep, gain = trial(body, law, grid, stack, d, step, 0.0, 1.0)
+        if v * v1 < 0.0:
+            b = turning(body, law, grid, stack, d, step, 0.0, v1)
+            x1, v1, keep, gain = trial(body, law, grid, stack, d, step, 0.0, b)
+            settle(law, grid, stack, d, step, x1, v1, keep, gain)
+            stack[1, :] = 0.0
+            d, step = -d, Step(x1, v1, u, h)
+            x1, v1, keep, gain = trial(body, law, grid, stack, d, step, b, 1.0)
+        elif d == 0.0:
+            d = 1.0 if v1 > 0.0 else -1.0
+        settle(law, grid, stack, d, step, x1, v1, keep, gain)
+        x, v = x1, v1
+    state[X], state[V] = x, v
+    return abs(x) < 1e150 and abs(v) < 1e150
+
+
+# ---- Compiled time stepping of Maxwell slip whose sliders vary.
+#
+# Stands alone for the reason given in `leuven`. Fourth-order Runge-Kutta steps of the mass; an element follows
+# the motion until its slider gives way, and then holds what the slider holds. The trial stages leave no trace.
+
+
+#: Rows of the memory of the elements: force, direction of slip, time of rest, number drawn.
+FORCE, SLIP, REST, DRAWN = range(4)
+
+
+@compiled
+def held(law: Law, grid: Array, stack: Array, i: int, d: float, x: float, v: float) -> float:
+    """What the slider of an element holds, or slips at, in the direction d."""
+    m = 1.0
+    if stack[SLIP, i] == d:
+        q = v / law.vs
+        m *= math.exp(-q * q)
+    elif grid[4, i] > 0.0:
+        m *= 1.0 - math.exp(-stack[REST, i] / grid[4, i])
+    if grid[3, i] > 0.0:
+        m *= 0.5 * (1.0 + math.cos(grid[3, i] * x + grid[2, i]))
+    if d < 0.0:
+        m *= 1.0 - grid[5, i]
+    if grid[6, i] > 0.0:
+        m *= stack[DRAWN, i]
+    least = 1.0 / law.n
+    return grid[1, i] * (least + (1.0 - least) * m)
+
+
+@compiled
+def force_after(law: Law, grid: Array, stack: Array, i: int, move: float, x: float, v: float) -> float:
+    """Force of an element after a move."""
+    force = stack[FORCE, i] + grid[0, i] * move
+    if abs(force) * law.n <= grid[1, i]:  # less than any slider slips at
+        return force
+    d = 1.0 if force > 0.0 else -1.0
+    most = held(law, grid, stack, i, d, x, v)
+    return d * most if abs(force) > most else force
+
+
+@compiled
+def sliders_force(law: Law, grid: Array, stack: Array, move: float, x: float, v: float) -> float:
+    """Force of all elements after a move."""
+    force = 0.0
+    for i in range(grid.shape[1]):
+        force += force_after(law, grid, stack, i, move, x, v)
+    return force
+
+
+@compiled
+def commit_sliders(law: Law, grid: Array, stack: Array, move: float, x: float, v: float, h: float) -> None:
+    """The elements at the end of a step: which slip now, and how long the others have rested."""
+    for i in range(grid.shape[1]):
+        stuck = stack[FORCE, i] + grid[0, i] * move
+        force = force_after(law, grid, stack, i, move, x, v)
+        if force == stuck:
+            if stack[SLIP, i] != 0.0:
+                drawn = stack[DRAWN, i] * 9301.0 + 0.49297 + 0.618 * grid[6, i] + 0.31 * i
+                stack[DRAWN, i] = drawn - math.floor(drawn)
+                stack[REST, i] = 0.0
+            stack[SLIP, i] = 0.0
+            stack[REST, i] += h
+        else:
+            stack[SLIP, i] = 1.0 if stuck > 0.0 else -1.0
+            # once it gives way it slips at what it slips at, which is no more than what it held
+            most = held(law, grid, stack, i, stack[SLIP, i], x, v)
+            force = stack[SLIP, i] * min(abs(force), most)
+        stack[FORCE, i] = force
+
+
+@compiled
+def advance_sliders(
+    body: Body, law: Law, grid: Array, state: Array, stack: Array, drive: Array, h: float, substeps: int, out: Array
+) -> bool:
+    """Elements with sliders that vary, over the steps of `drive`; arguments as in the other kernels."""
+    x, v, w, k, c = state[X], state[V], 1.0 / body.mass, body.stiffness, body.damping
+    for j in range(drive.shape[0]):
+        u1, u2, u3 = drive[j, 0], drive[j, 1], drive[j, 2]
+        if body.driven:
+            v = u1
+        f1 = sliders_force(law, grid, stack, 0.0, x, v)
+        if j % substeps == 0:
+            i = j // substeps
+            out[i, 0], out[i, 1], out[i, 2], out[i, 3] = x, v, 0.0, f1
+            if not (abs(x) < 1e150 and abs(v) < 1e150):
+                break
+        if body.driven:
+            x1, v1 = x + h / 6.0 * (u1 + 4.0 * u2 + u3), u3
+        else:
+            a1 = w * (u1 - k * x - c * v - f1)
+            v2, x2 = v + 0.5 * h * a1, x + 0.5 * h * v
+            a2 = w * (u2 - k * x2 - c * v2 - sliders_force(law, grid, stack, x2 - x, x2, v2))
+            v3, x3 = v + 0.5 * h * a2, x + 0.5 * h * v2
+            a3 = w * (u2 - k * x3 - c * v3 - sliders_force(law, grid, stack, x3 - x, x3, v3))
+            v4, x4 = v + h * a3, x + h * v3
+            a4 = w * (u3 - k * x4 - c * v4 - sliders_force(law, grid, stack, x4 - x, x4, v4))
+            x1 = x + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+            v1 = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        commit_sliders(law, grid, stack, x1 - x, x1, v1, h)
+        x, v = x1, v1
+    state[X], state[V] = x, v
+    state[F] = sliders_force(law, grid, stack, 0.0, x, v)
+    return abs(x) < 1e150 and abs(v) < 1e150

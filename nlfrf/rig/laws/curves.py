@@ -1,0 +1,330 @@
+"""Virgin curves of hysteresis: the force on the way out from rest.
+
+A virgin curve y(z) is odd, and concave and increasing for z > 0.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import positive, real_array
+from nlfrf._base.values import frozen, value
+
+__all__ = ["Curve", "ElasticPlastic", "Exponential", "Linear", "MaxwellSlip", "Parabola", "Table", "Tanh"]
+
+
+@value(kw_only=False)
+class Yielding:
+    """A virgin curve of two numbers: its stiffness at the origin K0 [N/m] and its largest force Fy [N]."""
+
+    K0: float
+    Fy: float
+
+    def __post_init__(self) -> None:
+        positive("K0", self.K0)
+        positive("Fy", self.Fy)
+
+
+@value(kw_only=False)
+class Linear:
+    """A spring that never yields, y = K0 z: no hysteresis of its own. With n = 1 it makes the Leuven model LuGre.
+
+    Parameters
+    ----------
+    K0 : float
+        Stiffness [N/m].
+
+    Raises
+    ------
+    ValueError
+        A K0 that is not positive.
+
+    Examples
+    --------
+    >>> Linear(64e3).K0
+    64000.0
+    """
+
+    K0: float
+
+    Fy = np.inf  # it never yields
+
+    def __post_init__(self) -> None:
+        positive("K0", self.K0)
+
+    def __call__(self, z: Any) -> np.ndarray:
+        """Virgin curve y(z) [N]."""
+        return self.K0 * np.asarray(z, dtype=float)
+
+
+@value(kw_only=False)
+class Tanh(Yielding):
+    """y = Fy tanh(K0 z / Fy): odd distortion that starts with the third power of the displacement.
+
+    Parameters
+    ----------
+    K0 : float
+        Stiffness at the origin [N/m].
+    Fy : float
+        Largest force [N].
+
+    Raises
+    ------
+    ValueError
+        A K0 or Fy of the tanh that is not positive.
+
+    References
+    ----------
+    G. Masing 1926 (the rule that makes a loop of a virgin curve); the curve is ours, fitted to the paper's resonances.
+
+    Examples
+    --------
+    The branch after a turning point is the virgin curve at twice the size: from y(1) back to -y(1).
+
+    >>> from nlfrf.rig.laws.hysteresis import hysteresis_force
+    >>> hysteresis_force(Tanh(1.0, 1.0), [1.0, -1.0]).round(6)
+    array([ 0.761594, -0.761594])
+    """
+
+    def __call__(self, z: Any) -> np.ndarray:
+        """Virgin curve y(z) [N]."""
+        return self.Fy * np.tanh(self.K0 / self.Fy * np.asarray(z, dtype=float))
+
+
+@value(kw_only=False)
+class Exponential(Yielding):
+    """y = Fy (1 - exp(-K0 |z| / Fy)) sgn z: curved from the origin on, so small motions already lose energy.
+
+    Parameters
+    ----------
+    K0 : float
+        Stiffness at the origin [N/m].
+    Fy : float
+        Largest force [N].
+
+    Raises
+    ------
+    ValueError
+        A K0 or Fy of the exponential that is not positive.
+
+    References
+    ----------
+    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968: the curve of its model of exponent one.
+
+    Examples
+    --------
+    >>> curve = Exponential(64e3, 1.0)
+    >>> curve.K0, curve.Fy
+    (64000.0, 1.0)
+    """
+
+    def __call__(self, z: Any) -> np.ndarray:
+        """Virgin curve y(z) [N]."""
+        z = np.asarray(z, dtype=float)
+        return -np.sign(z) * self.Fy * np.expm1(-self.K0 / self.Fy * np.abs(z))
+
+
+@value(kw_only=False)
+class Parabola(Yielding):
+    """y = K0 z - (K0 z)^2 / (4 Fy) up to Fy at z = 2 Fy / K0, flat beyond: a uniform density of yielding elements.
+
+    Parameters
+    ----------
+    K0 : float
+        Stiffness at the origin [N/m].
+    Fy : float
+        Largest force [N].
+
+    Raises
+    ------
+    ValueError
+        A K0 or Fy of the parabola that is not positive.
+
+    References
+    ----------
+    G. Masing 1926 (the rule that makes a loop of a virgin curve).
+
+    Examples
+    --------
+    >>> curve = Parabola(64e3, 1.0)
+    >>> curve.K0, curve.Fy
+    (64000.0, 1.0)
+    """
+
+    def __call__(self, z: Any) -> np.ndarray:
+        """Virgin curve y(z) [N]."""
+        z = np.asarray(z, dtype=float)
+        rest = np.maximum(1 - self.K0 / (2 * self.Fy) * np.abs(z), 0)
+        return np.sign(z) * self.Fy * (1 - rest**2)
+
+
+@value(kw_only=False)
+class ElasticPlastic(Yielding):
+    """y = K0 z up to Fy, flat beyond: a single yielding element (Jenkins).
+
+    Parameters
+    ----------
+    K0 : float
+        Stiffness [N/m].
+    Fy : float
+        Largest force [N].
+
+    Raises
+    ------
+    ValueError
+        A K0 or a largest force that is not positive.
+
+    References
+    ----------
+    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966): one Jenkin element.
+
+    Examples
+    --------
+    >>> curve = ElasticPlastic(64e3, 1.0)
+    >>> curve.K0, curve.Fy
+    (64000.0, 1.0)
+    """
+
+    def __call__(self, z: Any) -> np.ndarray:
+        """Virgin curve y(z) [N]."""
+        return np.clip(self.K0 * np.asarray(z, dtype=float), -self.Fy, self.Fy)
+
+
+@value(kw_only=False)
+class Table:
+    """A measured virgin curve: straight lines between points, flat beyond the last one.
+
+    Parameters
+    ----------
+    z : (n,) ndarray
+        Displacements [m], increasing. Positive only, the origin is added; or on both sides, then symmetric.
+    F : (n,) ndarray
+        Forces [N] at these displacements.
+
+    Raises
+    ------
+    ValueError
+        A curve that is not odd, not concave or not increasing for z > 0.
+
+    Examples
+    --------
+    >>> float(Table([1e-6, 3e-6], [0.1, 0.2])(-2e-6).round(12))
+    -0.15
+    """
+
+    z: Any
+    F: Any
+
+    def __post_init__(self) -> None:
+        z, force = real_array("z", self.z, ndim=1), real_array("F", self.F, ndim=1)
+        if z.size < 1 or force.shape != z.shape:
+            raise ValueError(f"F must have one force for each of the {z.size} displacements z, got {force.size}")
+        if np.any(np.diff(z) <= 0):
+            raise ValueError(f"z must be increasing, got {z[1:][np.diff(z) <= 0][0]:g} after a larger or equal one")
+        if z[0] < 0:
+            odd = np.allclose(z, -z[::-1], rtol=1e-9, atol=0) and np.allclose(force, -force[::-1], rtol=1e-9, atol=0)
+            if not odd:
+                raise ValueError("F must be an odd curve, F(-z) = -F(z) at every point, got one that is not")
+        z, force = z[z > 0], force[z > 0]
+        if z.size == 0:
+            raise ValueError("z must hold at least one positive displacement, got none")
+        slope = np.diff(force, prepend=0.0) / np.diff(z, prepend=0.0)
+        if slope[0] <= 0 or np.any(slope < 0):
+            raise ValueError(f"F must be increasing for z > 0, got a slope of {slope.min():g} N/m")
+        bent = np.flatnonzero(np.diff(slope) > 1e-9 * slope[0])
+        if bent.size:
+            i = int(bent[0]) + 1
+            raise ValueError(
+                f"F must be concave for z > 0 (slopes that do not grow), "
+                f"got {slope[i]:g} after {slope[i - 1]:g} N/m at z = {z[i - 1]:g} m"
+            )
+        object.__setattr__(self, "z", frozen(z))
+        object.__setattr__(self, "F", frozen(force))
+
+    @property
+    def K0(self) -> float:
+        """Stiffness at the origin [N/m]."""
+        return float(self.F[0] / self.z[0])
+
+    @property
+    def Fy(self) -> float:
+        """Largest force [N]."""
+        return float(self.F[-1])
+
+    def __call__(self, z: Any) -> np.ndarray:
+        """Virgin curve y(z) [N]."""
+        z = np.asarray(z, dtype=float)
+        return np.sign(z) * np.interp(np.abs(z), np.append(0.0, self.z), np.append(0.0, self.F))
+
+
+@value(kw_only=False)
+class MaxwellSlip:
+    """Parallel elements, each a spring that slips when its force reaches its strength.
+
+    The same operator as a `Table` of its knots, with the forces of the elements as the memory.
+
+    Parameters
+    ----------
+    stiffness : (E,) ndarray
+        Stiffness k_i of each element [N/m].
+    strength : (E,) ndarray
+        Force W_i at which each element slips [N]; infinite for a spring that never slips.
+
+    Raises
+    ------
+    ValueError
+        Stiffnesses and strengths that are not positive or not one for one.
+
+    References
+    ----------
+    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966).
+
+    Examples
+    --------
+    >>> from nlfrf.rig.laws.hysteresis import hysteresis_force
+    >>> hysteresis_force(MaxwellSlip([2.0, 1.0], [1.0, 2.0]), [0.5, 1.0, 3.0, 2.5]).tolist()
+    [1.5, 2.0, 3.0, 1.5]
+    """
+
+    stiffness: Any
+    strength: Any
+
+    def __post_init__(self) -> None:
+        stiffness = real_array("stiffness", self.stiffness, ndim=1)
+        strength = np.asarray(self.strength)
+        if strength.dtype.kind not in "fiu":
+            raise ValueError(f"strength must hold real numbers, got dtype {strength.dtype}")
+        strength = strength.astype(float)
+        if strength.shape != stiffness.shape or stiffness.size < 1:
+            raise ValueError(
+                f"strength must have one value for each of the {stiffness.size} stiffnesses, got shape {strength.shape}"
+            )
+        for name, array in (("stiffness", stiffness), ("strength", strength)):
+            if not np.all(array > 0):
+                raise ValueError(f"{name} must be positive for every element, got {array.min():g}")
+            object.__setattr__(self, name, frozen(array))
+
+    @property
+    def K0(self) -> float:
+        """Stiffness of all elements together [N/m]."""
+        return float(self.stiffness.sum())
+
+    @property
+    def Fy(self) -> float:
+        """Largest force [N]."""
+        return float(self.strength.sum())
+
+    @property
+    def knots(self) -> np.ndarray:
+        """(E,) displacement at which each element first slips [m]."""
+        return self.strength / self.stiffness
+
+    def __call__(self, z: Any) -> np.ndarray:
+        """Virgin curve y(z) [N]."""
+        z = np.asarray(z, dtype=float)[..., np.newaxis]
+        return np.clip(self.stiffness * z, -self.strength, self.strength).sum(axis=-1)
+
+
+Curve = Linear | Tanh | Exponential | Parabola | ElasticPlastic | Table | MaxwellSlip

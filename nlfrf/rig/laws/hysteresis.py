@@ -1,0 +1,166 @@
+"""Hysteresis with non-local memory: virgin curves, and the force they give along a path.
+
+A virgin curve y(z) is odd, and concave and increasing for z > 0. After a turning point (zm, Fm) the force runs
+on the branch Fm + 2 y((z - zm) / 2) (Masing); an inner loop that closes is wiped out of the memory, and the
+force goes on along the older branch as if the inner loop had not been.
+
+The memory is kept in one of two ways. A virgin curve keeps a stack of turning points. `MaxwellSlip` keeps
+the forces of parallel elements, each a spring that slips at its strength. For a piecewise-linear curve the two
+are the same operator.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import DataWarning, integer, positive, real_array
+from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.laws.curves import Curve, ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
+
+__all__ = ["NO_GRID", "fit_maxwell_slip", "hysteresis_force", "packed_curve", "warn_lost"]
+
+
+NO_GRID = np.zeros((3, 1))
+KINDS: dict[type, int] = {
+    Linear: kernel_data.SPRING,
+    Tanh: kernel_data.TANH,
+    Exponential: kernel_data.EXPONENTIAL,
+    Parabola: kernel_data.PARABOLA,
+    ElasticPlastic: kernel_data.ELASTIC_PLASTIC,
+    Table: kernel_data.TABLE,
+    MaxwellSlip: kernel_data.ELEMENTS,
+}
+
+
+def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
+    """Force along a path of displacements that starts at rest at z = 0, with all its memory.
+
+    Parameters
+    ----------
+    curve : Linear, Tanh, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
+        The virgin curve, or the elements.
+    z : (n,) ndarray
+        Displacements [m]; between two of them the motion goes one way.
+
+    Returns
+    -------
+    (n,) ndarray
+        Forces [N] at these displacements.
+
+    Raises
+    ------
+    ValueError
+        Displacements that are not one finite path.
+
+    References
+    ----------
+    G. Masing 1926; E. Madelung 1905 (wiping out).
+
+    Examples
+    --------
+    A closed inner loop leaves no trace: 3 is reached with the same force with it and without it.
+
+    >>> curve = Exponential(1.0, 1.0)
+    >>> bool(np.isclose(hysteresis_force(curve, [2, 1, 1.5, 1, 3])[-1], curve(3.0), rtol=1e-14))
+    True
+    """
+    from nlfrf.rig.kernels import leuven as kernels
+
+    path = np.array(real_array("z", z, ndim=1))
+    packed, grid = packed_curve(curve)
+    memory = kernel_data.at_rest(packed, grid)
+    force = np.empty_like(path)
+    kernels.follow(packed, grid, memory.state, memory.stack, path, force)
+    warn_lost(memory.state[kernel_data.LOST])
+    return force
+
+
+def warn_lost(lost: float) -> None:
+    """Warn where the memory of turning points was too short."""
+    if lost:
+        said = f"the hysteresis memory of {kernel_data.STACK_DEPTH} turning points overflowed {lost:g} times"
+        warnings.warn(f"{said}; the innermost loops were forgotten", DataWarning, stacklevel=3)
+
+
+def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0) -> MaxwellSlip:
+    """Elements that stand for a curve: its chords between graded knots.
+
+    Graded, because elements are exactly linear below the first knot: evenly spaced ones would show no
+    hysteresis, and no distortion, in small motions. Half of the knots go where the curve bends, half are spread
+    over the powers of ten below. Where the curve consists of straight lines already, with no
+    more corners than elements, the elements are exact.
+
+    Parameters
+    ----------
+    curve : Linear, Tanh, Exponential, Parabola, ElasticPlastic or Table
+        The virgin curve.
+    n_elements : int
+        Elements at most.
+    decades : float
+        Powers of ten from the first knot to the displacement where the curve ends.
+
+    Returns
+    -------
+    MaxwellSlip
+
+    Raises
+    ------
+    ValueError
+        Fewer than one element, decades that are not positive.
+
+    References
+    ----------
+    W. D. Iwan, *A distributed-element model for hysteresis*, J. Applied Mechanics 33 (1966).
+
+    Examples
+    --------
+    >>> elements = fit_maxwell_slip(Tanh(64e3, 1.0), n_elements=32)
+    >>> z = np.linspace(0, 1e-4, 1000)
+    >>> bool(np.abs(elements(z) - np.tanh(64e3 * z)).max() < 5e-3)
+    True
+    """
+    n_elements = integer("n_elements", n_elements, least=1)
+    decades = positive("decades", decades)
+    packed_curve(curve)
+    if isinstance(curve, MaxwellSlip):
+        return curve
+    if isinstance(curve, Linear):
+        return MaxwellSlip(stiffness=[curve.K0], strength=[np.inf])
+    if isinstance(curve, ElasticPlastic):
+        return MaxwellSlip(stiffness=[curve.K0], strength=[curve.Fy])
+    if isinstance(curve, Table) and curve.z.size <= n_elements:
+        knots = curve.z
+    else:
+        knots = graded_knots(curve, n_elements, decades)
+    force = np.append(np.asarray(curve(knots[:-1])), curve.Fy)
+    slope = np.append(np.diff(force, prepend=0.0) / np.diff(knots, prepend=0.0), 0.0)
+    stiffness = -np.diff(slope)
+    used = stiffness > 1e-12 * curve.K0  # a knot on a straight piece needs no element
+    return MaxwellSlip(stiffness=stiffness[used], strength=(stiffness * knots)[used])
+
+
+def graded_knots(curve: Curve, n_knots: int, decades: float) -> np.ndarray:
+    """Knots up to the end of a curve: their density is the mean of sqrt|y''|, which evens out the error, and 1/z."""
+    far = curve.Fy / curve.K0 * np.geomspace(1, 1e6, 2000)
+    end = far[np.argmax(curve(far) >= (1 - 0.05 / n_knots**2) * curve.Fy)]
+    z = end * np.logspace(-decades, 0, 2000)
+    bend = np.sqrt(np.abs(np.gradient(np.gradient(curve(z), z), z)))
+    share = np.concatenate([[0.0], np.cumsum((bend[1:] + bend[:-1]) / 2 * np.diff(z))])
+    place = share / share[-1] + np.linspace(0, 1, z.size)
+    return np.interp(np.linspace(0, place[-1], n_knots), place, z)
+
+
+def packed_curve(curve: Curve) -> tuple[kernel_data.Curve, kernel_data.Grid]:
+    """The curve as the compiled code reads it."""
+    if type(curve) not in KINDS:
+        raise ValueError(f"curve must be one of {', '.join(kind.__name__ for kind in KINDS)}, got {curve!r}")
+    grid = NO_GRID
+    if isinstance(curve, Table):
+        z, force = np.append(0.0, curve.z), np.append(0.0, curve.F)
+        grid = np.stack([z, force, np.append(np.diff(force) / np.diff(z), 0.0)])
+    if isinstance(curve, MaxwellSlip):
+        grid = np.stack([curve.stiffness, curve.strength, np.zeros(curve.stiffness.size)])
+    return kernel_data.Curve(KINDS[type(curve)], float(curve.K0), float(curve.Fy)), grid

@@ -1,0 +1,64 @@
+"""One run of a body through a force by the compiled code that fits its friction law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.laws.laws import OwnFriction, OwnLaw
+
+__all__ = ["integrate"]
+
+
+def integrate(
+    body: kernel_data.Body,
+    law: kernel_data.Law,
+    grid: kernel_data.Grid,
+    memory: kernel_data.Memory,
+    drive: np.ndarray,
+    h: float,
+    substeps: int,
+) -> np.ndarray | None:
+    """The compiled integration.
+
+    Returns (n / substeps, 4): position, velocity, z and friction force at the begin of every `substeps`-th step;
+    None where the step was too long to be stable.
+    """
+    if isinstance(law, OwnLaw):
+        return integrate_own(body, law.of, memory, drive, h, substeps)
+    kernel: Callable[..., bool]
+    if law.form == kernel_data.COULOMB:
+        from nlfrf.rig.kernels.slip import advance_coulomb as kernel
+    elif law.form == kernel_data.GMS:
+        from nlfrf.rig.kernels.slip import advance_gms as kernel
+    elif law.form == kernel_data.SLIDERS:
+        from nlfrf.rig.kernels.slip import advance_sliders as kernel
+    else:
+        from nlfrf.rig.kernels.leuven import advance_hysteretic as kernel
+    out = np.empty((drive.shape[0] // substeps, 4))
+    stable = kernel(body, law, grid, memory.state, memory.stack, drive, h, substeps, out)
+    return out if stable else None
+
+
+def integrate_own(
+    body: kernel_data.Body,
+    law: OwnFriction,
+    memory: kernel_data.Memory,
+    drive: np.ndarray,
+    h: float,
+    substeps: int,
+) -> np.ndarray | None:
+    """The same for functions of the user's own; their state lies where others keep their turning points."""
+    from nlfrf.rig.kernels.loops import stepper
+
+    kernel, _ = stepper(law.derivative, law.force, law.rest.size)
+    state, z = memory.state, memory.stack[0, : law.rest.size]
+    if not state[kernel_data.DEPTH]:  # it has never moved
+        z[:] = law.rest
+        state[kernel_data.DEPTH] = 1.0
+    out, place, own = np.empty((drive.shape[0] // substeps, 4)), state[[kernel_data.X, kernel_data.V]], z.copy()
+    stable = kernel(body, place, own, np.ascontiguousarray(drive), float(h), int(substeps), out)
+    state[[kernel_data.X, kernel_data.V]], z[:] = place, own
+    return out if stable else None

@@ -1,0 +1,570 @@
+"""Friction laws as plain values; `nlfrf.Rig` puts them under a mass.
+
+All here are point symmetric (`VaryingSliders` need not be): a motion turned around gives the force turned around.
+s(v) is the Stribeck curve,
+
+    s(v) = sgn(v) [Fc + (Fs - Fc) exp(-|v / vs|^delta)].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import integer, nonnegative, one_of, positive, real, real_array
+from nlfrf._base.values import value
+from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.laws.curves import Curve, Linear, MaxwellSlip, Tanh
+from nlfrf.rig.laws.hysteresis import NO_GRID, packed_curve
+
+__all__ = [
+    "Coulomb",
+    "Dahl",
+    "Friction",
+    "GeneralizedMaxwellSlip",
+    "Leuven",
+    "LuGre",
+    "OwnFriction",
+    "OwnLaw",
+    "VaryingSliders",
+    "packed_law",
+    "packed_own",
+    "packed_sliders",
+    "stribeck",
+]
+
+
+# ---- A friction law of the user's own: a state, its derivative, the force.
+
+
+@value
+class OwnFriction:
+    """Friction by functions of your own: dz/dt = derivative(x, v, z), F = force(x, v, z), z = rest to begin with.
+
+    Both are compiled where numba can (plain numbers, arrays and loops of Python and NumPy); where it cannot they run as
+    they are, some hundred times slower. Steps are those of Runge and Kutta of order four, of fixed length: a law with
+    a jump (sgn v) needs short ones. `run`, `drive`, `simulate` and loops around one axis take it; proofs do not.
+
+    Fields
+    ------
+    derivative : callable
+        (x, v, z) -> (s,) array: how fast the state changes, at a position [m], a velocity [m/s] and a state.
+    force : callable
+        (x, v, z) -> float: the friction force [N], against the motion where positive with v.
+    rest : (s,) ndarray
+        The state of a machine that has never moved; empty for a law without one.
+    stiffness : float
+        dF/dx of the machine stuck [N/m]: how short a step has to be.
+    damping : float
+        dF/dv there [Ns/m].
+
+    Raises
+    ------
+    ValueError
+        Functions that do not give a force and one derivative for each state, all finite, at rest.
+
+    References
+    ----------
+    C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, *A new model for control of systems with friction*, IEEE
+    Transactions on Automatic Control 40 (1995): the law of the example.
+
+    Examples
+    --------
+    >>> from nlfrf import Rig, run
+    >>> def derivative(x, v, z):
+    ...     return v - 1e5 * np.abs(v) * z / 0.7
+    >>> def force(x, v, z):
+    ...     return 1e5 * z[0]
+    >>> dahl = OwnFriction(derivative=derivative, force=force, rest=[0.0], stiffness=1e5)
+    >>> motion = run(Rig(1.0, 80e3, dahl), np.full(2000, 1.0), fs=4000.0)
+    >>> bool(abs(motion.friction).max() < 0.7)
+    True
+    """
+
+    derivative: Callable[[float, float, np.ndarray], Any]
+    force: Callable[[float, float, np.ndarray], float]
+    rest: np.ndarray
+    stiffness: float
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        rest = real_array("rest", np.atleast_1d(np.asarray(self.rest, dtype=float)), ndim=1)
+        object.__setattr__(self, "rest", rest)
+        if rest.size > kernel_data.STACK_DEPTH or not np.isfinite(rest).all():
+            raise ValueError(f"rest must hold at most {kernel_data.STACK_DEPTH} finite numbers, got {rest.size}")
+        nonnegative("stiffness", self.stiffness)
+        nonnegative("damping", self.damping)
+        for name, wanted in (("derivative", rest.shape), ("force", ())):
+            function = getattr(self, name)
+            if not callable(function):
+                raise ValueError(f"{name} must be a function of (x, v, z), got {type(function).__name__}")
+            try:
+                found = np.asarray(function(0.0, 0.0, rest.copy()), dtype=float)
+            except Exception as error:  # a function of the user's may raise anything
+                raise ValueError(
+                    f"{name} must be a function of (x, v, z), got {type(error).__name__}: {error}"
+                ) from error
+            if found.shape != wanted or not np.isfinite(found).all():
+                what = f"{rest.size} finite numbers" if wanted else "one finite number"
+                raise ValueError(f"{name} must give {what} at rest, got {found.tolist()}")
+
+    @property
+    def compiled(self) -> bool:
+        """Whether numba could compile it."""
+        from nlfrf.rig.kernels.loops import stepper
+
+        return stepper(self.derivative, self.force, self.rest.size)[1]
+
+
+class OwnLaw(kernel_data.Law):
+    """The numbers of a law that has functions beside them."""
+
+    of: OwnFriction
+
+
+def packed_own(law: OwnFriction) -> tuple[OwnLaw, kernel_data.Grid]:
+    """The law as the integration reads it."""
+    spring = kernel_data.Curve(kernel_data.SPRING, float(law.stiffness), np.inf)
+    numbers = OwnLaw(kernel_data.OWN, np.inf, np.inf, 1.0, 2.0, float(law.damping), 0.0, 1.0, spring)
+    numbers.of = law
+    return numbers, NO_GRID
+
+
+# ---- Maxwell slip whose sliders vary: with speed, time of rest, position and direction, and at random.
+
+
+@value
+class VaryingSliders:
+    """Maxwell slip whose sliders hold more or less, always between a force and its part.
+
+    Elements of a spring and a slider each; a slider of strength W holds, and slips at,
+
+        W [1/stiction + (1 - 1/stiction) m],   0 <= m <= 1,
+
+    m the product of what is asked for: exp(-(v/vs)^2) while it slips, 1 - exp(-rest/dwell) when it has stuck for a
+    time, (1 + cos(2 pi x / wavelength)) / 2 along the way, 1 - asymmetry one way, and, where seeded, a number drawn
+    anew whenever it sticks. Every one of them lies in `robust.any_maxwell_slip(sum of stiffness, stiction)`.
+
+    Parameters
+    ----------
+    stiffness : (E,) ndarray
+        Of each element [N/m].
+    strength : (E,) ndarray
+        Largest force of each slider [N].
+    stiction : float
+        Largest over smallest force of a slider.
+    vs : float
+        Velocity over which slipping gets easier [m/s]; infinite: it does not.
+    dwell : float
+        Time of rest over which holding gets harder [s]; zero: at once.
+    wavelength : float
+        Of the way along which the strength varies [m]; infinite: it does not.
+    asymmetry : float
+        How much of m is missing in negative direction, 0 to 1.
+    seed : int
+        Of the numbers drawn; zero for none.
+
+    Raises
+    ------
+    ValueError
+        Elements whose numbers do not fit each other, stiction below one, numbers out of range.
+
+    References
+    ----------
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements); B. Armstrong-Hélouvry,
+    *Control of Machines with Friction*, 1991 (rising static friction, position dependence).
+
+    Examples
+    --------
+    >>> law = VaryingSliders(stiffness=[4e4, 2.4e4], strength=[0.5, 0.5], stiction=1.4, vs=0.01)
+    >>> float(law.strength.sum())
+    1.0
+    """
+
+    stiffness: Any
+    strength: Any
+    stiction: float = 1.0
+    vs: float = np.inf
+    dwell: float = 0.0
+    wavelength: float = np.inf
+    asymmetry: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        elements = MaxwellSlip(stiffness=self.stiffness, strength=self.strength)
+        object.__setattr__(self, "stiffness", elements.stiffness)
+        object.__setattr__(self, "strength", elements.strength)
+        if real("stiction", self.stiction) < 1:
+            raise ValueError(f"stiction must be at least 1, got {self.stiction:g}")
+        for name in ("vs", "wavelength"):
+            if not np.isposinf(getattr(self, name)):
+                positive(name, getattr(self, name))
+        if real("dwell", self.dwell) < 0:
+            raise ValueError(f"dwell must be zero or positive, got {self.dwell:g}")
+        if not 0 <= real("asymmetry", self.asymmetry) <= 1:
+            raise ValueError(f"asymmetry must lie between 0 and 1, got {self.asymmetry:g}")
+        integer("seed", self.seed, least=0)
+
+
+def packed_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
+    """The law as compiled code reads it: stiffness, strength, phase, and four numbers that all elements share."""
+    total, strength = float(np.sum(law.stiffness)), float(np.sum(law.strength))
+    n = law.stiffness.size
+    grid = np.zeros((7, n))
+    grid[0], grid[1] = law.stiffness, law.strength
+    grid[2] = 2.399963 * np.arange(n)  # each at a phase of its own, the golden angle apart
+    grid[3] = 0.0 if np.isinf(law.wavelength) else 2 * np.pi / law.wavelength
+    grid[4], grid[5], grid[6] = law.dwell, law.asymmetry, law.seed
+    vs = 1e300 if np.isinf(law.vs) else float(law.vs)
+    curve = kernel_data.Curve(kernel_data.VARYING, total, strength)
+    return kernel_data.Law(
+        kernel_data.SLIDERS, strength, strength / law.stiction, vs, 2.0, 0.0, 0.0, float(law.stiction), curve
+    ), grid
+
+
+@value
+class Coulomb:
+    """Dry friction: the mass sticks until the force passes Fs, and slides under the Stribeck curve until it stops.
+
+    F = s(v) + sigma2 v while sliding. No motion at all before it breaks away.
+
+    Parameters
+    ----------
+    Fc : float
+        Coulomb friction [N].
+    Fs : float, optional
+        Static friction [N]; Fc when not given.
+    vs : float, optional
+        Stribeck velocity [m/s]; needed where Fs exceeds Fc.
+    delta : float
+        Shape of the Stribeck curve.
+    sigma2 : float
+        Viscous friction [Ns/m].
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive, Fs below Fc, Fs above Fc without vs.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, Kluwer, 1991.
+
+    Examples
+    --------
+    >>> Coulomb(Fc=0.7).Fs
+    0.7
+    """
+
+    Fc: float
+    Fs: float = np.nan
+    vs: float = np.nan
+    delta: float = 2.0
+    sigma2: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("Fc", self.Fc)
+        if not given(self.Fs):
+            object.__setattr__(self, "Fs", self.Fc)
+        if not given(self.vs):
+            if positive("Fs", self.Fs) > self.Fc:
+                raise ValueError(f"vs must be given where Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
+            object.__setattr__(self, "vs", 1.0)
+        check_stribeck(self)
+
+
+@value
+class Dahl:
+    """Dahl's model: a force that yields gradually with the displacement, whatever the velocity.
+
+    dF/dx = sigma0 |1 - F/Fc sgn v|^n sgn(1 - F/Fc sgn v).
+
+    Parameters
+    ----------
+    sigma0 : float
+        Stiffness at the origin [N/m].
+    Fc : float
+        Coulomb friction [N].
+    n : float
+        Shape of the yielding; 1 in most of the literature.
+
+    Raises
+    ------
+    ValueError
+        A sigma0, Fc or n that is not positive.
+
+    References
+    ----------
+    P. Dahl, *A solid friction model*, Aerospace Corporation, 1968.
+
+    Examples
+    --------
+    >>> Dahl(sigma0=64e3, Fc=0.7).Fc
+    0.7
+    """
+
+    sigma0: float
+    Fc: float
+    n: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("sigma0", "Fc", "n"):
+            positive(name, getattr(self, name))
+
+
+@value
+class LuGre:
+    """The LuGre model: bristles that bend, and slip at the Stribeck force.
+
+    F = sigma0 z + sigma1 dz/dt + sigma2 v,  dz/dt = v - sigma0 |v| / |s(v)| z.
+
+    Parameters
+    ----------
+    sigma0 : float
+        Stiffness of the bristles [N/m].
+    sigma1, sigma2 : float
+        Damping of the bristles, viscous friction [Ns/m].
+    Fc, Fs : float
+        Coulomb and static friction [N].
+    vs : float
+        Stribeck velocity [m/s].
+    delta : float
+        Shape of the Stribeck curve.
+
+    Raises
+    ------
+    ValueError
+        A stiffness, force or velocity that is not positive, Fs below Fc.
+
+    References
+    ----------
+    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, *A new model for control of systems with
+    friction*, IEEE Trans. Automatic Control 40, 1995.
+
+    Examples
+    --------
+    >>> LuGre(sigma0=64e3, sigma1=13, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01).delta
+    2.0
+    """
+
+    sigma0: float
+    sigma1: float
+    sigma2: float
+    Fc: float
+    Fs: float
+    vs: float
+    delta: float = 2.0
+
+    def __post_init__(self) -> None:
+        positive("sigma0", self.sigma0)
+        check_stribeck(self)
+
+
+@value
+class Leuven:
+    """The Leuven model: hysteresis with non-local memory in presliding, the Stribeck curve in sliding.
+
+    F = Fh(z) + sigma1 dz/dt + sigma2 v,  dz/dt = v (1 - sgn(Fh/s(v)) |Fh/s(v)|^n),
+
+    with Fh the hysteresis force of `curve`. Without arguments: the friction of the paper, with n and the curve,
+    which it does not print, chosen so that its resonances come out.
+
+    Parameters
+    ----------
+    Fs, Fc : float
+        Static and Coulomb friction [N].
+    vs : float
+        Stribeck velocity [m/s].
+    delta : float
+        Shape of the Stribeck curve.
+    sigma1, sigma2 : float
+        Micro-viscous damping, viscous friction [Ns/m].
+    n : float
+        How suddenly presliding passes into sliding.
+    curve : Tanh, Linear, Exponential, Parabola, ElasticPlastic, Table or MaxwellSlip
+        Virgin curve of the hysteresis; `MaxwellSlip` for elements as the memory. It must reach Fs.
+    form : str
+        "modified", as above (Lampaert); "original" (Swevers): the ratio of the force since the last turning
+        point to the way left from there, whose friction force jumps where an inner loop closes. For studying
+        that jump only.
+
+    Raises
+    ------
+    ValueError
+        Fs below Fc, a curve that does not reach Fs, numbers that are not positive.
+
+    References
+    ----------
+    J. Swevers, F. Al-Bender, C. Ganseman, T. Prajogo, *An integrated friction model structure with improved
+    presliding behavior for accurate friction compensation*, IEEE Trans. Automatic Control 45, 2000;
+    V. Lampaert, J. Swevers, F. Al-Bender, *Modification of the Leuven integrated friction model structure*,
+    IEEE Trans. Automatic Control 47, 2002.
+
+    Examples
+    --------
+    With n = 1 and a linear curve it is LuGre; as it stands it is the friction of the paper.
+
+    >>> Leuven().Fs, Leuven().Fc, Leuven().vs
+    (1.0, 0.7, 0.01)
+    """
+
+    Fs: float = 1.0
+    Fc: float = 0.7
+    vs: float = 0.01
+    delta: float = 2.0
+    sigma1: float = 13.0
+    sigma2: float = 0.4
+    n: float = 1.0
+    curve: Curve = Tanh(K0=64e3, Fy=1.0)
+    form: str = "modified"
+
+    def __post_init__(self) -> None:
+        check_stribeck(self)
+        positive("n", self.n)
+        one_of("form", self.form, ("modified", "original"))
+        packed, _ = packed_curve(self.curve)
+        if packed.Fy < self.Fs * (1 - 1e-2):
+            raise ValueError(
+                f"curve must reach the static friction Fs = {self.Fs:g} N, got one that ends at {packed.Fy:g} N"
+            )
+        if self.form == "original" and packed.kind == kernel_data.ELEMENTS:
+            raise ValueError('curve must be a virgin curve where form="original", got MaxwellSlip')
+
+
+@value
+class GeneralizedMaxwellSlip:
+    """The generalised Maxwell-slip model: parallel elements that stick, and slip with a lag behind the Stribeck curve.
+
+    An element sticks, dF_i/dt = k_i v, until its force reaches alpha_i s(v) in the direction of the motion;
+    then it slips, dF_i/dt = sgn(v) C (alpha_i - F_i / s(v)), until the velocity turns. F = sum F_i + sigma2 v.
+
+    Parameters
+    ----------
+    stiffness : (E,) ndarray
+        Stiffness k_i of each element [N/m].
+    alpha : (E,) ndarray
+        Share of each element in s(v); they add up to one.
+    C : float
+        How fast a slipping element is drawn to the Stribeck curve [N/s].
+    Fs, Fc : float
+        Static and Coulomb friction [N].
+    vs : float
+        Stribeck velocity [m/s].
+    delta : float
+        Shape of the Stribeck curve.
+    sigma2 : float
+        Viscous friction [Ns/m].
+
+    Raises
+    ------
+    ValueError
+        Elements whose numbers do not fit each other.
+
+    References
+    ----------
+    F. Al-Bender, V. Lampaert, J. Swevers, *The generalized Maxwell-slip model: a novel model for friction
+    simulation and compensation*, IEEE Trans. Automatic Control 50, 2005.
+
+    Examples
+    --------
+    >>> law = GeneralizedMaxwellSlip(stiffness=[4e4, 2.4e4], alpha=[0.5, 0.5], C=10, Fc=0.7, Fs=1.0, vs=0.01)
+    >>> float(law.alpha.sum())
+    1.0
+    """
+
+    stiffness: Any
+    alpha: Any
+    C: float
+    Fs: float
+    Fc: float
+    vs: float
+    delta: float = 2.0
+    sigma2: float = 0.0
+
+    def __post_init__(self) -> None:
+        shares = MaxwellSlip(stiffness=self.stiffness, strength=self.alpha)
+        if not abs(shares.Fy - 1) < 1e-6:
+            raise ValueError(f"alpha must add up to 1, got {shares.Fy:g}")
+        object.__setattr__(self, "stiffness", shares.stiffness)
+        object.__setattr__(self, "alpha", shares.strength)
+        positive("C", self.C)
+        check_stribeck(self)
+
+
+def given(number: Any) -> bool:
+    """Whether a parameter was given: its default is nan."""
+    return not (isinstance(number, float) and np.isnan(number))
+
+
+Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip | VaryingSliders | OwnFriction
+
+
+def check_stribeck(law: Any) -> None:
+    """Refuse numbers that make no Stribeck curve."""
+    for name in ("Fc", "vs", "delta"):
+        positive(name, getattr(law, name))
+    nonnegative("sigma1", getattr(law, "sigma1", 0.0))
+    nonnegative("sigma2", law.sigma2)
+    if not positive("Fs", law.Fs) >= law.Fc:
+        raise ValueError(f"Fs must be at least Fc = {law.Fc:g} N, got {law.Fs:g} N")
+
+
+def stribeck(law: Any, v: Any) -> np.ndarray:
+    """Stribeck curve s(v) [N] of a law, without its viscous part; zero at v = 0.
+
+    >>> stribeck(Leuven(), [-0.01, 0.0, 1.0]).round(4)
+    array([-0.8104,  0.    ,  0.7   ])
+    """
+    v = np.asarray(v, dtype=float)
+    if isinstance(law, OwnFriction):
+        raise ValueError("law must have a Stribeck curve, got OwnFriction: `drive` it at constant velocities")
+    packed, _ = packed_law(law)
+    return np.sign(v) * (packed.Fc + (packed.Fs - packed.Fc) * np.exp(-(np.abs(v / packed.vs) ** packed.delta)))
+
+
+def packed_law(law: Friction) -> tuple[kernel_data.Law, kernel_data.Grid]:
+    """The law as the compiled code reads it."""
+    if isinstance(law, Dahl):
+        force = float(law.Fc)
+        spring, grid = packed_curve(Linear(K0=law.sigma0))
+        return kernel_data.Law(kernel_data.DAHL, force, force, 1.0, 2.0, 0.0, 0.0, float(law.n), spring), grid
+    if isinstance(law, LuGre):
+        spring, grid = packed_curve(Linear(K0=law.sigma0))
+        return packed_stribeck(law, kernel_data.LEUVEN, 1.0, spring), grid
+    if isinstance(law, Coulomb):
+        return packed_stribeck(
+            law, kernel_data.COULOMB, 1.0, kernel_data.Curve(kernel_data.SPRING, 0.0, np.inf)
+        ), NO_GRID
+    if isinstance(law, VaryingSliders):
+        return packed_sliders(law)
+    if isinstance(law, OwnFriction):
+        return packed_own(law)
+    if isinstance(law, GeneralizedMaxwellSlip):
+        shares = MaxwellSlip(stiffness=law.stiffness, strength=law.alpha)
+        curve, grid = packed_curve(shares)
+        return packed_stribeck(law, kernel_data.GMS, law.C, curve), grid
+    if not isinstance(law, Leuven):
+        raise ValueError(f"friction must be one of the laws of nlfrf.friction, got {law!r}")
+    curve, grid = packed_curve(law.curve)
+    if law.form == "modified":
+        return packed_stribeck(law, kernel_data.LEUVEN, law.n, curve), grid
+    if curve.kind == kernel_data.SPRING:  # the original form needs the turning points of a spring too
+        curve = curve._replace(kind=kernel_data.LINEAR)
+    return packed_stribeck(law, kernel_data.ORIGINAL, law.n, curve), grid
+
+
+def packed_stribeck(law: Any, form: int, n: float, curve: kernel_data.Curve) -> kernel_data.Law:
+    """A law with a Stribeck curve and its dampings."""
+    return kernel_data.Law(
+        form=form,
+        Fs=float(law.Fs),
+        Fc=float(law.Fc),
+        vs=float(law.vs),
+        delta=float(law.delta),
+        sigma1=float(getattr(law, "sigma1", 0.0)),
+        sigma2=float(law.sigma2),
+        n=float(n),
+        curve=curve,
+    )

@@ -1,0 +1,206 @@
+"""The paper's experiments on its rig, its equations as functions of an ensemble, and its findings in numbers.
+
+"The impact of nonlinear friction on FRF measurements": a mass on a spring with Leuven friction, excited by
+random-phase multisines on odd, odd-odd and special-odd grids, at a level that stays in presliding (1), one ten
+times smaller (2) and one ten times larger (3), 100 realisations each. `nlfrf.reproduce` draws them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.values import value
+from nlfrf.records.record import Record
+from nlfrf.rig.bench.rig import Rig
+from nlfrf.signals.lines import LineGrid
+from nlfrf.signals.multisine import Multisine, multisine
+
+__all__ = [
+    "F0",
+    "FS",
+    "GRIDS",
+    "LEVELS",
+    "Ensemble",
+    "Ensembles",
+    "bootstrap_sigma",
+    "ensemble",
+    "frf",
+    "near_resonance",
+    "normalised_difference",
+    "output_linear",
+    "output_rms",
+    "output_stochastic",
+    "paper_multisine",
+    "power_db",
+    "resonance",
+    "single_experiment",
+    "systematic_over_detection",
+    "under_reading",
+]
+
+
+#: Rms of the force [N] at the paper's levels: 1 covers presliding without sliding.
+LEVELS = {1: 0.25, 2: 0.025, 3: 2.5}
+#: The paper's grids, and the one it recommends looking at.
+GRIDS = ("odd", "odd-odd", "special-odd", "random-odd")
+F0, FS = 0.25, 4096.0
+#: First and last line of the band: 5, 7, ..., 573 for the odd grid, from 9 on for the two that leave lines out.
+BAND = {"odd": (5, 573), "odd-odd": (9, 573), "special-odd": (9, 573), "random-odd": (5, 573)}
+#: Half width [Hz] of what is called "at the resonance".
+NEAR = 3.0
+
+
+@value
+class Ensemble:
+    """Spectra of the realisations of one experiment.
+
+    Fields
+    ------
+    lines : LineGrid
+        Excited and detection lines.
+    f0 : float
+        Resolution [Hz].
+    U, Y : (M, L) complex ndarray
+        Amplitudes of the cosines of input [N] and output [m] on lines 0 to L - 1, averaged over periods.
+    """
+
+    lines: LineGrid
+    f0: float
+    U: np.ndarray
+    Y: np.ndarray
+
+    @property
+    def n_realizations(self) -> int:
+        """Realisations M."""
+        return self.U.shape[0]
+
+
+Ensembles = dict[tuple[int, str], Ensemble]
+
+
+def ensemble(record: Record) -> Ensemble:
+    """The spectra of a record, up to its last excited line."""
+    last = record.lines.excited[-1] + 1
+    U, Y = (np.fft.rfft(s.mean(axis=1), axis=1)[:, :last] * (2 / record.n_samples) for s in (record.u, record.y))
+    return Ensemble(lines=record.lines, f0=record.f0, U=U, Y=Y)
+
+
+def paper_multisine(kind: str, level: int, *, n_realizations: int, rng: Any = None) -> Multisine:
+    """The paper's excitation: 4 s periods, lines up to 573 at 0.25 Hz, the same rms on every grid."""
+    first, last = BAND[kind]
+    return multisine(
+        kind,
+        fs=FS,
+        n_samples=round(FS / F0),
+        f_min=first * F0,
+        f_max=last * F0,
+        rms=LEVELS[level],
+        n_realizations=n_realizations,
+        rng=rng,
+    )
+
+
+def output_linear(e: Ensemble) -> np.ndarray:
+    """(F,) output that is linear in the input, equation (7): E[Y U*] / |U| on the excited lines."""
+    u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
+    return np.asarray(np.mean(y * u.conj(), axis=0) / np.sqrt(np.mean(np.abs(u) ** 2, axis=0)))
+
+
+def output_stochastic(e: Ensemble) -> np.ndarray:
+    """(F,) stochastic distortion on the excited lines, equation (8): std(Y U*) / |U|."""
+    u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
+    return np.asarray(np.std(y * u.conj(), axis=0, ddof=1) / np.sqrt(np.mean(np.abs(u) ** 2, axis=0)))
+
+
+def output_rms(e: Ensemble, lines: np.ndarray) -> np.ndarray:
+    """(D,) output on detection lines, equation (9): its rms over the realisations."""
+    return np.sqrt(np.mean(np.abs(e.Y[:, lines]) ** 2, axis=0))
+
+
+def frf(e: Ensemble) -> tuple[np.ndarray, np.ndarray]:
+    """(F,) best linear approximation E[Y U*] / E|U|^2, and the variance of this mean."""
+    u, y = e.U[:, e.lines.excited], e.Y[:, e.lines.excited]
+    power = np.mean(np.abs(u) ** 2, axis=0)
+    G = np.mean(y * u.conj(), axis=0) / power
+    rest = (y - G * u) * u.conj()
+    m = e.n_realizations
+    return G, np.sum(np.abs(rest) ** 2, axis=0) / (m - 1) / m / power**2
+
+
+def resonance(e: Ensemble) -> float:
+    """Where |G| is largest [Hz]: the vertex of a parabola through the lines within 3 Hz of the largest one."""
+    G, _ = frf(e)
+    f = e.lines.excited * e.f0
+    peak = f[np.argmax(np.abs(G))]
+    near = np.abs(f - peak) <= NEAR
+    a, b, _ = np.polyfit(f[near] - peak, np.abs(G[near]) / np.abs(G).max(), 2)
+    return float(peak - np.clip(b / (2 * a), -NEAR, NEAR)) if a < 0 else float(peak)
+
+
+def near_resonance(e: Ensemble, lines: np.ndarray) -> np.ndarray:
+    """Which lines lie within 3 Hz of the resonance."""
+    return np.abs(lines * e.f0 - resonance(e)) <= NEAR
+
+
+def under_reading(e: Ensemble) -> float:
+    """Stochastic distortion on the excited lines over the rms of the odd detection lines, at the resonance [dB]."""
+    excited = output_stochastic(e)[near_resonance(e, e.lines.excited)]
+    odd = output_rms(e, e.lines.odd)[near_resonance(e, e.lines.odd)]
+    return float(power_db(np.mean(excited**2) / np.mean(odd**2)))
+
+
+def bootstrap_sigma(e: Ensemble, quantity: Callable[[Ensemble], float], *, n_draws: int = 200) -> float:
+    """Standard deviation of a quantity of the ensemble, over draws of its realisations with replacement."""
+    rng = np.random.default_rng(0)
+    drawn = []
+    for _ in range(n_draws):
+        m = rng.integers(0, e.n_realizations, e.n_realizations)
+        drawn.append(quantity(replace(e, U=e.U[m], Y=e.Y[m])))
+    return float(np.std(drawn, ddof=1))
+
+
+def normalised_difference(a: Ensemble, b: Ensemble) -> float:
+    """Mean over common lines of |G_a - G_b|^2 over its variance: one where the two are the same BLA."""
+    common, i, j = np.intersect1d(a.lines.excited, b.lines.excited, assume_unique=True, return_indices=True)
+    (Ga, va), (Gb, vb) = frf(a), frf(b)
+    if common.size == 0:
+        raise ValueError("a and b must share excited lines, got none in common")
+    dof = a.n_realizations + b.n_realizations - 2
+    # the variances are estimates too: with few realisations their inverse is large on average
+    return float(np.mean(np.abs(Ga[i] - Gb[j]) ** 2 / (va[i] + vb[j])) * (dof - 1) / dof)
+
+
+def systematic_over_detection(e: Ensemble, rig: Rig) -> np.ndarray:
+    """(F,) systematic distortion |G_R - G_0| |U| over the odd detection level [dB]; G_0 is the rig before it slips."""
+    G, _ = frf(e)
+    f = e.lines.excited * e.f0
+    s = 2j * np.pi * f
+    law: Any = rig.friction
+    damping = rig.damping + law.sigma1 + law.sigma2
+    G0 = 1 / (rig.mass * s**2 + damping * s + rig.stiffness + law.curve.K0)
+    u = e.U[:, e.lines.excited]
+    odd = np.interp(e.lines.excited, e.lines.odd, np.log(output_rms(e, e.lines.odd)))
+    return np.asarray(2 * power_db(np.abs(G - G0) * np.sqrt(np.mean(np.abs(u) ** 2, axis=0)) / np.exp(odd)))
+
+
+def single_experiment(e: Ensemble, *, factor: float, n_detection: int = 6) -> tuple[float, float]:
+    """How one experiment alone does: its level over the true one [dB, median], and how often its 95 % disc holds G.
+
+    The level is the rms over the nearest odd detection lines, its square times `factor`.
+    """
+    u, y, detected = e.U[:, e.lines.excited], e.Y[:, e.lines.excited], e.Y[:, e.lines.odd]
+    nearest = np.argsort(np.abs(e.lines.excited[:, np.newaxis] - e.lines.odd), axis=1)[:, :n_detection]
+    level = np.sqrt(factor * np.mean(np.abs(detected[:, nearest]) ** 2, axis=2))
+    G, _ = frf(e)
+    quantile = n_detection * (0.05 ** (-1 / n_detection) - 1)  # F(2, 2 L) at 95 %
+    inside = np.abs(y - G * u) <= np.sqrt(quantile) * level
+    return float(np.median(2 * power_db(level / output_stochastic(e)))), float(np.mean(inside))
+
+
+def power_db(ratio: Any) -> Any:
+    """Power ratio in dB."""
+    return 10 * np.log10(ratio)

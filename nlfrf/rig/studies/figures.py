@@ -1,0 +1,178 @@
+"""The figures of the paper, drawn from its ensembles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nlfrf._base.axes import finished
+from nlfrf.rig.bench.rig import Rig
+from nlfrf.rig.studies.ensembles import (
+    GRIDS,
+    LEVELS,
+    Ensemble,
+    Ensembles,
+    frf,
+    output_linear,
+    output_rms,
+    output_stochastic,
+    power_db,
+    systematic_over_detection,
+)
+from nlfrf.rig.studies.findings import SIGNALS
+from nlfrf.rig.studies.level_study import LevelStudy
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["pictures"]
+
+
+BLUE, ORANGE, GREEN, RED, GREY = "tab:blue", "tab:orange", "tab:green", "tab:red", "0.6"
+
+
+def pictures(
+    ensembles: Ensembles, signals: dict[str, Ensemble], study: LevelStudy, rig: Rig
+) -> list[tuple[str, Figure]]:
+    """Every figure with its name."""
+    names = {"odd": "figure4", "odd-odd": "figure5", "special-odd": "figure6", "random-odd": "random_odd"}
+    return [
+        ("figure3", figure_levels(ensembles)),
+        *((names[kind], figure_grid(ensembles, kind, rig)) for kind in GRIDS),
+        ("figure7", figure_comparison(ensembles)),
+        ("excitations", figure_excitations(signals)),
+        ("levels", figure_study(study)),
+    ]
+
+
+def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, Any]:
+    """A figure that belongs to no window, and its axes as an array."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options).ravel()
+
+
+def figure_levels(ensembles: Ensembles) -> Figure:
+    """Figure 3: the BLA at the three levels, amplitude and phase."""
+    figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
+    for level, colour in zip(LEVELS, (BLUE, GREEN, RED), strict=True):
+        e = ensembles[level, "odd"]
+        G, variance = frf(e)
+        f = e.lines.excited * e.f0
+        label = f"level {level} ({LEVELS[level]:g} N rms)"
+        top.plot(f, 2 * power_db(np.abs(G)), color=colour, label=label)
+        top.plot(f, power_db(variance), color=colour, lw=0.6, ls=":")
+        bottom.plot(f, np.degrees(np.unwrap(np.angle(G))), color=colour)
+    top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 3. BLA on the odd grid (dotted: its standard deviation)")
+    bottom.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
+    return with_grids(figure, (top, bottom))
+
+
+def figure_grid(ensembles: Ensembles, kind: str, rig: Rig) -> Figure:
+    """Figures 4 to 6: the output on excited and detection lines at the three levels."""
+    figure, axes = new_figure(8, 11, 3, sharex=True)
+    number = {"odd": "Figure 4. ", "odd-odd": "Figure 5. ", "special-odd": "Figure 6. "}.get(kind, "")
+    for level, ax in zip(LEVELS, axes, strict=True):
+        e = ensembles[level, kind]
+        f = e.lines.excited * e.f0
+        ax.plot(f, 2 * power_db(np.abs(output_linear(e))), color=BLUE, label="linear output, eq. (7)")
+        ax.plot(f, 2 * power_db(output_stochastic(e)), color=RED, label="stochastic distortion, eq. (8)")
+        if e.lines.odd.size:
+            ax.plot(
+                e.lines.odd * e.f0,
+                2 * power_db(output_rms(e, e.lines.odd)),
+                ".",
+                ms=4,
+                color=ORANGE,
+                label="odd lines, eq. (9)",
+            )
+        even = output_rms(e, e.lines.even)
+        floor = 2 * power_db(np.sqrt(np.mean(even**2)))
+        if kind == "special-odd":
+            odd = np.interp(e.lines.excited, e.lines.odd, 2 * power_db(output_rms(e, e.lines.odd)))
+            ax.plot(f, odd + systematic_over_detection(e, rig), color=GREEN, lw=0.8, label="systematic distortion")
+        ax.plot(
+            e.lines.even * e.f0,
+            2 * power_db(even),
+            ".",
+            ms=2,
+            color=GREY,
+            label=f"even lines, eq. (9): rms {floor:.0f} dB",
+        )
+        ax.set(ylabel="output [dB re 1 m]", title=f"level {level}, {LEVELS[level]:g} N rms")
+    axes[0].set_title(f"{number}{kind.capitalize()} grid: level 1, {LEVELS[1]:g} N rms")
+    axes[-1].set_xlabel("frequency [Hz]")
+    return with_grids(figure, axes)
+
+
+def figure_comparison(ensembles: Ensembles) -> Figure:
+    """Figure 7: the BLAs of the three grids at level 1, and their differences beside the standard deviation."""
+    figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
+    G_odd, variance = frf(ensembles[1, "odd"])
+    lines = ensembles[1, "odd"].lines.excited
+    for kind, colour in zip(GRIDS[:3], (BLUE, ORANGE, GREEN), strict=True):
+        e = ensembles[1, kind]
+        G, other = frf(e)
+        f = e.lines.excited * e.f0
+        top.plot(f, 2 * power_db(np.abs(G)), color=colour, label=kind)
+        if kind != "odd":
+            _, i, j = np.intersect1d(lines, e.lines.excited, return_indices=True)
+            bottom.plot(f[j], 2 * power_db(np.abs(G_odd[i] - G[j])), ".", color=colour, label=f"odd minus {kind}")
+            bottom.plot(f[j], power_db(variance[i] + other[j]), color=colour, lw=0.8, label="standard deviation of it")
+    top.set(ylabel="|G| [dB re 1 m/N]", title="Figure 7. Three grids, one BLA (level 1)")
+    bottom.set(xlabel="frequency [Hz]", ylabel="difference [dB re 1 m/N]")
+    return with_grids(figure, (top, bottom))
+
+
+def figure_excitations(signals: dict[str, Ensemble]) -> Figure:
+    """Side remarks: the BLAs of signals with the same power spectrum and other distributions."""
+    figure, (top, bottom) = new_figure(8, 7, 2, sharex=True)
+    G_first, variance = frf(signals[SIGNALS[0]])
+    for signal, colour in zip(SIGNALS, ("black", GREY, BLUE, ORANGE, RED), strict=True):
+        e = signals[signal]
+        G, other = frf(e)
+        f = e.lines.excited * e.f0
+        top.plot(f, 2 * power_db(np.abs(G)), color=colour, label=signal)
+        if signal != SIGNALS[0]:
+            ratio = np.abs(G - G_first) ** 2 / (variance + other)
+            bottom.plot(f, ratio, ".", color=colour, label=f"{signal}: mean {np.mean(ratio):.1f}")
+    top.set(ylabel="|G| [dB re 1 m/N]", title="Same power spectrum, other distributions (held for 1/64 s)")
+    bottom.set(xlabel="frequency [Hz]", ylabel="squared difference over its variance", yscale="log")
+    return with_grids(figure, (top, bottom))
+
+
+def figure_study(study: LevelStudy) -> Figure:
+    """The level study: the family, and how fast its distortion grows."""
+    figure, axes = new_figure(8, 10, 3, sharex=True)
+    plot_level_study(study, axes=axes)
+    return figure
+
+
+def plot_level_study(study: LevelStudy, *, axes: Any = None) -> Any:
+    """Draw a level study on three axes: the BLAs, the distortion, and its growth per 20 dB of level."""
+    if axes is None:
+        _, axes = new_figure(8, 10, 3, sharex=True)
+    import matplotlib
+
+    colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.9, study.rms.size))
+    for i, (level, bla, colour) in enumerate(zip(study.rms, study.blas, colours, strict=True)):
+        axes[0].plot(bla.f, 2 * power_db(np.abs(bla.G)), color=colour, label=f"{level:.3g} N rms")
+        axes[1].plot(bla.f, power_db(study.distortion[i]), color=colour)
+        if i > 0:
+            label = f"to {level:.3g} N: median {np.median(study.growth[i - 1]):.0f} dB"
+            axes[2].plot(bla.f, study.growth[i - 1], color=colour, lw=0.8, label=label)
+    axes[0].set(ylabel="|G| [dB re 1 m/N]", title="The family over levels")
+    axes[1].set(ylabel="distortion over |G| [dB]")
+    axes[2].set(xlabel="frequency [Hz]", ylabel="growth [dB per 20 dB]")
+    for ax in axes:
+        finished(ax)
+    return axes
+
+
+def with_grids(figure: Figure, axes: Any) -> Figure:
+    """The figure with grids and legends."""
+    for ax in axes:
+        finished(ax)
+    return figure

@@ -1,0 +1,182 @@
+"""Harmonic grids: which DFT lines are excited and which are left out to detect distortion.
+
+A line is a DFT index: line k lies at k f0, with f0 = fs / n_samples. A nonlinearity that is driven on odd
+lines only answers on odd lines with its odd part and on even lines with its even part; so odd lines that were
+left out of the excitation detect odd distortion, and even lines detect even distortion (Pintelon &
+Schoukens, 4.3).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.values import value
+
+__all__ = ["KINDS", "LineGrid", "grid_lines", "in_common", "local_mean", "recognise"]
+
+
+KINDS = ("full", "odd", "odd-odd", "special-odd", "random-odd", "custom")
+HIGHEST = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
+#: Excited residues and their modulus, for the grids that repeat.
+RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
+    "full": ((0,), 1),
+    "odd": ((1,), 2),
+    "odd-odd": ((1,), 4),
+    "special-odd": ((1, 3), 8),
+}
+
+
+@value
+class LineGrid:
+    """Excited lines and the detection lines between them.
+
+    Parameters
+    ----------
+    excited : (F,) int ndarray
+        Excited DFT lines, increasing, at least 1.
+    odd, even : (O,), (E,) int ndarray, optional
+        Odd and even detection lines. When not given: every line inside the excited band that is not excited.
+
+    Raises
+    ------
+    ValueError
+        Lines that are not whole, positive, increasing numbers, or a detection line that is also excited.
+
+    Examples
+    --------
+    >>> LineGrid(excited=[1, 3, 9, 11]).odd
+    array([5, 7])
+    """
+
+    excited: Any
+    odd: Any = None
+    even: Any = None
+
+    def __post_init__(self) -> None:
+        excited = line_numbers("excited", self.excited)
+        if excited.size == 0:
+            raise ValueError("excited must hold at least one line, got none")
+        rest = left_out(excited) if self.odd is None or self.even is None else excited
+        odd = rest[rest % 2 == 1] if self.odd is None else line_numbers("odd", self.odd)
+        even = rest[rest % 2 == 0] if self.even is None else line_numbers("even", self.even)
+        for name, detection, remainder in (("odd", odd, 1), ("even", even, 0)):
+            if np.any(detection % 2 != remainder):
+                wrong = detection[detection % 2 != remainder]
+                raise ValueError(f"{name} must hold {name} lines only, got line {wrong[0]}")
+            both = np.intersect1d(detection, excited, assume_unique=True)
+            if both.size:
+                raise ValueError(f"{name} must not hold excited lines, got line {both[0]}")
+        for name, array in (("excited", excited), ("odd", odd), ("even", even)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @cached_property
+    def kind(self) -> str:
+        """The grid these excited lines form: one of `KINDS`."""
+        return recognise(self.excited)
+
+
+def left_out(excited: np.ndarray) -> np.ndarray:
+    """Every line between the first and the last excited one that is not excited."""
+    if excited[-1] > HIGHEST:
+        raise ValueError(f"excited must be lines of at most {HIGHEST}, got {excited[-1]}")
+    return np.setdiff1d(np.arange(excited[0], excited[-1]), excited, assume_unique=True)
+
+
+def line_numbers(name: str, lines: Any) -> np.ndarray:
+    """Lines as an increasing int array, or a refusal."""
+    array = np.asarray(lines)
+    if array.ndim != 1:
+        raise ValueError(f"{name} must be one-dimensional, got shape {array.shape}")
+    if array.dtype.kind not in "iuf" or not np.all(array == np.floor(array)):
+        raise ValueError(f"{name} must be whole DFT line numbers, got {array[:4].tolist()}...")
+    array = array.astype(np.int64)
+    if array.size and array[0] < 1:
+        raise ValueError(f"{name} must be lines of at least 1 (line 0 is the mean), got {array.min()}")
+    if np.any(np.diff(array) <= 0):
+        raise ValueError(f"{name} must be increasing without repeats, got {array[:6].tolist()}...")
+    return array
+
+
+def grid_lines(kind: str, first: int, last: int, rng: np.random.Generator) -> LineGrid:
+    """The grid of one kind on the lines first..last (both included where the kind excites them).
+
+    ``random-odd`` leaves one line, drawn by `rng`, out of every four consecutive odd lines.
+    """
+    if kind == "random-odd":
+        odd = np.arange(first + (first + 1) % 2, last + 1, 2)
+        groups = odd.size // 4
+        left_out = odd[4 * np.arange(groups) + rng.integers(0, 4, size=groups)]
+        excited = np.setdiff1d(odd, left_out, assume_unique=True)
+    else:
+        residues, modulus = RESIDUES[kind]
+        band = np.arange(first, last + 1)
+        excited = band[np.isin(band % modulus, residues)]
+    return LineGrid(excited=excited)
+
+
+def recognise(excited: np.ndarray) -> str:
+    """The kind of grid a set of excited lines forms; "custom" where it forms none of the known ones."""
+    if excited.size < 2:
+        return "custom"
+    steps = np.diff(excited)
+    if np.all(steps == 1):
+        return "full"
+    if np.any(excited % 2 == 0):
+        return "custom"
+    if np.all(steps == 2):
+        return "odd"
+    if np.all(steps == 4):
+        return "odd-odd"
+    # 8k+1, 8k+3, or the same pattern begun at another odd line: steps of 2 and 6 in turn
+    if excited.size >= 3 and set(steps[:2].tolist()) == {2, 6} and np.all(steps[2:] == steps[:-2]):
+        return "special-odd"
+    return "random-odd" if one_of_four_left_out(excited) else "custom"
+
+
+def one_of_four_left_out(excited: np.ndarray) -> bool:
+    """Whether odd lines fall into groups of four consecutive ones, each with one line missing."""
+    index = (excited - excited[0]) // 2
+    if index[-1] < 8:
+        return False
+    for shift in range(4):  # where in a group the first excited line may stand
+        counts = np.bincount((index + shift) // 4)
+        inner, edges = counts[1:-1], counts[[0, -1]]
+        if np.all(inner == 3) and np.all(edges <= 4) and np.all(edges >= 1):
+            return True
+    return False
+
+
+def local_mean(x: np.ndarray, n: int) -> np.ndarray:
+    """Mean over the n neighbours of each entry along the last axis, one-sided at the ends."""
+    size, half = x.shape[-1], n // 2
+    total = np.empty((*x.shape[:-1], size + 2 * half + 1))  # running sums, held beyond either end
+    total[..., : half + 1] = 0.0
+    end = half + 1 + size
+    np.add.accumulate(x, axis=-1, out=total[..., half + 1 : end])
+    total[..., end:] = total[..., end - 1 : end]
+    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / neighbours(size, half))
+
+
+@lru_cache(maxsize=64)
+def neighbours(size: int, half: int) -> np.ndarray:
+    """(size,) how many entries stand within `half` of each."""
+    centre = np.arange(size)
+    return np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)
+
+
+# ---- What vectors of random phases have in common by chance.
+
+
+def in_common(chance: float, n: float) -> float:
+    """The share of power that unit vectors of n random phases have in common, but for so small a chance.
+
+    They have more than c in common with probability (1 - c)^(n - 1).
+
+    >>> round(in_common(0.01, 2), 2), round(in_common(0.01, 100), 3)
+    (0.99, 0.045)
+    """
+    return float(1 - chance ** (1 / (n - 1)))

@@ -1,0 +1,367 @@
+"""Design of random-phase multisines: u(t) = sum_k A_k cos(2 pi k f0 t + phi_k)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, overload
+
+import numpy as np
+
+from nlfrf._base.arguments import HOLDS, generator, integer, one_of, positive, real_array, shown
+from nlfrf._base.values import value
+from nlfrf.signals.lines import KINDS, LineGrid, grid_lines
+from nlfrf.signals.orthogonal import OrthogonalMultisine, orthogonal_multisine
+
+__all__ = ["Multisine", "Rng", "multisine"]
+
+
+Rng = np.random.Generator | int | None
+
+
+@value
+class Multisine:
+    """One period of a multisine, in one or several random-phase realisations.
+
+    Fields
+    ------
+    fs : float
+        Sampling frequency [Hz].
+    n_samples : int
+        Samples N in one period.
+    kind : str
+        The kind of harmonic grid.
+    lines : LineGrid
+        Excited and detection lines.
+    amplitude : (F,) ndarray
+        Amplitude of the cosine on each excited line, in the unit of the signal.
+    phase : (M, F) ndarray
+        Phases [rad], one row per realisation.
+    hold : str
+        How it is played between the samples: "zoh" by a converter that holds each, "band-limited" by a generator with
+        a reconstruction filter; "unknown" where nobody said.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.1 (eq. 2-47) and 5.2.
+
+    Examples
+    --------
+    >>> ms = multisine(fs=1000, n_samples=1000, f_min=1, f_max=20, rms=2.0, n_realizations=3, rng=1)
+    >>> ms.u.shape, ms.f0, round(ms.rms, 12)
+    ((3, 1000), 1.0, 2.0)
+    """
+
+    fs: float
+    n_samples: int
+    kind: str
+    lines: LineGrid
+    amplitude: np.ndarray
+    phase: np.ndarray
+    hold: str = "unknown"
+
+    def __post_init__(self) -> None:
+        positive("fs", self.fs)
+        one_of("hold", self.hold, HOLDS)
+        integer("n_samples", self.n_samples, least=4)
+        n_lines = self.lines.excited.size
+        if 2 * self.lines.excited[-1] >= self.n_samples:
+            raise ValueError(
+                f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {self.lines.excited[-1]}"
+            )
+        amplitude = real_array("amplitude", self.amplitude, ndim=1)
+        if amplitude.shape != (n_lines,):
+            raise ValueError(f"amplitude must have one value per excited line ({n_lines}), got {amplitude.size}")
+        if np.any(amplitude <= 0):
+            raise ValueError(f"amplitude must be positive on every excited line, got {amplitude.min():g}")
+        phase = real_array("phase", self.phase, ndim=2)
+        if phase.shape[1] != n_lines or phase.shape[0] < 1:
+            raise ValueError(f"phase must have shape (M, {n_lines}), got {phase.shape}")
+
+    @property
+    def n_realizations(self) -> int:
+        """Realisations M."""
+        return self.phase.shape[0]
+
+    @property
+    def f0(self) -> float:
+        """Frequency resolution fs / N [Hz]."""
+        return self.fs / self.n_samples
+
+    @property
+    def f(self) -> np.ndarray:
+        """(F,) excited frequencies [Hz]."""
+        return self.lines.excited * self.f0
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of one period (the same for every realisation)."""
+        return float(np.sqrt(np.sum(self.amplitude**2) / 2))
+
+    @property
+    def u(self) -> np.ndarray:
+        """(M, N) one period of each realisation."""
+        return self.sampled(self.n_samples)
+
+    @property
+    def crest_factor(self) -> np.ndarray:
+        """(M,) peak over rms of each realisation, on the samples."""
+        return np.abs(self.u).max(axis=1) / self.rms
+
+    def sampled(self, n_samples: int) -> np.ndarray:
+        """(M, n_samples) the same period sampled more densely: the band-limited signal itself."""
+        spectrum = np.zeros((self.n_realizations, n_samples // 2 + 1), dtype=complex)
+        spectrum[:, self.lines.excited] = self.amplitude * np.exp(1j * self.phase) * (n_samples / 2)
+        return np.fft.irfft(spectrum, n_samples, axis=1)
+
+
+@overload
+def multisine(
+    kind: str = ...,
+    *,
+    fs: float,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    rms: float = ...,
+    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
+    lines: LineGrid | np.ndarray | None = ...,
+    n_log: int | None = ...,
+    n_realizations: int = ...,
+    rng: Rng = ...,
+    hold: str = ...,
+) -> Multisine: ...
+
+
+@overload
+def multisine(
+    kind: str = ...,
+    *,
+    fs: float,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    rms: Any = ...,
+    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = ...,
+    lines: LineGrid | np.ndarray | None = ...,
+    n_log: int | None = ...,
+    n_realizations: int = ...,
+    n_inputs: int,
+    design: str = ...,
+    transform: str = ...,
+    mixing: Any = ...,
+    n_draws: int = ...,
+    rng: Rng = ...,
+    hold: str = ...,
+) -> OrthogonalMultisine: ...
+
+
+def multisine(
+    kind: str = "special-odd",
+    *,
+    fs: float,
+    n_samples: int,
+    f_min: float,
+    f_max: float,
+    rms: Any = 1.0,
+    amplitude: np.ndarray | Callable[[np.ndarray], np.ndarray] | None = None,
+    lines: LineGrid | np.ndarray | None = None,
+    n_log: int | None = None,
+    n_realizations: int = 1,
+    n_inputs: int = 1,
+    design: str = "orthogonal",
+    transform: str = "dft",
+    mixing: Any = None,
+    n_draws: int = 1,
+    rng: Rng = None,
+    hold: str = "unknown",
+) -> Multisine | OrthogonalMultisine:
+    """Design a random-phase multisine: phases independent and uniform on [0, 2 pi).
+
+    Parameters
+    ----------
+    kind : str
+        "special-odd" (8k+1, 8k+3): one record gives the BLA and its distortion level, with detection lines
+        that under-read by at most 4.8 dB, a factor that is corrected for. "random-odd" (one of four odd lines
+        left out at random): detection lines that need no correction. "odd-odd" (4k+1): detection lines
+        under-read without limit around a resonance. "odd", "full": no odd detection lines. "custom": the
+        lines given.
+    fs : float
+        Sampling frequency [Hz].
+    n_samples : int
+        Samples N in one period; the resolution is fs / N.
+    f_min, f_max : float
+        Band [Hz]; lines inside it, both ends included, are used.
+    rms : float, or (n_u,) ndarray
+        Root mean square of the signal, in its own unit; exact. One for all inputs, or one an input.
+    amplitude : (F,) or (n_u, F) ndarray, or callable of f [Hz], optional
+        Relative amplitude spectrum, scaled to `rms`; flat when not given.
+    lines : LineGrid or array of int, optional
+        The excited lines of a "custom" grid.
+    n_log : int, optional
+        Keep about this many lines of the grid, spaced logarithmically: for a band of several decades.
+    n_realizations : int
+        Realisations M, with independent phases on the same grid; of several inputs the sets R of experiments.
+    n_inputs : int
+        Inputs n_u of the plant. With more than one the result is an `OrthogonalMultisine`.
+    design : str
+        "orthogonal": n_u experiments make a set, every one of which excites all inputs on all lines. "zippered": one
+        experiment, in which each line drives one input; on a random-odd grid.
+    transform : str
+        What tells the experiments of a set apart: "dft" (any n_u) or "hadamard" (signs; 1, 2, 4, 8, 12, ...).
+    mixing : (n_u, n_u) ndarray, optional
+        u = mixing @ (orthogonal signals): for logical axes, or V S^-1 of a first measurement where the plant is ill
+        conditioned. `rms` is that of the signals before mixing.
+    n_draws : int
+        Draw the phases of several inputs this often, keep the set with the lowest worst crest factor.
+    rng : numpy Generator, int or None
+        Source of the random phases (and of the lines left out of a random-odd grid).
+    hold : str
+        "zoh" where a converter holds each sample, "band-limited" where a filter reconstructs the signal itself; it goes
+        along to the record that is made with this design.
+
+    Returns
+    -------
+    Multisine, or OrthogonalMultisine for several inputs
+
+    Raises
+    ------
+    ValueError
+        A band without lines or beyond Nyquist, an amplitude that does not fit, numbers out of range; a zippered
+        special-odd grid, which cannot be calibrated.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 4.3 and 5.
+
+    Examples
+    --------
+    >>> ms = multisine(fs=1000, n_samples=1000, f_min=1, f_max=20, rms=2.0, rng=1)
+    >>> ms.lines.excited.tolist()
+    [1, 3, 9, 11, 17, 19]
+    >>> float(round(np.sqrt(np.mean(ms.u**2)), 12))
+    2.0
+    """
+    one_of("kind", kind, KINDS)
+    fs, n_inputs = positive("fs", fs), integer("n_inputs", n_inputs, least=1)
+    n_samples = integer("n_samples", n_samples, least=4)
+    n_realizations = integer("n_realizations", n_realizations, least=1)
+    rng = generator("rng", rng)
+    first, last = band_lines(fs, n_samples, positive("f_min", f_min), positive("f_max", f_max))
+    grid = grid_in_band(kind, lines, first, last, rng)
+    if n_log is not None:
+        grid = thinned(grid, integer("n_log", n_log, least=2))
+    f = grid.excited * fs / n_samples
+    if n_inputs > 1:
+        return orthogonal_multisine(
+            fs,
+            n_samples,
+            kind,
+            grid,
+            relative_amplitudes(amplitude, f, n_inputs),
+            each_rms(rms, n_inputs),
+            n_realizations=n_realizations,
+            design=design,
+            transform=transform,
+            mixing=mixing,
+            n_draws=integer("n_draws", n_draws, least=1),
+            hold=hold,
+            rng=rng,
+        )
+    if design != "orthogonal" or mixing is not None or n_draws != 1:
+        raise ValueError("n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest), got 1")
+    rms, shape = positive("rms", rms), relative_amplitude(amplitude, f)
+    return Multisine(
+        fs=fs,
+        n_samples=n_samples,
+        kind=kind,
+        lines=grid,
+        amplitude=shape * (rms / np.sqrt(np.sum(shape**2) / 2)),
+        phase=rng.uniform(0, 2 * np.pi, size=(n_realizations, grid.excited.size)),
+        hold=hold,
+    )
+
+
+def grid_in_band(kind: str, lines: Any, first: int, last: int, rng: np.random.Generator) -> LineGrid:
+    """The grid of a kind from the first to the last line of the band, or the one that was given."""
+    if kind == "custom":
+        if lines is None:
+            raise ValueError("lines must be given for a custom grid, got None")
+        grid = lines if isinstance(lines, LineGrid) else LineGrid(excited=lines)
+        if grid.excited[0] < first or grid.excited[-1] > last:
+            raise ValueError(
+                f"lines must lie inside the band, lines {first} to {last}, "
+                f"got lines {grid.excited[0]} to {grid.excited[-1]}"
+            )
+        return grid
+    if lines is not None:
+        raise ValueError(f'lines must only be given with kind="custom", got kind={kind!r}')
+    try:
+        return grid_lines(kind, first, last, rng)
+    except ValueError:
+        raise ValueError(
+            f"f_min and f_max must hold at least one line of a {kind} grid between them, got lines {first} to {last}"
+        ) from None
+
+
+def thinned(grid: LineGrid, n_log: int) -> LineGrid:
+    """The lines of a grid nearest to a logarithmic spacing."""
+    excited = grid.excited
+    wanted = np.geomspace(excited[0], excited[-1], n_log)
+    right = np.clip(np.searchsorted(excited, wanted), 1, excited.size - 1)
+    left_is_nearer = wanted - excited[right - 1] < excited[right] - wanted
+    return LineGrid(excited=excited[np.unique(right - left_is_nearer)])
+
+
+def band_lines(fs: float, n_samples: int, f_min: float, f_max: float) -> tuple[int, int]:
+    """First and last line of the band f_min..f_max, tolerant of rounding in the frequencies."""
+    f0 = fs / n_samples
+    if f_max < f_min:
+        raise ValueError(f"f_max must be at least f_min = {f_min:g} Hz, got {f_max:g} Hz")
+    if f_max >= fs / 2 * (1 + 1e-9):
+        raise ValueError(f"f_max must lie below the Nyquist frequency {fs / 2:g} Hz, got {f_max:g} Hz")
+    first = max(1, int(np.ceil(f_min / f0 - 1e-6)))
+    last = min(int(np.floor(f_max / f0 + 1e-6)), (n_samples - 1) // 2)
+    if last < first:
+        raise ValueError(
+            f"f_min and f_max must hold a multiple of the resolution {f0:g} Hz between them, "
+            f"got {f_min:g} to {f_max:g} Hz"
+        )
+    return first, last
+
+
+def relative_amplitude(amplitude: Any, f: np.ndarray) -> np.ndarray:
+    """The (F,) relative amplitudes at the frequencies f."""
+    if amplitude is None:
+        return np.ones(f.size)
+    if callable(amplitude):
+        amplitude = amplitude(f)
+    shape = np.asarray(amplitude)
+    if shape.dtype.kind not in "fiu":
+        raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {shown(amplitude)}")
+    shape = shape.astype(float)
+    if shape.shape != f.shape:
+        raise ValueError(f"amplitude must have one value per excited line ({f.size}), got shape {shape.shape}")
+    if not np.all(np.isfinite(shape)) or np.any(shape <= 0):
+        raise ValueError(
+            f"amplitude must be finite and positive on every excited line, got {shown(float(shape.min()))}"
+        )
+    return shape
+
+
+def relative_amplitudes(amplitude: Any, f: np.ndarray, n_inputs: int) -> np.ndarray:
+    """The (n_u, F) relative amplitudes of several inputs."""
+    given = amplitude(f) if callable(amplitude) else amplitude
+    if np.ndim(given) == 2:
+        if len(given) != n_inputs:
+            raise ValueError(f"amplitude must have one row per input ({n_inputs}), got {len(given)}")
+        return np.stack([relative_amplitude(row, f) for row in given])
+    return np.tile(relative_amplitude(given, f), (n_inputs, 1))
+
+
+def each_rms(rms: Any, n_inputs: int) -> np.ndarray:
+    """(n_u,) root mean square of each input."""
+    if np.ndim(rms) == 0:
+        return np.full(n_inputs, positive("rms", rms))
+    if np.shape(rms) != (n_inputs,):
+        raise ValueError(f"rms must be one number, or one per input ({n_inputs}), got shape {np.shape(rms)}")
+    return np.array([positive(f"rms[{i}]", float(one)) for i, one in enumerate(rms)])

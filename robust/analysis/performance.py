@@ -1,0 +1,433 @@
+"""Crossover, phase and gain margin and bandwidth, read off the loop gain over frequency."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import expm
+
+from nlfrf._base.arguments import hertz, nonnegative, positive, real_array
+from nlfrf._base.values import Sketch, value
+from robust.lti.connections import closed_loop, lower
+from robust.lti.grids import structure_grid
+from robust.lti.lti import along, constant, evaluate, in_s, timebase
+from robust.lti.realisation import multivariable, state_space
+from robust.lti.sampling import delayed, sampled
+from robust.lti.stability import stable
+
+__all__ = [
+    "ClassicalMargins",
+    "LoopGains",
+    "StepResponse",
+    "classical_margins",
+    "loop_gains",
+    "simulate_samples",
+    "simulate_step",
+    "step_response",
+]
+
+
+REAL = 1e-6  # |Im L| over |L| from which the last point, below the Nyquist frequency, counts as real
+
+
+@value
+class ClassicalMargins:
+    """What a Bode picture of L is read for; they mean something for a loop that is stable.
+
+    Fields
+    ------
+    crossover : float
+        Highest frequency at which |L| is one [rad/s]; nan where it never is.
+    phase_margin, omega_phase : float
+        Smallest |180 deg + arg L| over all frequencies with |L| = 1 [rad], and where [rad/s].
+    gain_margin, omega_gain : float
+        Smallest factor above one on the loop gain that puts L on -1, inf where none does, and where [rad/s].
+    gain_reduction, omega_reduction : float
+        Largest factor below one that does, 0 where none does, and where [rad/s].
+    bandwidth : float
+        Lowest frequency at which |S| reaches 1/sqrt(2) from below [rad/s]; nan where it starts above or never does.
+
+    References
+    ----------
+    SP 2.4.3 (margins), 2.4.5 (bandwidth).
+
+    Examples
+    --------
+    L = 4/(s + 1)^3: phase crossover at sqrt(3) with |L| = 1/2.
+
+    >>> omega = np.geomspace(1e-2, 1e2, 2000)
+    >>> seen = classical_margins(omega, 4 / (1j * omega + 1) ** 3)
+    >>> round(seen.gain_margin, 4), round(seen.omega_gain**2, 4)
+    (2.0, 3.0)
+    """
+
+    crossover: float = float("nan")
+    phase_margin: float = float("nan")
+    omega_phase: float = float("nan")
+    gain_margin: float = float("inf")
+    omega_gain: float = float("nan")
+    gain_reduction: float = 0.0
+    omega_reduction: float = float("nan")
+    bandwidth: float = float("nan")
+
+    def __str__(self) -> str:
+        if np.isnan(self.crossover):
+            said = "|L| never crosses one"
+        else:
+            said = (
+                f"crossover {hertz(self.crossover)}, phase margin {np.degrees(self.phase_margin):.1f} deg"
+                f" at {hertz(self.omega_phase)}"
+            )
+        if np.isfinite(self.gain_margin):
+            said += f", gain margin {20 * np.log10(self.gain_margin):.2f} dB at {hertz(self.omega_gain)}"
+        else:
+            said += ", no gain above this one makes it unstable"
+        if self.gain_reduction:
+            said += f", {20 * np.log10(self.gain_reduction):.2f} dB at {hertz(self.omega_reduction)}"
+        return said + (f", bandwidth {hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
+
+
+def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
+    """The margins of a loop gain that is known at frequencies dense enough to interpolate between.
+
+    Parameters
+    ----------
+    omega : (W,) ndarray
+        Frequencies [rad/s], increasing.
+    L : (W,) complex ndarray
+        Loop gain there; points at which it is not finite are left out.
+
+    Returns
+    -------
+    ClassicalMargins
+        By straight lines in log |L| and phase over log frequency.
+    """
+    known = np.isfinite(L) & (L != 0)
+    x, L = np.log(omega[known]), L[known]
+    if x.size < 2:
+        return ClassicalMargins()
+    size, phase = np.log(np.abs(L)), np.unwrap(np.angle(L))
+    found: dict[str, float] = {}
+    at = crossings(x, size)
+    if at.size:
+        off = np.interp(at, x, phase)
+        margin = np.abs((off + 2 * np.pi) % (2 * np.pi) - np.pi)
+        k = int(np.argmin(margin))
+        found |= {"crossover": np.exp(at[-1]), "phase_margin": margin[k], "omega_phase": np.exp(at[k])}
+    turns = np.arange(np.ceil((phase.min() / np.pi - 1) / 2), np.floor((phase.max() / np.pi - 1) / 2) + 1)
+    real = [crossings(x, phase - (2 * n + 1) * np.pi) for n in turns]
+    if abs(L[-1].imag) < REAL * abs(L[-1]) and L[-1].real < 0:
+        real.append(x[-1:])
+    at = np.unique(np.concatenate([np.zeros(0), *real]))
+    factor = np.exp(-np.interp(at, x, size))
+    for name, side in (("gain", factor > 1), ("reduction", factor < 1)):
+        if side.any():
+            k = np.flatnonzero(side)[np.argmin(np.abs(np.log(factor[side])))]
+            found |= {"gain_margin" if name == "gain" else "gain_reduction": factor[k], f"omega_{name}": np.exp(at[k])}
+    S = np.log(np.abs(1 / (1 + L))) + np.log(2) / 2
+    reached = crossings(x, S)
+    if S[0] < 0 and reached.size:
+        found["bandwidth"] = np.exp(reached[0])
+    return ClassicalMargins(**{name: float(number) for name, number in found.items()})
+
+
+def crossings(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Where a piecewise straight line crosses zero."""
+    k = np.flatnonzero((y[:-1] < 0) != (y[1:] < 0))
+    return np.asarray(x[k] + (x[k + 1] - x[k]) * y[k] / (y[k] - y[k + 1]))
+
+
+# ---- Principal gains of a loop of several inputs and outputs: singular values of L, S, T and K S over frequency.
+
+
+@value
+class LoopGains:
+    """Singular values of the transfer functions of a nominal loop, largest first: gains between its directions.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    L, S, T : (n_y, W) ndarray
+        Of L = G K at the outputs, the sensitivity S = (I + L)^-1 and T = I - S.
+    K_S : (n, W) ndarray
+        Of K S, from the reference to the inputs of the plant; n the smaller number of channels.
+    stable : bool
+        Whether the loop is stable: the gains of one that is not mean nothing but where it turns.
+    band : (2,) ndarray or None
+        Lowest and highest measured frequency [rad/s], where they were given.
+
+    References
+    ----------
+    SP 3.3 (directions), 9.1 (what is asked of singular values of a loop).
+
+    Examples
+    --------
+    >>> lags = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    >>> gains = loop_gains(lags, np.diag([1.0, 3.0]))
+    >>> np.round(gains.S[:, 0], 2)                                            # 1/2 and 1/4 at low frequency
+    array([0.5 , 0.25])
+    """
+
+    omega: np.ndarray
+    L: np.ndarray
+    S: np.ndarray
+    T: np.ndarray
+    K_S: np.ndarray
+    stable: bool
+    band: Any
+
+    def _sketch_(self) -> Sketch:
+        """Largest S and T, for a notebook."""
+        curves = [(name, self.omega / 2 / np.pi, 20 * np.log10(one[0])) for name, one in (("S", self.S), ("T", self.T))]
+        return Sketch("Hz", "dB", curves, log=True)
+
+
+def loop_gains(G: Any, K: Any, *, omega: Any = None) -> LoopGains:
+    """Singular values of the nominal loop u = K (r - y) over frequency.
+
+    Parameters
+    ----------
+    G : control.StateSpace, TransferFunction or (n_y, n_u) ndarray
+        Plant.
+    K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
+        Controller, negative feedback, on the same time base.
+    omega : (W,) ndarray, optional
+        Measured frequencies [rad/s], to be among those that are looked at.
+
+    Returns
+    -------
+    LoopGains
+        On frequencies around every pole of the loop, up to Nyquist where it is sampled.
+
+    Raises
+    ------
+    ValueError
+        A K that does not fit G: its channels, its sampling time.
+
+    References
+    ----------
+    SP 3.3, 9.1.
+
+    Examples
+    --------
+    >>> loop_gains(np.eye(2), np.ones((1, 2)))
+    Traceback (most recent call last):
+        ...
+    ValueError: K must have 2 inputs and 2 outputs, one an output and an input of the plant, got 2 and 1
+    """
+    G, K = multivariable("G", G), multivariable("K", K)
+    n_y, n_u = G.noutputs, G.ninputs
+    if (K.ninputs, K.noutputs) != (n_y, n_u):
+        raise ValueError(
+            f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
+            f"got {K.ninputs} and {K.noutputs}"
+        )
+    if G.nstates and K.nstates and timebase(K) != timebase(G):
+        raise ValueError(f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s")
+    one = np.eye(n_y)
+    e = control.StateSpace(
+        G.A, np.hstack([np.zeros((G.nstates, n_y)), G.B]), np.vstack([-G.C] * 2), np.block([[one, -G.D]] * 2), G.dt
+    )
+    closed = lower(e, K)  # the sensitivity, with all states
+    lines = np.zeros(0) if omega is None else real_array("omega", omega, ndim=1)
+    at = np.union1d(structure_grid(closed)[1:], lines)
+    if timebase(closed):
+        at = at[at * timebase(closed) < np.pi * (1 - 1e-9)]
+    plant, controller = (np.moveaxis(along(part, at), 2, 0) for part in (G, K))
+    L = plant @ controller
+    S = np.linalg.inv(one + L)
+    sizes = (np.linalg.svd(part, compute_uv=False).T for part in (L, S, one - S, controller @ S))
+    return LoopGains(
+        omega=at,
+        **dict(zip(("L", "S", "T", "K_S"), sizes, strict=True)),
+        stable=stable(closed),
+        band=lines[[0, -1]] if lines.size else None,
+    )
+
+
+# ---- A step of the reference through a loop: overshoot, rise and settling time, what the actuator has to give.
+
+DELAY_ORDER = 8
+WITHIN = 0.02
+LONGEST = 60_000  # samples of a sampled loop
+FINE, AT_ONE_STEP = 50, 500  # steps of a continuous loop in a radian of its fastest mode; how many before they double
+
+
+@value
+class StepResponse:
+    """What a loop makes of a step of its reference by one unit.
+
+    Fields
+    ------
+    t : (n,) ndarray
+        Time [s]; the sampling instants of a sampled loop.
+    y, u : (n,) ndarray
+        Output [unit of y] and input of the plant [unit of u], per unit of the step.
+    final : float
+        Where y goes, from the transfer function; one with an integrator in the loop.
+    overshoot : float
+        Largest y above `final`, relative to it; zero where it stays below.
+    rise_time : float
+        From 10 to 90 % of `final` [s].
+    settling_time : float
+        From when on y stays within 2 % of `final` [s]; nan where it does not within the horizon.
+
+    References
+    ----------
+    SP 2.4.1.
+
+    Examples
+    --------
+    >>> step = step_response(control.tf([1], [1, 1]), 9.0)       # T = 9/(s + 10)
+    >>> round(step.final, 9), round(step.rise_time, 3), round(step.settling_time, 3)
+    (0.9, 0.22, 0.392)
+    """
+
+    t: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+    final: float
+    overshoot: float
+    rise_time: float
+    settling_time: float
+
+    def __str__(self) -> str:
+        settled = (
+            f"within {100 * WITHIN:g} % after {self.settling_time:.3g} s"
+            if np.isfinite(self.settling_time)
+            else f"not within {100 * WITHIN:g} % after {self.t[-1]:.3g} s"
+        )
+        return (
+            f"goes to {self.final:.4g}, 10 to 90 % in {self.rise_time:.3g} s, overshoot {100 * self.overshoot:.1f} %, "
+            f"{settled}"
+        )
+
+
+def step_response(plant: Any, K: Any, *, delay: float = 0.0, duration: float | None = None) -> StepResponse:
+    """A step of the reference through the loop u = K (r - y).
+
+    Parameters
+    ----------
+    plant : control.StateSpace or TransferFunction
+        The nominal plant of a model, or the worst one (`worst_case(...).plant`).
+    K : control.StateSpace, TransferFunction or float
+        Controller. A sampled one sees a continuous plant behind its hold, at the sampling instants, exactly; the delay
+        of a continuous loop is a Padé approximation of order 8.
+    delay : float
+        Computation delay [s].
+    duration : float, optional
+        Horizon [s]; until y has settled when not given.
+
+    Returns
+    -------
+    StepResponse
+
+    Raises
+    ------
+    ValueError
+        A loop that is not stable, a negative delay, parts that do not fit each other.
+
+    References
+    ----------
+    SP 2.4.1.
+
+    Examples
+    --------
+    >>> step = step_response(control.tf([1], [1, 0.6, 1]), control.tf([0], [1]) + 1)     # zeta 0.3/sqrt(2), omega^2 2
+    >>> zeta = 0.3 / np.sqrt(2)
+    >>> bool(abs(step.overshoot - np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2))) < 1e-3)
+    True
+    """
+    G, K = state_space("plant", plant), state_space("K", K)
+    delay = nonnegative("delay", delay)
+    dt = timebase(G) if constant(K) else timebase(K)
+    if dt and not timebase(G) and not constant(G):
+        G = sampled(G, dt, delay)
+    elif delay:
+        G = delayed(G, delay, order=DELAY_ORDER)
+    A, B, C, D = closed_loop(G, K, ("y", "u"), ("r",))
+    loop = control.StateSpace(A, B, C, D, dt)
+    if not stable(loop):
+        raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
+    final = float(evaluate(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, 0, 0].real)
+    t, out = simulate_step(loop, None if duration is None else positive("duration", duration))
+    return judged(t, out[0], out[1], final, cut=duration is None)
+
+
+def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Times [s] and (outputs, n) of a stable system of one input after a unit step, until it has settled."""
+    A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
+    s = in_s(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
+    slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
+    horizon = duration if duration is not None else 8 / slow if slow < np.inf else 10 * dt
+    if dt:
+        t = np.arange(int(np.clip(np.ceil(horizon / dt) + 1, 2, LONGEST))) * dt
+        x = states(A, B, np.zeros(A.shape[0]), t.size)
+    else:
+        t, x = in_growing_steps(A, B, 1 / (FINE * fast) if fast else 1.0, horizon)
+    return t, C @ x + D
+
+
+def simulate_samples(system: control.StateSpace, samples: np.ndarray, fs: float) -> np.ndarray:
+    """(outputs, n) of a system of one input that rests before the samples at fs [Hz], each held until the next."""
+    A, B, C, D = system.A, system.B, system.C, system.D
+    if not timebase(system):
+        A, B = held(A, B, 1 / fs)
+    x, out = np.zeros(A.shape[0]), np.empty((C.shape[0], samples.size))
+    for k, sample in enumerate(samples):
+        out[:, k] = C @ x + D[:, 0] * sample
+        x = A @ x + B[:, 0] * sample
+    return out
+
+
+def in_growing_steps(A: np.ndarray, B: np.ndarray, step: float, horizon: float) -> tuple[np.ndarray, np.ndarray]:
+    """Times and states of a continuous loop, exact, in steps that double: a fast rise and a slow tail are both seen."""
+    t, x = [np.zeros(1)], [np.zeros((A.shape[0], 1))]
+    while t[-1][-1] < horizon:
+        n = int(np.clip(np.ceil((horizon - t[-1][-1]) / step), 1, AT_ONE_STEP)) + 1
+        x.append(states(*held(A, B, step), x[-1][:, -1], n)[:, 1:])
+        t.append(t[-1][-1] + step * np.arange(1, n))
+        step *= 2
+    return np.concatenate(t), np.hstack(x)
+
+
+def held(A: np.ndarray, B: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same dynamics over one step, the input held."""
+    n = A.shape[0]
+    both = np.zeros((n + 1, n + 1))
+    both[:n, :n], both[:n, n:] = A, B
+    both = expm(both * step)
+    return both[:n, :n], both[:n, n:]
+
+
+def states(A: np.ndarray, B: np.ndarray, x: np.ndarray, n: int) -> np.ndarray:
+    """(states, n) of x+ = A x + B from x on, by doubling: what comes after m steps is A^m x and a constant."""
+    found, constant_part = x[:, None], B
+    while found.shape[1] < n:
+        found = np.hstack([found, A @ found + constant_part])
+        A, constant_part = A @ A, A @ constant_part + constant_part
+    return found[:, :n]
+
+
+def judged(t: np.ndarray, y: np.ndarray, u: np.ndarray, final: float, *, cut: bool) -> StepResponse:
+    """The numbers of a step that was simulated; cut: what lies long after it has settled is left out."""
+    size = abs(final)
+    relative = y / final if size else np.full(y.size, np.nan)
+    out = np.flatnonzero(np.abs(relative - 1) > WITHIN)
+    last = int(out[-1]) if out.size else -1
+    settled = t[last] + (t[last + 1] - t[last]) if 0 <= last < t.size - 1 else (0.0 if last < 0 else np.nan)
+    above = [np.flatnonzero(relative >= level) for level in (0.1, 0.9)]
+    rise = t[above[1][0]] - t[above[0][0]] if above[1].size else np.nan
+    keep = min(t.size, max(int(1.5 * (last + 2)), 40)) if cut else t.size
+    return StepResponse(
+        t=t[:keep],
+        y=y[:keep],
+        u=u[:keep],
+        final=final,
+        overshoot=float(max(0.0, np.max(relative) - 1)) if size else float("nan"),
+        rise_time=float(rise),
+        settling_time=float(settled),
+    )

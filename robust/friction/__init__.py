@@ -1,0 +1,15 @@
+"""Loops with friction: the plant, classes of friction, proofs for a class, saturation, describing function.
+
+classes              classes of friction laws, without their parameters
+describing_function  the door: amplitude, kick and outcome of a loop around friction of a given amplitude
+dissipation          the inequality they give, in states that come to rest
+exact                verification of friction proofs in exact arithmetic
+levels               machine and class read from measured levels, and what of it is refused
+linear_uncertainty   the class beside an LTI error of the linear part: a test at frequencies, no proof
+multipliers          weights of filters on the friction, by a linear program
+passivity            every passive friction: what damping a loop leaves at its port
+plant                a machine with friction and its sampled loop; bounded motion
+prove                a proof for every friction of a class
+saturation           a machine with friction whose actuator saturates
+storage              quadratic storage functions, and polynomials that keep their sign
+"""

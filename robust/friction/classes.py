@@ -1,0 +1,215 @@
+"""Classes of friction: infinitely many laws, said without their parameters.
+
+Friction is the force without its viscous part, which belongs to the machine.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf._base.arguments import nonnegative, positive, real
+from nlfrf._base.values import value
+
+__all__ = ["AnyFriction", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
+
+
+@value
+class AnyFriction:
+    """A class of friction laws.
+
+    Fields
+    ------
+    kind : str
+        "Maxwell slip", "bristle", "bounded" or "passive".
+    K0 : float
+        Largest presliding stiffness [N/m].
+    stiction : float
+        Largest force a slider holds over the least it slips at; of bristles: largest creep over velocity.
+    bristle_time : float
+        Largest damping over stiffness of an element [s].
+    microdamping : float
+        Damping of the bending of bristles [Ns/m].
+    Fs : float
+        Largest force [N]. All of these nan where the class does not ask for them.
+    """
+
+    kind: str
+    K0: float = np.nan
+    stiction: float = np.nan
+    bristle_time: float = np.nan
+    Fs: float = np.nan
+    microdamping: float = np.nan
+
+    @property
+    def damper(self) -> float:
+        """What goes with a spring of the class that does not slip [Ns/m]."""
+        return self.microdamping if self.kind == "bristle" else 0.0
+
+    @property
+    def words(self) -> str:
+        """Which laws these are."""
+        if self.kind == "Maxwell slip":
+            damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
+            return (
+                f"Maxwell-slip friction of presliding stiffness up to {self.K0 / 1e3:.4g} kN/m{damped}, each of "
+                f"whose sliders never holds more than {self.stiction:.4g} times the least force it slips at (anywhere, "
+                "in any direction, at any speed or time)"
+            )
+        if self.kind == "bristle":
+            return (
+                f"friction of bristles up to {self.K0 / 1e3:.4g} kN/m stiff, with a damping of {self.microdamping:g} "
+                f"Ns/m as they bend, that creep against their force (at most {self.stiction:.4g} times as fast as the "
+                "machine moves)"
+            )
+        if self.kind == "bounded":
+            return f"friction of at most {self.Fs:g} N"
+        return "passive friction"
+
+
+def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0) -> AnyFriction:
+    """Every friction made of elements, each a spring in series with a slider.
+
+    f = sum f_i over any number of elements, each a spring k_i (a damper k_i tau_i across it) in series with a slider
+    that holds |f_i| <= W_i and slips at no less than W_i/stiction; sum k_i <= K0. In it: Maxwell slip and
+    Prandtl-Ishlinskii of any curve, Stribeck friction, stiction that grows with rest, sliders that depend on position,
+    load, direction or time. Not in it: LuGre, Dahl and Leuven (they creep below break-away), the generalised
+    Maxwell-slip model with a finite attraction, rigid stiction.
+
+    Parameters
+    ----------
+    K0 : float
+        Presliding stiffness of all elements together, at most [N/m].
+    stiction : float
+        Largest force of a slider over the least it slips at; at least 1. No frequency response shows it: an assumption.
+    bristle_time : float
+        Damping over stiffness of an element [s], at most.
+
+    Returns
+    -------
+    AnyFriction
+
+    Raises
+    ------
+    ValueError
+        A stiffness that is not positive, stiction below one, a negative time.
+
+    References
+    ----------
+    F. Al-Bender, V. Lampaert, J. Swevers, IEEE Trans. Automatic Control 50, 2005 (elements and sliders).
+
+    Examples
+    --------
+    >>> any_maxwell_slip(64e3).stiction
+    1.5
+    """
+    return AnyFriction(
+        kind="Maxwell slip",
+        K0=positive("K0", K0),
+        stiction=at_least_one(stiction),
+        bristle_time=nonnegative("bristle_time", bristle_time),
+    )
+
+
+def any_bristle(K0: float, stiction: float = 1.5, microdamping: float = 0.0) -> AnyFriction:
+    """Every friction of bristles that bend and creep: f = F + microdamping z', F a hysteresis of z.
+
+    z' = v - p with F p >= 0 and |p| <= stiction |v|; F a Masing hysteresis of z no stiffer than K0. In it: LuGre
+    (K0 = sigma0, stiction = Fs/Fc, microdamping = sigma1), the modified Leuven model (the slope of its curve at zero,
+    (Fs/Fc)^n, sigma1), Dahl's with n = 1 (stiction 1).
+
+    Parameters
+    ----------
+    K0 : float
+        Stiffness of the bristles, at most [N/m].
+    stiction : float
+        Largest slip over velocity; at least 1.
+    microdamping : float
+        sigma1 [Ns/m], exactly.
+
+    Returns
+    -------
+    AnyFriction
+
+    Raises
+    ------
+    ValueError
+        A stiffness that is not positive, stiction below one, a negative damping.
+
+    References
+    ----------
+    C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40, 1995 (bristles).
+
+    Examples
+    --------
+    >>> any_bristle(64e3, 1 / 0.7, 13.0).microdamping              # the rig of the paper
+    13.0
+    """
+    return AnyFriction(
+        kind="bristle",
+        K0=positive("K0", K0),
+        stiction=at_least_one(stiction),
+        microdamping=nonnegative("microdamping", microdamping),
+    )
+
+
+def any_bounded(Fs: float) -> AnyFriction:
+    """Every friction that is never larger than a force, whatever it depends on.
+
+    Parameters
+    ----------
+    Fs : float
+        Largest force [N], the viscous part left out.
+
+    Returns
+    -------
+    AnyFriction
+
+    Raises
+    ------
+    ValueError
+        A force that is not positive.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, Kluwer, 1991.
+
+    Examples
+    --------
+    >>> any_bounded(1.0).Fs
+    1.0
+    """
+    return AnyFriction(kind="bounded", Fs=positive("Fs", Fs))
+
+
+def any_passive() -> AnyFriction:
+    """Every friction that never gives back more energy than it was given: int f v dt >= -E0.
+
+    Not all friction is: LuGre is passive only where sigma2 >= sigma1 (Fs - Fc)/Fc.
+
+    Returns
+    -------
+    AnyFriction
+
+    Raises
+    ------
+    ValueError
+        Never; said for the house.
+
+    References
+    ----------
+    N. Barabanov, R. Ortega, IEEE Trans. Automatic Control 45, 2000 (when LuGre is passive).
+
+    Examples
+    --------
+    >>> any_passive().kind
+    'passive'
+    """
+    return AnyFriction(kind="passive")
+
+
+def at_least_one(stiction: float) -> float:
+    """The ratio, or a refusal."""
+    stiction = real("stiction", stiction)
+    if stiction < 1:
+        raise ValueError(f"stiction must be at least 1, largest over smallest force of a slider, got {stiction:g}")
+    return stiction

@@ -1,0 +1,338 @@
+"""What a loop around a machine with friction will do, amplitude by amplitude: a prediction, never a proof."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+import nlfrf
+from nlfrf._base.arguments import real_array, shown
+from nlfrf._base.values import value
+from robust.friction.passivity import Levels, levels_of
+from robust.friction.plant import SlidingLoop, SlidingMachine, frequencies, mobility, sliding_loop
+from robust.lti.lti import poles
+from robust.lti.realisation import state_space
+
+__all__ = ["QuasiLinear", "describing_function", "quasi_linear"]
+
+
+# ---- A friction law at an amplitude as a spring and a damper: what it answers to a sine.
+
+POINTS, PERIODS = 256, 3  # of a sine that friction is driven by
+FINEST = 4096  # integration steps a point
+
+
+def describing_function(friction: Any, amplitude: float, omega: float) -> complex:
+    """k_eq + j w c_eq [N/m] of a law at an amplitude [m] and a frequency [rad/s].
+
+    >>> from nlfrf.friction import VaryingSliders
+    >>> stop = VaryingSliders(stiffness=[64e3], strength=[1.0])           # an elastic-plastic element
+    >>> N = describing_function(stop, 2e-5, 300.0)
+    >>> bool(abs(N / (53644.66 + 13926.06j) - 1) < 1e-3)
+    True
+    """
+    # half a point off, so that no sample falls on a reversal: the force there is one or the other, which would turn
+    # a friction that only slides by pi/POINTS, 1.2 % of it into a spring
+    phase = 2 * np.pi / POINTS * (np.arange(PERIODS * POINTS) + 0.5)
+    fs = omega * POINTS / (2 * np.pi)
+    steps = 4
+    while True:
+        try:
+            motion = nlfrf.drive(friction, amplitude * omega * np.cos(phase), fs=fs, oversampling=steps)
+            break
+        except ValueError:  # steps too long for the law; what else is wrong is so at the finest too
+            if steps >= FINEST:
+                raise
+            steps *= 4
+    last = slice(-POINTS, None)
+    turn = np.exp(-1j * phase[last])
+    force = motion.friction[last] - getattr(friction, "sigma2", 0.0) * motion.drive[last]
+    return complex((turn @ force) / (turn @ motion.x[last]))
+
+
+#: Where a law is looked at unless told otherwise: from a nanometre to a metre, ten to a decade [m].
+AMPLITUDES = np.geomspace(1e-9, 1.0, 91)
+BEYOND = 1e4  # times the largest level: as far as levels are followed
+FORGETS = 0.2  # of the frequency: how fast the envelope of a disturbed motion falls
+ROUNDS, SAME = 6, 1e-3  # of the frequency at an amplitude, until it moves by less than that
+ROUNDING = 1e-14  # of the fastest pole
+FLAT = 0.01  # of a friction that only slides: spring over damper, and how far its force still grows with log a
+NOT_CLAIMED = "Predicted from one sine at a time, not proved: laws, levels and bursts of other kinds are not in it."
+BLIND = "K integrates: stick-slip between long rests (hunting) is not seen by it."
+
+
+@value
+class QuasiLinear:
+    """A loop whose friction is a spring and a damper that depend on the amplitude: how it moves. Never a proof.
+
+    Fields
+    ------
+    amplitude : float
+        From which the motion grows, at the friction port [m]: zero where it does from rest, infinite where it never
+        does.
+    kick : float
+        The velocity that goes with it, amplitude times omega [m/s].
+    omega : float
+        At which it then swings [rad/s].
+    cycles : (C,) ndarray
+        Amplitudes of motions that go on, and come back after a disturbance [m].
+    outcome : str
+        What becomes of the loop after the burst, in the words of `nlfrf.LoopResponse.outcome`: "settled", "limit
+        cycle" or "ran away"; empty without a burst.
+    amplitudes, stiffnesses, dampings : (A,) ndarray
+        k_eq [N/m] and c_eq [Ns/m] of the friction at each amplitude [m].
+    growths, frequencies : (A,) ndarray
+        Growth rate [1/s] of the loop at each, and where it swings [rad/s]; one that the friction holds is taken without
+        its damper.
+    boundary_omega, boundary : (W,) ndarray
+        Frequencies [rad/s], and the k_eq + j w c_eq [N/m] with which the loop would swing for ever at each: -1/P.
+    not_claimed : str
+        What is not in it.
+
+    References
+    ----------
+    A. Gelb, W. Vander Velde, *Multiple-Input Describing Functions and Nonlinear System Design*, McGraw-Hill, 1968.
+
+    Examples
+    --------
+    >>> import control
+    >>> import nlfrf
+    >>> from robust import quasi_linear, sliding_machine
+    >>> K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)          # integral action alone
+    >>> found = quasi_linear(nlfrf.paper_rig().friction, sliding_machine(1.0, 80e3, 0.4), K)
+    >>> bool(0.2 < found.kick < 0.5), "not proved" in str(found)
+    (True, True)
+    """
+
+    amplitude: float
+    kick: float
+    omega: float
+    cycles: np.ndarray
+    outcome: str
+    amplitudes: np.ndarray
+    stiffnesses: np.ndarray
+    dampings: np.ndarray
+    growths: np.ndarray
+    frequencies: np.ndarray
+    boundary_omega: np.ndarray
+    boundary: np.ndarray
+    not_claimed: str
+
+    def __str__(self) -> str:
+        if np.isinf(self.amplitude):
+            said = "comes to rest from every amplitude looked at"
+        elif self.amplitude == 0:
+            said = "does not come to rest: small motions grow"
+        else:
+            said = f"comes to rest below {self.amplitude:.3g} m, grows beyond: a kick of {self.kick:.3g} m/s"
+        if self.cycles.size:
+            said += "; goes on at " + ", ".join(f"{a:.3g} m" for a in self.cycles)
+        after = f"\nAfter the burst: {self.outcome}." if self.outcome else ""
+        return f"Predicted: {said}.{after}\n{self.not_claimed}"
+
+
+def quasi_linear(
+    friction: Any,
+    machine: SlidingMachine,
+    K: Any,
+    *,
+    delay: float = 0.0,
+    burst: Any = None,
+    amplitudes: Any = None,
+) -> QuasiLinear:
+    """Predict from which amplitude and kick a loop around friction grows, and what becomes of it after a burst.
+
+    Parameters
+    ----------
+    friction : law of nlfrf.friction, or sequence of nlfrf.Bla
+        The friction; or BLAs from force [N] to measured position [m] at several levels, which tell its spring and
+        damper at their amplitudes.
+    machine : SlidingMachine
+        The linear part, with the viscous part of the friction.
+    K : control.StateSpace, TransferFunction or float
+        Controller, u = K (r - y).
+    delay : float
+        From sampling to the force changing [s].
+    burst : (n,) ndarray, optional
+        Force on the machine at each sample [N]; then it is left alone. Only with a sampled controller.
+    amplitudes : (A,) ndarray, optional
+        Of the motion at the friction port [m], rising: 1 nm to 1 m for a law, around those measured for levels.
+
+    Returns
+    -------
+    QuasiLinear
+
+    Raises
+    ------
+    ValueError
+        No sliding machine, no law and no BLA, amplitudes that do not rise, a burst with a continuous controller.
+
+    References
+    ----------
+    A. Gelb, W. Vander Velde, *Multiple-Input Describing Functions and Nonlinear System Design*, McGraw-Hill, 1968.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> from robust import sliding_machine
+    >>> found = quasi_linear(nlfrf.paper_rig().friction, sliding_machine(1.0, 80e3, 0.4), 1e3)
+    >>> found.amplitude, found.outcome                             # a spring more, and nothing else
+    (inf, '')
+    """
+    if not isinstance(machine, SlidingMachine):
+        raise ValueError(f"machine must be a sliding_machine, got {shown(machine)}")
+    K = state_space("K", K)
+    loop = sliding_loop(machine, K, delay)
+    levels = levels_of(friction, machine) if isinstance(friction, (list, tuple)) else None
+    a = looked_at(amplitudes, levels)
+    stiffness, damping, pole, swings = equivalents(loop, friction, levels, a)
+    growth = pole.real
+    rises = np.flatnonzero((growth[:-1] <= 0) & (growth[1:] > 0))
+    falls = np.flatnonzero((growth[:-1] > 0) & (growth[1:] <= 0))
+    first, omega = np.inf, np.nan
+    if growth[0] > 0:
+        first, omega = 0.0, float(pole[0].imag)
+    elif rises.size:
+        pair = slice(rises[0], rises[0] + 2)
+        first, omega = crossing(a, growth, int(rises[0])), float(np.interp(0, growth[pair], pole.imag[pair]))
+    cycles = np.array([crossing(a, growth, int(i)) for i in falls])
+    outcome = "" if burst is None else after(driven(loop, machine, burst, (a, stiffness, damping)), a, growth)
+    grid = frequencies(loop)
+    integrates = np.any(np.abs(poles(K) - (1 if loop.T else 0)) < 1e-9)
+    return QuasiLinear(
+        amplitude=first,
+        kick=first * omega if 0 < first < np.inf else first,
+        omega=omega,
+        cycles=cycles,
+        outcome=outcome,
+        amplitudes=a,
+        stiffnesses=stiffness,
+        dampings=damping,
+        growths=growth,
+        frequencies=swings,
+        boundary_omega=grid,
+        boundary=1j * grid / mobility(loop, grid),
+        not_claimed=f"{NOT_CLAIMED} {BLIND}" if integrates else NOT_CLAIMED,
+    )
+
+
+def looked_at(amplitudes: Any, levels: Levels | None) -> np.ndarray:
+    """The amplitudes to look at [m]."""
+    if amplitudes is None:
+        if levels is None:
+            return AMPLITUDES
+        low, high = levels.amplitude[0] / 10, levels.amplitude[-1] * BEYOND
+        return np.geomspace(low, high, int(10 * np.log10(high / low)) + 1)
+    a = real_array("amplitudes", amplitudes, ndim=1)
+    if a.size < 2 or not (a[0] > 0 and np.all(np.diff(a) > 0)):
+        raise ValueError(f"amplitudes must be at least two, positive and rising [m], got {a.size}")
+    return a
+
+
+def equivalents(
+    loop: SlidingLoop, friction: Any, levels: Levels | None, a: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """k_eq, c_eq, the least damped pole of the loop with them and where it swings [rad/s], at each amplitude."""
+    if levels is not None:
+        stiffness, damping = levels.at(a)
+        both = list(zip(stiffness, damping, strict=True))
+        pole = np.array([ringing(loop, k, c) for k, c in both])
+        return stiffness, damping, pole, np.array([swings_at(loop, k, c) for k, c in both])
+    N, pole, omega = np.zeros(a.size, complex), np.zeros(a.size, complex), np.zeros(a.size)
+    start, slides = swings_at(loop, 0.0, 0.0), False
+    for i in range(a.size):
+        omega[i] = omega[i - 1] if i else start
+        if slides:
+            N[i] = 1j * N[i - 1].imag * a[i - 1] / a[i]
+        for _ in range(ROUNDS):  # the frequency at which the friction is driven is that of the loop with it
+            if not slides:
+                N[i] = describing_function(friction, float(a[i]), float(omega[i]))
+            pole[i] = ringing(loop, N[i].real, N[i].imag / omega[i])
+            swings = swings_at(loop, N[i].real, N[i].imag / omega[i])
+            if abs(swings / omega[i] - 1) < SAME:
+                break
+            omega[i] = swings
+        slides = slides or (i > 0 and saturated(N.real, N.imag, a, i))
+    return N.real, N.imag / omega, pole, omega
+
+
+def saturated(stiffness: np.ndarray, reaction: np.ndarray, a: np.ndarray, i: int) -> bool:
+    """Whether the force no longer grows from an amplitude to the next: all that is left is to slide, further."""
+    grows = reaction[i] * a[i] / max(reaction[i - 1] * a[i - 1], 1e-300) - 1
+    return bool(abs(stiffness[i]) < FLAT * reaction[i] and abs(grows) < FLAT * np.log(a[i] / a[i - 1]))
+
+
+def ringing(loop: SlidingLoop, stiffness: float, damping: float) -> complex:
+    """The least damped pole with a spring and a damper at the port, in the upper half of the s-plane."""
+    found = np.linalg.eigvals(loop.period(stiffness, damping))
+    if loop.T:
+        found = np.log(found[np.abs(found) > 1e-12].astype(complex)) / loop.T
+    # a friction that holds leaves a slow pole that is below the rounding of the fast one, of either sign
+    found = found[(found.imag >= 0) & (np.abs(found) > ROUNDING * np.abs(found).max())]
+    return complex(found[np.argmax(found.real / np.maximum(np.abs(found), 1e-9))])
+
+
+def swings_at(loop: SlidingLoop, stiffness: float, damping: float) -> float:
+    """A frequency [rad/s] to drive a friction at: where the loop swings with its spring and its damper.
+
+    A loop that does not swing with both is taken with the spring alone: a friction that holds it does so at the
+    frequency at which it would swing, and the slow pole that creeps back has no amplitude of its own.
+    """
+    top = np.pi / loop.T if loop.T else np.inf
+    for pole in (ringing(loop, stiffness, damping), ringing(loop, stiffness, 0.0)):
+        if pole.imag > 1e-3 * abs(pole):
+            break
+    return float(np.clip(pole.imag if pole.imag > 1e-3 * abs(pole) else abs(pole), 1e-2, top))
+
+
+def crossing(a: np.ndarray, growth: np.ndarray, i: int) -> float:
+    """The amplitude between a[i] and a[i + 1] at which the growth passes zero; straight over 1/a, as in sliding."""
+    share = growth[i] / (growth[i] - growth[i + 1])
+    return float(1 / ((1 - share) / a[i] + share / a[i + 1]))
+
+
+def driven(
+    loop: SlidingLoop, machine: SlidingMachine, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> float:
+    """The amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
+    burst = real_array("burst", burst, ndim=1)
+    if not loop.T:
+        raise ValueError("burst must be left out with a continuous controller, got one. Sample it first")
+    a, stiffness, damping = at
+    n = loop.F.shape[0]
+    push = np.concatenate([machine.B_force, np.zeros(n - machine.B_force.size)])
+    steps: dict[int, tuple[np.ndarray, np.ndarray, float]] = {}
+    xi, envelope = np.zeros(n), a[0]
+    for force in burst:
+        i = min(int(np.searchsorted(a, envelope)), a.size - 1)
+        if i not in steps:
+            steps[i] = *pushed(loop, stiffness[i], damping[i], push), swings_at(loop, stiffness[i], damping[i])
+        xi = steps[i][0] @ xi + steps[i][1] * force
+        omega = steps[i][2]
+        envelope = max(np.hypot(loop.x @ xi, (loop.v @ xi) / omega), envelope * np.exp(-FORGETS * omega * loop.T), a[0])
+        if envelope >= a[-1]:
+            break
+    return float(envelope)
+
+
+def pushed(loop: SlidingLoop, stiffness: float, damping: float, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One sample on with a spring and a damper at the port, and what a force held over it adds."""
+    n = push.size
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n] = loop.F + np.outer(loop.B, stiffness * loop.x + damping * loop.v)
+    block[:n, n] = push
+    total, added = np.eye(n), np.zeros(n)
+    for span, jump in zip(loop.spans, loop.jumps, strict=True):
+        both = expm(span * block)
+        total, added = both[:n, :n] @ jump @ total, both[:n, :n] @ jump @ added + both[:n, n]
+    return total, added
+
+
+def after(envelope: float, a: np.ndarray, growth: np.ndarray) -> str:
+    """Where an amplitude goes by itself: up where it grows, down where it does not, to the next change of sign."""
+    i = min(int(np.searchsorted(a, envelope)), a.size - 1)
+    if growth[i] > 0:
+        return "limit cycle" if np.any(growth[i:] <= 0) else "ran away"
+    return "limit cycle" if np.any(growth[:i] > 0) else "settled"

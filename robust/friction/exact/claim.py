@@ -1,0 +1,213 @@
+"""``FrictionClaim``: what is claimed of a machine with friction, with every number as given."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.values import value
+from robust.proofs.exact.claim import Matrices, digest
+
+__all__ = [
+    "SCHEMA",
+    "Actuator",
+    "FrictionClaim",
+    "content",
+    "from_content",
+    "read_friction_claim",
+    "write_friction_claim",
+]
+
+
+KINDS = ("Maxwell slip", "bristle")
+SYSTEMS = ("machine", "controller")
+
+
+@value
+class Actuator:
+    """An actuator that gives u = sat(asked), and the numbers why the loop comes to rest with it all the same.
+
+    Fields
+    ------
+    limit, Fs : float
+        Its largest force and that of the friction [N].
+    kick : float
+        Velocity at the friction port [m/s], on the machine at rest and relaxed, up to which the claim holds; of no
+        meaning with a share of one, where it holds from every state.
+    share : float
+        w (share asked'y - w) >= 0 of what is missed, w = asked - u, as long as asked'y is small enough.
+    sector : float
+        Weight of that.
+    forgets, weights : (J,) ndarray
+        Filters of the given force, as a share of each sample or a rate [1/s], and their weights.
+    """
+
+    limit: float
+    Fs: float
+    kick: float
+    share: float
+    sector: float
+    forgets: np.ndarray
+    weights: np.ndarray
+
+
+@value
+class FrictionClaim:
+    """The loop u = -K y around p' = A p + B (u, -f), with friction f of a class, comes to rest; and the numbers why.
+
+    Fields
+    ------
+    machine : Matrices
+        Inputs: force of the actuator, force at the friction port [N]; outputs: measured position, displacement at the
+        port [m].
+    controller : Matrices
+        Sampled, or continuous (dt = 0).
+    delay : float
+        From sampling to the force changing [s]; within 1e-9 of a whole number of samples it is that number.
+    kind : str
+        "Maxwell slip" or "bristle".
+    K0, stiction, bristle_time, microdamping : float
+        Of the class [N/m], [-], [s], [Ns/m].
+    rates, weights : (J,) ndarray
+        Filters [rad/s] and their weights; of Maxwell slip the first is the reference.
+    free : float
+        Weight of the friction itself.
+    block : (3, 3) ndarray
+        Of bristles: the form in (v, q, gamma).
+    bounds : (2,) ndarray
+        Of bristles: multiples of the sector that the block is above.
+    V : (n, n) ndarray
+        Coordinates of the stored energy.
+    P : (I, 4, n, n) ndarray
+        Bernstein coefficients of the stored energy in these, interval by interval; (1, 1, n, n) where K is continuous.
+    counts : (S,) integer ndarray
+        Intervals of equal length in each span between changes of the force.
+    actuator : Actuator or None
+        None where it never saturates. Its filters are the last states of the loop, before those of the friction.
+    """
+
+    machine: Matrices
+    controller: Matrices
+    delay: float
+    kind: str
+    K0: float
+    stiction: float
+    bristle_time: float
+    microdamping: float
+    rates: np.ndarray
+    weights: np.ndarray
+    free: float
+    block: np.ndarray
+    bounds: np.ndarray
+    V: np.ndarray
+    P: np.ndarray
+    counts: np.ndarray
+    actuator: Actuator | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
+        if self.machine.D.shape != (2, 2) or self.controller.D.shape != (1, 1):
+            raise ValueError("machine must have two inputs and outputs and the controller one, got other shapes")
+        n = self.V.shape[0]
+        if self.V.shape != (n, n) or self.P.ndim != 4 or self.P.shape[2:] != (n, n):
+            raise ValueError(f"P must hold matrices of the size of V, got shapes {self.P.shape} and {self.V.shape}")
+        if self.rates.shape != self.weights.shape or self.rates.ndim != 1:
+            raise ValueError(f"weights must be one a rate, got {self.weights.shape} for {self.rates.shape}")
+        for name in ("rates", "weights", "free", "block", "bounds", "V", "P", "K0", "stiction", "delay"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise ValueError(f"{name} must be finite, got something else")
+        if self.actuator is not None:
+            numbers = [np.ravel(getattr(self.actuator, field.name)) for field in fields(Actuator)]
+            if not np.isfinite(np.concatenate(numbers)).all() or len(numbers[-1]) != len(numbers[-2]):
+                raise ValueError("actuator must have finite numbers and a weight for each filter, got something else")
+
+
+def content(claim: FrictionClaim) -> dict[str, Any]:
+    """The claim as plain numbers and words."""
+    found: dict[str, Any] = {}
+    for field in fields(claim):
+        part = getattr(claim, field.name)
+        if isinstance(part, Actuator):
+            found[field.name] = {own.name: np.asarray(getattr(part, own.name)).tolist() for own in fields(part)}
+        elif field.name in SYSTEMS:
+            found[field.name] = {name: getattr(part, name).tolist() for name in "ABCD"} | {"dt": float(part.dt)}
+        else:
+            found[field.name] = part.tolist() if isinstance(part, np.ndarray) else part
+    return found
+
+
+def from_content(given: Any) -> FrictionClaim:
+    """The claim back from `content`, or a ValueError that says what is wrong with it."""
+    names = {field.name for field in fields(FrictionClaim)}
+    if not isinstance(given, dict) or set(given) | {"actuator"} != names:
+        raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
+    try:
+        parts: dict[str, Any] = {}
+        for name, part in given.items():
+            if name in SYSTEMS:
+                D = np.array(part["D"], dtype=float, ndmin=2)
+                n = len(part["A"])
+                shapes = {"A": (n, n), "B": (n, D.shape[1]), "C": (D.shape[0], n), "D": D.shape}
+                system = {key: np.array(part[key], dtype=float).reshape(shape) for key, shape in shapes.items()}
+                parts[name] = Matrices(**system, dt=float(part["dt"]))
+            elif name == "actuator":
+                own: Any = {
+                    key: np.array(x, float) if isinstance(x, list) else float(x) for key, x in (part or {}).items()
+                }
+                parts[name] = Actuator(**own) if own else None
+            elif name == "kind":
+                parts[name] = str(part)
+            elif isinstance(part, list):
+                parts[name] = np.array(part, dtype=int if name == "counts" else float)
+            else:
+                parts[name] = float(part)
+        return FrictionClaim(**parts)
+    except (TypeError, KeyError, IndexError) as error:
+        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
+
+
+# ---- Proofs of a machine with friction as files that someone else can check: every number as given, and a digest.
+
+SCHEMA = "robust-friction-certificate"
+VERSION = 2
+READ = (1, 2)  # the first without actuators
+
+
+def write_friction_claim(
+    path: str | os.PathLike[str], claim: FrictionClaim, found: Sequence[dict[str, Any]] = ()
+) -> None:
+    """Write a claim with how it was found; the digest covers everything else in the file."""
+    entries: dict[str, Any] = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "units": {"dt": "s", "delay": "s", "K0": "N/m", "microdamping": "Ns/m", "bristle_time": "s", "rates": "rad/s"},
+        "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
+        + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
+        "claim": content(claim),
+        "found": list(found),
+    }
+    entries["digest"] = digest(entries)
+    write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
+
+
+def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
+    """The claim of a file whose digest fits, None of a certificate of another kind, or a ValueError."""
+    entries = parse_json(path)
+    if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
+        return None
+    if entries.get("version") not in READ:
+        raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
+    if entries.get("digest") != digest({name: entry for name, entry in entries.items() if name != "digest"}):
+        raise ValueError(
+            f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
+            "Something in it was changed."
+        )
+    require_schema(entries, path, "robust", SCHEMA)
+    return from_content(entries["claim"])

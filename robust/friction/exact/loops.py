@@ -1,0 +1,251 @@
+"""The sliding loop of a claim over the rationals: flows between samples, jumps at them, where it rests under 1 N."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nlfrf._base.values import value
+from robust.friction.exact.claim import FrictionClaim
+from robust.proofs.exact.polynomials import rational, rational_matrix
+
+__all__ = [
+    "ExactBlock",
+    "ExactLoop",
+    "actuator_fits",
+    "asked_of",
+    "exact_block",
+    "exact_loop",
+    "identity",
+    "reach_fits",
+    "rest_of",
+    "with_filters",
+]
+
+
+@value(copy=False)
+class ExactLoop:
+    """Flow xi' = F xi + B f over each span after its jump, as matrices of rationals; x, v rows at the port.
+
+    Fields
+    ------
+    F, B, x, v : fmpq_mat
+    spans : list of fmpq
+    jumps : list of fmpq_mat
+    """
+
+    F: Any
+    B: Any
+    x: Any
+    v: Any
+    spans: list[Any]
+    jumps: list[Any]
+
+
+def exact_loop(claim: FrictionClaim) -> ExactLoop:
+    """The loop of machine, hold, delay and controller, with the state (machine, held force, waiting forces, K)."""
+    from flint import fmpq_mat
+
+    A, B, C = (rational_matrix(getattr(claim.machine, name)).tolist() for name in "ABC")
+    K = {name: rational_matrix(getattr(claim.controller, name)).tolist() for name in "ABCD"}
+    n, s = claim.machine.order, claim.controller.order
+    D, T = K["D"][0][0], rational(claim.controller.dt)
+    if not T:
+        size = n + s
+        F = [[A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)]
+        F += [[-K["B"][i][0] * C[0][j] for j in range(n)] + list(K["A"][i]) for i in range(s)]
+        spans, jumps = [], []
+    else:
+        whole, part = samples(rational(claim.delay), T)
+        waiting = whole + (part > 0)
+        size, own = n + 1 + waiting + s, n + 1 + waiting
+        F = [list(A[i]) + [B[i][0]] + [0] * (size - n - 1) for i in range(n)] + [[0] * size for _ in range(size - n)]
+        asked = [-D * c for c in C[0]] + [0] * (1 + waiting) + list(K["C"][0]) if s else [-D * c for c in C[0]]
+        asked = asked + [0] * (size - len(asked))
+        rows = identity(size)
+        forces = [asked, *identity(size)[n + 1 : own]]  # the new one, then those that wait, the oldest last
+        rows[n + 1 : own] = forces[:waiting]
+        for i in range(s):
+            rows[own + i] = [-K["B"][i][0] * c for c in C[0]] + [0] * (1 + waiting) + list(K["A"][i])
+        spans, jumps = [T], [rows]
+        if part > 0:
+            late = identity(size)
+            late[n] = identity(size)[n + waiting]
+            spans, jumps = [part, T - part], [rows, late]
+        else:
+            rows[n] = forces[waiting]
+    velocity = [sum((C[1][i] * A[i][j] for i in range(n)), start=rational(0.0)) for j in range(n)]
+    return ExactLoop(
+        F=fmpq_mat(F),
+        B=fmpq_mat([[-B[i][1]] for i in range(n)] + [[0]] * (size - n)),
+        x=fmpq_mat([list(C[1]) + [0] * (size - n)]),
+        v=fmpq_mat([velocity + [0] * (size - n)]),
+        spans=spans,
+        jumps=[fmpq_mat(jump) for jump in jumps],
+    )
+
+
+def samples(delay: Any, T: Any) -> tuple[int, Any]:
+    """Whole samples of a delay, and what is left [s]."""
+    from flint import fmpq
+
+    near = fmpq(1, 10**9)
+    whole = int((delay / T + near).floor())
+    left = delay - whole * T
+    return whole, left if left > near * T else fmpq(0)
+
+
+def identity(n: int) -> list[list[int]]:
+    """Rows of the identity."""
+    return [[int(i == j) for j in range(n)] for i in range(n)]
+
+
+def rest_of(loop: ExactLoop) -> Any:
+    """Where the loop rests under f = 1, exactly; a ValueError where there is no such place."""
+    from flint import fmpq_mat
+
+    n = loop.F.nrows()
+    rows, wanted = loop.F.tolist(), (-loop.B).tolist()
+    unit = fmpq_mat(identity(n))
+    for jump in loop.jumps:
+        rows, wanted = rows + (jump - unit).tolist(), wanted + [[0]] * n
+    M, b = fmpq_mat(rows), fmpq_mat(wanted)
+    try:
+        there = (M.transpose() * M).solve(M.transpose() * b)
+    except ZeroDivisionError:
+        raise ValueError("the loop may rest in many places") from None
+    if M * there != b:
+        raise ValueError("the loop does not rest under a constant friction")
+    return there
+
+
+# ---- An actuator that saturates, over the rationals: the loop with filters of its force, its supply, its reach.
+
+
+@value(copy=False)
+class ExactBlock:
+    """What is missed, w, enters the jump or the flow, and 2 w seen'y >= weight w^2.
+
+    Fields
+    ------
+    enters, seen : fmpq_mat
+        Columns.
+    weight : fmpq
+    """
+
+    enters: Any
+    seen: Any
+    weight: Any
+
+
+def actuator_fits(claim: FrictionClaim) -> str:
+    """Empty if the weights of the actuator are such as any saturation allows; else what is wrong with them."""
+    own = claim.actuator
+    if own is None:
+        return ""
+    if min([own.sector, *own.weights]) < 0 or own.sector + sum(own.weights) <= 0:
+        return "a weight of the actuator is negative, or there is none"
+    fastest = 1 if claim.controller.dt else None
+    if min([1.0, *own.forgets]) <= 0 or (fastest and max([0.0, *own.forgets]) > fastest):
+        return "a filter of the actuator is no mean of the past"
+    if not (0 < own.Fs < own.limit and 0 <= own.share <= 1):
+        return "the limit is not above the friction, or the share not between zero and one"
+    return ""
+
+
+def asked_of(claim: FrictionClaim, size: int) -> list[Any]:
+    """(size,) the force that is asked for, of the state."""
+    C, D = rational_matrix(claim.controller.C).tolist(), rational_matrix(claim.controller.D).tolist()[0][0]
+    measured = rational_matrix(claim.machine.C).tolist()[0]
+    n, s = claim.machine.order, claim.controller.order
+    row = [-D * c for c in measured] + [rational(0.0)] * (size - n)
+    own = size - s - (0 if claim.actuator is None else len(claim.actuator.forgets))
+    for i in range(s):
+        row[own + i] = C[0][i]
+    return row
+
+
+def with_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
+    """The loop with the filters of the force beside it, u_j+ = u_j + phi (asked - u_j), as its last states."""
+    from flint import fmpq_mat
+
+    assert claim.actuator is not None
+    forgets = [rational(phi) for phi in claim.actuator.forgets]
+    n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
+    asked, zero, unit = asked_of(claim, size), rational(0.0), identity(size)
+
+    def wide(M: Any, still: bool) -> list[list[Any]]:
+        rows = [list(row) + [zero] * (size - n) for row in M.tolist()]
+        return rows + [
+            list(map(rational, map(float, unit[n + j]))) if still else [zero] * size for j in range(size - n)
+        ]
+
+    F, jumps = wide(loop.F, False), [wide(jump, True) for jump in loop.jumps]
+    moved = jumps[0] if jumps else F
+    for j, phi in enumerate(forgets):
+        moved[n + j] = [old + phi * a for old, a in zip(moved[n + j], asked, strict=True)]
+        moved[n + j][n + j] -= phi
+    more = [[zero] * (size - n)]
+    return ExactLoop(
+        F=fmpq_mat(F),
+        B=fmpq_mat(loop.B.tolist() + [[zero]] * (size - n)),
+        x=fmpq_mat([loop.x.tolist()[0] + more[0]]),
+        v=fmpq_mat([loop.v.tolist()[0] + more[0]]),
+        spans=loop.spans,
+        jumps=[fmpq_mat(jump) for jump in jumps],
+    )
+
+
+def exact_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBlock:
+    """theta_0 w (share asked'y - w) + sum theta_j w (asked'y - w - u_j) of a loop with filters, among `size` states."""
+    from flint import fmpq_mat
+
+    own = claim.actuator
+    assert own is not None
+    theta, sector, share = [rational(x) for x in own.weights], rational(own.sector), rational(own.share)
+    n, m = claim.machine.order, loop.F.nrows()
+    first = m - len(theta)
+    total = sum(theta, start=rational(0.0))
+    seen = [(share * sector + total) / 2 * a for a in asked_of(claim, m)] + [rational(0.0)] * (size - m)
+    enters = [rational(0.0)] * size
+    for j, (weight, phi) in enumerate(zip(theta, own.forgets, strict=True)):
+        seen[first + j] -= weight / 2
+        enters[first + j] = rational(phi)
+    if loop.spans:
+        enters[n + 1 if first > n + 1 + claim.controller.order else n] = rational(1.0)
+    else:
+        for i, row in enumerate(rational_matrix(claim.machine.B).tolist()):
+            enters[i] = row[0]
+    return ExactBlock(enters=fmpq_mat([[e] for e in enters]), seen=fmpq_mat([[c] for c in seen]), weight=sector + total)
+
+
+def reach_fits(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], stored: Any) -> str:
+    """Empty if a kick of the claimed size keeps what is asked for within reach of the sector; else why not.
+
+    (1 - share)^2 kick^2 (e'Pe) (asked'E^-1 asked) <= (limit - Fs |asked'rest|)^2, all in the coordinates of the energy;
+    stored : the whole energy just before a sample.
+    """
+    from flint import fmpq_mat
+
+    own = claim.actuator
+    assert own is not None
+    m, size = loop.F.nrows(), claim.V.shape[0]
+    asked = asked_of(claim, m)
+    rest = [row[0] for row in rest_of(loop).tolist()]
+    held = sum((a * r for a, r in zip(asked, rest, strict=True)), start=rational(0.0))
+    left = rational(own.limit) - rational(own.Fs) * abs(held)
+    if left <= 0:
+        return "holding the friction takes all of the limit"
+    V = rational_matrix(claim.V)
+    wide = [*asked, *[rational(0.0)] * (size - m)]
+    read = V.transpose() * fmpq_mat([[a] for a in wide])
+    read = fmpq_mat(read.tolist() + [[rational(0.0)]] * (stored.nrows() - size))
+    asked_for = (read.transpose() * stored.solve(read)).tolist()[0][0]
+    B, v = rational_matrix(claim.machine.B).tolist(), loop.v.tolist()[0]
+    through = sum((v[i] * B[i][1] for i in range(claim.machine.order)), start=rational(0.0))
+    if through <= 0:
+        return "" if own.share == 1 else "a kick moves no velocity"
+    hit = fmpq_mat([[B[i][1] / through] if i < claim.machine.order else [rational(0.0)] for i in range(size)])
+    start = V.solve(hit)
+    put_in = max((start.transpose() * P * start).tolist()[0][0] for interval in energy for P in interval)
+    over = (1 - rational(own.share)) * rational(own.kick)
+    return "" if over * over * put_in * asked_for <= left * left else "a kick of that size may leave the sector"

@@ -1,0 +1,337 @@
+"""The stored energy of a claim falls with every friction of its class: proved over the rationals, nothing rounded.
+
+Between nodes the energy z'P(t)z is a cubic, and the inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 a convex
+combination of its four Bernstein coefficients; coordinates are changed exactly, which changes no sign.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+from nlfrf._base.values import value
+from robust.friction.exact.claim import FrictionClaim
+from robust.friction.exact.loops import (
+    ExactBlock,
+    ExactLoop,
+    actuator_fits,
+    exact_block,
+    exact_loop,
+    reach_fits,
+    rest_of,
+    with_filters,
+)
+from robust.proofs.exact.loops import Verification
+from robust.proofs.exact.matrices import positive_definite
+from robust.proofs.exact.polynomials import rational, rational_matrix
+
+__all__ = ["ExactSupply", "exact_supply", "verify_friction", "weights_fit"]
+
+
+# ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
+#
+# Derived on the page on the theory of these proofs (T1, T2, T3); nothing here is taken from the code that found
+# weights.
+
+
+@value(copy=False)
+class ExactSupply:
+    """A flow z' = A z + B d with jumps, a supply, and the rest of the stored energy, as matrices of rationals.
+
+    Fields
+    ------
+    A, B, Q, N, R, stored : fmpq_mat
+    jumps : list of fmpq_mat
+    block : ExactBlock or None
+        What acts at the first jump.
+    """
+
+    A: Any
+    B: Any
+    Q: Any
+    N: Any
+    R: Any
+    stored: Any
+    jumps: list[Any]
+    block: ExactBlock | None = None
+
+
+def weights_fit(claim: FrictionClaim) -> str:
+    """Empty if the weights are such as the class allows; else what is wrong with them."""
+    from flint import fmpq_mat
+
+    if min([claim.free, *claim.weights]) < 0 or min([1.0, *claim.rates]) <= 0:
+        return "a weight is negative, or a rate not positive"
+    if not (claim.K0 > 0 and claim.stiction >= 1):
+        return "K0 is not positive, or stiction below one"
+    if claim.kind == "Maxwell slip":
+        tau = rational(claim.bristle_time)
+        late = any(rational(a) * tau >= 1 for a in claim.rates)
+        return "a filter is faster than the bristles" if late or not claim.rates.size else actuator_fits(claim)
+    M, rho = [[rational(x) for x in row] for row in claim.block], rational(claim.stiction)
+    if M[2][2] > 0 or min(claim.bounds) < 0:
+        return "the block is not concave in the slope, or a bound is negative"
+    ends = [(M[0][0], M[0][1], M[1][1]), (M[0][0], M[0][1] + M[0][2], M[1][1] + 2 * M[1][2] + M[2][2])]
+    for (p, cross, r), bound in zip(ends, claim.bounds, strict=True):
+        m = rational(bound)
+        left = fmpq_mat([[p - m * (rho * rho - 1), cross - m], [cross - m, r + m]])
+        if not positive_definite(left):
+            return "the block is negative somewhere in the sector"
+    return actuator_fits(claim)
+
+
+def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+    """The inequality of the class for this loop."""
+    form = maxwell_slip(claim, loop) if claim.kind == "Maxwell slip" else bristle(claim, loop)
+    return form if claim.actuator is None else with_actuator(form, exact_block(claim, loop, form.A.nrows()), loop)
+
+
+def with_actuator(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
+    """A block at the first jump, or of the flow where nothing is sampled: what is missed is one input more."""
+    from flint import fmpq_mat
+
+    if loop.spans:
+        return replace(form, block=block)
+
+    def beside(M: Any, column: list[list[Any]]) -> Any:
+        return fmpq_mat([[*row, *more] for row, more in zip(M.tolist(), column, strict=True)])
+
+    m = form.R.nrows()
+    R = beside(form.R, [[rational(0.0)]] * m).tolist()
+    R.append([*[rational(0.0)] * m, -block.weight])
+    B, N = beside(form.B, (-block.enters).tolist()), beside(form.N, block.seen.tolist())
+    return replace(form, B=B, N=N, R=fmpq_mat(R))
+
+
+def zeros(rows: int, columns: int) -> list[list[Any]]:
+    """A matrix to be filled."""
+    zero = rational(0.0)
+    return [[zero] * columns for _ in range(rows)]
+
+
+def widened(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any]], list[Any]]:
+    """Rows of the flow with filters below, and the jumps."""
+    from flint import fmpq_mat
+
+    n, extra = loop.F.nrows(), len(rates)
+    A = zeros(n + extra, n + extra)
+    for i, row in enumerate(loop.F.tolist()):
+        A[i][:n] = row
+    for j, a in enumerate(rates):
+        A[n + j][n + j] = -a
+    jumps = []
+    for jump in loop.jumps:
+        J = zeros(n + extra, n + extra)
+        for i, row in enumerate(jump.tolist()):
+            J[i][:n] = row
+        for j in range(extra):
+            J[n + j][n + j] = rational(1.0)
+        jumps.append(fmpq_mat(J))
+    return A, jumps
+
+
+def maxwell_slip(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+    """States (y, e_j), input d = f - fh_1; T1 and T2."""
+    from flint import fmpq_mat
+
+    a, mu, free = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
+    # at one itself the energy is not positive; certificates of version 0.1 say one and were made with 1.001
+    K0, rho = rational(claim.K0), rational(claim.stiction if claim.stiction > 1 else 1.001)
+    rest, n = [row[0] for row in rest_of(loop).tolist()], loop.F.nrows()
+    size = n + len(a) - 1
+    A, jumps = widened(loop, a[1:])
+    B = [[b[0] - a[0] * r] for b, r in zip(loop.B.tolist(), rest, strict=True)] + [[aj - a[0]] for aj in a[1:]]
+    x, v = (row.tolist()[0] + [rational(0.0)] * (size - n) for row in (loop.x, loop.v))
+    total = sum(mu)
+    s = free + (1 - 1 / rho) * total
+    lost = [m * aj / (rho * K0) for m, aj in zip(mu, a, strict=True)]
+    Q, N = zeros(size, size), [[(free + total) / 2 * v[i] - s * a[0] / 2 * x[i]] for i in range(size)]
+    stored, h, F = zeros(size + 2, size + 2), size, size + 1
+    for i in range(size):
+        stored[i][h] = stored[h][i] = -s / 2 * x[i]
+    x_e = sum(c * r for c, r in zip(x, rest, strict=False))
+    stored[h][h] = -s * x_e / 2 + total / (2 * rho * K0)
+    stored[F][F] = (free + total) / (2 * K0)
+    stored[h][F] = stored[F][h] = -total / (2 * rho * K0)
+    for j in range(1, len(a)):
+        e, held = n + j - 1, mu[j] / (2 * K0 * rho)
+        for i in range(size):
+            Q[e][i] -= mu[j] / (2 * rho) * v[i]
+            Q[i][e] -= mu[j] / (2 * rho) * v[i]
+        Q[e][e] -= lost[j]
+        N[e][0] += lost[j]
+        stored[e][e] += held
+        for other, sign in ((h, 1), (F, -1)):
+            stored[e][other] += sign * held
+            stored[other][e] += sign * held
+    R = [[-sum(lost)]]
+    return ExactSupply(
+        A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
+    )
+
+
+def bristle(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+    """States (y, e_j), inputs gamma = F'/K0 and q = z'; T3."""
+    from flint import fmpq_mat
+
+    a, nu, mu = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
+    K0, sigma = rational(claim.K0), rational(claim.microdamping)
+    M = [[rational(x) for x in row] for row in claim.block]
+    rest, n = [row[0] for row in rest_of(loop).tolist()], loop.F.nrows()
+    size = n + len(a)
+    A, jumps = widened(loop, a)
+    B = [[-K0 * r, sigma * b[0]] for b, r in zip(loop.B.tolist(), rest, strict=True)]
+    B += [[-K0, rational(0.0)] for _ in a]
+    x, v = (row.tolist()[0] + [rational(0.0)] * (size - n) for row in (loop.x, loop.v))
+    Q = [[M[0][0] * v[i] * v[j] for j in range(size)] for i in range(size)]
+    N = [[M[0][2] * v[i] - mu * K0 / 2 * x[i], M[0][1] * v[i]] for i in range(size)]
+    kept = size + (mu > 0)
+    stored = zeros(kept, kept)
+    for j, (rate, weight) in enumerate(zip(a, nu, strict=True)):
+        Q[n + j][n + j] -= weight * rate / K0
+        N[n + j][1] -= weight / 2
+        stored[n + j][n + j] = weight / (2 * K0)
+    if mu > 0:
+        for i in range(size):
+            stored[i][size] = stored[size][i] = -mu / 2 * x[i]
+        x_e = sum(c * r for c, r in zip(x, rest, strict=False))
+        stored[size][size] = mu / (2 * K0) - mu / 2 * x_e
+    R = [[M[2][2], M[1][2]], [M[1][2], M[1][1]]]
+    return ExactSupply(
+        A=fmpq_mat(A), B=fmpq_mat(B), Q=fmpq_mat(Q), N=fmpq_mat(N), R=fmpq_mat(R), stored=fmpq_mat(stored), jumps=jumps
+    )
+
+
+PARTS = (
+    "weights of the class",
+    "the energy falls between samples",
+    "the energy falls at samples",
+    "the energy is positive",
+)
+REACH = "the actuator stays within reach"
+BITS = 512
+
+
+def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verification:
+    """Prove a claim on a machine with friction again, from its numbers as rationals.
+
+    Not verified is a result, not an error: each part with its reason.
+    """
+    deadline = time.monotonic() + time_cap
+    wrong = weights_fit(claim)
+    failed = {PARTS[0]: wrong} if wrong else {}
+    try:
+        loop = exact_loop(claim)
+        loop = loop if claim.actuator is None else with_filters(claim, loop)
+        form = in_coordinates(exact_supply(claim, loop), claim)
+        energy = [[rational_matrix(P) for P in interval] for interval in claim.P]
+        failed |= falls(claim, loop, form, energy, deadline)
+        if not all(positive_definite(with_energy(form.stored, P)) for P in (energy[0][0], energy[-1][-1])):
+            failed[PARTS[3]] = "it is not"
+        elif claim.actuator is not None:
+            beyond = reach_fits(claim, loop, energy, with_energy(form.stored, energy[-1][-1]))
+            failed |= {REACH: beyond} if beyond else {}
+    except (ValueError, ZeroDivisionError) as error:
+        failed |= {"the claim": str(error)}
+    parts = PARTS if claim.actuator is None else (*PARTS, REACH)
+    proved = tuple(part for part in parts if part not in failed) if "the claim" not in failed else ()
+    return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
+
+
+def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
+    """The inequality in the coordinates of the energy, exactly."""
+    from flint import fmpq_mat
+
+    V = rational_matrix(claim.V)
+    n, size = V.nrows(), form.stored.nrows()
+    if form.A.nrows() != n:
+        raise ValueError(f"V must have {form.A.nrows()} rows for this loop, got {n}")
+    back, turned = V.inv(), V.transpose()
+    wide = [[*row, *[0] * (size - n)] for row in V.tolist()]
+    wide += [[int(i == j) for j in range(size)] for i in range(n, size)]
+    W = fmpq_mat(wide)
+    block = form.block
+    if block is not None:
+        block = replace(block, enters=back * block.enters, seen=turned * block.seen)
+    return ExactSupply(
+        block=block,
+        A=back * form.A * V,
+        B=back * form.B,
+        Q=turned * form.Q * V,
+        N=turned * form.N,
+        R=form.R,
+        stored=W.transpose() * form.stored * W,
+        jumps=[back * jump * V for jump in form.jumps],
+    )
+
+
+def falls(
+    claim: FrictionClaim, loop: ExactLoop, form: ExactSupply, energy: list[list[Any]], deadline: float
+) -> dict[str, str]:
+    """What of the fall of the energy is not proved, and why."""
+    from flint import fmpq
+
+    if not loop.spans:
+        P = energy[0][0]
+        held = len(energy) == 1 and positive_definite(-inequality(form, P, P - P))
+        return {} if held else {PARTS[1]: "it does not"}
+    counts = [int(count) for count in claim.counts]
+    if len(counts) != len(loop.spans) or min(counts) < 1 or sum(counts) != len(energy) or claim.P.shape[1] != 4:
+        return {PARTS[1]: "its intervals do not fill the period"}
+    starts = [sum(counts[:i]) for i in range(len(counts) + 1)]
+    for span, first, last in zip(loop.spans, starts, starts[1:], strict=False):
+        rate = 3 * (last - first) / span
+        if any(b[3] != after[0] for b, after in pairwise(energy[first:last])):
+            return {PARTS[1]: "it jumps where nothing happens"}
+        for b in energy[first:last]:
+            s0, s1, s2 = ((b[k + 1] - b[k]) * rate for k in range(3))
+            third = fmpq(1, 3)
+            slopes = (s0, (s0 + s1 * 2) * third, (s1 * 2 + s2) * third, s2)
+            if not all(positive_definite(-inequality(form, P, slope)) for P, slope in zip(b, slopes, strict=True)):
+                return {PARTS[1]: "it does not"}
+            if time.monotonic() > deadline:
+                return {PARTS[1]: "undecided, as time was up"}
+    for i, jump in enumerate(form.jumps):
+        before, after = energy[starts[i] - 1][3], energy[starts[i]][0]
+        if not positive_definite(lost(form, i, before, after, jump)):
+            return {PARTS[2]: "it may grow"}
+    return {}
+
+
+def lost(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
+    """What of the energy is lost at a jump, with a block at the first one more unknown."""
+    from flint import fmpq_mat
+
+    plain = before - jump.transpose() * after * jump
+    if i or form.block is None:
+        return plain
+    b, c, weight = form.block.enters, form.block.seen, form.block.weight
+    side = (jump.transpose() * after * b - c).tolist()
+    corner = weight - (b.transpose() * after * b).tolist()[0][0]
+    rows = [[*row, *more] for row, more in zip(plain.tolist(), side, strict=True)]
+    return fmpq_mat([*rows, [row[0] for row in side] + [corner]])
+
+
+def inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
+    """[P' + A'P + PA + Q, PB + N; ., R] as one matrix."""
+    from flint import fmpq_mat
+
+    across = P * form.A
+    top = slope + across + across.transpose() + form.Q
+    side = P * form.B + form.N
+    rows = [left + right for left, right in zip(top.tolist(), side.tolist(), strict=True)]
+    below = [left + right for left, right in zip(side.transpose().tolist(), form.R.tolist(), strict=True)]
+    return fmpq_mat(rows + below)
+
+
+def with_energy(stored: Any, P: Any) -> Any:
+    """The whole stored energy, a form in the states and in the forces that rest."""
+    from flint import fmpq_mat
+
+    rows = stored.tolist()
+    for i, row in enumerate(P.tolist()):
+        for j, x in enumerate(row):
+            rows[i][j] += x
+    return fmpq_mat(rows)

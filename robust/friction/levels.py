@@ -1,0 +1,665 @@
+"""Linear part and class of friction, read from BLAs at several levels; what the levels do not give is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from nlfrf import Bla
+from nlfrf._base.arguments import real, shown
+from nlfrf._base.values import value
+from robust.friction.classes import AnyFriction, any_maxwell_slip
+from robust.friction.passivity import port_responses
+from robust.friction.plant import SlidingMachine, sliding_machine, with_port_impedance
+from robust.friction.prove import error_of_nominal, machines_of_nominal
+from robust.lti.sampling import hold_between
+
+__all__ = [
+    "FEWEST_LINES",
+    "SIGMAS",
+    "FrictionClass",
+    "LevelFit",
+    "fit_level",
+    "friction_class",
+    "nominal_reaction",
+    "one_mass_reaction",
+    "require_si",
+]
+
+
+# ---- Fit of one measured level: spring, mass and damper of a machine whose friction partly slips, with a misfit test.
+#
+# The reaction at the friction port, force over displacement, is 1/G of a single mass; around a nominal machine it is
+# the
+# friction N that explains the difference. Either is fitted over all lines by
+#
+#     H(w) = k - m w^2 + j c w + a j w/(j w + b),    a >= 0,  b inside the band,
+#
+# weighted by the variance of every line. The last term is an element that slips: the motion at the resonance lets it
+# slip, so that it is a damper far below b and a spring a far above. Without it a level that slips misses its lines by
+# several times their scatter, and the mass by 2 % and more (Maxwell slip of 64 kN/m on 80 kN/m).
+#
+# Two stiffnesses come out. The one without the last term is k_eq, that of the whole friction at this amplitude. k with
+# that term is what is left below the rate at which elements slip: what slips is not in it, what sticks is.
+
+FEWEST_LINES = 8
+#: Half-width of every interval, in standard deviations.
+SIGMAS = 3.0
+#: Error of a linear model relative to |G| that no refusal is made of (calibration, finite steps of a simulation).
+#: Without noise and distortion the variances are at rounding, where every model misses them.
+MODEL_ERROR = 0.01
+#: Chance that the misfit test refuses a level that the model explains.
+FALSE_ALARM = 1e-3
+#: Rates b that are tried, per level. Twice as many move the bounds of k by less than 1 % of the fitted standard
+#: deviation (the six frictions of benchmarks/read_class.py).
+N_RATES = 40
+#: Gauss-Newton steps for the delay.
+DELAY_STEPS = 8
+
+
+@value
+class Reaction:
+    """Reaction at the friction port over the lines of a level.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        [rad/s].
+    H, std : (W,) ndarray
+        Force over displacement [N/m], and its standard deviation, the model error included.
+    delayed : callable
+        H for a measured FRF that is less delayed by tau [s], and its derivative by tau.
+    dof : (W,) ndarray
+        Complex degrees of freedom behind the variance of each line.
+    """
+
+    omega: np.ndarray
+    H: np.ndarray
+    std: np.ndarray
+    delayed: Callable[[float], tuple[np.ndarray, np.ndarray]]
+    dof: np.ndarray
+
+
+@value
+class LevelFit:
+    """What one level gives.
+
+    Fields
+    ------
+    force : float
+        Rms of the force [N].
+    stiffness, damping : float
+        k_eq [N/m] and c [Ns/m] of the fit without the slipping element.
+    stiffness_std : float
+        Its standard deviation [N/m].
+    mass, mass_std : float
+        [kg], from the fit with the slipping element.
+    slow : float
+        k [N/m] of the fit with the slipping element.
+    slow_low, slow_high : float
+        Its profile-likelihood interval of `SIGMAS` standard deviations [N/m].
+    misfit, misfit_limit : float
+        Mean square misfit over the variance of the lines with the slipping element, and where it is refused.
+    slips_below : float
+        Lowest line [Hz] where the element slips more slowly than it, so that most of it is read as k; else nan.
+    delay, delay_std : float
+        Delay [s] that is in the data beyond the model, and its standard deviation.
+    misfit_without_delay : float
+        The misfit once that delay is taken off.
+    softening, softening_std : float
+        Coefficient of -w^4 [N s^4/m] that a fit with this term asks for, and its standard deviation: a load on a spring
+        of antiresonance w_a far above the band adds m_load/w_a^2 to it.
+    """
+
+    force: float
+    stiffness: float
+    damping: float
+    stiffness_std: float
+    mass: float
+    mass_std: float
+    slow: float
+    slow_low: float
+    slow_high: float
+    misfit: float
+    misfit_limit: float
+    slips_below: float
+    delay: float
+    delay_std: float
+    misfit_without_delay: float
+    softening: float
+    softening_std: float
+
+
+@value
+class Solution:
+    """Weighted least squares: parameters, covariance, weighted residuals, and the rate of the slipping element."""
+
+    found: np.ndarray
+    covariance: np.ndarray
+    chi: float
+    residual: np.ndarray
+    rate: float
+
+
+def one_mass_reaction(bla: Bla) -> Reaction:
+    """1/G, the reaction of a single mass with friction where the force acts."""
+    omega, G, relative = bla.omega, bla.G, relative_std(bla)
+
+    def delayed(tau: float) -> tuple[np.ndarray, np.ndarray]:
+        H = np.exp(-1j * omega * tau) / G
+        return H, -1j * omega * H
+
+    return Reaction(omega=omega, H=1 / G, std=relative / np.abs(G), delayed=delayed, dof=bla.dof)
+
+
+def nominal_reaction(bla: Bla, machine: SlidingMachine, nominal_error: np.ndarray | float = 0.0) -> Reaction:
+    """The friction N at the port of a machine: G = G_ym - G_yp N G_xm/(1 + N G_xp), times its delay, solved for N.
+
+    nominal_error : (W,) standard deviation of the machine's own response, relative to it.
+    """
+    omega = bla.omega
+    ym, yp, xm, xp = port_responses(machine, omega)
+
+    def delayed(tau: float) -> tuple[np.ndarray, np.ndarray]:
+        G = bla.G * np.exp(1j * omega * (machine.delay + tau))
+        away = ym - G
+        below = yp * xm - away * xp
+        return away / below, -yp * xm / below**2 * 1j * omega * G
+
+    H = delayed(0.0)[0]
+    sensitivity = np.abs((1 + H * xp) ** 2 / (yp * xm))
+    # an error of G_ym alone moves N by 1/(G_yp G_xm) where force, sensor and port are one, and about so elsewhere
+    std = np.hypot(relative_std(bla) * np.abs(bla.G) * sensitivity, nominal_error * np.abs(ym / (yp * xm)))
+    return Reaction(omega=omega, H=H, std=std, delayed=delayed, dof=bla.dof)
+
+
+def relative_std(bla: Bla) -> np.ndarray:
+    """(W,) standard deviation of G relative to |G|, with the error that a linear model may have."""
+    return np.asarray(np.sqrt(bla.var_total / np.abs(bla.G) ** 2 + MODEL_ERROR**2))
+
+
+def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
+    """Fit one level, with and without a slipping element, and test it for misfit and delay."""
+    plain, solutions = fit_rates(reaction.omega, reaction.H, reaction.std)
+    best = min(solutions, key=lambda one: one.chi)
+    free = 2 * reaction.omega.size - 5
+    misfit = best.chi / free
+    spread = variance_inflation(best, misfit)
+    tau, tau_std, left = fit_delay(reaction, best)
+    softening, softening_std = fit_softening(reaction, best)
+    slow_low, slow_high = profile(solutions, 0, best.chi, spread)
+    too_slow = best.rate <= reaction.omega[0] and plain.chi - best.chi > SIGMAS**2 * spread
+    return LevelFit(
+        force=float(np.sqrt((np.abs(bla.levels.excited / bla.G) ** 2).sum(axis=1).mean() / 2)),
+        stiffness=float(plain.found[0]),
+        damping=float(plain.found[2]),
+        stiffness_std=float(np.sqrt(plain.covariance[0, 0] * variance_inflation(plain, plain.chi / (free + 2)))),
+        mass=float(best.found[1]),
+        mass_std=float(np.sqrt(best.covariance[1, 1] * spread)),
+        slow=float(best.found[0]),
+        slow_low=slow_low,
+        slow_high=slow_high,
+        misfit=misfit,
+        misfit_limit=misfit_limit(reaction.dof, free),
+        slips_below=float(bla.f[0]) if too_slow else np.nan,
+        delay=tau,
+        delay_std=tau_std,
+        misfit_without_delay=left,
+        softening=softening,
+        softening_std=softening_std,
+    )
+
+
+def fit_rates(omega: np.ndarray, H: np.ndarray, std: np.ndarray) -> tuple[Solution, list[Solution]]:
+    """The fit without a slipping element, and all that count: that one, and one for each rate with a >= 0."""
+    plain = least_squares(columns_of(omega, np.nan), H, std, np.nan)
+    slipping = (least_squares(columns_of(omega, b), H, std, b) for b in np.geomspace(omega[0], omega[-1], N_RATES))
+    return plain, [plain, *(one for one in slipping if one.found[3] >= 0)]
+
+
+def columns_of(omega: np.ndarray, rate: float) -> np.ndarray:
+    """(W, 3 or 4) columns of k, m, c, and of a where the element has a rate."""
+    columns = [np.ones(omega.size), -(omega**2), 1j * omega]
+    if np.isfinite(rate):
+        columns.append(1j * omega / (1j * omega + rate))
+    return np.column_stack(columns)
+
+
+def least_squares(columns: np.ndarray, wanted: np.ndarray, std: np.ndarray, rate: float) -> Solution:
+    """Real parameters of complex columns, by QR of the columns scaled to unit length."""
+    table = np.vstack([(columns / std[:, None]).real, (columns / std[:, None]).imag])
+    target = np.concatenate([(wanted / std).real, (wanted / std).imag])
+    unit = np.linalg.norm(table, axis=0)
+    unit[unit == 0] = 1.0
+    Q, R = np.linalg.qr(table / unit)
+    inverse = np.linalg.pinv(R)
+    found = inverse @ (Q.T @ target)
+    left = target - table / unit @ found
+    n = wanted.size
+    return Solution(
+        found=found / unit,
+        covariance=inverse @ inverse.T / np.outer(unit, unit),
+        chi=float(left @ left),
+        residual=left[:n] + 1j * left[n:],
+        rate=rate,
+    )
+
+
+def variance_inflation(solution: Solution, misfit: float) -> float:
+    """Factor on the variances of a fit: its misfit above one, and neighbouring residuals that are alike.
+
+    Distortion of random phases is independent from line to line. Residuals with a correlation r between neighbours are
+    a smooth error of the model, and count as (1 - r)/(1 + r) times as many lines.
+    """
+    r = solution.residual
+    power = float((np.abs(r) ** 2).sum())
+    alike = float((r[1:] * r[:-1].conj()).real.sum()) / power if power > 0 else 0.0
+    alike = float(np.clip(alike, 0.0, 0.99))
+    return max(1.0, misfit) * (1 + alike) / (1 - alike)
+
+
+def profile(solutions: list[Solution], i: int, least: float, spread: float) -> tuple[float, float]:
+    """Profile-likelihood interval of parameter i over all rates of the slipping element."""
+    low, high = np.inf, -np.inf
+    for one in solutions:
+        room = SIGMAS**2 * spread - (one.chi - least)
+        if room >= 0:
+            reach = float(np.sqrt(one.covariance[i, i] * room))
+            low, high = min(low, one.found[i] - reach), max(high, one.found[i] + reach)
+    return float(low), float(high)
+
+
+def misfit_limit(dof: np.ndarray, free: int) -> float:
+    """Misfit that lines of a right model exceed with the chance `FALSE_ALARM`.
+
+    A squared residual over a variance of L complex degrees of freedom is F(2, 2 L), of mean L/(L - 1). The windows
+    behind the variances overlap, so that each line brings at most one degree of freedom of its own to their mean.
+    """
+    worth = np.clip(dof, 2.0, 1e9)
+    mean = float(np.mean(worth / (worth - 1)))
+    return mean * float(f_distribution.ppf(1 - FALSE_ALARM, free, 2 * np.minimum(worth, 1.0).sum()))
+
+
+def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
+    """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
+    omega, tau, base = reaction.omega, 0.0, columns_of(reaction.omega, best.rate)
+    for _ in range(DELAY_STEPS):
+        H, slope = reaction.delayed(tau)
+        solution = least_squares(np.column_stack([base, -slope]), H, reaction.std, best.rate)
+        tau += float(solution.found[-1])
+    misfit = solution.chi / (2 * omega.size - 6)
+    variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
+    # the model error may be alike on all lines, and is then no less for their number
+    precision = np.abs(reaction.H / reaction.std) ** 2
+    variance += MODEL_ERROR**2 * float(precision.sum() / (precision @ omega**2))
+    return tau, float(np.sqrt(variance)), misfit
+
+
+def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
+    """Coefficient of -w^4 [N s^4/m] and its standard deviation: the first sign of a mode above the band.
+
+    One term is tested with far more power than the misfit as a whole, which a mode at twice the highest line does not
+    raise by 1 % where that line has a few per cent of noise.
+    """
+    omega, H, std = reaction.omega, reaction.H, reaction.std
+    columns = np.column_stack([columns_of(omega, best.rate), -(omega**4)])
+    solution = least_squares(columns, H, std, best.rate)
+    misfit = solution.chi / (2 * omega.size - columns.shape[1] - 1)
+    variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
+    precision = (omega**4 / std) ** 2  # of the lines for this term, and the model error that they may share
+    variance += MODEL_ERROR**2 * float((precision @ np.abs(H / omega**4) ** 2) / precision.sum())
+    return float(solution.found[-1]), float(np.sqrt(variance))
+
+
+#: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
+#: rest may add to the lowest. Friction that slides loses at least the power 3/2 of its stiffness in amplitude: two
+#: levels that slide fail one of the two conditions, whatever their ratio.
+AGREE = 0.2
+#: Units of length, angle, force and torque that carry a prefix; a unit that is not known is left to the user.
+SCALED = {
+    *("nm", "um", "µm", "μm", "mm", "cm", "km", "nrad", "urad", "µrad", "μrad", "mrad", "deg", "°"),
+    *("mN", "kN", "MN", "mNm", "Nmm", "Ncm", "kNm"),
+}
+SUPPORT = (
+    "The levels support this class, they do not prove it: friction that creeps below break-away looks the same, what "
+    "sticks even at the highest level is read as a spring of the machine, what slips even at the lowest is not seen."
+)
+
+
+@value
+class FrictionClass:
+    """A linear part and a class of friction, read from measured levels: an assumption, with what it was read from.
+
+    Fields
+    ------
+    machine : SlidingMachine
+        Mass, and the least stiffness that the highest level allows, without damping. A stiffer machine is in the class:
+        the difference is a spring that does not slip.
+    friction : AnyFriction
+        Maxwell slip with the stiffness from that of `machine` to that at rest, and a margin.
+    evidence : str
+        What it was read from, and what the data cannot show.
+    mass, stiffness : (L,) ndarray
+        Fitted at each level, the highest first [kg], [N/m]. The mass of the fit with a slipping element, the stiffness
+        k_eq of the one without.
+    damping : (L,) ndarray
+        The same [Ns/m]; most of it is the friction's.
+    mass_std, stiffness_std : float
+        Standard deviation of the mass over all levels [kg] and of the stiffness at the highest [N/m].
+    machines : tuple of SlidingMachine
+        The same machine with each damping that is to be proved: without any, and as it was fitted around a nominal.
+        With a nominal `mass` is what a force at the friction port feels, `stiffness` and `damping` are what the
+        friction adds to the nominal at each level. A delay of the nominal is kept in them.
+    stiffness_low : float
+        Stiffness of `machine` at its port [N/m]; with a nominal relative to it.
+    misfit : (L,) ndarray
+        Mean squared misfit of each level over the variance of its lines, the highest level first.
+
+    References
+    ----------
+    "The impact of nonlinear friction on frequency response function measurements" (resonance against level).
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> grid = dict(fs=4096, n_samples=16384, f_min=1.25, f_max=250, rng=1)
+    >>> rig = nlfrf.paper_rig()
+    >>> blas = [nlfrf.identify(nlfrf.simulate(rig, nlfrf.multisine("special-odd", rms=rms, **grid), n_periods=2))
+    ...         for rms in (0.1, 0.25, 2.5)]
+    >>> found = friction_class(blas)                        # the rig has 1 kg, 80 kN/m and 64 kN/m
+    >>> bool(abs(found.mass[0] - 1) < 0.02), bool(0.9 < found.stiffness_low / 80e3 < 1)
+    (True, True)
+    >>> bool(144e3 < found.stiffness_low + found.friction.K0 < 170e3)
+    True
+    """
+
+    machine: SlidingMachine
+    friction: AnyFriction
+    evidence: str
+    mass: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    mass_std: float
+    stiffness_std: float
+    machines: tuple[SlidingMachine, ...] = ()
+    stiffness_low: float = np.nan
+    misfit: Any = None
+
+    def __str__(self) -> str:
+        return self.evidence
+
+
+@value
+class Reading:
+    """What the levels give together: mass, the least stiffness at the highest level, the largest at rest."""
+
+    mass: float
+    mass_std: float
+    stiffness_low: float
+    stiffness_rest: float
+    fallen: float
+
+
+def require_si(name: str, unit: str) -> None:
+    """Refuse an FRF whose unit is known to be a multiple of m/N: mass and stiffness would be off by that factor."""
+    parts = {part.strip("() ") for part in unit.split("/")}
+    if wrong := sorted(parts & SCALED):
+        raise ValueError(
+            f"{name} must be in m/N (rad/Nm where it turns), got {unit}: mass and stiffness are read in kg and N/m, "
+            f"and {' and '.join(wrong)} would be taken without the prefix. Scale the channel before identify"
+        )
+
+
+def friction_class(
+    blas: Sequence[Bla], *, nominal: Any = None, stiction: float = 1.5, margin: float = 1.25
+) -> FrictionClass:
+    """Read machine and presliding stiffness from BLAs at three levels or more, for `prove_friction`.
+
+    At each level 1/G = k - m w^2 + j c w + a j w/(j w + b) is fitted over all lines, the last term an element that
+    slips. The machine gets the least k that the highest level allows within three standard deviations, less what k may
+    fall once more when the force doubles again. The class gets the stiffness from k of the highest level to that at
+    rest, extrapolated from the lowest levels, times a margin, and what the machine was lowered by. The damping is left
+    at zero.
+
+    A flexible machine, or one with a delay, needs a `nominal`, fitted at the lowest level, where the friction is a
+    spring, or at the highest, where it is none: what it leaves of the levels is the friction. It is proved without
+    damping and with that of the fit (`FrictionClass.machines`).
+
+    Parameters
+    ----------
+    blas : sequence of Bla
+        From force [N] to position [m], of one machine, at levels from sticking to sliding.
+    nominal : NominalFit, control.StateSpace or SlidingMachine, optional
+        From force to position where friction acts, at least two poles more than zeros (``fit_nominal(blas[0],
+        n_poles=4, n_zeros=2)``); or a machine with a friction port of its own. The delay of a fit is kept.
+    stiction : float
+        Largest over smallest force of a slider: no frequency response shows it.
+    margin : float
+        Times the presliding stiffness that was read.
+
+    Returns
+    -------
+    FrictionClass
+
+    Raises
+    ------
+    ValueError
+        Fewer than three levels; a turned sign; a delay or a misfit that the model does not explain; two lowest levels
+        that are alike, or so different in stiffness that neither sticks; a highest level that still sticks.
+
+    References
+    ----------
+    "The impact of nonlinear friction on frequency response function measurements".
+
+    Examples
+    --------
+    >>> friction_class([])
+    Traceback (most recent call last):
+        ...
+    ValueError: blas must hold at least three levels, from sticking to sliding, got 0
+    """
+    blas = list(blas) if isinstance(blas, Iterable) else blas
+    if not isinstance(blas, list) or not all(isinstance(bla, Bla) for bla in blas):
+        raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {shown(blas)}")
+    for bla in blas:
+        require_si("blas", bla.unit)
+    if len(blas) < 3:
+        raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
+    if (fewest := min(bla.f.size for bla in blas)) < FEWEST_LINES:
+        raise ValueError(f"blas must have at least {FEWEST_LINES} lines each, got {fewest}")
+    if real("margin", margin) < 1:
+        raise ValueError(f"margin must be at least 1, got {margin:g}")
+    blas = [bla.times(hold_between(bla.omega, bla.hold, bla.fs, 0.0)) for bla in blas]
+    machines: tuple[SlidingMachine, ...] = ()
+    description, fits = "", []
+    if nominal is None:
+        fits = [fit_level(bla, one_mass_reaction(bla)) for bla in blas]
+    else:
+        machines, description, fits = fit_around(blas, nominal)
+    fits.sort(key=lambda fit: -fit.force)
+    reading = read_levels(fits, around=bool(machines))
+    read = reading.stiffness_rest - fits[0].slow
+    friction = any_maxwell_slip(margin * read + fits[0].slow - reading.stiffness_low, stiction)
+    if machines:
+        machines = tuple(with_port_impedance(one, reading.stiffness_low, reading.mass) for one in machines)
+        mass = np.full(len(fits), 1 / float(machines[-1].velocity @ machines[-1].B_port))
+    else:
+        machines = (sliding_machine(reading.mass, reading.stiffness_low),)
+        mass = np.array([fit.mass for fit in fits])
+    return FrictionClass(
+        machine=machines[0],
+        friction=friction,
+        evidence=describe(fits, reading, margin, friction, description, band(blas)),
+        mass=mass,
+        stiffness=np.array([fit.stiffness for fit in fits]),
+        damping=np.array([fit.damping for fit in fits]),
+        mass_std=reading.mass_std,
+        stiffness_std=fits[0].stiffness_std,
+        machines=machines,
+        stiffness_low=reading.stiffness_low,
+        misfit=np.array([fit.misfit for fit in fits]),
+    )
+
+
+def fit_around(blas: list[Bla], nominal: Any) -> tuple[tuple[SlidingMachine, ...], str, list[LevelFit]]:
+    """Fit what a nominal leaves of every level: (its machines, their description, the fits)."""
+    machines, description = machines_of_nominal(nominal)
+
+    def fitted(machine: SlidingMachine) -> list[LevelFit]:
+        return [fit_level(bla, nominal_reaction(bla, machine, error_of_nominal(nominal, bla.omega))) for bla in blas]
+
+    fits = fitted(machines[-1])
+    if machines[-1].delay:
+        # a delay that was estimated where friction slips has taken some of its phase: all levels together know better
+        tau = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])[0]
+        machines = tuple(replace(one, delay=max(0.0, one.delay + tau)) for one in machines)
+        fits = fitted(machines[-1])
+        description += f", with {1e3 * machines[-1].delay:.4g} ms of delay"
+    return machines, description, fits
+
+
+def read_levels(fits: list[LevelFit], *, around: bool) -> Reading:
+    """Put the levels together, the highest first; refuse what they do not give."""
+    require_model(fits, around=around)
+    mass, mass_std = weighted_mean([fit.mass for fit in fits], [fit.mass_std for fit in fits])
+    top, lowest = fits[0], fits[-1]
+    second = next((fit for fit in fits if fit.force <= top.force / 2), lowest)
+    octaves = max(1.0, float(np.log2(top.force / second.force)))
+    fallen = max(0.0, second.slow - top.slow) / octaves
+    low = top.slow_low - fallen
+    if not around:
+        low = max(low, 0.0)
+    lost = lowest.stiffness - top.slow
+    if not lost > SIGMAS * np.hypot(lowest.stiffness_std, (top.slow_high - top.slow) / SIGMAS):
+        raise ValueError(
+            f"blas must span from sticking to sliding, got stiffnesses from {top.stiffness / 1e3:.4g} to "
+            f"{lowest.stiffness / 1e3:.4g} kN/m"
+        )
+    if np.isfinite(top.slips_below):
+        raise ValueError(
+            "blas must reach so high that the friction slides: at the highest level it slips more slowly than the "
+            f"lowest line, {top.slips_below:.3g} Hz, so that it is read as a spring of the machine. Measure at a "
+            "higher level, or from a lower frequency on"
+        )
+    if top.slow - low > lost:
+        raise ValueError(
+            f"blas must reach so high that the friction slides: at the highest level the stiffness of the machine is "
+            f"known to {(top.slow - low) / 1e3:.4g} kN/m only, as much as was lost to it ({lost / 1e3:.4g} kN/m). "
+            "Measure at a higher level, or for longer"
+        )
+    return Reading(
+        mass=mass,
+        mass_std=mass_std,
+        stiffness_low=low,
+        stiffness_rest=stiffness_at_rest(fits, lost),
+        fallen=fallen,
+    )
+
+
+def require_model(fits: list[LevelFit], *, around: bool) -> None:
+    """Refuse a turned sign, a delay, and levels that the model does not explain."""
+    if not around and all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
+        raise ValueError(
+            f"blas must be from force to position, got a mass of {fits[0].mass:.3g} kg: the output falls when the "
+            "input rises. Turn the sign of the sensor"
+        )
+    tau, tau_std = weighted_mean([fit.delay for fit in fits], [fit.delay_std for fit in fits])
+    worst = max(fits, key=lambda fit: fit.misfit / fit.misfit_limit)
+    explained = all(fit.misfit_without_delay <= fit.misfit_limit for fit in fits)
+    # a lead is not refused: elements of several rates read as up to 0.04 ms of it (benchmarks/read_class.py, seed 0)
+    if tau > SIGMAS * tau_std and (explained or worst.misfit <= worst.misfit_limit):
+        model = "the nominal" if around else "one mass"
+        raise ValueError(
+            f"blas must have no other delay than {model}, got {1e3 * tau:.3g} +- {1e3 * tau_std:.1g} ms more: it would "
+            "be missing in the loop, or be read as softness. Give a nominal with it: "
+            'fit_nominal(blas[0], n_poles=2, n_zeros=0, delay="estimate")'
+        )
+    softening, softening_std = weighted_mean([fit.softening for fit in fits], [fit.softening_std for fit in fits])
+    if softening > SIGMAS * softening_std and worst.misfit <= worst.misfit_limit:
+        model = "the nominal" if around else "one mass"
+        raise ValueError(
+            f"blas must show no mode beyond {model}, got a reaction that softens with -w^4 by {softening:.2g} +- "
+            f"{softening_std:.1g} N s^4/m, as below a mode above the band: it would be missing in the loop. Measure up "
+            "to it, and give a nominal with it"
+        )
+    if worst.misfit > worst.misfit_limit:
+        model = "the nominal and a friction at its port" if around else "one mass on a spring"
+        better = "of higher order, or fitted at the lowest level, where the friction is a spring"
+        cure = f"Give a nominal {better}" if around else "Give a nominal: fit_nominal(blas[0], n_poles=4, n_zeros=2)"
+        raise ValueError(
+            f"blas must be of {model}: a level misses this model by {worst.misfit:.3g} times the variance of its lines "
+            f"({worst.misfit_limit:.3g} is chance), so that neither its mass nor its stiffness is right. {cure}"
+        )
+
+
+def stiffness_at_rest(fits: list[LevelFit], lost: float) -> float:
+    """Stiffness [N/m] at vanishing motion, extrapolated from the lowest level and the one that tells most with it.
+
+    A virgin curve with a second derivative at rest loses stiffness in proportion to the amplitude: the loss from rest
+    to the lowest level is the loss between two levels over their ratio less one. Smoother curves lose less. The
+    ratio is that of the forces: at a sharp resonance the displacement hardly grows once elements slip.
+    """
+    lowest = fits[-1]
+    allowed, extrapolations = AGREE * lost, []
+    for other in fits[-2::-1]:
+        difference = max(0.0, lowest.stiffness - other.stiffness)
+        spread = SIGMAS * float(np.hypot(lowest.stiffness_std, other.stiffness_std))
+        ratio = other.force / lowest.force
+        added = (difference + spread) / (ratio - 1) if ratio > 1 else np.inf
+        extrapolations.append((added if difference <= allowed else np.inf, added, difference, spread, ratio, other))
+    added = min(one[0] for one in extrapolations)
+    if added <= allowed:
+        return lowest.stiffness + SIGMAS * lowest.stiffness_std + added
+    _, added, difference, spread, ratio, other = extrapolations[0]
+    if difference > allowed:
+        raise ValueError(
+            f"blas must reach so low that the stiffness no longer rises: it is {other.stiffness / 1e3:.4g} and "
+            f"{lowest.stiffness / 1e3:.4g} kN/m at the two lowest levels, {100 * difference / lost:.3g} % of what the "
+            f"friction adds, more than {100 * AGREE:g} %. Measure at a lower level"
+        )
+    raise ValueError(
+        f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g} times the force the "
+        f"stiffness falls by {difference / 1e3:.3g} +- {spread / SIGMAS / 1e3:.1g} kN/m, so that it may be "
+        f"{added / 1e3:.3g} kN/m more at rest, over {100 * AGREE:g} % of what the friction adds. Measure at a third of "
+        "the lowest level"
+    )
+
+
+def weighted_mean(values: list[float], stds: list[float]) -> tuple[float, float]:
+    """Mean weighted by the inverse variances, its standard deviation widened where the values differ by more."""
+    x, weight = np.array(values), 1 / np.maximum(np.array(stds), 1e-300) ** 2
+    mean = float(weight @ x / weight.sum())
+    excess = float(weight @ (x - mean) ** 2) / max(1, x.size - 1)
+    return mean, float(np.sqrt(max(1.0, excess) / weight.sum()))
+
+
+def band(blas: list[Bla]) -> str:
+    """Where all levels have lines; the machine is assumed to be the same beyond."""
+    low, high = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
+    return f"from {low:.3g} to {high:.4g} Hz (a mode beyond is not in it)"
+
+
+def describe(
+    fits: list[LevelFit], reading: Reading, margin: float, friction: AnyFriction, around: str, band: str
+) -> str:
+    """Say what was read, what is assumed, and what the data cannot show."""
+    low, rest = reading.stiffness_low / 1e3, reading.stiffness_rest / 1e3
+    top = fits[0]
+    misfit = max(fit.misfit for fit in fits)
+    fell = f" and {reading.fallen / 1e3:.2g} kN/m, what it fell by when the force doubled," if reading.fallen else ""
+    widened = f"{SIGMAS:g} standard deviations{fell} below the {top.slow / 1e3:.4g} kN/m of the highest level"
+    mass = f"m = {reading.mass:.4g} +- {reading.mass_std:.1g} kg"
+    if around:
+        machine = f"around {around}; at the friction port {mass} and k = {low:.4g} kN/m beside it ({widened})"
+    else:
+        machine = f"{mass}, k = {low:.4g} kN/m ({widened}), c = 0"
+    return (
+        f"Assumed, read from {len(fits)} levels {band}: {machine}; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times "
+        f"what is between the highest level and {rest:.4g} kN/m at rest, and what is below it down to k; misfit at "
+        f"most {misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no level shows. "
+        f"{SUPPORT}"
+    )

@@ -1,0 +1,198 @@
+"""Friction of a class and a linear part that is not known exactly, together: a test at frequencies, no proof.
+
+The linear part is off by any stable LTI system at the friction port: a force p = Delta q beside that of the friction,
+with |Delta| <= 1 and q = (stiffness + mass w^2) x. Around the loop v = M (f - p), x = v/jw; a class of friction allows
+weights mu_j of its rows, the uncertainty a weight D(w) >= 0 at every frequency, and
+
+    sum mu_j row_j(f, v) + D(w) (|q|^2 - |p|^2) < 0   for all (f, p) at every w
+
+contradicts any motion that goes on, as far as frequencies of a grid and the sampler's first alias can tell.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import nonnegative, shown
+from nlfrf._base.values import value
+from robust.friction.classes import AnyFriction
+from robust.friction.multipliers import filter_rates
+from robust.friction.plant import SlidingMachine, frequencies, mobility, sliding_loop
+from robust.lti.realisation import state_space
+from robust.proofs.search.certificate import attempt
+
+__all__ = ["FrequencyTest", "friction_frequency_test", "uncertain_rows"]
+
+N_POINTS = 200
+LEAST = 1e-7
+SECONDS = 20.0
+STEP = 1.5  # of the margin
+LARGEST = 16.0
+
+
+@value
+class FrequencyTest:
+    """Whether weights were found for a class of friction and an uncertain linear part: a frequency test, no proof.
+
+    Fields
+    ------
+    holds : bool
+        At every frequency of a grid.
+    mass, stiffness : float
+        How far the linear part may be off [kg], [N/m].
+    margin : float
+        How many times that was found to hold too, at most 16; nan where it does not hold at all.
+    words : str
+        What was tested, and what it is not.
+
+    References
+    ----------
+    A. Megretski, A. Rantzer, IEEE Trans. Automatic Control 42, 1997 (multipliers for several blocks at once).
+
+    Examples
+    --------
+    >>> import control
+    >>> from robust import any_maxwell_slip, sliding_machine, friction_frequency_test
+    >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
+    >>> rig, slip = sliding_machine(1.0, 80e3, 0.4), any_maxwell_slip(64e3)
+    >>> friction_frequency_test(rig, PD, slip, mass=0.02, stiffness=800.0).holds
+    True
+    """
+
+    holds: bool
+    mass: float
+    stiffness: float
+    margin: float
+    words: str
+
+    def __str__(self) -> str:
+        return self.words
+
+
+def friction_frequency_test(
+    machine: SlidingMachine,
+    K: Any,
+    friction: AnyFriction,
+    *,
+    mass: float,
+    stiffness: float,
+    delay: float = 0.0,
+    margin: bool = False,
+) -> FrequencyTest:
+    """Test Maxwell-slip friction of a class together with an LTI error of the linear part, at frequencies: no proof.
+
+    Parameters
+    ----------
+    machine : SlidingMachine
+        The linear part, from `sliding_machine`.
+    K : control.StateSpace, TransferFunction or float
+        Controller, u = K (r - y); sampled, or continuous and proper.
+    friction : AnyFriction
+        From `any_maxwell_slip`.
+    mass, stiffness : float
+        How far the linear part may be off [kg], [N/m]: any stable LTI force at the friction port of at most
+        (stiffness + mass omega^2) |x|, among them another mass and another spring.
+    delay : float
+        From sampling to the force changing [s].
+    margin : bool
+        Whether to look for how many times that still holds.
+
+    Returns
+    -------
+    FrequencyTest
+
+    Raises
+    ------
+    ValueError
+        Another class of friction; a negative error, or none at all.
+
+    References
+    ----------
+    A. Megretski, A. Rantzer, IEEE Trans. Automatic Control 42, 1997.
+
+    Examples
+    --------
+    >>> from robust import any_maxwell_slip, sliding_machine
+    >>> rig = sliding_machine(1.0, 80e3, 0.4)
+    >>> friction_frequency_test(rig, 1e3, any_maxwell_slip(64e3), mass=0.0, stiffness=90e3).holds   # no spring left
+    False
+    """
+    if not isinstance(machine, SlidingMachine):
+        raise ValueError(f"machine must be a sliding_machine, got {shown(machine)}")
+    if not (isinstance(friction, AnyFriction) and friction.kind == "Maxwell slip"):
+        raise ValueError(f"friction must be any_maxwell_slip(...), got {shown(friction)}")
+    mass, stiffness = nonnegative("mass", mass), nonnegative("stiffness", stiffness)
+    if not mass + stiffness > 0:
+        raise ValueError(
+            "mass and stiffness must not both be zero: `prove_friction` knows the linear part, got 0 and 0"
+        )
+    loop = sliding_loop(machine, state_space("K", K), delay)
+    omega = frequencies(loop, N_POINTS)
+    M, error = mobility(loop, omega), stiffness + mass * omega**2
+    fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
+    rates = filter_rates(1.5 * machine.resonance or 100.0, fastest)[0]
+
+    def holds(times: float) -> bool:
+        table, q = uncertain_rows(M, omega, rates, friction.K0, friction.stiction, times * error)
+        return loop.growth() < 0 and weights_exist(table, q)
+
+    found, times = holds(1.0), np.nan
+    if found:
+        times = 1.0
+        while margin and times < LARGEST and holds(times * STEP):
+            times *= STEP
+    return FrequencyTest(
+        holds=found, mass=mass, stiffness=stiffness, margin=times, words=told(found, mass, stiffness, times, friction)
+    )
+
+
+def uncertain_rows(
+    mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float, error: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(W, 1 + J, 2, 2) hermitian rows of the friction in (f, p), and (W, 2, 2) that of |q|^2 - |p|^2.
+
+    error : (W,) largest |p/x| [N/m].
+    """
+    s = 1j * omega[:, None]
+    bent = np.column_stack([np.ones(omega.size), 1 - rates / (rho * (rates - s))]) * mobility[:, None]
+    lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
+    table = np.zeros((omega.size, 1 + rates.size, 2, 2), complex)
+    table[..., 0, 0] = bent.real
+    table[:, 1:, 0, 0] -= lost
+    table[..., 0, 1], table[..., 1, 0] = -bent / 2, -bent.conj() / 2  # v = M (f - p)
+    seen = (error * np.abs(mobility) / omega) ** 2
+    q = seen[:, None, None] * np.array([[1, -1], [-1, 1]]) - np.diag([0, 1])
+    return table, q
+
+
+def weights_exist(table: np.ndarray, q: np.ndarray) -> bool:
+    """Whether weights mu >= 0 and D(w) >= 0 make every matrix negative, by a cone program."""
+    import cvxpy as cp
+
+    unit = np.ones((table.shape[0], 2))  # of f and p
+    unit[:, 0] = 1 / np.sqrt(np.abs(table[..., 0, 0]).max(axis=1))
+    unit[:, 1] = unit[:, 0]
+    turn = unit[:, :, None] * unit[:, None, :]
+    table = table * turn[:, None]
+    scale = np.abs(table).max(axis=(0, 2, 3))
+    table = table / scale[:, None, None]
+    mu, D, share = cp.Variable(table.shape[1], nonneg=True), cp.Variable(table.shape[0], nonneg=True), cp.Variable()
+    a = table[..., 0, 0].real @ mu + cp.multiply(q[:, 0, 0], D)
+    d = cp.multiply(q[:, 1, 1], D)
+    re, im = table[..., 0, 1].real @ mu + cp.multiply(q[:, 0, 1], D), table[..., 0, 1].imag @ mu
+    constraints = [cp.SOC(-(a + d) - 2 * share, cp.vstack([2 * re, 2 * im, a - d])), cp.sum(mu) <= 1]
+    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", SECONDS)
+    return mu.value is not None and share.value is not None and bool(share.value > LEAST)
+
+
+def told(holds: bool, mass: float, stiffness: float, times: float, friction: AnyFriction) -> str:
+    """What was tested, and that it is no proof."""
+    off = f"a linear part off by up to {mass:.2g} kg and {stiffness / 1e3:.3g} kN/m at the friction port"
+    more = f", up to {times:.2g} times that" if holds and times > 1 else ""
+    verdict = "holds" if holds else "was not found to hold"
+    return (
+        f"Frequency test, not a proof (the sampler's first alias, frequencies of a grid): with {friction.words}, and "
+        f"{off}{more}, dissipation {verdict}."
+    )

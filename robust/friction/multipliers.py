@@ -1,0 +1,260 @@
+"""Weights of the filters that say most about a friction, by a linear program over the frequencies.
+
+For every Maxwell-slip friction of the class, f driven by the velocity v of its port, and every filter a_j,
+
+    int (f - fh_j/rho) v - fh_j'^2/(rho a_j K0) dt >= -S(0),    fh_j' = a_j (f - fh_j).
+
+A row is what the loop, v = mobility f, makes of that integrand at one frequency: a sum of rows with weights mu_j >= 0
+that is negative at every frequency contradicts any motion that goes on. Nothing here is a proof.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linprog, minimize_scalar
+
+from nlfrf._base.values import value
+from robust.friction.plant import SlidingLoop, frequencies, mobility
+from robust.proofs.search.certificate import attempt
+
+__all__ = [
+    "BristleWeights",
+    "bristle_rows",
+    "bristle_weights",
+    "filter_rates",
+    "largest_share",
+    "largest_stiffness",
+    "rows",
+    "weights",
+]
+
+
+N_FILTERS = 24
+#: Where filters are tried, one set after another [rad/s].
+RANGES = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))
+
+
+def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
+    """Sets of rates a_j [rad/s], each with the reference first; all below `fastest` = 1/bristle time."""
+    sets = []
+    for low, high in RANGES:
+        top = min(high, 0.9 * fastest)
+        rates = np.geomspace(min(low, top / 10), top, N_FILTERS)
+        first = np.argmin(np.abs(np.log(rates / reference)))
+        sets.append(np.concatenate([rates[first : first + 1], np.delete(rates, first)]))
+    return sets
+
+
+def rows(mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float) -> np.ndarray:
+    """(W, 1 + J) the integrand of each weight at each frequency: that of f v first, then one a filter."""
+    s = 1j * omega[:, None]
+    bent = (1 - rates / (rho * (rates - s))) * mobility[:, None]
+    lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
+    return np.column_stack([mobility.real, bent.real - lost])
+
+
+def weights(table: np.ndarray) -> tuple[np.ndarray, float]:
+    """(1 + J,) weights that make every row negative by the largest share of its largest entry, and that share."""
+    scaled = table / np.abs(table).max(axis=1, keepdims=True)
+    columns = np.abs(scaled).max(axis=0)
+    scaled = scaled / columns
+    n = table.shape[1]
+    A = np.column_stack([scaled, np.ones(table.shape[0])])
+    result = linprog(
+        np.append(np.zeros(n), -1.0),
+        A_ub=A,
+        b_ub=np.zeros(table.shape[0]),
+        A_eq=np.append(np.ones(n), 0.0)[None, :],
+        b_eq=[1.0],
+        bounds=[(0, None)] * n + [(None, None)],
+        method="highs",
+    )
+    if result.x is None:
+        return np.zeros(n), -np.inf
+    mu = np.clip(result.x[:-1], 0, None)
+    return mu / columns, float(-(A[:, :-1] @ mu).max())
+
+
+def largest_stiffness(loop: SlidingLoop, rates: np.ndarray, rho: float, top: float = 1e8) -> float:
+    """Largest K0 [N/m] at which weights exist at every frequency of a grid, by bisection; 0 where none."""
+    omega = frequencies(loop)
+    response = mobility(loop, omega)
+
+    def exist(K0: float) -> bool:
+        return weights(rows(response, omega, rates, K0, rho))[1] > 1e-9
+
+    low, high = 1.0, top
+    if not exist(low):
+        return 0.0
+    while high / low > 1.0005:
+        middle = np.sqrt(low * high)
+        low, high = (middle, high) if exist(middle) else (low, middle)
+    return float(low)
+
+
+# ---- Weights for the friction of bristles that creep, by one cone program over the frequencies.
+#
+# The bristle z bends with the velocity v less a creep p: z' = q = v - p, F p >= 0, |p| <= rho |v|; F is a hysteresis
+# of z
+# with slopes up to K0, f = F + sigma q. Quadratic forms of the unknowns gamma = F'/K0 and q, never negative over time:
+#
+#     F v                                      with weight mu
+#     -e_j q - (a_j/K0) e_j^2                  with weights nu_j; e_j = Fh_j - F, Fh_j' = a_j (F - Fh_j)
+#     (v, q, gamma) M (v, q, gamma)'           q between (1 - rho) v and (1 + rho) v, gamma between 0 and q
+#
+# and the loop turns them into one hermitian matrix a frequency. Nothing here is a proof.
+
+PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
+LEAST = 1e-7  # share of a row that the solver has to leave
+SECONDS = 10.0
+VALID = 1e-9  # of M, added where it makes the form larger: what the solver may have left open
+SMALL = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
+
+
+@value
+class BristleWeights:
+    """Weights of the forms of creeping bristles.
+
+    Fields
+    ------
+    mu : float
+        Of F v.
+    nu : (J,) ndarray
+        Of the filters.
+    block : (3, 3) ndarray
+        M.
+    bounds : (2,) ndarray
+        Multiples l of (q - (1 - rho) v)((1 + rho) v - q) that the form of M is above, at gamma = 0 and gamma = q.
+    """
+
+    mu: float
+    nu: np.ndarray
+    block: np.ndarray
+    bounds: np.ndarray
+
+
+def bristle_rows(
+    mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, microdamping: float
+) -> np.ndarray:
+    """(W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q) of F v, of each filter and of each entry of M."""
+    s = 1j * omega
+    zero, one = np.zeros_like(s), np.ones_like(s)
+    F, q, gamma = (np.stack(pair, axis=1) for pair in ((K0 / s, zero), (zero, one), (one, zero)))
+    v = mobility[:, None] * (F + microdamping * q)
+    columns = [product(F, v)]
+    for a in rates:
+        e = -K0 / (a + s)[:, None] * gamma
+        columns.append(-product(e, q) - a / K0 * product(e, e))
+    y = v, q, gamma
+    columns += [product(y[i], y[j]) * (1 if i == j else 2) for i, j in PAIRS]
+    return np.stack(columns, axis=1)
+
+
+def product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(W, 2, 2) the form Re(conj(x) y) of two linear ones (W, 2)."""
+    full = np.conj(x)[:, :, None] * y[:, None, :]
+    return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
+
+
+def bristle_weights(table: np.ndarray, rho: float) -> BristleWeights | None:
+    """Weights that make every matrix negative by the largest share of its entries; None where there are none.
+
+    Asked once more with the filters alone that matter: a solver that walks through the interior leaves none at zero.
+    """
+    theta = solved(table, rho)
+    if theta is None:
+        return None
+    n = theta.size
+    kept = np.arange(n) >= n - 6
+    for small in SMALL:
+        kept[: n - 6] = theta[: n - 6] > small * np.abs(theta).max()
+        again = solved(table[:, kept], rho)
+        if again is not None:
+            break
+    else:
+        return None
+    found = np.zeros(n)
+    found[kept] = again / size_of(table[:, kept])[1]
+    block, bounds = valid_block(found[n - 6 :], rho)
+    return BristleWeights(
+        mu=max(float(found[0]), 0.0), nu=np.maximum(found[1 : n - 6], 0.0), block=block, bounds=bounds
+    )
+
+
+def size_of(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W, 2) units of gamma and q at each frequency, (C,) size of each form over all of them in these."""
+    unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
+    return unit, np.abs(table * unit[:, None, :, None] * unit[:, None, None, :]).max(axis=(0, 2, 3))
+
+
+def solved(table: np.ndarray, rho: float) -> np.ndarray | None:
+    """(C,) weights of the forms over their size, as a solver says."""
+    import cvxpy as cp
+
+    unit, scale = size_of(table)
+    table = table * unit[:, None, :, None] * unit[:, None, None, :] / scale[:, None, None]
+    a, d, b = table[..., 0, 0].real, table[..., 1, 1].real, table[..., 0, 1]
+    n = scale.size
+    theta, share, bounds = cp.Variable(n), cp.Variable(), cp.Variable(2, nonneg=True)
+    M = [theta[n - 6 + k] / scale[n - 6 + k] for k in range(6)]
+    constraints = [
+        cp.SOC(-(a + d) @ theta - 2 * share, cp.vstack([2 * b.real @ theta, 2 * b.imag @ theta, (a - d) @ theta])),
+        M[5] <= 0,
+        cp.norm(theta, 1) <= 1,
+        *([theta[: n - 6] >= 0] if n > 6 else []),
+    ]
+    for i, form in enumerate(ends_of(M)):
+        p, cross, r = (x - bounds[i] * y for x, y in zip(form, sector(rho), strict=True))
+        constraints.append(cp.SOC(p + r, cp.hstack([2 * cross, p - r])))
+    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", SECONDS)
+    if theta.value is None or share.value is None or not share.value > LEAST:
+        return None
+    return np.asarray(theta.value)
+
+
+def largest_share(table: np.ndarray, weights: BristleWeights) -> np.ndarray:
+    """(W,) the largest eigenvalue over frequency with these weights, of the largest entry there."""
+    unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
+    found = np.concatenate([[weights.mu], weights.nu, [weights.block[i, j] for i, j in PAIRS]])
+    parts = table * unit[:, None, :, None] * unit[:, None, None, :] * found[:, None, None]
+    return np.asarray(np.linalg.eigvalsh(parts.sum(axis=1))[:, -1] / np.abs(parts).max(axis=(1, 2, 3)))
+
+
+def ends_of(M: Any) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
+    """The form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q), (q, q)."""
+    return (M[0], M[1], M[3]), (M[0], M[1] + M[2], M[3] + 2 * M[4] + M[5])
+
+
+def sector(rho: float) -> tuple[float, float, float]:
+    """(q - (1 - rho) v)((1 + rho) v - q), entry by entry."""
+    return rho**2 - 1, 1.0, -1.0
+
+
+def valid_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
+    """M made larger by what a solver left open, so that its form is never negative where q and gamma can be."""
+    M = np.array(entries)
+    M[5] = min(M[5], 0.0)
+    bounds, left = np.zeros(2), 0.0
+    for i, form in enumerate(ends_of(M)):
+        bounds[i], below = bound_of(form, rho)
+        left = max(left, below)
+    M[[0, 3]] += left + VALID * np.abs(M).max()
+    block = np.zeros((3, 3))
+    for (i, j), entry in zip(PAIRS, M, strict=True):
+        block[i, j] = block[j, i] = entry
+    return block, bounds
+
+
+def bound_of(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
+    """The multiple of the sector that a form in (v, q) is most above, and how far below it still is."""
+
+    def below(multiple: float) -> float:
+        p, cross, r = (x - multiple * y for x, y in zip(form, sector(rho), strict=True))
+        return float(np.hypot((p - r) / 2, cross) - (p + r) / 2)  # less the least eigenvalue, a convex function
+
+    top = 1.0 + 8 * np.abs(form).max()
+    found = minimize_scalar(below, bounds=(0.0, top), method="bounded", options={"xatol": 1e-12 * top})
+    multiple = min((0.0, float(found.x)), key=below)
+    return multiple, max(below(multiple), 0.0)

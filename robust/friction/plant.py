@@ -1,0 +1,641 @@
+"""The linear part of a machine with friction: how it moves while it slides without any."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import eig, expm, solve_discrete_lyapunov
+
+from nlfrf._base.arguments import nonnegative, positive
+from nlfrf._base.values import value
+from robust.lti.lti import evened, timebase
+from robust.lti.realisation import multivariable, state_space
+from robust.lti.sampling import without_pade
+
+__all__ = [
+    "SlidingLoop",
+    "SlidingMachine",
+    "driven",
+    "frequencies",
+    "hunting_bound",
+    "mobility",
+    "separate_delay",
+    "sliding_loop",
+    "sliding_machine",
+    "sure_kick",
+    "unstable_spring",
+    "with_port_impedance",
+]
+
+
+#: A gain is zero when it is this small against what the matrices could make of it.
+ROUNDING = 1e-9
+
+
+@value
+class SlidingMachine:
+    """A machine without its friction: p' = A p + B_force u - B_port f, with f the friction at its port.
+
+    Fields
+    ------
+    A : (n, n) ndarray
+        Dynamics.
+    B_force, B_port : (n,) ndarray
+        How the force of the actuator enters, and a force at the friction port [N].
+    C_measured, C_port : (n,) ndarray
+        The measured position and the displacement at the friction port [m].
+    words : str
+        What it is, for people.
+    delay : float
+        From the command to the force, or from the position to its sample [s]; every loop around it has it.
+    """
+
+    A: np.ndarray
+    B_force: np.ndarray
+    B_port: np.ndarray
+    C_measured: np.ndarray
+    C_port: np.ndarray
+    words: str
+    delay: float = 0.0
+
+    @property
+    def velocity(self) -> np.ndarray:
+        """(n,) the velocity at the friction port: x' = velocity @ p, whatever the forces."""
+        return self.C_port @ self.A
+
+    @property
+    def resonance(self) -> float:
+        """The mode that moves the friction port most, [rad/s]; of a free mass zero."""
+        poles, modes = np.linalg.eig(self.A)
+        try:
+            residues = (self.velocity @ modes) * np.linalg.solve(modes, self.B_port.astype(complex))
+        except np.linalg.LinAlgError:
+            return 0.0
+        size = np.where(np.abs(poles) > ROUNDING * np.abs(poles).max(initial=0), np.abs(residues), 0)
+        return float(np.abs(poles[np.argmax(size)])) if np.isfinite(size).all() and size.any() else 0.0
+
+
+def sliding_machine(
+    mass: Any, stiffness: float | None = None, damping: float = 0.0, *, port: Any = None
+) -> SlidingMachine:
+    """The machine without its friction, from mass, stiffness and damping or from a model.
+
+    Parameters
+    ----------
+    mass : float or control.StateSpace
+        [kg]; or a continuous model from force [N] to position [m] with the friction where the force acts; or, with
+        `port`, one with several inputs and outputs. A Padé approximation in the former is taken as the delay that it
+        stands for, exactly: its zeros in the right half-plane are those of no machine, and no proof is found for them.
+    stiffness : float, optional
+        Spring to ground [N/m], zero for a free mass; not given with a model.
+    damping : float
+        Viscous damping [Ns/m].
+    port : bool, optional
+        True where the friction acts elsewhere than the force: the model then has the inputs (force, force at the
+        friction port) and the outputs (measured position, displacement at the friction port).
+
+    Returns
+    -------
+    SlidingMachine
+
+    Raises
+    ------
+    ValueError
+        A model that is sampled, not strictly proper, or without a velocity at its friction port (a fit needs at least
+        two poles more than zeros); a mass that is not positive.
+
+    References
+    ----------
+    B. Armstrong-Hélouvry, *Control of Machines with Friction*, Kluwer, 1991.
+
+    Examples
+    --------
+    >>> machine = sliding_machine(1.0, 80e3)
+    >>> round(machine.resonance / 2 / np.pi, 1)                    # the sliding rig of the paper resonates at 45 Hz
+    45.0
+    """
+    if isinstance(mass, (control.StateSpace, control.TransferFunction)):
+        if stiffness is not None or damping != 0.0:
+            raise ValueError("stiffness must be left out with a model, which has its own, got one")
+        return from_model(mass, bool(port))
+    if port:
+        raise ValueError(f"port must be left out with a mass, whose friction acts where the force acts, got {port}")
+    mass = positive("mass", mass)
+    if stiffness is None:
+        raise ValueError("stiffness must be given with a mass [N/m], zero for a free one, got none")
+    stiffness, damping = nonnegative("stiffness", stiffness), nonnegative("damping", damping)
+    push, place = np.array([0.0, 1 / mass]), np.array([1.0, 0.0])
+    A = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
+    words = f"m = {mass:.4g} kg, k = {stiffness / 1e3:.4g} kN/m, c = {damping:.3g} Ns/m"
+    return SlidingMachine(A=A, B_force=push, B_port=push, C_measured=place, C_port=place, words=words)
+
+
+def from_model(model: Any, port: bool) -> SlidingMachine:
+    """A state space with one force and one position, or with those of its friction port beside them."""
+    G = multivariable("mass", model)
+    wanted = 2 if port else 1
+    if (G.ninputs, G.noutputs) != (wanted, wanted):
+        hint = "(force, port force) to (measured, port displacement)" if port else "force to position"
+        raise ValueError(f"mass must be a model from {hint}, got {G.ninputs} inputs and {G.noutputs} outputs")
+    if not G.nstates:
+        raise ValueError("mass must be a model that moves, from force to position, got a gain without states")
+    if timebase(G):
+        raise ValueError(f"mass must be a continuous model, got one sampled at dt = {G.dt:g} s. Fit it with dt=0")
+    delay = 0.0
+    if wanted == 1:
+        G, delay = without_pade(G)
+    if np.any(G.D != 0):
+        raise ValueError(
+            "mass must be a strictly proper model, got a direct term. Fit it with two poles more than zeros"
+        )
+    B, C = np.asarray(G.B, float), np.asarray(G.C, float)
+    size = np.linalg.norm(C[-1]) * np.linalg.norm(B, axis=0)
+    if np.any(np.abs(C[-1] @ B) > ROUNDING * size):
+        raise ValueError(
+            "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by "
+            f"{np.abs(C[-1] @ B).max():.3g} m/s per N of force. Fit it with at least two poles more than zeros"
+        )
+    words = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
+    return SlidingMachine(
+        A=np.asarray(G.A, float),
+        B_force=B[:, 0],
+        B_port=B[:, -1],
+        C_measured=C[0],
+        C_port=C[-1],
+        words=words,
+        delay=delay,
+    )
+
+
+def separate_delay(machine: SlidingMachine, delay: float) -> tuple[SlidingMachine, float]:
+    """The machine without its delay, and the delay of the whole loop [s]."""
+    return replace(machine, delay=0.0), nonnegative("delay", delay) + machine.delay
+
+
+def with_port_impedance(machine: SlidingMachine, stiffness: float, mass: float = 0.0) -> SlidingMachine:
+    """The machine with a spring [N/m] and a mass [kg] more at its friction port; either may be negative.
+
+    >>> machine = with_port_impedance(sliding_machine(1.0, 80e3), -30e3, 0.25)
+    >>> round(machine.resonance**2 * 1.25)
+    50000
+    """
+    accelerated = float(machine.velocity @ machine.B_port)
+    share = mass / (1 + mass * accelerated)  # of the acceleration that the machine would have without the mass
+    A = machine.A - stiffness * np.outer(machine.B_port, machine.C_port)
+    taken = share * np.outer(machine.B_port, machine.velocity)
+    return replace(
+        machine,
+        A=A - taken @ A,
+        B_force=machine.B_force - taken @ machine.B_force,
+        B_port=machine.B_port - taken @ machine.B_port,
+    )
+
+
+# ---- The sliding loop between its samples and at them: linear flows, and the jumps of the controller.
+#
+# Flow xi' = F xi + B f over a span, jump xi+ = J xi before it. The state xi is that of the machine, the held force, the
+# forces that wait for the delay to pass, and the controller. Nothing is cancelled: the controller is used as given.
+
+EPS = np.finfo(float).eps
+LONGEST_DELAY = 20  # samples
+
+
+@value
+class SlidingLoop:
+    """A loop around a machine without friction, and how a friction f at its port would drive it.
+
+    Fields
+    ------
+    F : (n, n) ndarray
+        Flow between the samples; the whole loop where the controller is continuous.
+    B : (n,) ndarray
+        How the friction enters: xi' = F xi + B f.
+    x, v : (n,) ndarray
+        Displacement and velocity at the friction port.
+    T : float
+        Sampling time [s]; zero for a continuous controller.
+    spans : (S,) ndarray
+        How long each flow lasts [s].
+    jumps : (S, n, n) ndarray
+        What happens before each.
+    measured : (n,) ndarray
+        The measured position.
+    """
+
+    F: np.ndarray
+    B: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    T: float
+    spans: np.ndarray
+    jumps: np.ndarray
+    measured: np.ndarray
+
+    def period(self, kappa: float = 0.0, damper: float = 0.0) -> np.ndarray:
+        """(n, n) one sample on, from just before the jump, with a spring and a damper at the port; F if continuous."""
+        F = self.F + np.outer(self.B, kappa * self.x + damper * self.v)
+        if not self.T:
+            return F
+        total = np.eye(F.shape[0])
+        for span, jump in zip(self.spans, self.jumps, strict=True):
+            total = expm(span * F) @ jump @ total
+        return total
+
+    def poles(self, kappa: float = 0.0, damper: float = 0.0) -> np.ndarray:
+        """Poles of the loop with a spring and a damper at its port: of one period where sampled."""
+        return np.linalg.eigvals(self.period(kappa, damper))
+
+    def growth(self, kappa: float = 0.0, damper: float = 0.0) -> float:
+        """Largest |pole| less one, or largest real part: negative where the loop is stable."""
+        poles = self.poles(kappa, damper)
+        return float(np.abs(poles).max() - 1 if self.T else poles.real.max())
+
+    def rest(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,) where the loop comes to rest under f = 1 N, and how far each entry of it may be off."""
+        unit_time = self.T or 1.0
+        own = np.eye(self.F.shape[0])
+        conditions = np.vstack([self.F * unit_time, *(jump - own for jump in self.jumps)])
+        wanted = np.concatenate([-self.B * unit_time, np.zeros(conditions.shape[0] - self.F.shape[0])])
+        unit = np.linalg.norm(conditions, axis=0)
+        unit[unit == 0] = 1.0  # a state that may rest anywhere
+        inverse = np.linalg.pinv(conditions / unit, rcond=1e-15) / unit[:, None]
+        there = inverse @ wanted
+        for _ in range(2):
+            there += inverse @ (wanted - conditions @ there)
+        left = np.abs(conditions @ there - wanted) + there.size * EPS * (np.abs(conditions) @ np.abs(there))
+        return there, 2 * np.abs(inverse) @ left
+
+
+def sliding_loop(machine: SlidingMachine, K: Any, delay: float = 0.0) -> SlidingLoop:
+    """The loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
+
+    The delay of the machine itself is added to it.
+
+    >>> from robust.friction.plant import sliding_machine
+    >>> loop = sliding_loop(sliding_machine(1.0, 80e3, 0.4), 0.0)
+    >>> round(loop.growth(), 3)                                    # -c / 2m: nothing but the damping of the rig
+    -0.2
+    """
+    K = state_space("K", K)
+    machine, delay = separate_delay(machine, delay)
+    T = timebase(K)
+    if not T:
+        if delay:
+            raise ValueError(f"delay must be 0 s with a continuous controller, got {delay:g} s. Sample it first")
+        return continuous_loop(machine, K)
+    whole = int(np.floor(delay / T + 1e-9))
+    part = max(0.0, delay - whole * T)
+    part = 0.0 if part < 1e-9 * T else part
+    if whole > LONGEST_DELAY:
+        raise ValueError(f"delay must be at most {LONGEST_DELAY} samples of {T:g} s, got {delay:g} s")
+    n, s, waiting = machine.A.shape[0], K.nstates, whole + (part > 0)
+    size = n + 1 + waiting + s
+    held, queue, own = n, slice(n + 1, n + 1 + waiting), slice(n + 1 + waiting, size)
+    F = np.zeros((size, size))
+    F[:n, :n], F[:n, held] = machine.A, machine.B_force
+    asked = np.zeros(size)  # u = K (0 - y), of the state before the jump
+    asked[own] = K.C[0] if s else 0.0
+    asked[:n] -= K.D[0, 0] * machine.C_measured
+    jump = np.eye(size)
+    jump[own, own] = K.A
+    jump[own, :n] = -np.outer(K.B[:, 0], machine.C_measured) if s else 0.0
+    line = np.vstack([asked, np.eye(size)[queue]])  # the new force, then those that wait, oldest last
+    jump[queue] = line[:waiting]
+    jumps, spans = [jump], [T]
+    if part:
+        late = np.eye(size)
+        late[held] = np.eye(size)[n + waiting]
+        jumps, spans = [jump, late], [part, T - part]
+    else:
+        jump[held] = line[waiting]
+    return SlidingLoop(
+        F=F,
+        B=padded(-machine.B_port, size),
+        x=padded(machine.C_port, size),
+        v=padded(machine.velocity, size),
+        T=T,
+        spans=np.array(spans),
+        jumps=np.array(jumps),
+        measured=padded(machine.C_measured, size),
+    )
+
+
+def continuous_loop(machine: SlidingMachine, K: Any) -> SlidingLoop:
+    """The loop with a continuous controller: one flow, no jump."""
+    n, s = machine.A.shape[0], K.nstates
+    F = np.zeros((n + s, n + s))
+    F[:n, :n] = machine.A - K.D[0, 0] * np.outer(machine.B_force, machine.C_measured)
+    if s:
+        F[:n, n:] = np.outer(machine.B_force, K.C[0])
+        F[n:, :n], F[n:, n:] = -np.outer(K.B[:, 0], machine.C_measured), K.A
+    return SlidingLoop(
+        F=F,
+        B=padded(-machine.B_port, n + s),
+        x=padded(machine.C_port, n + s),
+        v=padded(machine.velocity, n + s),
+        T=0.0,
+        spans=np.zeros(0),
+        jumps=np.zeros((0, n + s, n + s)),
+        measured=padded(machine.C_measured, n + s),
+    )
+
+
+def padded(part: np.ndarray, size: int) -> np.ndarray:
+    """A vector of the machine as one of the loop."""
+    return np.concatenate([part, np.zeros(size - part.size)])
+
+
+# ---- What a friction that is only known to be bounded cannot do: stop a run-away, or hunt further than this.
+#
+# The unstable part of a sliding loop grows by lambda a sample, w' Phi J = lambda w', and |f| <= Fs takes off it at most
+# what a support function says: beyond that the motion diverges with every such friction. A stable one keeps the
+# position
+# within Fs times the integral of the absolute kernel from friction to position.
+#
+# Every integral is taken from above: over a piece of length h, int |g| <= sqrt(h int g^2) (Cauchy and Schwarz), and int
+# g^2 is a quadratic form that a matrix exponential gives exactly, however often g turns its sign. The rest of a series
+# is bounded by a Lyapunov function. Pieces only make the bound tight.
+
+PIECES = 32  # of a sampling period, or of half a swing of the fastest mode
+MOST_PIECES = 4096  # of a period
+MOST_PERIODS = 200_000
+MOST_WORK = 1e10  # multiplications
+TAIL = 1e-4
+ROUNDED_UP = 1 + 1e-6  # outward
+BEYOND = 1e-9  # a pole closer to the unit circle may lie on either side
+
+
+@value
+class Pieces:
+    """A period of a loop cut into pieces.
+
+    Fields
+    ------
+    map : (n, n) ndarray
+        The state a period on.
+    kernel : (n, P n) ndarray
+        What the friction of each piece makes of the state at its end, n columns a piece: for any row r,
+        int |r g| over piece p is at most the norm of (r kernel) in its columns.
+    reads : (R, n) ndarray
+        The position at the ends of the pieces, of the state at the begin of the period.
+    within : (R,) ndarray
+        What 1 N in the pieces of the period before each makes of it, at most.
+    bends, bends_within : ndarray
+        The acceleration at the ends of the pieces, likewise.
+    longest : float
+        Length of the longest piece [s].
+    """
+
+    map: np.ndarray
+    kernel: np.ndarray
+    reads: np.ndarray
+    within: np.ndarray
+    bends: np.ndarray
+    bends_within: np.ndarray
+    longest: float
+
+
+def sure_kick(loop: SlidingLoop, direction: np.ndarray, Fs: float) -> float:
+    """Least multiple of a state from which the motion surely diverges with every |f| <= Fs; inf where none does.
+
+    Also inf where it would take too many pieces to tell.
+    """
+    cut = pieces(loop)
+    if cut is None:
+        return np.inf
+    poles, left = eig(cut.map.T)
+    least = np.inf
+    for pole, w in zip(poles, left.T, strict=True):
+        if np.abs(pole) <= 1 + BEYOND or pole.imag < 0:
+            continue
+        reach = w @ direction
+        if not np.abs(reach) > 1e-14 * np.linalg.norm(w) * np.linalg.norm(direction):
+            continue
+        parts = (w @ cut.kernel / pole).reshape(-1, loop.F.shape[0])
+        phases = -np.angle(reach) + (np.linspace(-0.6, 0.6, 31) if pole.imag else np.zeros(1))
+        taken = support(np.exp(1j * phases), pole, parts)
+        least = min(least, float((taken / np.cos(phases + np.angle(reach))).min() / np.abs(reach)))
+    return Fs * least * ROUNDED_UP
+
+
+def support(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
+    """(P,) not less than sum over samples k and pieces of |Re(turn pole^-k parts)|, the rest of the series bounded."""
+    total = np.zeros(turn.size)
+    affordable = MOST_WORK / (40 * turn.size * parts.size)
+    periods = int(max(1, min(MOST_PERIODS, affordable, np.ceil(np.log(1 / TAIL) / np.log(np.abs(pole))))))
+    at_once = max(1, int(4e6 / (turn.size * parts.size)))
+    for first in range(0, periods, at_once):
+        powers = complex(pole) ** -np.arange(first, min(first + at_once, periods), dtype=float)
+        turned = turn[:, None, None, None] * powers[:, None, None] * parts
+        total += np.linalg.norm(turned.real, axis=-1).sum(axis=(1, 2))
+    rest = np.abs(pole) ** -float(periods) / (1 - 1 / np.abs(pole))
+    return np.asarray(total + rest * np.linalg.norm(parts, axis=-1).sum())
+
+
+def hunting_bound(loop: SlidingLoop) -> float:
+    """[m/N] how far from rest any friction of at most 1 N keeps a stable loop, in the end.
+
+    inf where the loop is not stable by more than its rounding, or where it would take too many pieces or periods.
+    """
+    cut = pieces(loop)
+    if cut is None:
+        return np.inf
+    positions = absolute_sum(cut, cut.reads, cut.within)
+    if not loop.T:  # nothing tells one instant from another
+        return float(positions.max() * ROUNDED_UP)
+    if not np.isfinite(positions).all():
+        return np.inf
+    # between two readings the position leaves its chord by at most h^2/8 times the acceleration: twice the most read
+    bend = 2 * (absolute_sum(cut, cut.bends, cut.bends_within).max() + np.abs(loop.v @ loop.B))
+    return float((positions.max() + cut.longest**2 / 8 * bend) * ROUNDED_UP)
+
+
+def absolute_sum(cut: Pieces, rows: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """(R,) not less than the integral of |kernel| from the friction, of all the past, to each reading."""
+    state, norm = cut.kernel, lyapunov_norm(cut.map)
+    if norm is None:
+        return np.full(rows.shape[0], np.inf)
+    factor, inverse, rate = norm
+    n = cut.map.shape[0]
+    weight = np.linalg.norm(rows @ inverse, axis=1) / (1 - rate)
+    total = within
+    for k in range(int(min(MOST_PERIODS, MOST_WORK / (rows.shape[0] * state.size)))):
+        if k % 8 == 0:  # what is left: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map shrinks
+            rest = weight * np.linalg.norm((factor @ state).reshape(n, -1, n), axis=(0, 2)).sum()
+            if (rest <= TAIL * total.max()).all():
+                return np.asarray(total + rest)
+        total = total + over_pieces(rows, state)
+        state = cut.map @ state
+    return np.full(rows.shape[0], np.inf)
+
+
+def over_pieces(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """(R,) sums of the norms of (rows kernel) over the columns of each piece."""
+    n = kernel.shape[0]
+    blocks = np.array_split(rows, 1 + rows.shape[0] * kernel.shape[1] // 4_000_000)
+    return np.concatenate(
+        [np.linalg.norm((block @ kernel).reshape(block.shape[0], -1, n), axis=2).sum(axis=1) for block in blocks]
+    )
+
+
+def lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
+    """A norm |L x| in which a stable map shrinks by a rate below one: L, its inverse, the rate; None where none is."""
+    scaled, weights = evened(period)
+    goal = 1 - 0.75 * (1 - np.abs(np.linalg.eigvals(scaled)).max(initial=0.0))
+    if not 0 < goal < 1 or MOST_PERIODS * (1 - goal) < 1:
+        return None
+    try:
+        P = solve_discrete_lyapunov((scaled / goal).T, np.eye(scaled.shape[0]))
+        L = np.linalg.cholesky((P + P.T) / 2).T
+        back = np.linalg.inv(L)
+    except np.linalg.LinAlgError:
+        return None
+    rate = float(np.linalg.norm(L @ scaled @ back, 2))
+    rounding = np.finfo(float).eps * np.linalg.norm(L, 2) * np.linalg.norm(back, 2)
+    return (L / weights, weights[:, None] * back, rate) if rounding < 1e-3 * (1 - rate) else None
+
+
+def pieces(loop: SlidingLoop) -> Pieces | None:
+    """A period cut so that neither the clock nor the fastest mode gets far in a piece; None where they are too many.
+
+    The period of a continuous loop is half a swing of its fastest mode.
+    """
+    n = loop.F.shape[0]
+    fastest = np.abs(np.linalg.eigvals(loop.F)).max(initial=0.0)
+    if not loop.T:
+        T = np.pi / fastest if fastest else 1.0
+        spans, jumps = np.array([T]), np.eye(n)[None]
+    else:
+        T, spans, jumps = loop.T, loop.spans, loop.jumps
+    counts = np.maximum(2, np.ceil(PIECES * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12)))
+    if not counts.sum() <= MOST_PIECES:
+        return None
+    read = np.array([loop.x, loop.v @ loop.F])  # position and acceleration
+    map_, kernel, ends, within = np.eye(n), np.zeros((n, 0)), [], []
+    for span, jump, count in zip(spans, jumps, counts.astype(int), strict=True):
+        flow, push = flow_and_push(loop.F, loop.B, span / count)
+        map_, kernel = jump @ map_, jump @ kernel
+        for _ in range(count):
+            map_, kernel = flow @ map_, np.hstack([flow @ kernel, push])
+            ends.append(read @ map_)
+            within.append(over_pieces(read, kernel))
+    kept = slice(None) if loop.T else slice(-1, None)
+    reads, sums = np.array(ends)[kept], np.array(within)[kept]
+    return Pieces(
+        map=map_,
+        kernel=kernel,
+        reads=reads[:, 0],
+        within=sums[:, 0],
+        bends=reads[:, 1],
+        bends_within=sums[:, 1],
+        longest=float((spans / counts).max()),
+    )
+
+
+def flow_and_push(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """exp(F h), and a matrix G with h int_0^h exp(F s) B B' exp(F s)' ds = G G' (Van Loan 1978)."""
+    n = F.shape[0]
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -F, np.outer(B, B), F.T
+    both = expm(block * h)
+    flow = both[n:, n:].T
+    gram = h * flow @ both[:n, n:]
+    # in units in which every state is moved alike, as eigenvalues are as good as the largest
+    unit = np.sqrt(np.maximum(np.diag(gram), 0))
+    per_unit = np.divide(1.0, unit, out=np.zeros(n), where=unit > 0)
+    sizes, turns = np.linalg.eigh((gram + gram.T) / 2 * np.outer(per_unit, per_unit))
+    return flow, unit[:, None] * turns * np.sqrt(np.maximum(sizes, 0) + 4 * n * np.finfo(float).eps * sizes.max())
+
+
+# ---- The sliding loop over frequency: what the friction at its port makes of the velocity there.
+
+
+def frequencies(loop: SlidingLoop, n: int = 900) -> np.ndarray:
+    """(W,) frequencies [rad/s] up to Nyquist: log, linear, and in clusters at the poles of the sliding loop."""
+    poles = loop.poles()
+    if loop.T:
+        poles = np.log(np.where(poles == 0, 1e-300, poles).astype(complex)) / loop.T
+    sizes = np.abs(poles[np.abs(poles) > 0])
+    top = np.pi / loop.T if loop.T else 100 * sizes.max(initial=1.0)
+    points = [np.geomspace(1e-5 * top, top, n // 2), np.linspace(top / n, top, n // 4)]
+    for pole in poles[(poles.imag > 0) & (np.abs(poles) < top)]:
+        width = max(abs(pole.real), 1e-6 * abs(pole))
+        points.append(pole.imag + width * np.sinh(np.linspace(-3, 3, 31)))
+    points.append(sizes)
+    omega = np.unique(np.concatenate(points))
+    return omega[(omega > 1e-6 * top) & (omega <= top)]
+
+
+def mobility(loop: SlidingLoop, omega: np.ndarray) -> np.ndarray:
+    """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out."""
+    return np.asarray(driven(loop, omega, loop.B, np.zeros(loop.B.size))[0] @ loop.v)
+
+
+def driven(loop: SlidingLoop, omega: np.ndarray, flow: np.ndarray, struck: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W, n) state at the frequency at which it is driven, and (W, n) state just before a sample, over its phase there.
+
+    flow, struck : (n,) how exp(j w t) enters the flow, and how it enters at the first jump of a period (sampled only).
+
+    With f = exp(j w t) the state repeats but for its phase. Its part at w follows from the flow by partial
+    integration: (j w - F) xi_1 = B + (1/T) sum of the jumps, each with its phase.
+    """
+    n = loop.F.shape[0]
+    # an undamped machine has its poles on the axis, where the two sides of that equation vanish together
+    s = 1j * omega * (1 + 1e-9)
+    pencil = s[:, None, None] * np.eye(n) - loop.F
+    forced = np.linalg.solve(pencil, np.broadcast_to(flow.astype(complex)[:, None], (s.size, n, 1)))[..., 0]
+    if not loop.T:
+        return forced, forced
+    flows = [expm(span * loop.F) for span in loop.spans]
+    strikes = [struck, *[np.zeros(n)] * (len(flows) - 1)]
+    # state before each jump as (matrix) start + (forced part)
+    total, offset = np.eye(n), np.zeros((s.size, n), complex)
+    before = []
+    t = 0.0
+    for phi, jump, hit, span in zip(flows, loop.jumps, strikes, loop.spans, strict=True):
+        before.append((total, offset, t))
+        total, offset = phi @ jump @ total, (offset @ jump.T + hit) @ phi.T
+        offset = offset + np.exp(s * (t + span))[:, None] * forced - (np.exp(s * t)[:, None] * forced) @ phi.T
+        t += span
+    start = np.linalg.solve(np.exp(s * t)[:, None, None] * np.eye(n) - total, offset[..., None])[..., 0]
+    jumped = np.zeros((s.size, n), complex)
+    for (matrix, part, when), jump, hit in zip(before, loop.jumps, strikes, strict=True):
+        jumped += np.exp(-s * when)[:, None] * ((start @ matrix.T + part) @ (jump - np.eye(n)).T + hit)
+    answer = np.linalg.solve(pencil, jumped[..., None] / loop.T)[..., 0]
+    return forced + answer, start
+
+
+# ---- Refutation: a friction of the class that never slips is a spring, and a spring can make the loop unstable.
+
+#: A pole this close to the boundary is on neither side.
+
+
+def unstable_spring(loop: SlidingLoop, K0: float, damper: float = 0.0) -> tuple[float, complex] | None:
+    """A stiffness [N/m] in [0, K0] with which the loop is unstable, and its pole; the most unstable one found.
+
+    With each stiffness but zero goes a damper [Ns/m], that of a bristle. None where none was found: of the 60 tried
+    and the refinement around the worst of them.
+    """
+    beyond = BEYOND * (1.0 if loop.T else np.abs(loop.poles()).max())
+    if loop.growth() > beyond:
+        return 0.0, worst_pole(loop, 0.0)
+    if not K0:
+        return None
+    kappas = np.unique(np.concatenate([np.linspace(0, K0, 31)[1:], np.geomspace(1e-3 * K0, K0, 30)]))
+    growth = np.array([loop.growth(kappa, damper) for kappa in kappas])
+    i = int(np.argmax(growth))
+    low, high = kappas[max(i - 1, 0)], kappas[min(i + 1, kappas.size - 1)]
+    for kappa in np.linspace(low, high, 9)[1:-1]:
+        found = loop.growth(kappa, damper)
+        if found > growth[i]:
+            kappas[i], growth[i] = kappa, found
+    return (float(kappas[i]), worst_pole(loop, float(kappas[i]), damper)) if growth[i] > beyond else None
+
+
+def worst_pole(loop: SlidingLoop, kappa: float, damper: float = 0.0) -> complex:
+    """The pole furthest out."""
+    poles = loop.poles(kappa, damper)
+    return complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])

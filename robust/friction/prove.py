@@ -1,0 +1,595 @@
+"""A proof for a given linear part: with every friction of a class, from every state, the loop comes to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import hertz, positive, shown
+from nlfrf._base.values import value
+from robust._base.states import FrictionVerdict, Outcome
+from robust.friction.classes import AnyFriction
+from robust.friction.dissipation import SLIGHTLY, bristle_dissipation, maxwell_slip_dissipation
+from robust.friction.exact.claim import FrictionClaim
+from robust.friction.exact.verify import verify_friction
+from robust.friction.multipliers import bristle_rows, bristle_weights, filter_rates, largest_share, rows, weights
+from robust.friction.passivity import passive_verdict
+from robust.friction.plant import (
+    SlidingLoop,
+    SlidingMachine,
+    frequencies,
+    hunting_bound,
+    mobility,
+    separate_delay,
+    sliding_loop,
+    sliding_machine,
+    sure_kick,
+    unstable_spring,
+)
+from robust.friction.storage import METHOD, Energy, certified_dissipation
+from robust.lti.lti import poles, response, timebase, zeros
+from robust.lti.realisation import from_roots, state_space
+from robust.lti.sampling import without_pade
+from robust.proofs.exact.claim import Matrices, as_given
+from robust.proofs.search.certificate import Certificate, refused
+
+__all__ = [
+    "OTHER",
+    "FrictionCertificate",
+    "FrictionProof",
+    "certify",
+    "certify_maxwell_slip",
+    "claimed",
+    "error_of_nominal",
+    "machines_of_nominal",
+    "matrices_of",
+    "modal_damping",
+    "prove_friction",
+    "proved_limits",
+    "reference_rate",
+    "scope",
+    "undamped",
+]
+
+
+# ---- From weights to a judged certificate for the friction of a class, up to the stiffest that is proved.
+
+SUBJECT = "the stored energy falls"
+N_POINTS = 300  # of the frequencies of a cone program
+
+WITHIN = 1.02  # ratio of the two ends where a bisection stops
+LARGEST = 64.0  # times what was asked
+
+
+@value
+class FrictionCertificate:
+    """What was proved, with the weights it was proved with.
+
+    Fields
+    ------
+    certificate : Certificate
+    multipliers : (2, J) ndarray
+        Rates a_j [rad/s] (zero for the weight of f v) and weights mu_j.
+    omega, form : (W,) ndarray
+        The integrand with these weights over frequency [rad/s], over its largest part.
+    numbers : dict or None
+        Where it holds: all that a `FrictionClaim` needs besides loop, class and energy.
+    energy : Energy or None
+    """
+
+    certificate: Certificate
+    multipliers: np.ndarray
+    omega: np.ndarray
+    form: np.ndarray
+    numbers: dict[str, Any] | None
+    energy: Energy | None
+
+
+def certify(loop: SlidingLoop, friction: AnyFriction, reference: float, *, quick: bool = False) -> FrictionCertificate:
+    """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
+
+    reference : rate of the filter that the others of Maxwell slip are measured against [rad/s]. Quick: with the first
+    set of filters only, and without the finest intervals.
+    """
+    if friction.kind == "bristle":
+        return certify_bristle(loop, friction.K0, friction.stiction, friction.microdamping, reference, quick=quick)
+    return certify_maxwell_slip(loop, friction.K0, friction.stiction, friction.bristle_time, reference, quick=quick)
+
+
+def certify_maxwell_slip(
+    loop: SlidingLoop, K0: float, rho: float, bristle_time: float, reference: float, *, quick: bool = False
+) -> FrictionCertificate:
+    """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
+
+    Quick: with the first set of filters only, and without the finest intervals.
+    """
+    omega = frequencies(loop)
+    response = mobility(loop, omega)
+    reason = "no weights of the filters make every frequency dissipate"
+    fastest = 1 / bristle_time if bristle_time else np.inf
+    found = np.zeros((2, 0))
+    form = np.full(omega.size, np.nan)
+    for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
+        table = rows(response, omega, rates, K0, rho)
+        mu, share = weights(table)
+        if not share > 0 or not (mu[1:] > 0).any():
+            continue
+        mu[mu < 1e-9 * mu.max()] = 0
+        found = np.vstack([np.append(0.0, rates), mu])[:, mu > 0]
+        form = table @ mu / np.abs(table * mu).max(axis=1)
+        reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
+        if not reason:
+            used = np.append(True, mu[2:] > 0)
+            numbers = {"rates": rates[used], "weights": mu[1:][used], "free": float(mu[0]), **nothing_of_bristles()}
+            return outcome("", found, omega, form, numbers, energy)
+    return outcome(reason, found, omega, form)
+
+
+def certify_bristle(
+    loop: SlidingLoop, K0: float, rho: float, microdamping: float, reference: float, *, quick: bool = False
+) -> FrictionCertificate:
+    """The same of bristles that creep."""
+    omega = frequencies(loop, N_POINTS)
+    response = mobility(loop, omega)
+    reason, found, form = "no weights make every frequency dissipate", np.zeros((2, 0)), np.full(omega.size, np.nan)
+    for rates in filter_rates(reference, np.inf)[: 1 if quick else 2]:
+        table = bristle_rows(response, omega, rates, K0, microdamping)
+        weights = bristle_weights(table, rho)
+        if weights is None:
+            continue
+        chosen = np.concatenate([[weights.mu], weights.nu])
+        found = np.vstack([np.append(0.0, rates), chosen])[:, chosen > 0]
+        form = largest_share(table, weights)
+        reason, energy = certified_dissipation(bristle_dissipation(loop, rates, weights, K0, microdamping), quick)
+        if not reason:
+            used = weights.nu > 0
+            numbers = {"rates": rates[used], "weights": weights.nu[used], "free": weights.mu}
+            numbers |= {"block": weights.block, "bounds": weights.bounds}
+            return outcome("", found, omega, form, numbers, energy)
+    return outcome(reason, found, omega, form)
+
+
+def nothing_of_bristles() -> dict[str, np.ndarray]:
+    """What Maxwell slip leaves empty."""
+    return {"block": np.zeros((0, 0)), "bounds": np.zeros(0)}
+
+
+def outcome(
+    reason: str,
+    found: np.ndarray,
+    omega: np.ndarray,
+    form: np.ndarray,
+    numbers: dict[str, Any] | None = None,
+    energy: Energy | None = None,
+) -> FrictionCertificate:
+    """What was proved, where no reason speaks against it."""
+    intervals = np.array([[0.0, np.inf]])
+    proof = Certificate(
+        subject=SUBJECT, outcome=Outcome.HOLDS, level=0.0, method=METHOD, intervals=intervals, reason=""
+    )
+    certificate = refused(SUBJECT, 0.0, reason) if reason else proof
+    return FrictionCertificate(
+        certificate=certificate, multipliers=found, omega=omega, form=form, numbers=numbers, energy=energy
+    )
+
+
+def proved_limits(loop: SlidingLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:
+    """Largest K0 at this rho, and largest rho at this K0, that a proof was found for; both are proved as they stand."""
+
+    def proved(**changed: float) -> bool:
+        other = replace(friction, **changed)  # type: ignore[arg-type]
+        if unstable_spring(loop, other.K0, other.damper) is not None:
+            return False
+        return certify(loop, other, reference, quick=True).certificate.holds
+
+    return (
+        friction.K0 * largest(lambda ratio: proved(K0=ratio * friction.K0)),
+        friction.stiction * largest(lambda ratio: proved(stiction=ratio * friction.stiction)),
+    )
+
+
+def largest(holds: Callable[[float], bool]) -> float:
+    """Largest ratio from one on that holds, as a bisection finds it; at most `LARGEST`."""
+    low = 1.0
+    high = 2.0
+    while high <= LARGEST and holds(high):
+        low, high = high, 2 * high
+    if high > LARGEST:
+        return low
+    while high / low > WITHIN:
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+CLASS = ("K0", "stiction", "bristle_time", "microdamping")
+#: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
+ROUNDING = 1e-9
+NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
+OTHER = {
+    "bristle": "rigid stiction, another damping of the bristles, ",
+    "Maxwell slip": "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, ",
+    "bounded": "a viscous part of the friction, ",
+    "passive": "LuGre with less damping than sigma1 (Fs - Fc)/Fc, ",
+}
+
+
+@value
+class FrictionProof:
+    """What is proved of a loop around a machine with friction, for a whole class of friction laws.
+
+    Fields
+    ------
+    verdict : FrictionVerdict
+        "proved": with every friction of the class, from every state, after any disturbance that ends, the machine comes
+        to rest, with integral action where it should. "refuted", said of the class and not of the machine: a named
+        member makes the loop unstable; yours may be another. "not decided": neither.
+    claim, not_claimed, reason : str
+        What is proved, in one sentence; what is not; why the verdict is what it is.
+    machine : SlidingMachine
+        The linear part.
+    friction : AnyFriction
+        The class.
+    counterexample : tuple of (float, complex) or None
+        A spring, what never slips of a friction, in [N/m], and the pole it puts outside the stable region.
+    K0_max, stiction_max : float
+        Largest presliding stiffness [N/m] and largest ratio of a slider for which the proof was found too, one at a
+        time; nan unless asked for.
+    error_bound : float
+        How far from rest the position stays in the end with any friction of at most Fs [m]; nan where no Fs was given,
+        the sliding loop is not stable, or its fastest mode is too fast for its clock or its slowest one to follow.
+    kick_sure : float
+        Velocity [m/s] from which the machine surely runs away with every friction of at most Fs; nan where no Fs was
+        given, the sliding loop is stable, or none was found.
+    certificate : Certificate or None
+        What was judged, where anything was; `certificate.verify()` proves it again over the rationals.
+    multipliers : (2, J) ndarray
+        Rates [rad/s] and weights of the filters it was proved with; rate zero: the weight of the friction itself.
+    omega, form : (W,) ndarray
+        The dissipation with these weights over frequency [rad/s], negative, over its largest part.
+
+    References
+    ----------
+    A. Rantzer, *Friction analysis based on integral quadratic constraints*, Int. J. Robust Nonlinear Control 11, 2001;
+    A. Bisoffi, M. Da Lio, A. Teel, L. Zaccarian, IEEE Trans. Automatic Control 63, 2018 (PID and Coulomb friction).
+
+    Examples
+    --------
+    >>> import control
+    >>> from robust import any_maxwell_slip, prove_friction, sliding_machine
+    >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
+    >>> proof = prove_friction(sliding_machine(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3))
+    >>> proof.verdict, proof.counterexample
+    ('proved', None)
+    """
+
+    verdict: FrictionVerdict
+    claim: str
+    not_claimed: str
+    reason: str
+    machine: SlidingMachine
+    friction: AnyFriction
+    counterexample: Any
+    K0_max: float
+    stiction_max: float
+    error_bound: float
+    kick_sure: float
+    certificate: Any
+    multipliers: np.ndarray
+    omega: np.ndarray
+    form: np.ndarray
+
+    def __str__(self) -> str:
+        lines = [f"{self.verdict}: {self.claim if self.verdict.is_proved else self.reason}"]
+        if self.verdict.is_proved and self.reason:
+            lines.append(self.reason)
+        if np.isfinite(self.K0_max):
+            times = self.K0_max / self.friction.K0
+            lines.append(
+                f"Proved up to {times:.3g} times this presliding stiffness, or stiction {self.stiction_max:.3g}."
+            )
+        if np.isfinite(self.error_bound):
+            lines.append(
+                f"Whatever the friction, if never above the given force: at most {self.error_bound:.3g} m off."
+            )
+        if np.isfinite(self.kick_sure):
+            lines.append(f"Surely runs away from a kick of {self.kick_sure:.3g} m/s.")
+        return "\n".join([*lines, self.not_claimed])
+
+
+def prove_friction(
+    machine: SlidingMachine,
+    K: Any,
+    friction: AnyFriction,
+    *,
+    delay: float = 0.0,
+    Fs: float | None = None,
+    limits: bool = False,
+) -> FrictionProof:
+    """Prove that a loop comes to rest with every friction of a class, through sampler and hold, or refute it.
+
+    Parameters
+    ----------
+    machine : SlidingMachine
+        The linear part, from `sliding_machine`.
+    K : control.StateSpace, TransferFunction or float
+        Controller, u = K (r - y); sampled, or continuous and proper. Used as it is: nothing is cancelled.
+    friction : AnyFriction
+        The class: `any_maxwell_slip`, `any_bristle`, `any_bounded`, `any_passive`.
+    delay : float
+        From sampling to the force changing [s]; any part of a sample, or several.
+    Fs : float, optional
+        Largest friction force [N]: also says how far such a friction can hunt, or from which kick the loop runs away.
+    limits : bool
+        Whether to look for the largest stiffness and stiction that are still proved.
+
+    Returns
+    -------
+    FrictionProof
+        A numerical failure is "not decided", with its reason.
+
+    Raises
+    ------
+    ValueError
+        No sliding machine, no class of friction, a controller that is not proper, a delay with a continuous controller,
+        an `Fs` that is not that of `any_bounded`.
+
+    References
+    ----------
+    A. Rantzer, Int. J. Robust Nonlinear Control 11, 2001; J. Colgate, G. Schenkel, J. Robotic Systems 14, 1997.
+
+    Examples
+    --------
+    >>> from robust import any_maxwell_slip, sliding_machine
+    >>> rig = sliding_machine(1.0, 80e3, 0.4)
+    >>> prove_friction(rig, 1e3, any_maxwell_slip(64e3)).verdict             # a spring more, and nothing else
+    'proved'
+    """
+    if not isinstance(machine, SlidingMachine):
+        raise ValueError(f"machine must be a sliding_machine, got {shown(machine)}")
+    if not isinstance(friction, AnyFriction):
+        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
+    K = state_space("K", K)
+    machine, delay = separate_delay(machine, delay)
+    loop = sliding_loop(machine, K, delay)
+    Fs = np.nan if Fs is None else positive("Fs", Fs)
+    if friction.kind == "bounded":
+        if np.isfinite(Fs) and Fs != friction.Fs:
+            raise ValueError(f"Fs must be that of the class, {friction.Fs:g} N, or left out, got {Fs:g}")
+        Fs = friction.Fs
+    spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
+    found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
+    found |= bounded_words(machine, loop, Fs)
+    if spring is not None:
+        found |= {"verdict": FrictionVerdict.REFUTED, "reason": refutation(spring, loop, friction)}
+    elif friction.kind in ("Maxwell slip", "bristle"):
+        found |= certified(machine, K, delay, loop, friction, limits)
+    elif friction.kind == "bounded":
+        found |= bounded_verdict(loop, found["error_bound"])
+    else:
+        found |= dict(zip(("verdict", "reason"), passive_verdict(machine, K, delay, loop), strict=True))
+    found["claim"] = claim(machine, friction, K, delay, found) if found["verdict"].is_proved else ""
+    return FrictionProof(
+        machine=machine,
+        friction=friction,
+        counterexample=spring,
+        not_claimed=NOT_CLAIMED.format(other=OTHER[friction.kind]),
+        **found,
+    )
+
+
+def no_certificate() -> dict[str, Any]:
+    """The fields of a certificate where none was tried."""
+    return {"certificate": None, "multipliers": np.zeros((2, 0)), "omega": np.zeros(0), "form": np.zeros(0)}
+
+
+def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict[str, float]:
+    """Hunting bound and sure kick, whichever there is."""
+    stable, kick = loop.growth() < 0, np.nan
+    if np.isfinite(Fs) and not stable and machine.velocity @ machine.B_port > 0:
+        hit = np.zeros(loop.F.shape[0])
+        hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
+        least = sure_kick(loop, hit, Fs)
+        kick = least if np.isfinite(least) else np.nan
+    bound = Fs * hunting_bound(loop) if np.isfinite(Fs) and stable else np.nan
+    return {"kick_sure": kick, "error_bound": bound if np.isfinite(bound) else np.nan}
+
+
+def bounded_verdict(loop: SlidingLoop, error_bound: float) -> dict[str, Any]:
+    """Proved where there is a bound; nothing is said at the stability boundary, or where it takes too long."""
+    if np.isfinite(error_bound):
+        return {"verdict": FrictionVerdict.PROVED, "reason": ""}
+    growth = loop.growth() + 0.0
+    size = f"|z| = {beside_one(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
+    what = (
+        "is on the stability boundary" if growth >= -ROUNDING else "takes too long to follow, as far as its modes lie"
+    )
+    return {
+        "verdict": FrictionVerdict.NOT_DECIDED,
+        "reason": f"no bound was found: the sliding loop, with all states of its controller, {what} (without friction "
+        f"it has a pole of {size})",
+    }
+
+
+def certified(
+    machine: SlidingMachine,
+    K: Any,
+    delay: float,
+    loop: SlidingLoop,
+    friction: AnyFriction,
+    limits: bool,
+) -> dict[str, Any]:
+    """The verdict on a loop that no spring refutes."""
+    reference = reference_rate(machine, loop)
+    try:
+        proof = certify(loop, friction, reference)
+    except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
+        return {"verdict": FrictionVerdict.NOT_DECIDED, "reason": f"numerical failure: {error}"}
+    holds = proof.certificate.holds
+    verdict = FrictionVerdict.PROVED if holds else FrictionVerdict.NOT_DECIDED
+    found: dict[str, Any] = {"verdict": verdict, "reason": proof.certificate.reason}
+    found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
+    if proof.numbers is not None and proof.energy is not None:
+        energy = {name: getattr(proof.energy, name) for name in ("V", "P", "counts")}
+        exact = claimed(machine, K, delay, friction, proof.numbers | energy)
+        found["certificate"] = replace(proof.certificate, claim=exact, again=verify_friction)
+    if holds and limits:
+        found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)
+    return found
+
+
+def claimed(
+    machine: SlidingMachine, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
+) -> FrictionClaim:
+    """What the certificate claims, with every number as given."""
+    known = {name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS}
+    if friction.kind == "Maxwell slip":
+        known["stiction"] = max(known["stiction"], SLIGHTLY)
+    return FrictionClaim(
+        machine=matrices_of(machine),
+        controller=as_given(K),
+        delay=float(delay),
+        kind=friction.kind,
+        **(known | numbers),
+    )
+
+
+def matrices_of(machine: SlidingMachine) -> Matrices:
+    """The machine as a system: (force, force at the port) to (measured, displacement at the port)."""
+    inputs = np.column_stack([machine.B_force, machine.B_port])
+    outputs = np.vstack([machine.C_measured, machine.C_port])
+    return Matrices(A=machine.A, B=inputs, C=outputs, D=np.zeros((2, 2)))
+
+
+def reference_rate(machine: SlidingMachine, loop: SlidingLoop) -> float:
+    """[rad/s] of the filter that the others are measured against: 1.5 times the resonance, or a pole of the loop."""
+    if machine.resonance:
+        return 1.5 * machine.resonance
+    poles = loop.poles()
+    poles = poles[np.abs(poles) > 1e-6]
+    rates = np.abs(np.log(poles.astype(complex))) / loop.T if loop.T else np.abs(poles)
+    return float(np.clip(np.median(rates), 1.0, 1e3))
+
+
+def refutation(spring: tuple[float, complex], loop: SlidingLoop, friction: AnyFriction) -> str:
+    """Which member of the class makes the loop unstable."""
+    kappa, pole = spring
+    size = f"|z| = {beside_one(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
+    if kappa == 0:
+        return f"the sliding loop is unstable: without friction it has a pole of {size}"
+    still = "a bristle" if friction.kind == "bristle" else "a spring"
+    return (
+        f"not every friction of the class: with {still} of {kappa / 1e3:.4g} kN/m that does not slip, its rests are "
+        f"unstable ({size}); yours may be another member"
+    )
+
+
+def beside_one(size: float) -> str:
+    """The size of a pole, with as many digits as tell it from one."""
+    digits = 6 if size == 1 else int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
+    return f"{size:.{digits}g}"
+
+
+def claim(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any]) -> str:
+    """What is proved, in one sentence."""
+    rest = (
+        f"Stays within {found['error_bound']:.3g} m of rest in the end"
+        if friction.kind == "bounded"
+        else "Comes to rest from every state"
+    )
+    return f"{rest} {scope(machine, friction, K, delay)}."
+
+
+def scope(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float) -> str:
+    """With which friction, machine and clock a claim is made, in words."""
+    dt = timebase(K)
+    clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
+    late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""
+    return f"with every {friction.words}, for the linear part {machine.words}, {clock}{late}"
+
+
+# ---- Machines of a nominal model, damped and undamped.
+#
+# The damping of such a fit contains that of the friction at this level. A proof must not lean on it: the same model
+# with
+# its poles and zeros turned onto the imaginary axis is a machine of its own.
+
+#: Of the largest root: nearer to the real axis than this a pair of roots does not swing.
+SWINGS = 1e-9
+
+
+def machines_of_nominal(nominal: Any) -> tuple[tuple[SlidingMachine, ...], str]:
+    """(machines, description): the nominal as a machine without and with its damping, each with its delay.
+
+    `nominal` is a fit or a model from force to position with at least two poles more than zeros, or a `sliding_machine`
+    with a friction port of its own, which is taken as it is.
+    """
+    G = getattr(nominal, "G", nominal)
+    if isinstance(G, SlidingMachine):
+        return (G,), f"the machine that was given ({G.words})"
+    G, approximated = without_pade(state_space("nominal", G))
+    delay = approximated + float(getattr(nominal, "delay", 0.0))
+    description = f"a nominal of order {G.nstates}, {modal_damping(G)}"
+    return tuple(replace(machine, delay=delay) for machine in (undamped(G), sliding_machine(G))), description
+
+
+def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:
+    """(W,) standard deviation of a fitted nominal at frequencies, relative to its response; zero of one that was given.
+
+    The lines scatter, and a fit of p real parameters to n lines takes p/(2 n) of their variance on, on average.
+    """
+    if np.isnan(getattr(nominal, "std", np.nan)).any():
+        return np.zeros(omega.size)
+    order = np.argsort(nominal.omega)
+    relative = (nominal.std / np.abs(nominal.response))[order]
+    taken = nominal.n_parameters / (2 * nominal.omega.size) * max(1.0, nominal.cost / nominal.expected_cost)
+    return np.asarray(np.sqrt(taken) * np.interp(omega, nominal.omega[order], relative))
+
+
+def undamped(G: control.StateSpace) -> SlidingMachine:
+    """The same machine without damping: every s^2 + d s + k of its poles and zeros loses its d; its mass is kept.
+
+    >>> machine = undamped(control.ss(control.tf([1], [1, 4, 80e3])))
+    >>> bool(abs(np.linalg.eigvals(machine.A).real).max() < 1e-9), round(machine.resonance, 3)
+    (True, 282.843)
+    """
+    G, delay = without_pade(G)
+    p, z = turned(poles(G)), turned(zeros(G))
+    omega = 1e3 * np.abs(p).max()  # far above every root both behave as gain/s^excess
+    far = 1j * omega
+    gain = response(G, np.array([omega]))[0] * np.prod(far - poles(G)) / np.prod(far - zeros(G))
+    machine = sliding_machine(from_roots(z, p, float(np.real(gain)), 0.0))
+    return SlidingMachine(
+        **{name: getattr(machine, name) for name in ("A", "B_force", "B_port", "C_measured", "C_port")},
+        words=f"{machine.words} without damping",
+        delay=delay,
+    )
+
+
+def turned(roots: np.ndarray) -> np.ndarray:
+    """Roots of the modes without damping: pairs that swing on the imaginary axis, and real ones by two, small to large.
+
+    Two real roots are a mode with so much damping that it does not swing, as a free mass whose friction slides. An odd
+    one is left as it is: that of an amplifier.
+    """
+    swings = np.abs(roots.imag) > SWINGS * np.abs(roots).max(initial=0.0)
+    real = np.sort(roots[~swings].real)[::-1]
+    real = real[np.argsort(np.abs(real), kind="stable")]
+    pairs = [sign * np.sqrt(complex(-p * q)) for p, q in zip(real[:-1:2], real[1::2], strict=True) for sign in (1, -1)]
+    left = real[-1:] if real.size % 2 else real[:0]
+    return np.concatenate([1j * np.sign(roots[swings].imag) * np.abs(roots[swings]), pairs, left])
+
+
+def modal_damping(G: control.StateSpace) -> str:
+    """The damping of its modes in words: it contains that of the friction at the level of the fit."""
+    found = poles(G)
+    found = found[found.imag > SWINGS * np.abs(found).max()]
+    if not found.size:
+        return "no mode that swings"
+    modes = sorted(found, key=abs)
+    said = ", ".join(f"{100 * -p.real / abs(p):.2g} % at {hertz(abs(p))}" for p in modes)
+    return f"modal damping {said}, which contains the friction's"

@@ -1,0 +1,549 @@
+"""Slacks and intervals tried one after another, until a storage function is judged to prove its inequality."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import expm, ordqz, schur, solve_continuous_lyapunov, solve_discrete_lyapunov
+
+from nlfrf._base.values import value
+
+__all__ = [
+    "METHOD",
+    "Block",
+    "Dissipation",
+    "Energy",
+    "Judged",
+    "Storage",
+    "back_over",
+    "certified_dissipation",
+    "coordinates",
+    "in_coordinates",
+    "judge",
+    "judge_constant",
+    "jump_stretch",
+    "proposed_storage",
+    "storage_function",
+    "supply_with_slack",
+]
+
+
+# ---- A flow with jumps, a supply that it cannot exceed, and what else of the stored energy there is.
+
+
+@value
+class Block:
+    """A nonlinearity that acts at the first jump: y+ = J y - enters w, and 2 w seen'y >= weight w^2.
+
+    Fields
+    ------
+    enters, seen : (n,) ndarray
+    weight : float
+        Positive.
+    """
+
+    enters: np.ndarray
+    seen: np.ndarray
+    weight: float
+
+
+@value
+class Dissipation:
+    """A flow with jumps, a supply it cannot exceed, and what of the stored energy is not z'Pz.
+
+    Fields
+    ------
+    A : (n, n) ndarray
+    B : (n, m) ndarray
+        Flow z' = A z + B d.
+    spans : (S,) ndarray
+    jumps : (S, n, n) ndarray
+        How long each flow lasts [s], and the jump before it; none where nothing is sampled.
+    Q, N, R : (n, n), (n, m), (m, m) ndarray
+        Supply z'Qz + 2 z'Nd + d'Rd.
+    stored : (n + E, n + E) ndarray
+        The rest of the stored energy, a form in z and E more (forces that rest).
+    B_error : (n, m) ndarray
+    stored_error : (n + E, n + E) ndarray
+        How far an entry may be off, because the rest xi_e is known to rounding only.
+    block : Block or None
+        What else acts at the first jump.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    spans: np.ndarray
+    jumps: np.ndarray
+    Q: np.ndarray
+    N: np.ndarray
+    R: np.ndarray
+    stored: np.ndarray
+    B_error: np.ndarray
+    stored_error: np.ndarray
+    block: Block | None = None
+
+
+# ---- A storage function z'P(t)z for a flow with jumps: the stabilising solution of a periodic Riccati equation.
+#
+# Only a proposal: `bernstein` judges it. Back over a stretch of time a Riccati map is
+#
+#     phi(W) = H + A'W (I - G W)^-1 A
+#
+# and the map of two stretches is one more (A, G, H). Its fixed point over a period comes from the stable subspace of a
+# symplectic pencil: iterations from zero fail where an integrator is slow.
+
+NEWTON_STEPS = 2
+
+Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def coordinates(form: Dissipation) -> np.ndarray:
+    """(n, n) V with z = V z~ in which the input reaches every state alike: a root of the closed-loop Gramian.
+
+    Summed over the ends of all spans: just after a delay the force that waited and the one that is held are the same.
+    """
+    W = gramian(form)
+    unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
+    values, vectors = np.linalg.eigh(W / np.outer(unit, unit))
+    return np.asarray(unit[:, None] * vectors * np.sqrt(np.maximum(values, 1e-9 * values[-1])))
+
+
+def gramian(form: Dissipation) -> np.ndarray:
+    """(n, n) controllability Gramian of the flow with its jumps."""
+    n = form.A.shape[0]
+    if not form.spans.size:
+        return np.asarray(solve_continuous_lyapunov(form.A, -form.B @ form.B.T))
+    parts: list[tuple[np.ndarray, np.ndarray]] = []
+    for span, jump in zip(form.spans, form.jumps, strict=True):
+        both = expm(span * np.block([[-form.A, form.B @ form.B.T], [np.zeros((n, n)), form.A.T]]))
+        flow, reached = both[n:, n:].T, both[n:, n:].T @ both[:n, n:]
+        if not parts and form.block is not None:
+            struck = flow @ form.block.enters
+            reached = reached + np.outer(struck, struck) / form.block.weight
+        parts.append((flow @ jump, reached))
+    W, Phi = np.zeros((n, n)), np.eye(n)
+    for move, driven in parts:
+        W, Phi = move @ W @ move.T + driven, move @ Phi
+    unit = np.sqrt(np.maximum(np.diag(W), 1e-300))
+    unit[unit < 1e-12 * unit.max()] = 1.0
+    W, Phi = W / np.outer(unit, unit), Phi * unit / unit[:, None]
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(60):  # doubling: W = sum Phi^k W Phi^k'
+            W, Phi = W + Phi @ W @ Phi.T, Phi @ Phi
+            if np.linalg.norm(Phi) < 1e-12:
+                break
+        else:
+            raise np.linalg.LinAlgError("a state of the loop does not come to rest by itself")
+    W = W * np.outer(unit, unit)
+    total = np.zeros((n, n))
+    for move, driven in parts:
+        W = move @ W @ move.T + driven
+        total += W
+    return (total + total.T) / 2
+
+
+def supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A_h, G, Q_h of the Riccati equation P' = -(A_h'P + P A_h + P G P + Q_h), the supply made larger by slack."""
+    n, m = form.B.shape
+    R = form.R + slack * np.eye(m)
+    gain = np.linalg.solve(R, np.hstack([form.N.T, form.B.T]))
+    A = form.A - form.B @ gain[:, :n]
+    return A, -form.B @ gain[:, n:], form.Q + slack * np.eye(n) - form.N @ gain[:, :n]
+
+
+def joined(first: Stretch, second: Stretch) -> Stretch:
+    """Two stretches of time as one."""
+    (A1, G1, H1), (A2, G2, H2) = first, second
+    M = np.linalg.inv(np.eye(A1.shape[0]) - G1 @ H2)
+    return A2 @ M @ A1, G2 + A2 @ M @ G1 @ A2.T, H1 + A1.T @ H2 @ M @ A1
+
+
+def jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
+    """The Riccati map back over a jump, with the block that acts there at its worst."""
+    n = form.A.shape[0]
+    jump, left = form.jumps[i], slack * np.eye(n)
+    if i or form.block is None:
+        return jump, np.zeros((n, n)), left
+    b, c, weight = form.block.enters, form.block.seen, form.block.weight
+    return jump - np.outer(b, c) / weight, np.outer(b, b) / weight, left + np.outer(c, c) / weight
+
+
+def back_over(stretch: Stretch, W: np.ndarray) -> np.ndarray:
+    """H + A'W (I - G W)^-1 A."""
+    A, G, H = stretch
+    return np.asarray(H + A.T @ W @ np.linalg.solve(np.eye(A.shape[0]) - G @ W, A))
+
+
+def flow_stretch(hamiltonian: np.ndarray, span: float) -> Stretch:
+    """The Riccati map back over a flow."""
+    n = hamiltonian.shape[0] // 2
+    E = expm(-span * hamiltonian)
+    A = np.linalg.inv(E[:n, :n])
+    return A, -A @ E[:n, n:], E[n:, :n] @ A
+
+
+def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
+    """(n, n) P just after the jump that begins a period, P itself where nothing is sampled; None if none."""
+    if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
+        return stabilising(form, slack)
+
+
+def stabilising(form: Dissipation, slack: float) -> np.ndarray | None:
+    """The same, of an equation that exists."""
+    n = form.A.shape[0]
+    A, G, Q = supply_with_slack(form, slack)
+    hamiltonian = np.block([[A, G], [-Q, -A.T]])
+    try:
+        if not form.spans.size:
+            _, Z, count = schur(hamiltonian, sort="lhp")
+            return solved(Z, n) if count == n else None
+        period: Stretch | None = None
+        total = form.spans.sum()
+        turn = [*range(1, form.spans.size), 0]  # begin after the first jump
+        for i, after in enumerate(turn):
+            flow = flow_stretch(hamiltonian, form.spans[i])
+            stretch = joined(flow, jump_stretch(form, after, slack * total))
+            period = stretch if period is None else joined(period, stretch)
+        assert period is not None
+        Ac, Gc, Hc = period
+        left = np.block([[Ac, np.zeros((n, n))], [-Hc, np.eye(n)]])
+        right = np.block([[np.eye(n), -Gc], [np.zeros((n, n)), Ac.T]])
+        *_, alpha, beta, _, Z = ordqz(left, right, sort="iuc")
+        if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
+            return None
+        P = solved(Z, n)
+        return P if form.block is None else corrected(period, P)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+
+
+def corrected(period: Stretch, P: np.ndarray | None) -> np.ndarray | None:
+    """The solution after Newton steps: of a loop with a block the subspace alone gives few digits."""
+    if P is None:
+        return None
+    for _ in range(NEWTON_STEPS):
+        left = back_over(period, P) - P
+        closed = np.linalg.solve(np.eye(P.shape[0]) - period[1] @ P, period[0])
+        P = P + solve_discrete_lyapunov(closed.T, (left + left.T) / 2)
+    return (P + P.T) / 2 if np.isfinite(P).all() else None
+
+
+def solved(Z: np.ndarray, n: int) -> np.ndarray | None:
+    """P = U2 U1^-1 of a subspace."""
+    P = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T
+    return (P + P.T) / 2 if np.isfinite(P).all() else None
+
+
+# ---- The judge: whether a storage function proves a dissipation inequality, in numbers put together here.
+#
+# On each interval of a period P is a cubic between nodes. The inequality [P' + A'P + PA + Q, PB + N; ., R] < 0 is then
+# a
+# cubic in time, a convex combination of its four Bernstein coefficients: where these are negative definite it holds at
+# every instant. Each matrix is judged by its eigenvalues, by more than the rounding in putting it together.
+
+EPS = np.finfo(float).eps
+
+
+@value(copy=False)
+class Judged:
+    """A dissipation inequality in coordinates z = V z~, with how far each matrix may be off, entry by entry.
+
+    Fields
+    ------
+    form : Dissipation
+        In those coordinates; the inputs scaled so that the diagonal of R is minus one.
+    A, B, Q, N, R, jumps, stored : ndarray of shape (as in the form)
+        How far an entry may be off.
+    V : (n, n) ndarray
+        The coordinates.
+    block : Block or None
+        How far an entry of that of the form may be off.
+    """
+
+    form: Dissipation
+    A: np.ndarray
+    B: np.ndarray
+    Q: np.ndarray
+    N: np.ndarray
+    R: np.ndarray
+    jumps: np.ndarray
+    stored: np.ndarray
+    V: np.ndarray
+    block: Block | None = None
+
+
+@value(copy=False)
+class Storage:
+    """P over a period: Bernstein coefficients of cubics.
+
+    Fields
+    ------
+    coefficients : (I, 4, n, n) ndarray
+        Of each interval; neighbours in one span share their end.
+    lengths : (I,) ndarray
+        How long each lasts [s].
+    first : (S,) integer ndarray
+        The interval that begins each span.
+    """
+
+    coefficients: np.ndarray
+    lengths: np.ndarray
+    first: np.ndarray
+
+
+def in_coordinates(form: Dissipation) -> Judged:
+    """The inequality in balanced coordinates."""
+    unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
+    top = unit.max()
+    heavy = form.block and replace(form.block, weight=form.block.weight / top**2)
+    V = coordinates(replace(form, B=form.B * (top / unit), block=heavy))
+    back = np.linalg.inv(V)
+    n = form.B.shape[0]
+    more = form.stored.shape[0] - n
+    aV, aback = np.abs(V), 1.01 * np.abs(back)
+    k = (2 * n + 8) * EPS
+
+    def similar(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """V^-1 M V, and from what is left of V X = M V how far it may be off."""
+        X = back @ M @ V
+        left = np.abs(V @ X - M @ V) + k * (aV @ np.abs(X) + np.abs(M) @ aV)
+        return X, aback @ left
+
+    A, A_off = similar(form.A)
+    jumps = [similar(jump) for jump in form.jumps]
+    B = back @ form.B / unit
+    B_off = aback @ (np.abs(V @ B - form.B / unit) + k * (aV @ np.abs(B)) + form.B_error / unit)
+    block, block_off = None, None
+    if form.block is not None:
+        b, c = form.block.enters, form.block.seen
+        block = Block(enters=back @ b, seen=V.T @ c, weight=form.block.weight)
+        left = np.abs(V @ block.enters - b) + k * (aV @ np.abs(block.enters))
+        block_off = Block(enters=aback @ left, seen=k * (aV.T @ np.abs(c)), weight=8 * EPS * form.block.weight)
+    wide = np.block([[V, np.zeros((n, more))], [np.zeros((more, n)), np.eye(more)]])
+    awide = np.abs(wide)
+    new = Dissipation(
+        A=A,
+        B=B,
+        spans=form.spans,
+        jumps=np.array([jump for jump, _ in jumps]).reshape(-1, n, n),
+        Q=V.T @ form.Q @ V,
+        N=V.T @ form.N / unit,
+        R=form.R / np.outer(unit, unit),
+        stored=wide.T @ form.stored @ wide,
+        B_error=form.B_error,
+        stored_error=form.stored_error,
+        block=block,
+    )
+    return Judged(
+        form=new,
+        A=A_off,
+        B=B_off,
+        Q=k * (aV.T @ np.abs(form.Q) @ aV),
+        N=k * (aV.T @ np.abs(form.N)) / unit,
+        R=8 * EPS * np.abs(new.R),
+        jumps=np.array([off for _, off in jumps]).reshape(-1, n, n),
+        stored=k * (awide.T @ np.abs(form.stored) @ awide) + awide.T @ form.stored_error @ awide,
+        V=V,
+        block=block_off,
+    )
+
+
+def storage_function(form: Dissipation, P: np.ndarray, slack: float, n_intervals: int) -> Storage:
+    """Cubics through the solution of the Riccati equation that begins with P, with its slopes."""
+    A, G, Q = supply_with_slack(form, slack)
+    hamiltonian = np.block([[A, G], [-Q, -A.T]])
+    n, spans = A.shape[0], form.spans
+    parts, lengths = [], []
+    total = spans.sum()
+    later = P  # just after the jump that begins the next span
+    for i in reversed(range(spans.size)):
+        W = back_over(jump_stretch(form, (i + 1) % spans.size, slack * total), later)
+        count = max(1, round(n_intervals * spans[i] / total))
+        h = spans[i] / count
+        E = expm(-h * hamiltonian)
+        nodes = [W]
+        for _ in range(count):
+            W = np.linalg.solve((E[:n, :n] + E[:n, n:] @ W).T, (E[n:, :n] + E[n:, n:] @ W).T).T
+            W = (W + W.T) / 2
+            nodes.append(W)
+        node = np.array(nodes[::-1])
+        slope = -(A.T @ node + node @ A + node @ G @ node + Q)
+        cubics = np.stack([node[:-1], node[:-1] + h / 3 * slope[:-1], node[1:] - h / 3 * slope[1:], node[1:]], axis=1)
+        parts.append(cubics)
+        lengths.append(np.full(count, h))
+        later = node[0]
+    counts = [len(part) for part in parts[::-1]]
+    begins = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)
+    return Storage(coefficients=np.concatenate(parts[::-1]), lengths=np.concatenate(lengths[::-1]), first=begins)
+
+
+def negative(matrices: np.ndarray, errors: np.ndarray) -> float:
+    """Largest scaled eigenvalue of symmetric matrices plus their rounding; below zero where all are negative."""
+    diagonal = -np.diagonal(matrices, axis1=-2, axis2=-1)
+    if not np.isfinite(matrices).all() or not np.all(diagonal > 0):
+        return float("inf")
+    root = np.sqrt(diagonal)
+    scale = root[..., :, None] * root[..., None, :]
+    n = matrices.shape[-1]
+    largest = np.linalg.eigvalsh(matrices / scale)[..., -1]
+    slack = np.linalg.norm(errors / scale, axis=(-2, -1)) + 10 * n * EPS
+    return float((largest + slack).max())
+
+
+def inequality(
+    judged: Judged, P: np.ndarray, slope: np.ndarray, slope_size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix of the inequality for P and P', many at once, and how far it may be off."""
+    form = judged.form
+    n, m = form.B.shape
+    k = (2 * n + 8) * EPS
+    size = np.abs(P)
+    M, E = np.zeros((*P.shape[:-2], n + m, n + m)), np.zeros((*P.shape[:-2], n + m, n + m))
+    M[..., :n, :n] = slope + form.A.T @ P + P @ form.A + form.Q
+    E[..., :n, :n] = size @ (k * np.abs(form.A) + judged.A)
+    E[..., :n, :n] += np.swapaxes(E[..., :n, :n].copy(), -1, -2) + k * (slope_size + np.abs(form.Q)) + judged.Q
+    M[..., :n, n:] = P @ form.B + form.N
+    E[..., :n, n:] = size @ (k * np.abs(form.B) + judged.B) + k * np.abs(form.N) + judged.N
+    M[..., n:, :n] = np.swapaxes(M[..., :n, n:], -1, -2)
+    E[..., n:, :n] = np.swapaxes(E[..., :n, n:], -1, -2)
+    M[..., n:, n:] = form.R
+    E[..., n:, n:] = judged.R
+    return (M + np.swapaxes(M, -1, -2)) / 2, E
+
+
+def judge(judged: Judged, storage: Storage) -> tuple[str, float]:
+    """Empty if the storage function proves the inequality, the jumps and the energy; else what fails, and by how much.
+
+    The number is the largest scaled eigenvalue between samples where that fails, which finer intervals may mend, and
+    infinite where they will not.
+    """
+    b, h = storage.coefficients, storage.lengths[:, None, None, None]
+    steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; raised to a cubic
+    sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
+    slope, size = raised(steps), raised(sizes)
+    worst = negative(*inequality(judged, b, slope, size))
+    if not worst < 0:
+        return f"the inequality does not hold between samples: its largest scaled eigenvalue is {worst:.2g}", worst
+    begins = b[storage.first, 0]
+    ends = b[np.concatenate([storage.first[1:], [b.shape[0]]]) - 1, 3]
+    for i in range(len(judged.form.jumps)):
+        worst = negative(*jump_inequality(judged, i, ends[i - 1], begins[i]))
+        if not worst < 0:
+            return f"the energy may grow at a sample: its largest scaled eigenvalue is {worst:.2g}", np.inf
+    return positive_energy(judged, np.array([begins[0], ends[-1]])), np.inf
+
+
+def jump_inequality(judged: Judged, i: int, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix of what the energy gains at a jump, a block there as one more state, and how far it may be off."""
+    jump, unsure, block, n = judged.form.jumps[i], judged.jumps[i], judged.form.block, before.shape[0]
+    lost, loose = before, np.zeros_like(before)
+    if i == 0 and block is not None and judged.block is not None:
+        jump = np.column_stack([jump, -block.enters])
+        unsure = np.column_stack([unsure, judged.block.enters])
+        lost, loose = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
+        lost[:n, :n], lost[n, n] = before, block.weight
+        lost[:n, n] = lost[n, :n] = -block.seen
+        loose[n, n] = judged.block.weight
+        loose[:n, n] = loose[n, :n] = judged.block.seen
+    wide = np.abs(jump) + unsure
+    off = (2 * n + 4) * EPS * (wide.T @ np.abs(after) @ wide + np.abs(lost)) + loose
+    cross = wide.T @ np.abs(after) @ unsure
+    return jump.T @ after @ jump - lost, off + cross + cross.T
+
+
+def raised(parabola: np.ndarray) -> np.ndarray:
+    """(I, 4, ...) Bernstein coefficients of a parabola as those of a cubic."""
+    first, second, third = parabola[:, 0], parabola[:, 1], parabola[:, 2]
+    return np.stack([first, (first + 2 * second) / 3, (2 * second + third) / 3, third], axis=1)
+
+
+def judge_constant(judged: Judged, P: np.ndarray) -> str:
+    """The same of a loop without jumps and one P for all time."""
+    still = np.zeros_like(P)
+    worst = negative(*inequality(judged, P, still, still))
+    if not worst < 0:
+        return f"the inequality does not hold: its largest scaled eigenvalue is {worst:.2g}"
+    return positive_energy(judged, P[None])
+
+
+def positive_energy(judged: Judged, P: np.ndarray) -> str:
+    """Empty if the stored energy is positive, whatever its states."""
+    n = P.shape[-1]
+    stored = judged.form.stored
+    energy = np.broadcast_to(stored, (*P.shape[:-2], *stored.shape)).copy()
+    energy[..., :n, :n] += P
+    size = np.broadcast_to(judged.stored, energy.shape).copy() + 4 * EPS * np.abs(stored)
+    size[..., :n, :n] += 4 * EPS * np.abs(P)
+    worst = negative(-energy, size)
+    return "" if worst < 0 else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
+
+
+METHOD = "periodic Riccati equation, Bernstein"
+SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
+INTERVALS = (8, 32, 128)
+FINEST = 512
+NEAR = 1e-3  # a failure so small that the finest intervals are worth their time
+
+
+@value(copy=False)
+class Energy:
+    """A stored energy that was judged to prove its inequality: coordinates z = V z~ and P in them.
+
+    Fields
+    ------
+    V : (n, n) ndarray
+    P : (I, 4, n, n) ndarray
+        Bernstein coefficients on each interval; (1, 1, n, n) where nothing is sampled.
+    counts : (S,) integer ndarray
+        Intervals in each span.
+    stored : (n + E, n + E) ndarray
+        What is stored besides, in these coordinates.
+    """
+
+    V: np.ndarray
+    P: np.ndarray
+    counts: np.ndarray
+    stored: np.ndarray
+
+
+def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, Energy | None]:
+    """Empty and the energy, if a storage function was judged to prove the inequality; else what failed last."""
+    judged = in_coordinates(form)
+    failure = "no storage function was found"
+    nearest = NEAR, 0.0, np.zeros(0)
+    for slack in SLACKS:
+        P = proposed_storage(judged.form, slack)
+        if P is None:
+            continue
+        if not form.spans.size:
+            failure = judge_constant(judged, P)
+            if not failure:
+                counts = np.zeros(0, dtype=int)
+                return "", Energy(V=judged.V, P=P[None, None], counts=counts, stored=judged.form.stored)
+            continue
+        for n_intervals in INTERVALS:
+            storage = storage_function(judged.form, P, slack, n_intervals)
+            failure, worst = judge(judged, storage)
+            if not failure:
+                return "", energy_of(judged, storage)
+            if np.isinf(worst) and n_intervals > INTERVALS[0]:  # no solution of this slack: finer will not help
+                break
+        nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
+    worst, slack, P = nearest
+    if worst < NEAR and not quick:
+        storage = storage_function(judged.form, P, slack, FINEST)
+        failure = judge(judged, storage)[0]
+        if not failure:
+            return "", energy_of(judged, storage)
+    return failure, None
+
+
+def energy_of(judged: Judged, storage: Storage) -> Energy:
+    """What is kept of a storage function, symmetric to the bit."""
+    P = storage.coefficients
+    counts = np.diff(np.append(storage.first, P.shape[0]))
+    P = (P + np.swapaxes(P, -1, -2)) / 2
+    return Energy(V=judged.V, P=P, counts=counts, stored=judged.form.stored)

@@ -1,0 +1,8 @@
+"""Files: models, controllers, certificates, gains of controllers, MATLAB.
+
+biquads       second-order sections of a discrete controller, as it runs on its target
+certificates  what was proved, for someone else to prove again
+matlab        MATLAB structs, and a loader beside them
+models        models and controllers as JSON with a schema, exact to the bit
+pid_gains     a PID controller as its gains, and as the lines to type into a programmable controller
+"""

@@ -1,0 +1,167 @@
+"""A discrete controller as second-order sections, the form in which it runs on a target."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import data_warning
+from robust.lti.lti import on_axis, poles, response, timebase, zeros
+from robust.lti.realisation import in_order, paired, state_space
+
+__all__ = ["controller_sections", "polynomials", "roots_and_gain", "told_sections"]
+
+SLOW = 1e-2  # angle of a sample [rad] below which coefficients lose digits to z = 1
+EXACT, EXACT_SLOW = 1e-6, 1e-3
+
+
+def controller_sections(K: Any) -> np.ndarray:
+    """A discrete controller as second-order sections, the form in which it runs on a target.
+
+    Parameters
+    ----------
+    K : control.StateSpace or TransferFunction
+        Discrete controller.
+
+    Returns
+    -------
+    (n, 6) ndarray
+        Rows b0 b1 b2 1 a1 a2, run one after the other: y = b0 u + b1 u[k-1] + ... - a1 y[k-1] - a2 y[k-2].
+
+    Raises
+    ------
+    ValueError
+        A continuous controller, or one whose sections do not reproduce its response: to 1e-6, below 0.01 rad a sample,
+        where coefficients lose digits, to 1e-3.
+
+    Examples
+    --------
+    >>> controller_sections(control.tf([1, -0.5], [1, -0.9], 0.01)).tolist()
+    [[1.0, -0.5, 0.0, 1.0, -0.9, 0.0]]
+    """
+    K = state_space("K", K)
+    dt = timebase(K)
+    if not dt:
+        raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
+    z, p, gain = roots_and_gain(K)
+    sections = chained(z, p, gain)
+    angles = told_at(np.concatenate([z, p]))
+    wanted = response(K, angles / dt)
+    error = np.abs(chain_response(sections, angles) - wanted) / np.maximum(np.abs(wanted), 1e-300)
+    wrong = error / np.where(angles < SLOW, EXACT_SLOW, EXACT)
+    if not wrong.max() < 1:
+        k = int(wrong.argmax())
+        raise ValueError(
+            f"K must be a system whose roots make sections of it, got an error of {error[k]:.2g} at "
+            f"{angles[k] / dt:.3g} rad/s"
+        )
+    return sections
+
+
+def told_sections(K: control.StateSpace) -> dict[str, np.ndarray]:
+    """The sections of a discrete controller of one input and output by name; left out, with a warning, where none hold.
+
+    Its matrices say what it is: a file without sections is whole.
+    """
+    if not K.dt or K.ninputs != 1 or K.noutputs != 1:
+        return {}
+    try:
+        return {"sections": controller_sections(K)}
+    except ValueError as error:
+        data_warning(f"sections were left out of the file, which holds A, B, C and D: {error}")
+        return {}
+
+
+def told_at(roots: np.ndarray) -> np.ndarray:
+    """(W,) angles of a sample [rad] at which a discrete system is told from another: down to its slowest root."""
+    away = np.abs(roots - 1)
+    slowest = np.min(away[away > 1e-12], initial=SLOW)
+    return np.concatenate([np.geomspace(0.1 * slowest, SLOW, 60, endpoint=False), np.geomspace(SLOW, 0.99 * np.pi, 60)])
+
+
+def chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """(W,) response of sections at angles of a sample, from z^-1 - 1, so that nothing is lost near z = 1."""
+    w = np.expm1(-1j * angles)
+    top, bottom = (
+        c[:, :1] + c[:, 1:2] + c[:, 2:] + (c[:, 1:2] + 2 * c[:, 2:]) * w + c[:, 2:] * w**2
+        for c in (sections[:, :3], sections[:, 3:])
+    )
+    return np.asarray(np.prod(top / bottom, axis=0))
+
+
+def slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
+    """As `paired`, but the slowest real root with the fastest: two at z = 1 would cancel twice in one section."""
+    pairs, rest = paired(roots)
+    alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=lambda r: abs(r - 1))
+    pairs = [pair for pair in pairs if pair[0].imag != 0]
+    half = len(alone) // 2
+    pairs += list(zip(alone[:half], alone[::-1][:half], strict=True))
+    return pairs, alone[half : len(alone) - half]
+
+
+def polynomial(roots: tuple[complex, ...]) -> np.ndarray:
+    """Coefficients from the highest power down, their sum, the value at z = 1, as right as numbers allow."""
+    if len(roots) < 2:
+        return np.poly(roots).real
+    last = 1 + np.prod(roots).real  # a number whose last digit both coefficients have
+    at_one = np.prod([1 - r for r in roots]).real
+    return np.array([1.0, at_one - last, last - 1])
+
+
+def chained(z: np.ndarray, p: np.ndarray, gain: float) -> np.ndarray:
+    """(n, 6) sections in z^-1: poles nearest the circle last, each with the zeros nearest to them."""
+    pole_pairs, pole_rest = slow_with_fast(p)
+    zero_pairs, zero_rest = slow_with_fast(z)
+    groups: list[tuple[complex, ...]] = [*pole_pairs, *((r,) for r in pole_rest)]
+    free: list[tuple[complex, ...]] = [*zero_pairs, *((r,) for r in zero_rest)]
+    rows = []
+    for group in sorted(groups, key=lambda g: abs(abs(g[0]) - 1)):
+        mine: tuple[complex, ...] = ()
+        fitting = [zs for zs in free if len(zs) <= len(group)]
+        # pairs of zeros must all find a pair of poles
+        if len(group) == 2 and any(len(zs) == 2 for zs in free):
+            fitting = [zs for zs in fitting if len(zs) == 2]
+        if fitting:
+            mine = min(fitting, key=lambda zs: abs(zs[0] - group[0]))
+            free.remove(mine)
+        top = np.concatenate([np.zeros(len(group) - len(mine)), polynomial(mine) if mine else [1.0]])
+        rows.append([*top, *np.zeros(3 - top.size), *polynomial(group), *np.zeros(2 - len(group))])
+    rows = rows[::-1] or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]]
+    sections = np.array(rows)
+    sections[0, :3] *= gain
+    return sections
+
+
+def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, float]:
+    """Zeros, poles and gain, the gain fitted where the response is neither very large nor very small."""
+    dt = timebase(system)
+    # of a sampled one as they lie beside one, where slow roots are small numbers with digits of their own
+    beside = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
+    z, p = (in_order(roots(beside) + (1.0 if dt else 0.0)) for roots in (zeros, poles))
+    size = np.concatenate([np.abs(np.log(r[r != 0].astype(complex)) / dt if dt else r) for r in (z, p)])
+    centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
+    omega = centre * np.geomspace(0.1, 10, 21)
+    omega = np.minimum(omega, 0.99 * np.pi / dt) if dt else omega
+    s = on_axis(omega, dt)
+    ratio = response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
+    return z, p, float(np.median(ratio.real))
+
+
+def polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
+    """Numerator and denominator by name, highest power first; nothing where numbers cannot hold them.
+
+    A numerator and denominator of order n with all roots beside z = 1 lose n times the digits that lie between.
+    """
+    z, p, gain = roots_and_gain(system)
+    dt = timebase(system)
+    num, den = gain * np.atleast_1d(np.poly(z)).real, np.atleast_1d(np.poly(p)).real
+    size = np.abs(np.concatenate([z - 1, p - 1]) if dt else np.concatenate([z, p]))
+    size = size[size > 1e-12] / (dt or 1.0)
+    ends = (0.1 * size.min(initial=np.inf), 10 * size.max(initial=0.0)) if size.size else (0.1, 10.0)
+    omega = np.geomspace(ends[0], min(ends[1], 0.99 * np.pi / dt) if dt else ends[1], 120)
+    s, wanted = on_axis(omega, dt), response(system, omega)
+    with np.errstate(all="ignore"):
+        error = np.abs(np.polyval(num, s) / np.polyval(den, s) - wanted)
+    return {"num": num, "den": den} if np.all(error <= EXACT_SLOW * np.abs(wanted)) else {}

@@ -1,0 +1,333 @@
+"""Certificates handed on: what a check proved, in a file that someone else can prove again."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import nlfrf
+from nlfrf._base.arguments import counted, shown
+from robust._base.states import FrictionVerdict
+from robust.analysis.proofs import claim_of
+from robust.analysis.report import RobustnessReport
+from robust.friction.classes import AnyFriction, any_maxwell_slip
+from robust.friction.exact.claim import FrictionClaim, read_friction_claim, write_friction_claim
+from robust.friction.exact.verify import verify_friction
+from robust.friction.levels import friction_class, require_si
+from robust.friction.linear_uncertainty import friction_frequency_test
+from robust.friction.plant import SlidingMachine, sliding_machine
+from robust.friction.prove import FrictionProof, machines_of_nominal, matrices_of, prove_friction
+from robust.friction.saturation import SaturatedProof
+from robust.io.models import PathLike, load_controller, load_model
+from robust.lti.realisation import state_space
+from robust.models.sets.model import UncertaintyModel
+from robust.proofs.exact.claim import LoopClaim, Matrices, as_given, differences, read_claim, write_claim
+from robust.proofs.exact.loops import Verification, verify_loop
+
+__all__ = [
+    "certificate_of",
+    "class_from_files",
+    "controller_of",
+    "linear_part_tested",
+    "prove_all",
+    "save_certificate",
+    "save_proofs",
+    "verify_certificate",
+]
+
+
+def certificate_of(report: Path, number: int = 0) -> Path:
+    """The certificate beside a text report, of several proofs by number.
+
+    >>> certificate_of(Path("r.txt")).name, certificate_of(Path("r.txt"), 1).name
+    ('r.certificate.json', 'r.2.certificate.json')
+    """
+    return report.with_suffix(f".{number + 1}.certificate.json" if number else ".certificate.json")
+
+
+def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, path: PathLike) -> None:
+    """Write what was proved as JSON: plant, controller, delay, weights and claim as given, and a digest of it all.
+
+    Parameters
+    ----------
+    report : RobustnessReport, FrictionProof or SaturatedProof
+        Of `check`, `prove_friction` or `prove_saturated`, with a proof in it.
+    path : path
+        File to write.
+
+    Raises
+    ------
+    ValueError
+        A report in which nothing is proved that can be proved again.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Examples
+    --------
+    >>> import tempfile, control, numpy as np
+    >>> from robust import UncertaintyModel, check
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_certificate(check(model, 2.0), f"{folder}/proof.json")
+    ...     print(verify_certificate(f"{folder}/proof.json", model=model, K=2.0))
+    nominal stability: proved, rigorous
+    stable weights: proved, rigorous
+    robust stability: proved, rigorous
+    """
+    proof = report.certificate if isinstance(report, (FrictionProof, SaturatedProof)) else None
+    if proof is not None and proof.claim is not None:
+        write_friction_claim(path, proof.claim, [{"subject": proof.subject, "found by": proof.method}])
+        return
+    found = [c for c in getattr(report, "certificates", ()) if c.holds and isinstance(c.claim, LoopClaim)]
+    if not found:
+        raise ValueError(
+            "report must hold a proof of a single loop, got "
+            + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else shown(report))
+        )
+    claim = replace(
+        found[0].claim,
+        claims=tuple(name for c in found for name in c.claim.claims),
+        scaling=found[-1].claim.scaling,
+    )
+    how = [{"subject": c.subject, "found by": c.method} for c in found]
+    write_claim(path, claim, how)
+
+
+def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time_cap: float = 60.0) -> Verification:
+    """Prove what a certificate file claims again, with outward rounding, and compare it with the model and K one has.
+
+    Parameters
+    ----------
+    path : path
+        A file that `save_certificate`, `robust check` or `robust prove` wrote.
+    model : UncertaintyModel or SlidingMachine, optional
+        What the certificate is said to be about: nominal, weight, form and class are compared number by number; of a
+        machine with friction its linear part.
+    K : control.StateSpace, TransferFunction or float, optional
+        The controller that runs, compared likewise.
+    time_cap : float
+        Seconds after which what is left counts as not verified.
+
+    Returns
+    -------
+    Verification
+        Not verified is a result, not an error: each claim with its reason.
+
+    Raises
+    ------
+    ValueError
+        A file that is no certificate, or one whose digest does not fit: something in it was changed.
+    FileNotFoundError
+        No such file.
+
+    References
+    ----------
+    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Computers, 2017.
+
+    Examples
+    --------
+    >>> verify_certificate("nothing.json")
+    Traceback (most recent call last):
+        ...
+    FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
+    """
+    friction = read_friction_claim(path)
+    if friction is not None:
+        return verified_friction(friction, model, K, time_cap)
+    claim = read_claim(path)
+    wrong = []
+    if model is not None:
+        if not isinstance(model, UncertaintyModel):
+            raise ValueError(f"model must be an UncertaintyModel, got {shown(model)}")
+        mine = claim_of(model, 0.0, None, 0.0)
+        names = differences(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
+        wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
+    if K is not None and differences(claim, replace(claim, controller=given(K)), ("controller",)):
+        wrong.append(("the controller", "not the one of the certificate"))
+    found = verify_loop(claim, time_cap=time_cap)
+    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
+
+
+def given(K: Any) -> Matrices:
+    """The matrices of a controller."""
+    return as_given(state_space("K", K))
+
+
+def verified_friction(claim: FrictionClaim, model: Any, K: Any, time_cap: float) -> Verification:
+    """The claim on a machine with friction, proved again and compared."""
+    wrong = []
+    if model is not None:
+        machine = model if isinstance(model, SlidingMachine) else sliding_machine(getattr(model, "nominal", model))
+        if not same(claim.machine, matrices_of(machine)):
+            wrong.append(("the machine", "not the one of the certificate"))
+    if K is not None and not same(claim.controller, given(K)):
+        wrong.append(("the controller", "not the one of the certificate"))
+    found = verify_friction(claim, time_cap=time_cap)
+    return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
+
+
+def same(mine: Matrices, other: Matrices) -> bool:
+    """Whether two systems are the same, number by number."""
+    parts = all(np.array_equal(getattr(mine, name), getattr(other, name)) for name in "ABCD")
+    return parts and mine.dt == other.dt
+
+
+# ---- What a proof for a machine with friction starts from, read from files: machines, a class, in words where from.
+
+
+def class_from_files(
+    files: Sequence[Path], controller: Path, nominal: Path | None, stiffness: float | None, stiction: float
+) -> tuple[tuple[SlidingMachine, ...], AnyFriction, str]:
+    """From one model and a stiffness [N/m], or from BLAs at three levels or more and perhaps a model at the highest.
+
+    Raises
+    ------
+    ValueError
+        Files that do not make a machine and its friction; each message ends with the command that goes on.
+    """
+    models = [path for path in files if path.suffix.lower() == ".json"]
+    blas = [path for path in files if path not in models]
+    if len(models) == 1 and blas and nominal is None:
+        raise ValueError(
+            f"machine must be one model or BLAs at three levels, got both; {go_on(prove(blas, controller, models[0]))}"
+        )
+    if models:
+        return from_model(models, controller, stiffness, stiction)
+    if len(blas) < 3:
+        fit = f"robust model {quote(blas[-1])} --poles 4 --zeros 2 -o nominal.json"
+        raise ValueError(
+            f"machine must be BLAs at three levels, from sticking to sliding, or one model with the stiffness of the "
+            f"friction, got {counted(len(blas), 'BLA')}; "
+            + go_on(fit, prove(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
+        )
+    measured = [nlfrf.load_bla(path) for path in blas]
+    highest = blas[highest_level(measured)]
+    if nominal is None:
+        fit = f"robust model {quote(highest)} --poles 4 --zeros 2 -o nominal.json"
+        with going_on(
+            "for a machine that is flexible or well damped " + go_on(fit, prove(blas, controller, "nominal.json"))
+        ):
+            found = friction_class(measured, stiction=stiction)
+    else:
+        given = machine_of(nominal, highest, prove(blas, controller, "nominal.json"))
+        with going_on(go_on(prove([nominal], controller, stiffness=stiffness or "NEWTON_PER_METRE"))):
+            found = friction_class(measured, nominal=given, stiction=stiction)
+    friction = found.friction if stiffness is None else any_maxwell_slip(stiffness, stiction)
+    return found.machines, friction, f"{found}\n"
+
+
+def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
+    """The BLA whose friction slips most: it adds no stiffness there, and the least damping.
+
+    Gains at the lowest line within 5 % of each other count as equal, because levels that all slip differ by chance.
+    """
+    gains = [abs(bla.G[0]) for bla in blas]
+    return max(range(len(blas)), key=lambda k: (gains[k] > 0.95 * max(gains), np.abs(blas[k].G).max()))
+
+
+def from_model(
+    models: Sequence[Path], controller: Path, stiffness: float | None, stiction: float
+) -> tuple[tuple[SlidingMachine, ...], AnyFriction, str]:
+    """One model, and the stiffness of its friction, which no model shows."""
+    model = models[0]
+    if len(models) > 1:
+        raise ValueError(
+            f"machine must be one model, got {len(models)}; "
+            + go_on(prove([model], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
+        )
+    if stiffness is None:
+        raise ValueError(
+            f"stiffness must be given with a model [N/m], got none for {model}; "
+            + go_on(prove([model], controller, stiffness="NEWTON_PER_METRE"))
+            + ", or read it from BLAs at three levels: "
+            + prove(["LOW.npz", "MID.npz", "HIGH.npz"], controller, model)
+        )
+    G = machine_of(model, Path("BLA.npz"), prove(["nominal.json"], controller, stiffness=stiffness))
+    machines, description = machines_of_nominal(G)
+    return machines, any_maxwell_slip(stiffness, stiction), f"{description}\n"
+
+
+def machine_of(path: Path, bla: Path, command: str) -> Any:
+    """The nominal of a model in a file, from force to position; a refusal has the command that fits one."""
+    model = load_model(path)
+    if getattr(model, "measured_only", True):
+        fit = f"robust model {quote(bla)} --poles 4 --zeros 2 -o nominal.json"
+        raise ValueError(
+            f"machine must have a parametric nominal of one input and output, got {path} without; {go_on(fit, command)}"
+        )
+    require_si("machine", model.unit)
+    poles = max(2, model.nominal.nstates)
+    fit = f"robust model {quote(bla)} --poles {poles} --zeros {poles - 2} -o nominal.json"
+    with going_on(go_on(fit, command)):
+        machines_of_nominal(model.nominal)
+    return model.nominal
+
+
+def prove(
+    files: Sequence[Path | str],
+    controller: Path,
+    nominal: Path | str | None = None,
+    stiffness: float | str | None = None,
+) -> str:
+    """The command line that proves."""
+    words = ["robust prove", *map(quote, files), quote(controller)]
+    words += [] if nominal is None else ["--nominal", quote(nominal)]
+    return " ".join(words + ([] if stiffness is None else ["--stiffness", f"{stiffness}"]))
+
+
+def quote(path: Path | str) -> str:
+    """A path as a shell takes it."""
+    return shlex.quote(str(path))
+
+
+def go_on(*commands: str) -> str:
+    """The end of a refusal: what to run next."""
+    return "go on with: " + "; ".join(commands)
+
+
+@contextmanager
+def going_on(how: str) -> Iterator[None]:
+    """Add to a refusal the command that goes on."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{error}; {how}") from None
+
+
+def controller_of(path: Path, plant: Path) -> Any:
+    """The controller in a file, which a command makes where it holds none."""
+    with going_on(go_on(f"robust design {quote(plant)} --bandwidth HERTZ --sample-time SECONDS -o K.json")):
+        return load_controller(path)
+
+
+def prove_all(
+    machines: Sequence[SlidingMachine], K: Any, friction: AnyFriction, **options: Any
+) -> tuple[FrictionProof, ...]:
+    """A proof for each machine, the least proved first: what is claimed of a machine has to hold with each damping."""
+    proofs = [prove_friction(machine, K, friction, **options) for machine in machines]
+    worth = (FrictionVerdict.REFUTED, FrictionVerdict.NOT_DECIDED, FrictionVerdict.PROVED)
+    return tuple(sorted(proofs, key=lambda proof: worth.index(proof.verdict)))
+
+
+def linear_part_tested(files: Sequence[Path], nominal: Path | None, K: Any, friction: AnyFriction, delay: float) -> str:
+    """What a frequency test says of the mass and stiffness of BLAs, within two standard deviations; else nothing."""
+    if len(files) == 1 or nominal is not None:
+        return ""
+    found = friction_class([nlfrf.load_bla(path) for path in files], stiction=friction.stiction)
+    errors = {"mass": 2 * found.mass_std, "stiffness": 2 * found.stiffness_std}
+    test = friction_frequency_test(found.machine, K, friction, delay=delay, margin=True, **errors)
+    return f"\n\nTwo standard deviations. {test}"
+
+
+def save_proofs(proofs: Sequence[FrictionProof], out: Path) -> None:
+    """Certificates of those that are proved, beside a result: out.certificate.json, out.2.certificate.json."""
+    proved = [proof for proof in proofs if proof.certificate is not None and proof.certificate.claim is not None]
+    for number, proof in enumerate(proved):
+        save_certificate(proof, certificate_of(out, number))

@@ -1,0 +1,245 @@
+"""Models and controllers for MATLAB: a file of plain structs, and a loader beside it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import control
+import numpy as np
+from scipy.io import savemat
+
+from nlfrf._base.files import Role, path_of, require_writable, signature, write_text, write_whole
+from robust.io.biquads import polynomials, told_sections
+from robust.io.models import CONTROLLER_SCHEMA, MATRIX_SCHEMA, MODEL_SCHEMA, PathLike, controller
+from robust.lti.connections import in_series
+from robust.lti.lti import response, timebase
+from robust.models.sets.coprime import factor_systems
+from robust.models.sets.forms import ELEMENTS, FORMS, INPUT
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.radius import PARTS
+
+__all__ = ["export_matlab"]
+
+
+def export_matlab(content: Any, path: PathLike) -> None:
+    """Write a model or a controller for MATLAB: a ``.mat`` file of plain structs and a ``.m`` file that loads it.
+
+    The loader makes `ss`, `frd` and, for a model, the uncertain plant with `ultidyn` (Robust Control Toolbox).
+
+    Parameters
+    ----------
+    content : UncertaintyModel, MatrixUncertainty, or a controller
+        What to write.
+    path : path
+        The ``.mat`` file; the loader is ``load_<name>.m`` beside it.
+
+    Raises
+    ------
+    ValueError
+        A path that does not end in .mat; a file with the name of the loader that is none.
+    FileNotFoundError
+        A folder that does not exist.
+
+    Warns
+    -----
+    DataWarning
+        A sampled controller whose second-order sections do not hold it to 0.1 %: they are left out, A, B, C and D kept.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> export_matlab(control.tf([1, -0.5], [1, -0.9], 0.01), f"{folder.name}/K.mat")
+    >>> sorted(os.listdir(folder.name))
+    ['K.mat', 'load_K.m']
+    >>> folder.cleanup()
+    """
+    path = path_of(path)
+    if path.suffix != ".mat":
+        raise ValueError(f"path must end in .mat, got {str(path)!r}")
+    name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
+    if isinstance(content, UncertaintyModel):
+        struct, script = model_struct(content), MODEL_LOADER
+    elif isinstance(content, MatrixUncertainty):
+        struct, script = matrix_struct(content), MATRIX_LOADER
+    else:
+        K = controller("content", content)
+        struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **told_sections(K)}, CONTROLLER_LOADER
+    loader = path.with_name(f"load_{name}.m")
+    require_writable(loader, role=Role.DERIVED)  # before the first of two files is there
+
+    def write_mat(beside: Path) -> None:
+        savemat(beside, {"content": struct}, oned_as="column")
+
+    write_whole(path, write_mat)
+    said = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
+    text = re.sub("NAME|'FILE'|FILE", lambda found: said[found[0]], script) + f"% {signature('robust export')}\n"
+    write_text(loader, text, role=Role.DERIVED)
+
+
+def model_struct(model: UncertaintyModel) -> dict[str, Any]:
+    """A model as a struct of numbers and text."""
+    struct = {
+        "kind": MODEL_SCHEMA,
+        "freq": model.omega,
+        "freq_unit": "rad/s",
+        "response": model.at(model.omega),
+        "radius": model.radius,
+        "weight": matlab_system(model.weight),
+        "Ts": timebase(model.weight),
+        "form": model.form,
+        "class": model.perturbation,
+        "confidence": model.confidence,
+        "simultaneous": model.simultaneous,
+        "joint": model.joint,
+        "joint_bla": model.joint_bla,
+        "delay": model.delay,
+        "extrapolation": model.extrapolation,
+        "source": model.source,
+    }
+    struct |= {f"radius_{part}": getattr(model, f"radius_{part}") for part in PARTS}
+    if not model.measured_only:
+        struct["nominal"] = matlab_system(model.nominal)
+    if FORMS[model.form].scaled:
+        struct |= {"W1": matlab_system(model.W1), "W2": matlab_system(model.W2)} | factors(model)
+    return struct
+
+
+def matrix_struct(model: MatrixUncertainty) -> dict[str, Any]:
+    """A model of several inputs and outputs as a struct; weights of "elements" as W (n_y, n_u)."""
+    weights = [matlab_system(weight) for weight in (*model.left, *model.right)]
+    struct = {
+        "kind": MATRIX_SCHEMA,
+        "freq": model.omega,
+        "freq_unit": "rad/s",
+        "nominal": matlab_system(model.nominal),
+        "radius": model.radius,
+        "form": model.form,
+        "class": model.perturbation,
+        "confidence": model.confidence,
+        "simultaneous": model.simultaneous,
+        "joint": model.joint,
+        "joint_bla": model.joint_bla,
+        "extrapolation": model.extrapolation,
+        "source": model.source,
+        "Ts": timebase(model.nominal),
+        "inputs": cells(list(model.inputs)),
+        "outputs": cells(list(model.outputs)),
+    }
+    n = len(model.left)
+    return struct | {"left": cells(weights[:n]), "right": cells(weights[n:])}
+
+
+def cells(things: list[Any]) -> np.ndarray:
+    """A MATLAB cell array, a row."""
+    row = np.empty((1, len(things)), dtype=object)
+    row[0, :] = things
+    return row
+
+
+def factors(model: UncertaintyModel) -> dict[str, Any]:
+    """Normalised coprime factors of the scaled plant: systems, or values on the lines."""
+    if not model.measured_only:
+        return dict(zip("NM", map(matlab_system, factor_systems(in_series(model.nominal, model.shaping))), strict=True))
+    G = model.at(model.omega) * response(model.shaping, model.omega)
+    M = 1 / np.sqrt(1 + np.abs(G) ** 2)
+    return {"N": G * M, "M": M + 0j}
+
+
+def matlab_system(system: control.StateSpace) -> dict[str, Any]:
+    """A system as a struct: A, B, C, D, Ts; of one input and output num and den, where they hold it."""
+    struct: dict[str, Any] = {m: np.asarray(getattr(system, m), dtype=float) for m in "ABCD"}
+    struct["Ts"] = timebase(system)
+    if system.ninputs == system.noutputs == 1:
+        struct |= polynomials(system)
+    return struct
+
+
+MODEL_LOADER = """function [Gu, G, W, model] = NAME(file)
+%NAME  Uncertain plant from FILE (frequencies in rad/s, times in s).
+%   Gu     the uncertain plant: nominal, weight and ultidyn('Delta', [1 1])
+%   G, W   nominal (ss where there is one, else frd) and weight
+%   model  everything that was written, as a struct
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+model = data.content;
+w = model.weight;
+W = ss(w.A, w.B, w.C, w.D, w.Ts);
+if isfield(model, 'nominal')
+    n = model.nominal;
+    G = ss(n.A, n.B, n.C, n.D, n.Ts);
+else
+    G = frd(reshape(model.response, 1, 1, []), model.freq, model.Ts);
+end
+Delta = ultidyn('Delta', [1 + isfield(model, 'W1'), 1]);
+if isfield(model, 'W1')
+    Ws = ss(model.W1.A, model.W1.B, model.W1.C, model.W1.D, model.W1.Ts) ...
+        * ss(model.W2.A, model.W2.B, model.W2.C, model.W2.D, model.W2.Ts);
+    if isstruct(model.N)
+        N = ss(model.N.A, model.N.B, model.N.C, model.N.D, model.N.Ts);
+        M = ss(model.M.A, model.M.B, model.M.C, model.M.D, model.M.Ts);
+    else
+        N = frd(reshape(model.N, 1, 1, []), model.freq, model.Ts);
+        M = frd(reshape(model.M, 1, 1, []), model.freq, model.Ts);
+    end
+end
+switch model.form
+CASES
+end
+end
+""".replace("CASES", "\n".join(f"    case '{form.name}'\n        Gu = {form.matlab};" for form in FORMS.values()))
+MATRIX_LOADER = """function [Gu, G, model] = NAME(file)
+%NAME  Uncertain plant of several inputs and outputs from FILE (frequencies in rad/s, times in s).
+%   Gu     the uncertain plant: nominal, weights and ultidyn
+%   G      nominal, ss
+%   model  everything that was written, as a struct
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+model = data.content;
+make = @(s) ss(s.A, s.B, s.C, s.D, model.Ts);
+G = make(model.nominal);
+ny = size(model.nominal.D, 1);
+nu = size(model.nominal.D, 2);
+W = cellfun(make, model.right, 'UniformOutput', false);
+if strcmp(model.form, ELEMENTS)
+    Gu = G;
+    for i = 1:nu
+        for j = 1:ny
+            row = zeros(ny, 1); row(j) = 1;
+            column = zeros(1, nu); column(i) = 1;
+            Gu = Gu + row * W{(i - 1) * ny + j} * ultidyn(sprintf('Delta%d%d', j, i), [1 1]) * column;
+        end
+    end
+    return
+end
+Wr = blkdiag(W{:});
+V = cellfun(make, model.left, 'UniformOutput', false);
+Wl = blkdiag(V{:});
+Delta = ultidyn('Delta', [size(Wl, 2), size(Wr, 1)]);
+if strcmp(model.form, INPUT)
+    Gu = G * (eye(nu) + Wl * Delta * Wr);
+else
+    Gu = G + Wl * Delta * Wr;
+end
+end
+""".replace("ELEMENTS", f"'{ELEMENTS}'").replace("INPUT", f"'{INPUT}'")
+CONTROLLER_LOADER = """function [K, content] = NAME(file)
+%NAME  Controller from FILE, negative feedback u = K (r - y).
+%   K        ss
+%   content  everything that was written; content.sections for sosfilt where it is discrete
+if nargin < 1
+    file = fullfile(fileparts(mfilename('fullpath')), 'FILE');
+end
+data = load(file);
+content = data.content;
+k = content.K;
+K = ss(k.A, k.B, k.C, k.D, k.Ts);
+end
+"""

@@ -1,0 +1,272 @@
+"""A PID controller as its gains, and as the lines to type into a programmable controller."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import inverse_unit, listed, of_kind, positive
+from nlfrf._base.values import value
+from robust.lti.lti import poles, response, timebase
+from robust.lti.norms import continuous_image
+from robust.lti.realisation import state_space
+
+__all__ = ["PidGains", "pid_gains", "told_gains", "unusual_gains"]
+
+
+INTEGRATOR = 1e-7  # |s| dt, or |s| over the other pole, below which a pole is one at zero
+EXACT = 1e-6
+ROUNDING = 64 * np.finfo(float).eps  # of its terms, below which a gain is none
+
+
+@value
+class PidGains:
+    """Kp + Ki/s + Kd s/(Tf s + 1), and what it is in the ideal form and in samples.
+
+    Fields
+    ------
+    kp, ki, kd : float
+        Gains of the parallel form: unit of u per unit of y, the same per second, the same times seconds.
+    filter_time : float
+        Tf, time constant of the derivative filter [s]; zero where there is no derivative.
+    dt : float
+        Sampling time of the difference equation [s]; 0 where there is none.
+    unit : str
+        Unit of kp, where it is known.
+
+    References
+    ----------
+    Åström & Hägglund, *Advanced PID Control* (2006), 3.
+
+    Examples
+    --------
+    >>> gains = PidGains(kp=2.0, ki=4.0, kd=0.1, filter_time=0.01)
+    >>> gains.integral_time, gains.derivative_time
+    (0.5, 0.05)
+    """
+
+    kp: float
+    ki: float = 0.0
+    kd: float = 0.0
+    filter_time: float = 0.0
+    dt: float = 0.0
+    unit: str = ""
+
+    @property
+    def integral_time(self) -> float:
+        """Ti = Kp/Ki of the ideal form Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) [s]; inf without integral action."""
+        return self.kp / self.ki if self.ki else float("inf")
+
+    @property
+    def derivative_time(self) -> float:
+        """Td = Kd/Kp of the ideal form [s]; nan where kp is zero."""
+        return self.kd / self.kp if self.kp else float("nan")
+
+    @property
+    def has_ideal_form(self) -> bool:
+        """Whether Kp (1 + 1/(Ti s) + Td s/(Tf s + 1)) has positive times: all gains have the sign of kp."""
+        return self.kp != 0 and all(gain * self.kp >= 0 for gain in (self.ki, self.kd))
+
+    def plc_parameters(self) -> list[str]:
+        """What the ideal form is called in the blocks of Siemens and TwinCAT, a line each; nothing where it has none.
+
+        A time of zero switches its part off in each of them. The blocks work in samples of their own: the loop is the
+        one that was checked where their cycle is short against every time.
+
+        References
+        ----------
+        Siemens, *SIMATIC S7-1200, S7-1500 PID control* (A5E35300227), 9.1 (PID_Compact); *Standard software for S7-300
+        and S7-400 PID control* (C79000-G7076-C516) (CONT_C). Beckhoff, *Tc2_ControllerToolbox* (FB_CTRL_PID).
+
+        Examples
+        --------
+        >>> for row in PidGains(kp=2.0, ki=4.0, kd=0.1, filter_time=0.01).plc_parameters():
+        ...     print(row)
+        Siemens PID_Compact: Gain = 2, Ti = 0.5 s, Td = 0.05 s, TdFiltRatio = 0.2, PWeighting = 1, DWeighting = 1
+        Siemens CONT_C: GAIN = 2, TI = 0.5 s, TD = 0.05 s, TM_LAG = 0.01 s
+        TwinCAT FB_CTRL_PID: fKp = 2, tTn = 0.5 s, tTv = 0.05 s, tTd = 0.01 s
+        """
+        if not self.has_ideal_form:
+            return []
+        gain = f"{self.kp:.6g}"
+        integral = f"{self.integral_time if self.ki else 0.0:.6g} s"
+        derivative, lag = f"{self.derivative_time if self.kd else 0.0:.6g} s", f"{self.filter_time:.6g} s"
+        ratio = f"{self.filter_time / self.derivative_time if self.kd else 0.0:.6g}"
+        return [
+            f"Siemens PID_Compact: Gain = {gain}, Ti = {integral}, Td = {derivative}, TdFiltRatio = {ratio}, "
+            "PWeighting = 1, DWeighting = 1",
+            f"Siemens CONT_C: GAIN = {gain}, TI = {integral}, TD = {derivative}, TM_LAG = {lag}",
+            f"TwinCAT FB_CTRL_PID: fKp = {gain}, tTn = {integral}, tTv = {derivative}, tTd = {lag}",
+        ]
+
+    def difference_equation(self) -> list[str]:
+        """Lines that give u[k] from the error e[k] = r[k] - y[k], to be run in this order once a sample.
+
+        Trapezoidal (Tustin), which is the transfer function of the sampled controller exactly. Each part is a state of
+        its own, so that rounded coefficients cost no integral action, and where u is limited i can be held.
+        """
+        if not self.dt:
+            raise ValueError("dt must be given to pid_gains for a difference equation [s], got a continuous controller")
+        rows, terms = [], [f"{self.kp:.10g} e[k]"] if self.kp else []
+        if self.ki:
+            rows.append(f"i[k] = i[k-1] + {self.ki * self.dt / 2:.10g} (e[k] + e[k-1])")
+            terms.append("i[k]")
+        if self.kd:
+            long = 2 * self.filter_time + self.dt
+            keep = (2 * self.filter_time - self.dt) / long
+            rows.append(f"d[k] = {keep:.10g} d[k-1] + {2 * self.kd / long:.10g} (e[k] - e[k-1])")
+            terms.append("d[k]")
+        return [*rows, f"u[k] = {' + '.join(terms) or '0'}"]
+
+    def __str__(self) -> str:
+        per_s, times_s = (f" {self.unit}/s", f" {self.unit} s") if self.unit else ("", "")
+        said = [f"Kp = {self.kp:.6g}{f' {self.unit}' if self.unit else ''}"]
+        said += [f"Ki = {self.ki:.6g}{per_s or ' 1/s'}"] if self.ki else []
+        said += [f"Kd = {self.kd:.6g}{times_s or ' s'}", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
+        form = "Kp" + " + Ki/s" * bool(self.ki) + " + Kd s/(Tf s + 1)" * bool(self.kd)
+        rows = [f"parallel, {form}: {', '.join(said)}"]
+        if self.kp and not self.has_ideal_form:
+            times = [f"Ti = {self.integral_time:.4g} s"] * bool(self.ki) + [
+                f"Td = {self.derivative_time:.4g} s"
+            ] * bool(self.kd)
+            rows.append(f"ideal: none that a PLC takes, as {' and '.join(times)} would be negative times")
+        elif self.kp and (self.ki or self.kd):
+            times = [said[0]]
+            times += [f"Ti = {self.integral_time:.6g} s"] if self.ki else []
+            times += [f"Td = {self.derivative_time:.6g} s", f"Tf = {self.filter_time:.6g} s"] if self.kd else []
+            form = "1" + " + 1/(Ti s)" * bool(self.ki) + " + Td s/(Tf s + 1)" * bool(self.kd)
+            rows.append(f"ideal, Kp ({form}): {', '.join(times)}")
+        elif self.ki or self.kd:
+            rows.append("ideal: none, as Kp is zero")
+        if self.dt:
+            rows.append(f"once a sample, at {1 / self.dt:.6g} Hz, e = r - y: {'; '.join(self.difference_equation())}")
+        return "\n".join(rows)
+
+
+def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> PidGains:
+    """The gains of a controller that is a PID, or a part of one, as they are typed into a drive or a PLC.
+
+    Parameters
+    ----------
+    K : control.StateSpace, TransferFunction or float
+        Controller. The gains of a sampled one are those of the trapezoidal rule (Tustin), which is exact for it.
+    dt : float, optional
+        Sampling time [s] of the difference equation of a continuous K.
+    unit : str
+        Unit of y over u, as `UncertaintyModel.unit` has it: that of Kp is the inverse.
+
+    Returns
+    -------
+    PidGains
+        Printed, it shows the parallel form, the ideal form, and the difference equation. A gain below some 1e-14 of the
+        numbers that hold it (of Kp: Ki dt/2, Kd/Tf and Kd/dt) is lost in K already, and zero here.
+
+    Raises
+    ------
+    ValueError
+        A controller that is no PID: more than one integrator and one stable real pole.
+
+    References
+    ----------
+    Åström & Hägglund, *Advanced PID Control* (2006), 3 and 13.
+
+    Examples
+    --------
+    >>> import robust
+    >>> gains = pid_gains(robust.pid(2.0, 3.0, 0.1, filter_time=0.01, dt=1e-3))
+    >>> [round(gain, 9) for gain in (gains.kp, gains.ki, gains.kd, gains.filter_time)]
+    [2.0, 3.0, 0.1, 0.01]
+    >>> print(pid_gains(robust.pid(2.0, 3.0), dt=0.1))
+    parallel, Kp + Ki/s: Kp = 2, Ki = 3 1/s
+    ideal, Kp (1 + 1/(Ti s)): Kp = 2, Ti = 0.666667 s
+    once a sample, at 10 Hz, e = r - y: i[k] = i[k-1] + 0.15 (e[k] + e[k-1]); u[k] = 2 e[k] + i[k]
+    """
+    of_kind("unit", unit, str)
+    K = state_space("K", K)
+    sampled = timebase(K)
+    integrates, filter_time = parts_of(K, sampled)
+    kp, ki, kd = gains_of(K, sampled, integrates, filter_time)
+    refuse_misfit(K, sampled, kp, ki, kd, filter_time)
+    step = sampled if sampled else 0.0 if dt is None else positive("dt", dt)
+    if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
+        raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
+    return PidGains(
+        kp=kp, ki=ki, kd=kd, filter_time=filter_time if kd else 0.0, dt=step, unit=inverse_unit(unit) if unit else ""
+    )
+
+
+def told_gains(K: Any, unit: str, *, plc: bool = False) -> str:
+    """The gains of a PID, a row each, for the end of a text, also by the names of a PLC; nothing of what is no PID."""
+    with suppress(ValueError):
+        gains = pid_gains(K, unit=unit)
+        return "".join(f"\nPID {row}" for row in [*str(gains).splitlines(), *gains.plc_parameters() * plc])
+    return ""
+
+
+def unusual_gains(K: Any) -> str:
+    """Why no PLC takes the gains of a controller, empty where one does or where it is no PID.
+
+    >>> unusual_gains(control.tf([0.1, -2.0, 30.0], [0.01, 1.0, 0.0]))
+    'the PID has Kp = -2.3, Ki = 30 and Kd = 0.123: no PLC takes gains of different signs'
+    >>> unusual_gains(2.0)
+    ''
+    """
+    with suppress(ValueError):
+        gains = pid_gains(K)
+        named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
+        if len({gain > 0 for gain in named.values() if gain}) > 1:
+            said = listed([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
+            return f"the PID has {said}: no PLC takes gains of different signs"
+    return ""
+
+
+def gains_of(K: control.StateSpace, dt: float, integrates: bool, filter_time: float) -> tuple[float, float, float]:
+    """Kp, Ki and Kd: the value at infinity and the residues at the poles. What is rounding of its own terms is none.
+
+    K = Kp + Kd/Tf + Ki/s - Kd/Tf^2/(s + 1/Tf), in the s of the trapezoidal rule where K is sampled.
+    """
+    unit = 2 / dt if dt else 1.0
+    A, B, C, D = continuous_image(K) if K.nstates else (K.A, K.B, K.C, K.D)
+    p, V = np.linalg.eig(A) if K.nstates else (np.zeros(0), np.zeros((0, 0)))
+    left, right = C @ V, np.linalg.solve(V, B)
+    residues = unit * (left[0] * right[:, 0]).real
+    sure = ROUNDING * unit * (np.abs(C) @ np.abs(V))[0] * (np.abs(np.linalg.inv(V)) @ np.abs(B))[:, 0]
+    residues = np.where(np.abs(residues) > sure, residues, 0.0)
+    slow = np.argsort(np.abs(p))  # the integrator first
+    ki = float(residues[slow[0]]) if integrates else 0.0
+    kd = float(-residues[slow[-1]] * filter_time**2) if filter_time else 0.0
+    # of a sampled one D is the value at z = -1, from that at infinity and the rest
+    terms = abs(K.D[0, 0]) + abs(D[0, 0] - K.D[0, 0]) + (abs(kd) / filter_time if filter_time else 0.0)
+    terms += abs(kd) / dt if dt else 0.0  # a slow filter in a fast clock is told by 1 - z alone
+    kp = float(D[0, 0] - (kd / filter_time if filter_time else 0.0))
+    return kp if abs(kp) > ROUNDING * terms else 0.0, ki, kd
+
+
+def refuse_misfit(K: control.StateSpace, dt: float, kp: float, ki: float, kd: float, filter_time: float) -> None:
+    """Refuse a controller that the gains do not make: one that leaks where an integrator is said to be."""
+    size = 1 / filter_time if filter_time else abs(ki / kp) if kp and ki else 1.0
+    omega = (min(size, 1 / dt) if dt else size) * np.geomspace(1e-3, 1.0, 24)
+    s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
+    wanted = response(K, omega)
+    error = np.abs(kp + ki / s + kd * s / (filter_time * s + 1) - wanted)
+    if not np.all(error <= EXACT * np.abs(wanted)):
+        worst = np.max(error / np.abs(wanted))
+        raise ValueError(f"K must be a PID, got one that differs from the nearest by {worst:.2g} of its size")
+
+
+def parts_of(K: control.StateSpace, dt: float) -> tuple[bool, float]:
+    """Whether a PID integrates, and its filter time [s] (0 without a filter); a refusal of anything else."""
+    p = poles(K).astype(complex)
+    s = 2 / dt * (p - 1) / (p + 1) if dt else p
+    size = np.abs(s)
+    zero = size * dt < INTEGRATOR if dt else size <= INTEGRATOR * np.max(size, initial=0.0)
+    other = s[~zero]
+    if zero.sum() > 1 or other.size > 1 or np.any(other.real >= 0) or np.any(np.abs(other.imag) > 1e-6 * np.abs(other)):
+        raise ValueError(
+            f"K must be a PID (at most one integrator and one stable real pole), got {K.nstates} states with poles "
+            f"{', '.join(f'{root:.4g}' for root in p)}"
+        )
+    return bool(zero.any()), float(-1 / other[0].real) if other.size else 0.0

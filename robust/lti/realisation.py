@@ -1,0 +1,250 @@
+"""Whatever a user calls a system, as one state space."""
+
+from __future__ import annotations
+
+import numbers
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from nlfrf._base.arguments import shown
+from robust.lti.connections import in_series, joined
+from robust.lti.lti import clock_of, constant, poles, refuse_other_clock, response, scaled_states, timebase
+from robust.lti.stability import stable
+
+__all__ = [
+    "frequency_response",
+    "from_roots",
+    "in_order",
+    "least_stable",
+    "multivariable",
+    "over_channels",
+    "paired",
+    "stable_weight",
+    "state_space",
+]
+
+
+def multivariable(name: str, system: Any) -> control.StateSpace:
+    """The system as a state space with any number of inputs and outputs, or a refusal."""
+    if isinstance(system, (numbers.Real, list, tuple, np.ndarray)) and not isinstance(system, bool):
+        system = control.StateSpace([], [], [], gain_matrix(name, system), None)
+    if isinstance(system, control.TransferFunction) and (system.ninputs, system.noutputs) == (1, 1):
+        named = system
+        system = state_space(name, system)
+        system = control.StateSpace(
+            system.A, system.B, system.C, system.D, system.dt, inputs=named.input_labels, outputs=named.output_labels
+        )
+    if not isinstance(system, control.StateSpace):
+        cure = (
+            " Build it from single transfer functions (control.append, control.interconnect)."
+            if isinstance(system, control.TransferFunction)
+            else ""
+        )
+        for part in ("nominal", "G"):  # a model or a fit, where the plant alone is wanted
+            if isinstance(getattr(system, part, None), control.StateSpace):
+                cure = f" Give its {part}."
+        raise ValueError(f"{name} must be a control.StateSpace, got {shown(system)}.{cure}")
+    return complete(name, system)
+
+
+def gain_matrix(name: str, gain: Any) -> np.ndarray:
+    """A constant gain as a matrix, or a refusal."""
+    try:
+        return np.atleast_2d(np.asarray(gain, dtype=float))
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a system, a number or a matrix of numbers, got {shown(gain)}") from None
+
+
+def state_space(name: str, system: Any) -> control.StateSpace:
+    """The system as a single-input single-output state space with its own states kept, or a refusal.
+
+    Transfer functions are realised without cancelling anything: a mode that hides in G K must stay visible to
+    the stability check. A number becomes a constant gain.
+    """
+    if isinstance(system, (numbers.Real, np.ndarray)) and not isinstance(system, bool):
+        gain = np.asarray(system, dtype=float)
+        if gain.size != 1:
+            raise ValueError(f"{name} must have one input and one output, got {shown(system)}")
+        system = control.StateSpace([], [], [], gain.reshape(1, 1), None)
+    if isinstance(system, control.TransferFunction):
+        if (system.ninputs, system.noutputs) != (1, 1):
+            raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+        system = from_polynomials(name, system.num[0][0], system.den[0][0], system.dt)
+    if not isinstance(system, control.StateSpace):
+        raise ValueError(f"{name} must be a control.StateSpace, a TransferFunction or a number, got {shown(system)}")
+    if (system.ninputs, system.noutputs) != (1, 1):
+        raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
+    return complete(name, system)
+
+
+def complete(name: str, system: control.StateSpace) -> control.StateSpace:
+    """A state space that states its sampling time, unless it is a gain, and has finite matrices, or a refusal."""
+    if system.dt is True and system.nstates:
+        raise ValueError(f"{name} must state its sampling time, got dt=True")
+    if system.dt is True:  # a gain that is discrete, at whatever rate: it fits any
+        system = control.StateSpace(system.A, system.B, system.C, system.D, None)
+    for matrix in (system.A, system.B, system.C, system.D):
+        if not np.isfinite(matrix).all():
+            raise ValueError(f"{name} must have finite coefficients, got nan or infinite ones")
+    return system
+
+
+def over_channels(name: str, weight: Any, n: int) -> control.StateSpace:
+    """A weight that takes n signals: one of a single input and output stands for the same on each of them."""
+    weight = multivariable(name, weight)
+    if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
+        return joined([weight] * n, weight.dt)
+    if weight.ninputs != n:
+        raise ValueError(f"{name} must have 1 input, for all channels alike, or {n}, got {weight.ninputs}")
+    return weight
+
+
+def from_polynomials(name: str, num: np.ndarray, den: np.ndarray, dt: Any) -> control.StateSpace:
+    """Controllable canonical form in scaled time, balanced, so that coefficients over many decades survive."""
+    num, den = np.trim_zeros(np.asarray(num, float), "f"), np.trim_zeros(np.asarray(den, float), "f")
+    if den.size == 0 or not (np.isfinite(num).all() and np.isfinite(den).all()):
+        raise ValueError(f"{name} must have finite coefficients and a denominator, got {num} over {den}")
+    if num.size > den.size:
+        raise ValueError(f"{name} must be proper, got degree {num.size - 1} over degree {den.size - 1}")
+    n = den.size - 1
+    num = np.concatenate([np.zeros(n + 1 - num.size), num]) / den[0]
+    den = den / den[0]
+    D = np.array([[num[0]]])
+    if n == 0:
+        return control.StateSpace([], [], [], D, dt)
+    # scale = geometric mean of the roots that are not zero: the polynomial in s / scale has coefficients near one
+    last = np.flatnonzero(den)[-1]
+    scale = abs(den[last]) ** (1 / last) if last else 1.0
+    powers = scale ** -np.arange(1.0, n + 1)
+    tail, head = den[1:] * powers, (num[1:] - num[0] * den[1:]) * powers
+    A = np.zeros((n, n))
+    A[0], A[1:, :-1] = -tail, np.eye(n - 1)
+    B = np.zeros((n, 1))
+    B[0, 0] = 1.0
+    A, B, C = scaled_states(A, B, head[None, :])
+    level = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if np.any(C) else 1.0
+    return control.StateSpace(A * scale, B * level * scale, C / level, D, dt)
+
+
+def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
+    """gain prod (s - zeros) / prod (s - poles), realised as a chain of sections without forming polynomials.
+
+    Both sets are closed under conjugation, with at most as many zeros as poles. Slow poles of a discrete system
+    crowd around z = 1, where polynomial coefficients lose them and sections do not.
+    """
+    zero_pairs, zero_rest = paired(zeros)
+    pole_pairs, pole_rest = paired(poles)
+    chain = [control.StateSpace([], [], [], [[gain]], dt)]
+    for pair in pole_pairs:
+        mine: tuple[complex, ...] = ()
+        if zero_pairs:
+            mine = zero_pairs.pop(0)
+        elif zero_rest and not pole_rest:
+            mine = (zero_rest.pop(),)
+        chain.append(section(mine, pair, dt))
+    if pole_rest:
+        chain.append(section(tuple(zero_rest), (pole_rest[0],), dt))
+    return balanced(in_series(*chain))
+
+
+def balanced(system: control.StateSpace) -> control.StateSpace:
+    """The same with states by powers of two in which B, A and C are alike in size, as polynomials are made from them.
+
+    A zero far outside the band leaves a B of 1e-20 and a C of 1e10, of which SLICOT's `tf` made nothing at all.
+    """
+    if not system.nstates or not (system.B.any() and system.C.any()):
+        return system
+    bordered = np.block([[system.A, system.B], [system.C, np.zeros((1, 1))]])
+    with np.errstate(over="ignore", under="ignore"):
+        _, (weights, _) = matrix_balance(bordered, permute=False, separate=True)
+        units = weights[: system.nstates] / weights[-1]
+        A, B, C = system.A * units / units[:, None], system.B / units[:, None], system.C * units
+    if not all(np.isfinite(matrix).all() for matrix in (A, B, C)):
+        return system
+    return control.StateSpace(A, B, C, system.D, system.dt)
+
+
+def paired(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
+    """Conjugate pairs, then pairs of real roots in order of size; and the real root that is left, if any."""
+    roots = np.asarray(roots, dtype=complex)
+    real = np.abs(roots.imag) <= 1e-12 * np.abs(roots)
+    upper = roots[~real & (roots.imag > 0)]
+    alone = list(np.sort(roots[real].real))
+    pairs: list[tuple[complex, ...]] = [(complex(r), complex(np.conj(r))) for r in upper]
+    rest = [complex(alone.pop(0))] if len(alone) % 2 else []
+    return pairs + [(complex(a), complex(b)) for a, b in zip(alone[::2], alone[1::2], strict=True)], rest
+
+
+def section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
+    """One section with one or two poles and at most as many zeros, leading coefficients one."""
+    if len(poles) == 1:
+        p = poles[0].real
+        if not zeros:
+            return control.StateSpace([[p]], [[1.0]], [[1.0]], [[0.0]], dt)
+        return control.StateSpace([[p]], [[1.0]], [[p - zeros[0].real]], [[1.0]], dt)
+    p1, p2 = poles
+    direct = 1.0 if len(zeros) == 2 else 0.0
+    # numerator = direct (s - p1)(s - p2) + slope (s - p2) + value, value being the numerator at p2
+    slope = {2: lambda: (p1 + p2 - sum(zeros)).real, 1: lambda: 1.0, 0: lambda: 0.0}[len(zeros)]()
+    if p1.imag == 0:
+        value = np.prod([p2 - z for z in zeros]).real if zeros else 1.0
+        A = [[p1.real, 0.0], [1.0, p2.real]]
+        return control.StateSpace(A, [[1.0], [0.0]], [[slope, value]], [[direct]], dt)
+    sigma, w = p1.real, abs(p1.imag)
+    # states (s - sigma)/den and w/den; numerator = direct den + slope (s - sigma) + value
+    if len(zeros) == 2:
+        middle, product = sum(zeros).real / 2, np.prod(zeros).real
+        value = (middle - sigma) ** 2 + (product - middle**2) - w**2
+    else:
+        value = (sigma - zeros[0]).real if zeros else 1.0
+    A = [[sigma, -w], [w, sigma]]
+    return control.StateSpace(A, [[1.0], [0.0]], [[slope, value / w]], [[direct]], dt)
+
+
+def stable_weight(name: str, system: Any, dt: float, n: int = 1) -> control.StateSpace:
+    """A stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
+    w = over_channels(name, system, n) if n > 1 else state_space(name, system)
+    step = timebase(w)
+    if step and not constant(w) and abs(step - dt) > 1e-9 * step:
+        loop = f"{dt:g} s" if dt else "which is continuous"
+        raise ValueError(f"{name} must be continuous or have the sampling time of the loop, {loop}, got {step:g} s")
+    if not stable(w):
+        raise ValueError(f"{name} must be stable, got poles {poles(w)}. Use a slow pole in place of an integrator.")
+    return w
+
+
+def least_stable(system: control.StateSpace) -> complex:
+    """The pole farthest out."""
+    p = poles(system)
+    return complex(p[np.argmax(np.abs(p) if timebase(system) else p.real)])
+
+
+def frequency_response(
+    name: str, plant: Any, omega: np.ndarray, beside: tuple[Any, ...] = ()
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `beside`.
+
+    A system without a dt takes that clock.
+    """
+    if not isinstance(plant, control.FrequencyResponseData):
+        plant = state_space(name, plant)
+    dt = clock_of(*beside)
+    refuse_other_clock(name, plant, "the nominal", dt)
+    if isinstance(plant, control.FrequencyResponseData):
+        if (plant.ninputs, plant.noutputs) != (1, 1):
+            raise ValueError(f"{name} must have one input and one output, got {plant.ninputs} and {plant.noutputs}")
+        return np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata[0, 0], dtype=complex)
+    if plant.dt is None and dt:
+        plant = control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt)
+    return omega, response(plant, omega)
+
+
+def in_order(roots: np.ndarray) -> np.ndarray:
+    """Real roots, then pairs with the upper one first, exactly conjugate."""
+    roots = np.asarray(roots, dtype=complex)
+    real = np.abs(roots.imag) <= 1e-14 * np.abs(roots)
+    upper = roots[~real & (roots.imag > 0)]
+    return np.concatenate([np.sort(roots[real].real) + 0j, np.column_stack([upper, upper.conj()]).ravel()])

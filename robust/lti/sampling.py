@@ -1,0 +1,252 @@
+"""What a controller with a clock sees: plants behind hold and delay, and controllers made discrete."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import expm
+
+from nlfrf._base.arguments import nonnegative, positive
+from robust.lti.connections import in_series, joined
+from robust.lti.lti import poles, response, timebase, zeros
+from robust.lti.norms import to_discrete
+from robust.lti.realisation import from_roots, multivariable, state_space
+
+__all__ = ["delay_samples", "delayed", "discretize", "hold_between", "hold_response", "sampled", "without_pade"]
+
+
+MIRRORED = 1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
+NEAR = 1e-6  # how far two sampling times may be apart that are one
+
+
+def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
+    """What a sampled controller sees of a continuous plant: zero-order hold, computation delay, sampler. Exact.
+
+    The delay [s] need not be a whole number of samples. With delay = d dt + rest, the plant input changes
+    inside the sampling interval from u[k-d-1] to u[k-d] (Åström & Wittenmark, *Computer-Controlled Systems*,
+    3rd ed., 2.3).
+
+    Parameters
+    ----------
+    system : control.StateSpace or TransferFunction
+        Continuous plant, of one or several inputs and outputs.
+    dt : float
+        Sampling time [s] of the controller.
+    delay : float
+        Computation delay [s].
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete, with the sampling time dt.
+
+    Raises
+    ------
+    ValueError
+        A system that is sampled already, a sampling time that is not positive, a negative delay.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 2.3.
+
+    Examples
+    --------
+    >>> plant = sampled(control.ss(control.tf([1], [1, 0])), 0.1)            # an integrator: 0.1/(z - 1)
+    >>> round(float(plant.poles()[0].real), 9), plant.dt
+    (1.0, 0.1)
+    """
+    system = multivariable("system", system)
+    if timebase(system):
+        raise ValueError(f"system must be continuous, got one sampled at {timebase(system):g} s")
+    positive("dt", dt)
+    delay = nonnegative("delay", delay)
+    whole = int(np.floor(delay / dt + 1e-9))
+    rest = max(0.0, delay - whole * dt)
+    rest = 0.0 if rest < 1e-9 * dt else rest
+    A, B, C, D = system.A, system.B, system.C, system.D
+    n, m = B.shape
+
+    def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
+        both = np.zeros((n + m, n + m))
+        both[:n, :n], both[:n, n:] = A, B
+        with np.errstate(all="ignore"):  # judged below
+            both = expm(both * duration)
+        return both[:n, :n], both[:n, n:]
+
+    Phi, _ = held(dt)
+    after, late = held(dt - rest)
+    _, early = held(rest)
+    if not all(np.isfinite(part).all() for part in (Phi, after, late, early)):
+        fastest = np.linalg.eigvals(A).real.max()
+        raise ValueError(
+            f"dt must leave numbers within floating point, got {dt:g} s with a pole at {fastest:.4g} rad/s"
+        )
+    n_memory = whole + (rest > 0)
+    if n_memory == 0:
+        return control.StateSpace(Phi, late, C, D, dt)
+    # states: x, then u[k-1], u[k-2], ..., u[k-n_memory]
+    size = n + n_memory * m
+    Ad, Bd, Cd = np.zeros((size, size)), np.zeros((size, m)), np.zeros((C.shape[0], size))
+    Ad[:n, :n] = Phi
+    Bd[n : n + m] = np.eye(m)
+    Ad[n + m :, n:-m] = np.eye((n_memory - 1) * m)
+    Cd[:, :n] = C
+    newest = late if rest > 0 else held(dt)[1]
+    if whole == 0:
+        Bd[:n] = newest
+    else:
+        Ad[:n, n + (whole - 1) * m : n + whole * m] = newest
+    if rest > 0:
+        Ad[:n, n + whole * m : n + (whole + 1) * m] = after @ early
+    Cd[:, n + (n_memory - 1) * m :] = D
+    return control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt)
+
+
+def delay_samples(name: str, delay: float, dt: float) -> int:
+    """The delay as a whole number of samples, or a refusal."""
+    whole = round(delay / dt)
+    if abs(delay / dt - whole) > 1e-6:
+        raise ValueError(
+            f"{name} must be a whole number of samples of {dt:g} s in discrete time, got {delay:g} s. "
+            "A continuous model takes any delay."
+        )
+    return whole
+
+
+def delayed(system: control.StateSpace, delay: float, *, order: int) -> control.StateSpace:
+    """The system, all its inputs behind a delay [s]: z^-d in discrete time, Padé of that order otherwise."""
+    if delay == 0:
+        return system
+    dt = timebase(system)
+    if dt:
+        whole = delay_samples("delay", delay, dt)
+        if whole == 0:
+            return system
+        one = control.StateSpace(np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt)
+    else:
+        one = pade(delay, order)
+    return in_series(joined([one] * system.ninputs, one.dt), system)
+
+
+def pade(delay: float, order: int) -> control.StateSpace:
+    """All-pass Padé approximation of exp(-s delay) of equal degrees, realised section by section.
+
+    Its poles are the roots of sum_k (2n-k)!/(k! (n-k)!) (s delay)^k; the zeros are their mirror images.
+    """
+    k = np.arange(order + 1)
+    # coefficient ratios c_{k+1}/c_k = (n-k) / ((2n-k)(k+1)), from c_0 = 1: no factorial overflows
+    ratio = (order - k[:-1]) / ((2 * order - k[:-1]) * (k[:-1] + 1.0))
+    roots = np.roots(np.concatenate([[1.0], np.cumprod(ratio)])[::-1]) / delay
+    parts = []
+    for root in roots[roots.imag > 1e-9 * abs(roots)]:
+        wn, damping = abs(root), -2 * root.real
+        A = np.array([[-damping, -wn], [wn, 0.0]])
+        parts.append(control.StateSpace(A, [[1.0], [0.0]], [[-2 * damping, 0.0]], [[1.0]], 0))
+    for root in roots[np.abs(roots.imag) <= 1e-9 * abs(roots)].real:
+        parts.append(control.StateSpace([[root]], [[1.0]], [[-2 * root]], [[-1.0]], 0))
+    return in_series(*parts)
+
+
+def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]:
+    """A continuous system of one input and output without a Padé approximation that is in it, and the delay [s] of it.
+
+    The all-pass factor is found by zeros that mirror poles. It counts as a delay only if its poles are those of the
+    approximation of its order; a system without one is returned as it is.
+
+    >>> late = in_series(pade(5e-4, 4), control.ss(control.tf([1], [1, 4, 80e3])))
+    >>> G, delay = without_pade(late)
+    >>> G.nstates, round(1e3 * delay, 9)
+    (2, 0.5)
+    """
+    p, z = poles(system), zeros(system)
+    distance = np.abs(p[:, None] + z.conj()[None, :]) / np.abs(p)[:, None]
+    mirrored = (distance.min(axis=1, initial=1.0) < MIRRORED) & (p.real < -MIRRORED * np.abs(p))
+    n = int(mirrored.sum())
+    delay = float(np.sum(-2 * (1 / p[mirrored]).real))
+    if not n or not same_roots(p[mirrored], poles(pade(delay, n))):
+        return system, 0.0
+    kept = np.ones(z.size, bool)
+    kept[np.argmin(distance[mirrored], axis=1)] = False
+    far = 1e3j * np.abs(p).max()  # far above every root both behave as gain/s^excess
+    gain = response(system, np.array([far.imag]))[0] * np.prod(far - p) / np.prod(far - z)
+    return from_roots(z[kept], p[~mirrored], float(gain.real * (-1) ** n), 0.0), delay
+
+
+def same_roots(some: np.ndarray, other: np.ndarray) -> bool:
+    """Whether each root has one of the other set beside it."""
+    apart = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
+    return bool(apart.min(axis=1).max() < MIRRORED and np.unique(apart.argmin(axis=1)).size == some.size)
+
+
+def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
+    """A continuous controller for a sampling time, by the bilinear map (Tustin), exact at one frequency if asked.
+
+    Parameters
+    ----------
+    K : control.StateSpace, TransferFunction or float
+        Continuous controller, of one or several inputs and outputs.
+    dt : float
+        Sampling time [s].
+    prewarp : float
+        Frequency [rad/s] at which the response is kept exactly; 0 keeps it at zero frequency.
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete; check it with `check`, which adds hold and delay. Designing on `sampled` is better.
+
+    Raises
+    ------
+    ValueError
+        A controller that is discrete already, a prewarp frequency beyond Nyquist, a pole at 2/dt.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 8.2.
+
+    Examples
+    --------
+    >>> K = discretize(control.tf([1, 2], [1, 0]), 0.1)
+    >>> round(float(K.poles()[0].real), 9), round(float(K.zeros()[0].real), 9)
+    (1.0, 0.818181818)
+    """
+    several = isinstance(K, control.StateSpace) and (K.ninputs, K.noutputs) != (1, 1)
+    K = multivariable("K", K) if several else state_space("K", K)
+    dt, prewarp = positive("dt", dt), nonnegative("prewarp", prewarp)
+    if timebase(K):
+        raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")
+    if prewarp * dt >= np.pi:
+        raise ValueError(f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g} rad/s")
+    scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
+    return control.StateSpace(*to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D), dt)
+
+
+def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:
+    """(W,) response of a zero-order hold of dt [s] followed by a sampler, sin(x)/x exp(-j x) with x = omega dt/2.
+
+    Without what folds down from above the Nyquist frequency, which the line alone does not tell.
+    """
+    x = np.asarray(omega, dtype=float) * dt / 2
+    return np.asarray(np.sinc(x / np.pi) * np.exp(-1j * x))
+
+
+def hold_between(omega: np.ndarray, hold: str, fs: float, dt: float) -> np.ndarray:
+    """(W,) factor from an FRF that was measured with one hold to that of a model of sampling time dt (0: continuous).
+
+    Parameters
+    ----------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    hold : str
+        Of the record: "zoh" (of 1/fs, in the FRF), "band-limited" (none), "unknown" (left as it is).
+    fs : float
+        Sampling frequency of the record [Hz].
+    dt : float
+        Sampling time of the model [s].
+    """
+    if hold == "unknown" or (hold == "zoh" and abs(dt * fs - 1) < NEAR):
+        return np.ones(np.size(omega), dtype=complex)
+    put_in = hold_response(omega, dt) if dt else np.ones(np.size(omega), dtype=complex)
+    return put_in / hold_response(omega, 1 / fs) if hold == "zoh" else put_in

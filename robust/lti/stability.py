@@ -1,0 +1,317 @@
+"""Whether a loop is stable, counted exactly: its poles beyond rounding, and what a delay does to them."""
+
+from __future__ import annotations
+
+import control
+import numpy as np
+from scipy.linalg import eig
+
+from nlfrf._base.values import value
+from robust._base.states import Stability
+from robust.lti.grids import beside_modes, interpolated
+from robust.lti.lti import evened, in_s, poles, response, timebase
+from robust.lti.norms import EPS, crossings
+
+__all__ = [
+    "StabilityResult",
+    "apparent_instability",
+    "certain_poles",
+    "continued",
+    "half_turns",
+    "integrators",
+    "moved_out",
+    "outside",
+    "slope_at_start",
+    "stable",
+    "strong_parts",
+    "unstable_poles",
+    "winding",
+]
+
+
+@value
+class StabilityResult:
+    """Whether a system is stable, and the pole that decides; its text is for people.
+
+    Fields
+    ------
+    state : Stability
+    pole : complex
+        The pole nearest to the stability boundary, or farthest beyond it; nan where none is named.
+    of_loop : bool
+        Whether it is a pole of the nominal loop, of which the text then speaks.
+    without_delay : bool
+        Whether it is a pole of the loop without its delay.
+    at_boundary : bool
+        Whether exact arithmetic found it on the boundary or beyond it, where rounding could not tell.
+    n_unstable : float
+        Unstable poles of a loop with its delay, where those were counted; nan elsewhere.
+    """
+
+    state: Stability
+    pole: complex = complex(np.nan, np.nan)
+    of_loop: bool = False
+    without_delay: bool = False
+    at_boundary: bool = False
+    n_unstable: float = np.nan
+
+    @property
+    def stable(self) -> bool:
+        """Whether every pole is strictly stable, beyond doubt."""
+        return self.state is Stability.STABLE
+
+    @property
+    def unstable(self) -> bool:
+        """Whether a pole is surely not stable."""
+        return self.state is Stability.UNSTABLE
+
+    def __bool__(self) -> bool:
+        raise TypeError("a StabilityResult is neither true nor false: ask for .stable or .unstable")
+
+    def __str__(self) -> str:
+        if self.stable:
+            return f"{self.state}"
+        named = not np.isnan(self.pole)
+        where = (f" at {self.pole:.4g}" if named else "") + (" without its delay" if self.without_delay else "")
+        if self.unstable and not np.isnan(self.n_unstable):
+            what = f"the nominal loop with its delay has {self.n_unstable:g} unstable poles"
+        elif self.unstable:
+            beyond = ", on the stability boundary or beyond it" if self.at_boundary else ""
+            what = f"{'the nominal loop has ' if self.of_loop else ''}a pole{where}{beyond}"
+        elif named:
+            what = f"a pole{' of the nominal loop' if self.of_loop else ''}{where} cannot be told from the stability "
+            what += "boundary"
+        else:
+            what = "with its delay the nominal loop cannot be told from one on the stability boundary"
+        return f"{self.state}: {what}"
+
+
+def moved_out(L: control.StateSpace, delay: float) -> float:
+    """How many poles of 1 + L exp(-s delay) the delay [s] moves out of the left half plane, less those it moves in.
+
+    inf where |L| > 1 at infinite frequency, nan where rounding decides.
+
+    >>> moved_out(control.ss(control.tf([5], [1, 1])), 0.36), moved_out(control.ss(control.tf([5], [1, 1])), 0.37)
+    (0.0, 2.0)
+    """
+    direct = abs(float(L.D[0, 0]))
+    found = crossings((L.A, L.B, L.C, L.D), 1.0)
+    if direct > 1 or found is None:
+        return np.inf if direct > 1 + 1e-9 else np.nan
+    clusters = apart(*found)
+    if not clusters:
+        return 0.0
+    low, high = np.array(clusters).T
+    between = np.concatenate([[low[0] / 2], np.sqrt(high[:-1] * low[1:]), [2 * high[-1]]])
+    above = np.abs(response(L, between)) > 1
+    total = 0.0
+    for k, ends in enumerate(np.column_stack([np.maximum(low, high * 1e-9), high])):
+        turned = (np.angle(response(L, ends)) + np.pi) % (2 * np.pi)
+        passed = np.floor((ends * delay - turned) / (2 * np.pi)) + 1
+        if passed[0] != passed[1]:
+            return np.nan
+        if low[k] > 0:
+            total += 2 * passed[0] * (int(above[k]) - int(above[k + 1]))
+        elif passed[0] > 0:
+            return np.nan
+    return float(total)
+
+
+def apart(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
+    """Intervals in which the crossings lie, those that overlap put together."""
+    out: list[tuple[float, float]] = []
+    for k in np.argsort(omega - moved):
+        low, high = max(0.0, float(omega[k] - moved[k])), float(omega[k] + moved[k])
+        if out and low <= out[-1][1]:
+            out[-1] = (out[-1][0], max(high, out[-1][1]))
+        elif high > 0:
+            out.append((low, high))
+    return out
+
+
+def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
+    """Poles, hidden modes included, and how far rounding may have moved each.
+
+    States that no path leads back to (a weight outside the loop) are looked at apart: their poles are exact.
+    """
+    poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
+    for part in strong_parts(system.A):
+        A = evened(system.A[np.ix_(part, part)])[0]
+        found, left, right = eig(A, left=True, right=True)
+        cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
+        poles.append(found)
+        alone = A.shape[0] == 1
+        moved.append(0.0 * cosine if alone else 100 * EPS * np.linalg.norm(A) / np.maximum(cosine, np.sqrt(EPS)))
+    return np.concatenate(poles), np.concatenate(moved)
+
+
+def strong_parts(A: np.ndarray) -> list[np.ndarray]:
+    """The states of each part of a system all of whose states act on each other, on whatever ways."""
+    reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
+    for _ in range(len(A).bit_length()):  # ways of twice the length each time
+        reach = (reach @ reach > 0).astype(np.float32)
+    first = np.argmax(reach * reach.T, axis=1) if len(A) else np.zeros(0, int)
+    return [np.flatnonzero(first == k) for k in np.unique(first)]
+
+
+def apparent_instability(system: control.StateSpace) -> StabilityResult:
+    """Whether every pole is stable beyond rounding, one is unstable, or rounding leaves it open."""
+    poles, moved = certain_poles(system)
+    excess = np.abs(poles) - 1 if timebase(system) else poles.real
+    if not poles.size or np.all(excess < -moved):
+        return StabilityResult(state=Stability.STABLE)
+    worst = int(np.argmax(excess + moved))
+    state = Stability.UNSTABLE if excess[worst] > moved[worst] else Stability.UNDECIDED
+    return StabilityResult(state=state, pole=complex(poles[worst]))
+
+
+def stable(system: control.StateSpace) -> bool:
+    """Whether every pole lies strictly inside the stability region."""
+    p = poles(system)
+    return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
+
+
+# ---- How often 1 + L winds about zero, counted on the lines of an FRF.
+
+#: Phase that a plant may turn from line to line where |L| is above the second number.
+LARGEST_JUMP, SMALL_LOOP = 2 * np.pi / 3, 0.01
+#: How far the phase of the first line may be from that of the integrators seen there [rad].
+FARTHEST_PHASE = 1.2
+
+
+def unstable_poles(K: control.StateSpace, dt: float) -> int:
+    """Poles of the controller strictly outside the stability region; those on the boundary are integrators."""
+    return int(outside(K, dt).size)
+
+
+def outside(K: control.StateSpace, dt: float) -> np.ndarray:
+    """The poles themselves."""
+    p = poles(K)
+    return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
+
+
+def winding(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
+    """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether the lines resolve it."""
+    n = slope_at_start(omega, G)
+    L = G * response(K, omega)
+    jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
+    large = np.abs(L) > SMALL_LOOP
+    seen = not np.any(jump & (large[1:] | large[:-1])) and clear_of_minus_one(L)
+    seen &= settled_at_start(omega, G, n)
+    # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
+    seen &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
+    seen &= bool(np.all(np.abs(in_s(outside(K, dt), dt)) < omega[-1]))
+    beyond = beside_modes(K, (omega[-1], np.pi / dt if dt else np.inf))  # where the plant is no larger than at the end
+    seen &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
+    omega, G = continued(omega, G, n)
+    more = np.union1d(omega, beside_modes(K, (omega[0], omega[-1])))
+    omega, G = more, interpolated(more, omega, G)
+    F = 1 + G * response(K, omega)
+    turns, clear = half_turns(F, n + integrators(K, dt))
+    return round(float(turns)), bool(clear and seen and resolved(F, np.log(omega)))
+
+
+def clear_of_minus_one(L: np.ndarray) -> bool:
+    """Whether L passes -1 on a side that two lines leave no doubt about, wherever it crosses the negative real axis.
+
+    A mode between two lines takes L along an arc: where the phase falls by d it may reach |L|/cos(d/2) on the way,
+    where it rises (an anti-resonance) it may come down to |L| cos(d/2).
+    """
+    turn = np.angle(L[1:] / L[:-1])
+    before = np.angle(-L[:-1])
+    across = before * (before + turn) < 0
+    arc = np.cos(np.abs(turn) / 2)
+    ends = np.abs(np.array([L[:-1], L[1:]]))
+    outer = ends.max(axis=0) / np.where(turn < 0, np.maximum(arc, 1e-9), 1.0)
+    inner = ends.min(axis=0) * np.where(turn < 0, 1.0, arc)
+    return bool(np.all(~across | (outer < 1) | (inner > 1)))
+
+
+def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
+    """Integrators that an FRF shows over its first lines: its slope there in decades per decade, rounded.
+
+    Where the first lines lie far apart and the slope grows from one to the next, it is less at zero: rounded down.
+    """
+    near = np.flatnonzero(omega <= 1.6 * omega[0])
+    if near.size < 3 and omega.size >= 3:
+        steep, steeper = first_slopes(omega, G)
+        if steeper > steep:
+            return max(0, int(np.floor(steep + 0.1)))
+    near = near if near.size >= 3 else np.arange(min(3, omega.size))
+    if near.size < 2:
+        return 0
+    return max(0, round(-float(np.polyfit(np.log(omega[near]), np.log(np.abs(G[near]) + 1e-300), 1)[0])))
+
+
+def first_slopes(omega: np.ndarray, G: np.ndarray) -> tuple[float, float]:
+    """How steeply |G| falls from the first line to the second and on to the third, in decades per decade."""
+    slopes = -np.diff(np.log(np.abs(G[:3]) + 1e-300)) / np.diff(np.log(omega[:3]))
+    return float(slopes[0]), float(slopes[1])
+
+
+def settled_at_start(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
+    """Whether the first lines let n integrators be told: by a phase near theirs, and by a slope that stays."""
+    if abs(off_phase(G[0], n)) > FARTHEST_PHASE:
+        return False
+    if n == 0 or omega.size < 3 or omega[2] <= 1.6 * omega[0]:
+        return True
+    steep, steeper = first_slopes(omega, G)
+    return abs(steeper - steep) < 0.5
+
+
+def off_phase(first: complex, n: int) -> float:
+    """Phase [rad] of the first line from the nearest that n integrators, of either sign, can have."""
+    away = float(np.angle(first * 1j**n))
+    return away if abs(away) <= np.pi / 2 else float(np.angle(-first * 1j**n))
+
+
+def continued(
+    omega: np.ndarray, G: np.ndarray, n: int, decades: float = 5.0, points: int = 160
+) -> tuple[np.ndarray, np.ndarray]:
+    """An FRF carried on below its first line as n integrators with the gain it has there, for the winding number.
+
+    The controller is known there, and may have its corners there; the phase of the plant goes to the nearest that n
+    integrators can have, in proportion to frequency.
+    """
+    low = omega[0] * np.geomspace(10**-decades, 1, points + 1)[:-1]
+    added = G[0] * (omega[0] / low) ** n * np.exp(1j * off_phase(G[0], n) * (low / omega[0] - 1))
+    return np.concatenate([low, omega]), np.concatenate([added, G])
+
+
+def half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """(...,) half turns of (..., W) curves F = 1 + L about zero from zero to infinite frequency, and whether whole.
+
+    The phase of F turns by pi for each unstable pole that is stabilised, and by pi/2 more for each of the n
+    integrators of L, taken as stable. It is followed from line to line; from the first line it is continued to the
+    axis on which the integrators let F begin, from the last one to the real axis.
+    """
+    steps = np.angle(F[..., 1:] / F[..., :-1])
+    start = F[..., 0] * np.exp(1j * n * np.pi / 2)
+    opening = np.angle(np.where(start.real > 0, start, -start))
+    closing = -np.angle(np.where(F[..., -1].real > 0, F[..., -1], -F[..., -1]))
+    turns = (steps.sum(axis=-1) + opening + closing) / np.pi - n / 2
+    largest = np.abs(steps).max(axis=-1, initial=0.0)
+    whole = np.abs(turns - np.round(turns)) < 0.01
+    return turns, (largest < 2.5) & (np.maximum(np.abs(opening), np.abs(closing)) < 1.0) & whole
+
+
+def integrators(system: control.StateSpace, dt: float) -> int:
+    """Poles at zero frequency."""
+    p = poles(system)
+    return int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
+
+
+def resolved(F: np.ndarray, x: np.ndarray) -> bool:
+    """Whether the polygon through the lines stays further from zero than the curve may bulge between them.
+
+    The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency, and doubled.
+    """
+    if F.size < 4:
+        return False
+    h, chord = np.diff(x), np.diff(F)
+    slope = chord / h
+    bend = 2 * np.abs(np.diff(slope)) / (h[1:] + h[:-1])
+    bend = np.maximum(np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]]))
+    along = np.clip(-(F[:-1] * chord.conj()).real / np.maximum(np.abs(chord) ** 2, 1e-300), 0, 1)
+    distance = np.abs(F[:-1] + along * chord)
+    return bool(np.all(distance > 2 * h**2 / 8 * bend))

@@ -1,0 +1,196 @@
+"""What a fit knows of its own poles, zeros, gain and delay: standard deviations by the sample ML cost.
+
+At the minimum of V = sum |G_k - model_k|^2 / var_k the parameters scatter with the covariance c (J^T J)^-1 / 2, J being
+the slope of the weighted residual, real over imaginary parts, and c the cost that is left over what is expected without
+scatter of the variances: one where the model is right and the variances are known, more where the cost is above its
+expectation. It holds for small deviations, and knows nothing of what the model leaves out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.models.fit.rational import stacked
+
+__all__ = ["FitUncertainty", "estimate_uncertainty", "probability_of_cost", "told_roots"]
+
+
+@value(copy=False)
+class FitUncertainty:
+    """Poles, zeros, gain and delay of a fit with their standard deviations.
+
+    Fields
+    ------
+    poles, zeros : (n,) complex ndarray
+        In the plane of the model: [rad/s], or z.
+    cov_poles, cov_zeros : (n, 2, 2) ndarray
+        Covariance of real and imaginary part of each; a real one has no imaginary part.
+    std_gain : float
+        Standard deviation of the gain in front of zeros and poles, relative to it.
+    std_delay : float
+        Standard deviation of the delay [s]; nan where it was not estimated.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 9.11 (covariance of the sample maximum likelihood estimate).
+
+    Examples
+    --------
+    >>> import control
+    >>> import robust
+    >>> omega = np.linspace(1, 20, 40)
+    >>> G = 1 / (1j * omega + 3) + 1e-3 * np.random.default_rng(0).standard_normal(40)
+    >>> measured = control.FrequencyResponseData(G, omega)
+    >>> fit = robust.fit_nominal(measured, n_poles=1, n_zeros=0, std=np.full(40, 1.4e-3))
+    >>> bool(abs(fit.uncertainty.poles[0] + 3) < 3 * fit.uncertainty.std_poles[0])
+    True
+    """
+
+    poles: np.ndarray
+    zeros: np.ndarray
+    cov_poles: np.ndarray
+    cov_zeros: np.ndarray
+    std_gain: float
+    std_delay: float
+
+    @property
+    def std_poles(self) -> np.ndarray:
+        """(n,) root of E|.|^2 of each pole about its value."""
+        return np.sqrt(np.trace(self.cov_poles, axis1=1, axis2=2))
+
+    @property
+    def std_zeros(self) -> np.ndarray:
+        """(n,) the same of each zero."""
+        return np.sqrt(np.trace(self.cov_zeros, axis1=1, axis2=2))
+
+
+def estimate_uncertainty(
+    s: np.ndarray,
+    omega: np.ndarray,
+    model: np.ndarray,
+    std: np.ndarray,
+    zeros: np.ndarray,
+    poles: np.ndarray,
+    c: float,
+    dt: float,
+    *,
+    free_delay: bool,
+) -> FitUncertainty:
+    """`FitUncertainty` of a fitted model.
+
+    Parameters
+    ----------
+    s : (F,) complex ndarray
+        Points of the fit: j omega, or its bilinear image.
+    omega : (F,) ndarray
+        Lines [rad/s].
+    model : (F,) complex ndarray
+        Response of the model there.
+    std : (F,) ndarray
+        Standard deviation that each line was weighted by.
+    zeros, poles : (n,) complex ndarray
+        Of the rational function in the plane of s, conjugates side by side.
+    c : float
+        Cost over the free numbers that are left.
+    dt : float
+        Sampling time of the model [s].
+    free_delay : bool
+        Whether a delay was fitted too.
+    """
+    columns = [np.ones(s.size, dtype=complex)]  # of ln model: by ln gain, then by every root
+    columns += [-sign * part for sign, roots in ((1, zeros), (-1, poles)) for part in slopes(s, roots)]
+    if free_delay:
+        columns.append(-1j * omega)
+    J = stacked(np.column_stack(columns) * (model / std)[:, None])
+    size = np.linalg.norm(J, axis=0)
+    size[size == 0] = 1.0
+    _, sv, right = np.linalg.svd(J / size, full_matrices=False)
+    sv = np.maximum(sv, 1e-14 * sv[0])  # what the data do not tell at all has a huge standard deviation
+    half = right.T / sv / size[:, None]
+    cov = c / 2 * half @ half.T
+    n_z = zeros.size
+    return FitUncertainty(
+        poles=mapped(poles, dt),
+        zeros=mapped(zeros, dt),
+        cov_poles=blocks(poles, cov[1 + n_z : 1 + n_z + poles.size, 1 + n_z : 1 + n_z + poles.size], dt),
+        cov_zeros=blocks(zeros, cov[1 : 1 + n_z, 1 : 1 + n_z], dt),
+        std_gain=float(np.sqrt(cov[0, 0])),
+        std_delay=float(np.sqrt(cov[-1, -1])) if free_delay else float("nan"),
+    )
+
+
+def slopes(s: np.ndarray, roots: np.ndarray) -> list[np.ndarray]:
+    """1/(s - r) by each real root; by real and imaginary part of a pair, one after the other."""
+    out = []
+    for k, root in enumerate(roots):
+        if root.imag == 0:
+            out.append(1 / (s - root.real))
+        elif root.imag > 0 or k == 0:
+            one, other = 1 / (s - root), 1 / (s - root.conj())
+            out += [one + other, 1j * (one - other)]
+    return out
+
+
+def blocks(roots: np.ndarray, cov: np.ndarray, dt: float) -> np.ndarray:
+    """(n, 2, 2) covariance of real and imaginary part of each root, in the plane of the model."""
+    out, k = np.zeros((roots.size, 2, 2)), 0
+    for i, root in enumerate(roots):
+        if root.imag == 0:
+            out[i, 0, 0] = cov[k, k]
+            k += 1
+        elif root.imag > 0 or i == 0:
+            out[i] = cov[k : k + 2, k : k + 2]
+            k += 2
+        else:
+            out[i] = np.array([[1, -1], [-1, 1]]) * out[i - 1]
+    if dt:
+        slope = dt / (1 - roots * dt / 2) ** 2  # of z = (1 + s dt/2)/(1 - s dt/2)
+        turn = np.array([[slope.real, -slope.imag], [slope.imag, slope.real]]).transpose(2, 0, 1)
+        turn[roots.imag == 0, 1] = 0.0
+        out = turn @ out @ turn.transpose(0, 2, 1)
+    return out
+
+
+def mapped(roots: np.ndarray, dt: float) -> np.ndarray:
+    """Roots in the plane of the model, in the same order."""
+    return (1 + roots * dt / 2) / (1 - roots * dt / 2) if dt else roots
+
+
+def probability_of_cost(cost: float, dof: np.ndarray, n_parameters: int) -> float:
+    """The probability with which scatter alone leaves a cost as large; nan where no variance was given.
+
+    Each |residual|^2 / var is F(2, 2 dof) distributed; their sum has the gamma distribution of the same mean and
+    variance. Lines share the windows their variances are read from: the scatter of those averages out no more than by
+    the number of windows, dof lines each.
+    """
+    if np.isnan(dof).any():
+        return float("nan")
+    from scipy.special import gammaincc
+
+    d = np.maximum(dof, 3.0)
+    left = 1 - n_parameters / (2 * d.size)
+    if left <= 0:
+        return float("nan")
+    mean = float(np.sum(d / (d - 1))) * left
+    own = float(np.sum((d / (d - 1)) ** 2))
+    shared = float(np.sum(np.where(dof > 1e6, 0.0, (d / (d - 1)) ** 2 * np.minimum(d, d.size) / np.maximum(d - 2, 1))))
+    variance = (own + shared) * left
+    return float(gammaincc(mean**2 / variance, mean / variance * cost))
+
+
+def told_roots(known: FitUncertainty | None, discrete: bool) -> str:
+    """Poles and zeros with their standard deviations, a line each kind; a pair once."""
+    if known is None:
+        return ""
+    said = ""
+    unit = "" if discrete else " rad/s"
+    for name, roots, std in (("poles", known.poles, known.std_poles), ("zeros", known.zeros, known.std_zeros)):
+        each = [
+            f"{r.real:.4g}" + (f" ± {abs(r.imag):.4g}j" if r.imag else "") + f" (std {sd:.2g})"
+            for r, sd in zip(roots, std, strict=True)
+            if r.imag >= 0
+        ]
+        said += f"\n  {name}{unit}: {', '.join(each)}" if each else ""
+    said += f"\n  gain: relative std {known.std_gain:.2g}"
+    return said + ("" if np.isnan(known.std_delay) else f"; delay: std {known.std_delay * 1e3:.2g} ms")

@@ -1,0 +1,704 @@
+"""The nominal model: a rational function through a measured FRF, every line weighted by its own variance."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
+
+import control
+import numpy as np
+
+from nlfrf import Bla, Frm
+from nlfrf._base.arguments import integer, nonnegative, of_kind, real_array, shown
+from nlfrf._base.values import value
+from robust.lti.lti import SAME_CLOCK, response
+from robust.lti.realisation import from_roots, in_order
+from robust.lti.sampling import delay_samples, discretize, hold_between
+from robust.models.fit.fit_uncertainty import estimate_uncertainty, probability_of_cost, told_roots
+from robust.models.fit.rational import (
+    Roots,
+    known_factor,
+    numerator,
+    s_points,
+    starting_poles,
+    to_plane,
+    vector_fit,
+    zpk_response,
+)
+from robust.models.fit.refinement import refine
+from robust.models.fit.shared_poles import SharedPoles, fit_shared_poles, improve, rough_fit, tangents, whitening
+
+__all__ = [
+    "MAX_POLES",
+    "OUTSIDE",
+    "DesignWarning",
+    "NominalFit",
+    "as_matrices",
+    "behind_hold",
+    "fit_matrix",
+    "fit_nominal",
+    "frd",
+    "refuse_other_channels",
+    "suspected",
+    "warn_of_fit",
+]
+
+
+# ---- The nominal model of a measured matrix: what is asked for, checked, fitted, and what the fit leaves.
+
+MAX_POLES = 40
+MOST_TRIALS, N_ROUNDS = 41, 12
+SETTLED = 1e-7  # of a turn at the highest line: a delay that moves less stands
+
+
+@value(copy=False)
+class Sought:
+    """What is fitted: where, to what, in which metric, of which kind.
+
+    Fields
+    ------
+    points, omega : (F,) ndarray
+        Of the fit and of the record [rad/s].
+    G : (F, n_y, n_u) complex ndarray
+        The matrix.
+    left, right : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
+        What whitens its error.
+    kind : dict
+        n_poles, rank, direct and stable.
+    """
+
+    points: np.ndarray
+    omega: np.ndarray
+    G: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    kind: dict[str, Any]
+
+    def behind(self, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Arguments of a fit of what is left when the delays (n_u,) of the inputs are taken off."""
+        turn = np.exp(1j * self.omega[:, None] * tau)
+        return self.points, self.G * turn[:, None], self.left, turn.conj()[:, :, None] * self.right
+
+    def fitted(self, tau: np.ndarray, start: SharedPoles | None = None) -> tuple[SharedPoles, float]:
+        """The best model behind given delays, from a start or from scratch, with its cost."""
+        points, G, left, right = self.behind(tau)
+        model = start or fit_shared_poles(points, G, left, right, **self.kind)
+        return improve(points, G, left, right, model, self.kind["direct"], self.kind["stable"])
+
+
+def as_matrices(bla: Any) -> list[Frm]:
+    """The matrices that were given, one or at several levels, of the same inputs and outputs; none of anything else."""
+    many = list(bla) if isinstance(bla, list | tuple) else [bla]
+    if not any(isinstance(one, Frm) for one in many):
+        return []
+    for one in many:
+        of_kind("bla", one, Frm)
+        for name in ("inputs", "outputs"):
+            if getattr(one, name) != getattr(many[0], name):
+                raise ValueError(
+                    f"bla must be matrices of the same {name}, got {', '.join(getattr(many[0], name))} and "
+                    f"{', '.join(getattr(one, name))}"
+                )
+    return many
+
+
+def refuse_other_channels(frm: Frm, known: Any, of: str) -> None:
+    """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
+    for name, letter in (("inputs", "u"), ("outputs", "y")):
+        first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))
+        unnamed = (), tuple(f"{letter}{i + 1}" for i in range(len(second)))
+        if first != second and first not in unnamed and second not in unnamed:
+            raise ValueError(
+                f"bla must be a matrix of the same {name} as {of}, {', '.join(first)}, got {', '.join(second)}"
+            )
+
+
+def fit_matrix(
+    frms: list[Frm], n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
+) -> dict[str, Any]:
+    """The fields of the `NominalFit` of a matrix, measured once or at several levels: one model for all."""
+    frm, omega = frms[0], np.concatenate([one.omega for one in frms])
+    n_poles, rank = integer("n_poles", n_poles, least=0), integer("rank", rank, least=1)
+    estimated = isinstance(delay, str)
+    tau = np.zeros(frm.n_inputs) if estimated else given_delays(delay, frm.n_inputs, dt)
+    if estimated and delay != "estimate":
+        raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {shown(delay)}')
+    if n_poles > MAX_POLES:
+        raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
+    if n_zeros not in (None, n_poles):
+        raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for an Frm, got {n_zeros}")
+    if dt and omega.max() * dt >= np.pi:
+        raise ValueError(
+            f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g} Hz, got dt = {dt:g} s "
+            f"with Nyquist {0.5 / dt:g} Hz"
+        )
+    measured = np.concatenate([one.G for one in frms], axis=2)
+    left, right = (np.concatenate(roots) for roots in zip(*map(whitening, frms), strict=True))
+    sought = Sought(
+        # j omega, or its bilinear image: both kinds of model are fitted in the s plane
+        points=2 / dt * np.tan(omega * dt / 2) if dt else omega,
+        omega=omega,
+        G=np.moveaxis(measured, 2, 0),
+        left=left,
+        right=right,
+        kind={"n_poles": n_poles, "rank": rank, "direct": n_zeros is not None or dt > 0, "stable": stable},
+    )
+    model, tau = estimated_delays(sought, dt) if estimated else (sought.fitted(tau)[0], tau)
+    n_parameters = model.n_parameters + (frm.n_inputs if estimated and not dt else 0)
+    if 2 * measured.size < n_parameters:
+        raise ValueError(f"n_poles must leave at most {2 * measured.size} parameters, got {n_parameters}")
+    response = np.moveaxis(model.response(sought.points), 0, 2) * np.exp(-1j * omega * tau[:, None])
+    residual = measured - response
+    weighted = left @ np.moveaxis(residual, 2, 0) @ right
+    L = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
+    expected = frm.n_outputs * frm.n_inputs * np.sum(L / np.maximum(L - frm.n_outputs, np.finfo(float).tiny))
+    G = model.state_space()
+    return dict(
+        G=discretize(G, dt) if dt else G,
+        delay=float(tau.min()),
+        delays=tau,
+        omega=omega,
+        response=response,
+        residual=residual,
+        std=np.concatenate([np.sqrt(one.entries(one.cov_bound)) for one in frms], axis=2),
+        cost=float(np.sum(np.abs(weighted) ** 2)),
+        expected_cost=float(expected * (1 - n_parameters / (2 * measured.size))),
+        n_parameters=n_parameters,
+        hold=frm.hold if len({one.hold for one in frms}) == 1 else "unknown",
+        inputs=frm.inputs,
+        outputs=frm.outputs,
+    )
+
+
+def given_delays(delay: Any, n_inputs: int, dt: float) -> np.ndarray:
+    """(n_u,) delays [s] from one number for all inputs or one for each; in discrete time whole samples."""
+    if np.ndim(delay) == 0:
+        tau = np.full(n_inputs, nonnegative("delay", delay))
+    else:
+        tau = real_array("delay", delay, ndim=1)
+        if tau.size != n_inputs or np.any(tau < 0):
+            raise ValueError(f"delay must be one number or {n_inputs}, one for each input, none negative, got {tau}")
+    return np.array([delay_samples("delay", float(one), dt) * dt for one in tau]) if dt else tau
+
+
+def estimated_delays(sought: Sought, dt: float) -> tuple[SharedPoles, np.ndarray]:
+    """The model and the delays of the inputs that explain the phases best.
+
+    Each input's column is scanned by itself, then all are refined with the model: a Gauss-Newton step of delays and
+    model together moves the delays, the model follows. In discrete time the samples on both sides are tried in turn.
+    """
+    omega, n_u = sought.omega, sought.G.shape[2]
+    tau = np.array([scanned(sought, i) for i in range(n_u)])
+    model, cost = sought.fitted(tau)
+    for _ in range(N_ROUNDS):
+        step = joint_step(sought, model, tau)
+        for _ in range(6):
+            moved = np.maximum(tau + step, 0.0)
+            there, lower = sought.fitted(moved, model)
+            if lower < cost:
+                break
+            step = step / 4
+        if not lower < cost:
+            break
+        done = np.abs(moved - tau).max() * omega.max() < 2 * np.pi * SETTLED
+        model, cost, tau = there, lower, moved
+        if done:
+            break
+    if not dt:
+        return model, tau
+    samples = np.round(tau / dt)
+    model, cost = sought.fitted(samples * dt, model)
+    for i in range(n_u):
+        for move in (-1, 1):
+            other = samples.copy()
+            other[i] = max(other[i] + move, 0)
+            there, lower = sought.fitted(other * dt, model)
+            if lower < cost:
+                model, cost, samples = there, lower, other
+    return model, samples * dt
+
+
+def scanned(sought: Sought, i: int) -> float:
+    """The delay of one input by rough fits of its column, up to twice what its phase falls by, an eighth turn apart."""
+    G, omega = sought.G[:, :, i : i + 1], sought.omega
+    rises = np.flatnonzero(np.diff(omega) > 0)  # several levels stand one behind the other
+    falls = -np.angle(np.sum(G[rises + 1] * G[rises].conj(), axis=(1, 2))) / np.diff(omega)[rises]
+    size = np.sum(np.abs(G[rises + 1] * G[rises]), axis=(1, 2))
+    longest = max(2 * float(np.sum(falls * size) / np.sum(size)), 2 * np.pi / omega.max())
+    one = replace(sought, G=G, right=np.ones((omega.size, 1, 1)))
+    n = min(int(np.ceil(longest * omega.max() / (2 * np.pi) * 8)) + 1, MOST_TRIALS)
+
+    def cost(tau: float) -> float:
+        """What vector fitting alone leaves."""
+        points, G, left, right = one.behind(np.array([tau]))
+        residual = left @ (G - rough_fit(points, G, left, right, **sought.kind).response(points))
+        return float(np.sum(np.abs(residual) ** 2))
+
+    return float(min(np.linspace(0.0, longest, n), key=cost))
+
+
+def joint_step(sought: Sought, model: SharedPoles, tau: np.ndarray) -> np.ndarray:
+    """(n_u,) by which the delays move in a Gauss-Newton step of delays and model together."""
+    points, G, left, right = sought.behind(tau)
+    turned = 1j * sought.omega[:, None, None] * G  # of each column by its own delay
+    by_delay = np.array([np.where(np.arange(tau.size) == i, turned, 0.0) for i in range(tau.size)])
+    by_model = tangents(points, model, sought.kind["direct"], sought.kind["stable"])
+
+    def whitened(X: np.ndarray) -> np.ndarray:
+        """Errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
+        flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
+        return np.concatenate([flat.real, flat.imag], axis=-1)
+
+    J = whitened(np.concatenate([-by_delay, by_model])).T
+    scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
+    step = np.linalg.lstsq(J / scale, whitened(G - model.response(points)), rcond=1e-12)[0] / scale
+    return np.asarray(step[: tau.size])
+
+
+# ---- ``DesignWarning``, and what is warned of: a fit or a weight that is usable but suspicious.
+
+COSTLY = 10.0  # cost over what scatter alone leaves, from which a fit to one record is suspicious
+OUTSIDE = 1.5  # how far outside the band a pole lies at least to be named
+HARMLESS = 1e-3  # of |G|: scatter below it counts as this much, or an exact record would make any model suspicious
+INTEGRATOR = 1e-6  # of the first line: a pole below it is one at zero
+EXCESSIVE = 10.0  # mean of |weight| over the radius [dB], from which the weight is suspicious
+
+
+class DesignWarning(UserWarning):
+    """A result that is usable but suspicious: the model or the design limits what it means.
+
+    Examples
+    --------
+    >>> issubclass(DesignWarning, UserWarning)  # warnings.simplefilter("error", DesignWarning) stops at each
+    True
+    """
+
+
+def warn_of_fit(
+    G: control.StateSpace, measured: Any, residual: np.ndarray, expected: float, *, one_record: bool
+) -> None:
+    """Warn of a fit that misses what was measured, or that has poles where nothing was measured.
+
+    Parameters
+    ----------
+    G : control.StateSpace
+        The model without its delay.
+    measured : Lines
+        What it was fitted to: omega [rad/s], G and variance var of each line.
+    residual : (F,) complex ndarray
+        What it leaves.
+    expected : float
+        What scatter alone would leave of sum |residual|^2 / var; nan where no variance was given.
+    one_record : bool
+        Whether it is the BLA of one record: misfit is the point of a family of several levels.
+    """
+    omega, var = measured.omega, np.maximum(measured.var, (HARMLESS * np.abs(measured.G)) ** 2)
+    ratio = float(np.sum(np.abs(residual) ** 2 / var)) / expected
+    if one_record and ratio > COSTLY:
+        warnings.warn(
+            f"a nominal model of {G.nstates} poles misses what was measured: its cost is {ratio:.3g} times what "
+            "scatter alone would leave, and the misfit goes into the radius. More poles or a delay: robust orders "
+            "(scan_orders) says what the data ask for",
+            DesignWarning,
+            stacklevel=3,
+        )
+    far = poles_outside(G, omega)
+    if far.size:
+        where = ", ".join(f"{w / 2 / np.pi:.4g}" for w in far)
+        warnings.warn(
+            f"the nominal model has a pole where nothing was measured, at {where} Hz; the band is "
+            f"{omega.min() / 2 / np.pi:.4g} to {omega.max() / 2 / np.pi:.4g} Hz. Take fewer poles, or measure there",
+            DesignWarning,
+            stacklevel=3,
+        )
+
+
+def poles_outside(G: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """Sizes [rad/s] of the poles of a model outside the band of its lines, once a pair; integrators are meant."""
+    p = G.poles()
+    with np.errstate(divide="ignore"):
+        p = np.log(p.astype(complex)) / G.dt if G.dt else p
+    size = np.sort(np.abs(p[p.imag >= 0]))
+    low, high = omega.min(), omega.max()
+    return size[((size < low / OUTSIDE) & (size > INTEGRATOR * low)) | (size > high * OUTSIDE)]
+
+
+def suspected(weight: control.StateSpace, omega: np.ndarray, radius: np.ndarray) -> control.StateSpace:
+    """The weight itself, with a warning where it lies far above its radius, in the mean over the lines [rad/s]."""
+    excess = float(np.mean(20 * np.log10(np.abs(response(weight, omega)) / radius)))
+    if excess > EXCESSIVE:
+        warnings.warn(
+            f"the weight of order {weight.nstates} lies {excess:.1f} dB above the radius in the mean over the measured "
+            f"lines: the set is much larger than what was measured asks for. Give it a higher order",
+            DesignWarning,
+            stacklevel=3,
+        )
+    return weight
+
+
+Measured = TypeVar("Measured", Bla, Frm)
+
+
+@value
+class NominalFit:
+    """A parametric model of a measured FRF, and how well it explains the lines.
+
+    Fields
+    ------
+    G : control.StateSpace
+        The model without its delay, continuous (dt = 0) or discrete.
+    delay, delays : float, (n_u,) ndarray
+        Delay [s] in series with G.
+    omega : (F,) ndarray
+        The lines it was fitted to [rad/s]; those of several records one after the other.
+    response : (F,) complex ndarray, or (n_y, n_u, F)
+        Response of the model there, delay included.
+    residual : (F,) complex ndarray, or (n_y, n_u, F)
+        Measured minus response.
+    std : (F,) ndarray, or (n_y, n_u, F)
+        Standard deviation of each line that the fit was weighted by; nan where no variance was given.
+    cost : float
+        Sum of |residual|^2 / var.
+    expected_cost : float
+        What the cost would be if the model were right and only scatter were left; nan where no variance was
+        given. A cost well above it means undermodelling: `uncertainty` puts what is missing into the radius.
+    n_parameters : int
+        Free real parameters.
+    uncertainty : FitUncertainty
+        Standard deviations of its poles, zeros, gain and delay; None where the fit was not made by `fit_nominal`.
+    p_value : float
+        Probability with which scatter alone leaves a cost as large; nan where no variance was given.
+    hold : str
+        What is known of the hold in the record: "zoh" or "band-limited" where it was accounted for (a continuous model
+        is then the plant without a hold, a discrete one the plant behind a hold of dt), "unknown" where it was not.
+    unit, inputs, outputs : str, tuple of str, tuple of str
+        Unit of the response, where the record says it; of a matrix the names of its channels.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 9 and 11 (cost and its expectation).
+
+    Examples
+    --------
+    >>> omega = np.linspace(1, 20, 30)
+    >>> fit = fit_nominal(control.FrequencyResponseData(1 / (1j * omega + 3), omega), n_poles=1)
+    >>> fit.G.poles().real.round(9).tolist(), bool(np.abs(fit.residual).max() < 1e-9)
+    ([-3.0], True)
+    """
+
+    G: control.StateSpace
+    delay: float
+    omega: np.ndarray
+    response: np.ndarray
+    residual: np.ndarray
+    std: np.ndarray
+    cost: float
+    expected_cost: float
+    n_parameters: int
+    uncertainty: Any = None
+    p_value: float = float("nan")
+    hold: str = "unknown"
+    unit: str = ""
+    delays: np.ndarray | None = None
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        ratio = self.cost / self.expected_cost
+        kind = f"sampled at {1 / self.G.dt:g} Hz" if self.G.dt else "continuous"
+        told = ", ".join(f"{1e3 * tau:.3g}" for tau in np.unique(self.delay if self.delays is None else self.delays))
+        return (
+            f"nominal model: {self.G.nstates} poles, {kind}, delay {told} ms; "
+            f"cost {self.cost:.4g}, {ratio:.3g} times what scatter alone would leave"
+            + ("" if np.isnan(self.p_value) else f" (p = {self.p_value:.2g})")
+            + told_roots(self.uncertainty, bool(self.G.dt))
+        )
+
+
+@value
+class Lines:
+    """Measured lines of one or several records, one after the other: omega, G, variance, dof (F,); their hold."""
+
+    omega: np.ndarray
+    G: np.ndarray
+    var: np.ndarray
+    dof: np.ndarray
+    hold: str = "unknown"
+
+
+def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
+    """The best linear approximation as a python-control FRF, to plot, multiply and compare with models.
+
+    Parameters
+    ----------
+    bla : nlfrf.Bla or nlfrf.Frm
+        A measured BLA, or a matrix of them.
+
+    Returns
+    -------
+    control.FrequencyResponseData
+        Inputs and outputs as measured, at the excited lines [rad/s].
+
+    Raises
+    ------
+    ValueError
+        Anything that is neither a Bla nor an Frm.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
+    >>> measured = frd(nlfrf.identify(record))
+    >>> bool(np.allclose(measured.omega, 2 * np.pi * ms.f))
+    True
+    """
+    if not isinstance(bla, Bla | Frm):
+        raise ValueError(f"bla must be an nlfrf.Bla or nlfrf.Frm, got {shown(bla)}")
+    names = {"inputs": list(bla.inputs), "outputs": list(bla.outputs)} if isinstance(bla, Frm) else {}
+    return control.FrequencyResponseData(bla.G, bla.omega, name="bla", **names)
+
+
+def fit_nominal(
+    bla: Any,
+    *,
+    n_poles: int,
+    n_zeros: int | None = None,
+    delay: float | str | np.ndarray = 0.0,
+    dt: float = 0,
+    stable: bool = True,
+    std: np.ndarray | None = None,
+    rank: int = 1,
+) -> NominalFit:
+    """Fit a transfer function to a measured FRF: the model a controller is designed on.
+
+    Minimises sum |G_k - B/A exp(-j omega_k delay)|^2 / var_k. Vector fitting from two sets of starting poles, then
+    Levenberg-Marquardt over second-order sections in scaled frequency, where every section keeps its digits.
+
+    Parameters
+    ----------
+    bla : nlfrf.Bla, list of them, nlfrf.Frm or control.FrequencyResponseData
+        What was measured. A list, of Frm too, is a plant at several levels or days: one model for all. That of an Frm
+        has poles that all entries share and residues of rank one, n_poles states in all, weighted by the covariance.
+    n_poles : int
+        Number of poles. `scan_orders` helps to choose.
+    n_zeros : int, optional
+        Number of zeros, n_poles - 1 when not given. Of an Frm either none is given, or n_poles for a direct term.
+    delay : float or "estimate"
+        Delay [s] in series; in discrete time a whole number of samples. Of an Frm also (n_u,), one for each input.
+    dt : float
+        0 for a continuous model, otherwise the sampling time [s] of a discrete one.
+    stable : bool
+        Keep every pole strictly stable. Set to False for a plant measured in closed loop that is not.
+    std : (F,) ndarray, optional
+        Standard deviation of each line of a FrequencyResponseData (a Bla brings its own). Without it, lines
+        are weighted by 1/|G| and no cost is expected.
+    rank : int
+        Rank of the residues of an Frm: 2 for the equal modes of a symmetric machine.
+
+    Returns
+    -------
+    NominalFit
+
+    Raises
+    ------
+    ValueError
+        Orders that do not fit each other or the number of lines, a line where G is zero without `std`, a delay that is
+        not a whole number of samples, lines beyond the Nyquist frequency of `dt`.
+
+    References
+    ----------
+    Pintelon & Schoukens, 2nd ed., 9; Gustavsen & Semlyen 1999 (starting values).
+
+    Examples
+    --------
+    >>> omega = np.linspace(1, 100, 60)
+    >>> measured = control.FrequencyResponseData(50**2 / ((1j * omega)**2 + 2j * omega + 50**2), omega)
+    >>> fit = fit_nominal(measured, n_poles=2, n_zeros=0)
+    >>> np.abs(fit.G.poles()).round(9).tolist()
+    [50.0, 50.0]
+    """
+    dt = nonnegative("dt", dt)
+    if frms := as_matrices(bla):
+        return NominalFit(**fit_matrix([behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank))
+    lines = measured_lines(bla, std, dt)
+    orders, n_parameters = checked_orders(lines, n_poles, n_zeros, dt, delay)
+    if isinstance(delay, str):
+        found = estimate_delay(lines, orders, dt, stable)
+    else:
+        delay = nonnegative("delay", delay)
+        found = best_fit(lines, orders, dt, stable, delay_samples("delay", delay, dt) * dt if dt else delay)
+    zeros, poles, gain, tau, _ = found
+    excess = orders[0] - orders[1]
+    model = zpk_response(lines.omega, zeros, poles, gain, tau, dt, excess)
+    residual = lines.G - model
+    cost = float(np.sum(np.abs(residual) ** 2 / lines.var))
+    left = max(lines.omega.size - n_parameters / 2, 0.5)
+    expected = float(np.sum(lines.dof / np.maximum(lines.dof - 1, np.finfo(float).tiny)) * (left / lines.omega.size))
+    free = isinstance(delay, str) and not dt
+    scale = np.fmax(cost, expected) / left
+    s = s_points(lines.omega, dt)
+    G = from_roots(*to_plane(zeros, poles, gain, dt, excess), dt)
+    one_record = isinstance(bla, Bla) or (isinstance(bla, Sequence) and len(bla) == 1)
+    warn_of_fit(G, lines, residual, expected, one_record=one_record)
+    return NominalFit(
+        G=G,
+        delay=float(tau),
+        omega=lines.omega,
+        response=model,
+        residual=residual,
+        std=np.where(np.isnan(lines.dof), np.nan, np.sqrt(lines.var)),
+        cost=cost,
+        expected_cost=expected,
+        n_parameters=n_parameters,
+        uncertainty=estimate_uncertainty(
+            s, lines.omega, model, np.sqrt(lines.var), zeros, poles, scale, dt, free_delay=free
+        ),
+        p_value=probability_of_cost(cost, lines.dof, n_parameters),
+        hold=lines.hold,
+        unit=getattr(bla[0] if isinstance(bla, Sequence) else bla, "unit", ""),
+    )
+
+
+def checked_orders(
+    lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: Any
+) -> tuple[tuple[int, int], int]:
+    """Numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
+    n_poles = integer("n_poles", n_poles, least=0)
+    n_zeros = integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
+    if isinstance(delay, str) and delay != "estimate":
+        raise ValueError(f'delay must be a number [s] or "estimate", got {shown(delay)}')
+    if n_poles > MAX_POLES:
+        raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
+    if n_zeros > n_poles:
+        raise ValueError(f"n_zeros must be at most n_poles = {n_poles}, got {n_zeros}: the model must be proper")
+    n_parameters = n_poles + n_zeros + 1 + (delay == "estimate")
+    if n_parameters > 2 * lines.omega.size:
+        raise ValueError(
+            f"n_poles and n_zeros must leave at most {2 * lines.omega.size} parameters, twice the number of lines, "
+            f"got {n_parameters}"
+        )
+    if dt and lines.omega.max() * dt >= np.pi:
+        raise ValueError(
+            f"dt must put the Nyquist frequency above the last line, {lines.omega.max() / 2 / np.pi:g} Hz, "
+            f"got dt = {dt:g} s with Nyquist {0.5 / dt:g} Hz"
+        )
+    return (n_poles, n_zeros), n_parameters
+
+
+def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
+    """Lines, variances and degrees of freedom behind whatever was given, behind the hold that a model of dt has."""
+    hold = "unknown"
+    if isinstance(bla, control.FrequencyResponseData):
+        if (bla.ninputs, bla.noutputs) != (1, 1):
+            raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
+        if bla.dt and abs(bla.dt - dt) > SAME_CLOCK * bla.dt:
+            raise ValueError(f"dt must be that of bla, a sampled FRF at {bla.dt:g} s, got {dt:g} s")
+        G = np.asarray(bla.frdata[0, 0], dtype=complex)
+        if std is None:
+            if np.any(G) and not np.all(G):
+                at = float(np.asarray(bla.omega)[np.argmin(np.abs(G))])
+                raise ValueError(
+                    f"std must be given where G is zero on a line, where 1/|G| is no weight: at {at:g} rad/s"
+                )
+            var, dof = np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
+        else:
+            var, dof = real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)
+            if var.shape != G.shape or np.any(var <= 0):
+                raise ValueError(f"std must hold one positive number per line ({G.size}), got {shown(std)}")
+        omega = np.asarray(bla.omega, dtype=float)
+    else:
+        many = list(bla) if isinstance(bla, Sequence) else [bla]
+        if not many or not all(isinstance(b, Bla) for b in many):
+            raise ValueError(
+                f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {shown(bla)}"
+            )
+        if std is not None:
+            raise ValueError("std must only be given with a FrequencyResponseData, got it with a Bla")
+        omega = np.concatenate([b.omega for b in many])
+        many = [behind_hold(b, dt) for b in many]
+        G = np.concatenate([b.G for b in many])
+        var = np.concatenate([b.var_bound for b in many])
+        dof = np.concatenate([b.dof for b in many])
+        hold = many[0].hold if len({b.hold for b in many}) == 1 else "unknown"
+    if not (np.isfinite(G).all() and np.any(G)):
+        raise ValueError("bla must hold a finite FRF that is not zero everywhere")
+    if np.any(omega <= 0):
+        raise ValueError(f"bla must hold positive frequencies only, got {omega.min():g} rad/s")
+    # below a millionth of |G| a variance is rounding, and would make its line the only one that counts
+    floor = (1e-6 * np.abs(G)) ** 2 + (1e-9 * np.abs(G).max()) ** 2
+    return Lines(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof), hold=hold)
+
+
+def behind_hold(bla: Measured, dt: float) -> Measured:
+    """The same BLA or matrix as a model of sampling time dt describes it: without a hold (dt = 0), or behind one of dt.
+
+    What the record's hold was is said by `hold`; where nobody said it, nothing is changed.
+    """
+    factor = hold_between(bla.omega, bla.hold, bla.fs, dt)
+    return bla if np.all(factor == 1) else bla.times(factor)
+
+
+def best_fit(
+    lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, *, free_delay: bool = False
+) -> Roots:
+    """The best of the refined fits from three sets of starting poles."""
+    candidates = [started(lines, orders, dt, stable, delay, spacing) for spacing in ("log", "linear", "peaks")]
+    s, excess = s_points(lines.omega, dt), orders[0] - orders[1]
+
+    def factor(tau: float) -> np.ndarray:
+        return known_factor(lines.omega, tau, dt, excess)
+
+    weight, omega = 1 / np.sqrt(lines.var), lines.omega if free_delay else None
+    refined = [refine(s, lines.G, weight, start, factor, omega=omega, stable=stable) for start in candidates]
+    return min(refined, key=lambda roots: roots[4])
+
+
+def started(lines: Lines, orders: tuple[int, int], dt: float, stable: bool, delay: float, spacing: str) -> Roots:
+    """Zeros and poles to refine from: by vector fitting, or poles on the peaks, from which it can be led astray."""
+    n_poles, n_zeros = orders
+    s = s_points(lines.omega, dt)
+    q = known_factor(lines.omega, delay, dt, n_poles - n_zeros)
+    data, weight = lines.G / q, np.abs(q) / np.sqrt(lines.var)
+    low, high = np.abs(s).min(), np.abs(s).max()
+    poles = on_peaks(s, data, n_poles) if spacing == "peaks" else starting_poles(n_poles, low, high, spacing=spacing)
+    if n_poles and spacing != "peaks":
+        # a wild variance ratio stalls the relocation; the refinement works with the true one
+        tame = np.maximum(weight, 1e-3 * weight.max())
+        poles = vector_fit(s, data, tame, poles, stable=stable)
+        poles = np.where(np.abs(poles) < 1e-6 * low, -1e-6 * low, poles)
+    zeros, gain = numerator(s, data, weight, poles, n_zeros)
+    model = zpk_response(lines.omega, zeros, poles, gain, delay, dt, n_poles - n_zeros)
+    return zeros, poles, gain, delay, float(np.sum(np.abs(lines.G - model) ** 2 / lines.var))
+
+
+def on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
+    """(n,) lightly damped poles on the highest peaks, a fifth of their frequency apart or more."""
+    x, size = np.abs(s), np.abs(data)
+    poles: list[complex] = [-np.exp(np.mean(np.log(x)))] if n % 2 else []
+    while len(poles) < n:
+        peak = x[np.argmax(size)]
+        poles += [peak * (-0.05 + 1j), peak * (-0.05 - 1j)]
+        size = np.where(np.abs(x - peak) < 0.2 * peak, size * 1e-6, size)
+    return in_order(np.array(poles))
+
+
+def estimate_delay(lines: Lines, orders: tuple[int, int], dt: float, stable: bool) -> Roots:
+    """The delay that explains the phase best: a scan, then refined together with the rest (continuous time)."""
+    order = np.argsort(lines.omega, kind="stable")
+    phase = np.unwrap(np.angle(lines.G[order]))
+    omega = lines.omega[order]
+    slope = max(0.0, -np.polyfit(omega, phase, 1)[0])
+    longest = max(2 * slope, 2 * np.pi / omega[-1])
+    if dt:
+        trials = np.arange(int(np.ceil(longest / dt)) + 1) * dt
+        trials = trials[:: max(1, trials.size // 60)]
+    else:
+        trials = np.linspace(0.0, longest, 41)
+    costs = np.array([started(lines, orders, dt, stable, tau, "log")[4] for tau in trials])
+    best = trials[np.argsort(costs)[:3]]
+    return min(
+        (best_fit(lines, orders, dt, stable, tau, free_delay=not dt) for tau in best), key=lambda roots: roots[4]
+    )

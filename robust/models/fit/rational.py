@@ -1,0 +1,196 @@
+"""Rational functions through complex frequency data: vector fitting, numerators, Levenberg-Marquardt."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from robust.lti.realisation import in_order
+
+__all__ = [
+    "Roots",
+    "known_factor",
+    "numerator",
+    "partial_fractions",
+    "relocated",
+    "s_points",
+    "stacked",
+    "starting_poles",
+    "to_plane",
+    "vector_fit",
+    "zpk_response",
+]
+
+
+FAR = 1e12  # of the largest frequency: a zero out there is one at infinity
+UNDAMPED = 1e-8  # damping under which a pole counts as one on the axis
+Roots = tuple[np.ndarray, np.ndarray, float, float, float]  # zeros, poles, gain, delay, cost, all in the s plane
+
+
+def vector_fit(
+    s: np.ndarray,
+    data: np.ndarray,
+    weight: np.ndarray,
+    poles: np.ndarray,
+    *,
+    n_iterations: int = 12,
+    stable: bool = True,
+) -> np.ndarray:
+    """Poles of a strictly proper (plus constant) rational function through the data, from starting poles.
+
+    s : (W,) points on the imaginary axis; weight : (W,) multiplies the error; poles : conjugate pairs adjacent,
+    upper one first. Gustavsen & Semlyen, IEEE Trans. Power Delivery 14 (1999).
+    """
+    weight = weight / np.abs(weight).max()
+    best, least = poles, np.inf
+    for _ in range(n_iterations):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            basis = partial_fractions(s, poles)
+        ones = np.ones((s.size, 1))
+        if not np.isfinite(basis).all():  # a pole on a point of the data
+            return best
+        A = np.hstack([basis, ones, -data[:, None] * basis]) * weight[:, None]
+        A, b = stacked(A), stacked(data * weight)
+        scale = np.linalg.norm(A, axis=0)
+        scale[scale == 0] = 1.0
+        A = A / scale
+        # how well these poles do by themselves: on exact data of lower order the next ones may be anywhere
+        linear = A[:, : poles.size + 1]
+        cost = float(np.linalg.norm(b - linear @ np.linalg.lstsq(linear, b, rcond=None)[0]))
+        if cost < least:
+            best, least = poles, cost
+        solution = np.linalg.lstsq(A, b, rcond=None)[0] / scale
+        moved = relocated(poles, solution[poles.size + 1 :])
+        if stable:
+            moved = np.where(moved.real > 0, -moved.conj(), moved)
+        # a pole on the axis would stand on a point of the data, fit that one and no other
+        moved = np.where(
+            np.abs(moved.real) < UNDAMPED * np.abs(moved), moved.imag * 1j - UNDAMPED * np.abs(moved), moved
+        )
+        moved = in_order(moved)
+        done = moved.size == poles.size and np.all(np.abs(moved - poles) < 1e-10 * np.abs(poles).max())
+        poles = moved
+        if done:
+            return poles
+    return best
+
+
+def partial_fractions(s: np.ndarray, poles: np.ndarray) -> np.ndarray:
+    """(W, n) basis 1/(s - p) for real poles, and its two real-coefficient combinations for a pair."""
+    basis = np.empty((s.size, poles.size), dtype=complex)
+    k = 0
+    while k < poles.size:
+        p = poles[k]
+        if p.imag == 0:
+            basis[:, k] = 1 / (s - p)
+            k += 1
+        else:
+            first, second = 1 / (s - p), 1 / (s - p.conjugate())
+            basis[:, k], basis[:, k + 1] = first + second, 1j * (first - second)
+            k += 2
+    return basis
+
+
+def relocated(poles: np.ndarray, residues: np.ndarray) -> np.ndarray:
+    """Zeros of 1 + sum residue/(s - pole): the poles of the next iteration."""
+    n = poles.size
+    A, b = np.zeros((n, n)), np.zeros(n)
+    k = 0
+    while k < n:
+        p = poles[k]
+        if p.imag == 0:
+            A[k, k], b[k] = p.real, 1.0
+            k += 1
+        else:
+            A[k : k + 2, k : k + 2] = [[p.real, p.imag], [-p.imag, p.real]]
+            b[k] = 2.0
+            k += 2
+    return np.linalg.eigvals(A - np.outer(b, residues))
+
+
+def starting_poles(n: int, low: float, high: float, *, spacing: str) -> np.ndarray:
+    """n lightly damped poles over the band [rad/s], one of them real where n is odd."""
+    spread = np.geomspace if spacing == "log" else np.linspace
+    imag = spread(low, high, max(n // 2, 1))[: n // 2]
+    pairs = np.column_stack([-0.01 * imag + 1j * imag, -0.01 * imag - 1j * imag]).ravel()
+    return np.concatenate([[-np.sqrt(low * high) + 0j] * (n % 2), pairs])
+
+
+def numerator(
+    s: np.ndarray, data: np.ndarray, weight: np.ndarray, poles: np.ndarray, n_zeros: int
+) -> tuple[np.ndarray, float]:
+    """Zeros and gain of the best numerator of that degree over given poles.
+
+    The polynomial is written in a basis that is orthonormal on the weighted points (Forsythe), so that any
+    degree keeps its digits; its roots are eigenvalues of the recurrence (a comrade matrix).
+    """
+    over = weight / np.prod(s[:, None] - poles[None, :], axis=1)
+    basis, up = [over / np.linalg.norm(over)], np.zeros(n_zeros + 1)
+    for j in range(n_zeros):
+        column = s * basis[j] + (up[j] * basis[j - 1] if j else 0.0)
+        up[j + 1] = np.linalg.norm(column)
+        basis.append(column / up[j + 1])
+    beta = np.linalg.lstsq(stacked(np.column_stack(basis)), stacked(weight * data), rcond=None)[0]
+    zeros = in_order(roots_of(beta, up))
+    shape = over * np.prod(s[:, None] - zeros[None, :], axis=1)
+    return zeros, float(np.vdot(shape, weight * data).real / np.vdot(shape, shape).real)
+
+
+def roots_of(beta: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Roots of sum beta_j p_j with s p_j = up_{j+1} p_{j+1} - up_j p_{j-1}.
+
+    A pencil: where the last coefficients vanish (data of a lower degree) its roots go to infinity, and the others keep
+    their digits, which they lose when the last row is divided by that coefficient instead.
+    """
+    n = beta.size - 1
+    if n == 0:
+        return np.zeros(0, complex)
+    M, B = np.diag(up[1:n], 1) - np.diag(up[1:n], -1), np.eye(n)
+    size = np.abs(beta).max() or 1.0
+    M[-1] = (beta[-1] * M[-1] - up[n] * beta[:-1]) / size
+    B[-1, -1] = beta[-1] / size
+    unit = up[1:].max()
+    over, under = scipy.linalg.eig(M / unit, B, right=False, homogeneous_eigvals=True)
+    far = np.abs(under) * FAR < np.abs(over)
+    return np.where(far, -FAR, over / np.where(far, 1.0, under)) * unit
+
+
+def stacked(a: np.ndarray) -> np.ndarray:
+    """Real over imaginary parts: least squares over real unknowns."""
+    return np.concatenate([a.real, a.imag])
+
+
+def to_plane(
+    zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float, excess: int
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Zeros, poles and gain in the plane of the model: unchanged, or from s to z = (1 + s dt/2)/(1 - s dt/2)."""
+    if not dt:
+        return zeros, poles, gain
+    z = in_order((1 + zeros * dt / 2) / (1 - zeros * dt / 2))
+    p = in_order((1 + poles * dt / 2) / (1 - poles * dt / 2))
+    # s - a = (2/dt) (z - z_a) / ((z + 1)(1 + z_a)/2 ...): collected, each root contributes (1 - a dt/2) / (dt/2)
+    scale = np.prod((1 - zeros * dt / 2) / (dt / 2)) / np.prod((1 - poles * dt / 2) / (dt / 2))
+    return z, p, float((gain * scale).real * 2.0**excess)
+
+
+def s_points(omega: np.ndarray, dt: float) -> np.ndarray:
+    """j omega, or its bilinear image j 2/dt tan(omega dt/2): both kinds of model are fitted in the s plane."""
+    return 1j * (2 / dt * np.tan(omega * dt / 2) if dt else omega)
+
+
+def known_factor(omega: np.ndarray, delay: float, dt: float, excess: int) -> np.ndarray:
+    """What the fit does not choose: the delay and, in discrete time, the zeros at z = infinity (s = 2/dt)."""
+    q = np.exp(-1j * omega * delay)
+    return q * (1 - s_points(omega, dt) * dt / 2) ** excess if dt else q
+
+
+def zpk_response(
+    omega: np.ndarray, zeros: np.ndarray, poles: np.ndarray, gain: float, delay: float, dt: float, excess: int
+) -> np.ndarray:
+    """(F,) response of the model at the lines."""
+    s = s_points(omega, dt)[:, None]
+    out = gain * known_factor(omega, delay, dt, excess)
+    # pole by zero, so that high orders neither overflow nor underflow
+    for k in range(poles.size):
+        out = out / (s[:, 0] - poles[k]) * ((s[:, 0] - zeros[k]) if k < zeros.size else 1.0)
+    return out

@@ -1,0 +1,397 @@
+"""A rational function through complex data, refined by Levenberg and Marquardt's method."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.realisation import in_order, paired
+from robust.models.fit.rational import Roots, stacked
+
+__all__ = [
+    "Problem",
+    "asymmetric",
+    "log_sections",
+    "polished",
+    "problem_on",
+    "refine",
+    "roots_from",
+    "slope_at_zero",
+    "zeros_and_poles",
+]
+
+
+def refine(
+    s: np.ndarray,
+    data: np.ndarray,
+    weight: np.ndarray,
+    start: Roots,
+    factor: Callable[[float], np.ndarray],
+    *,
+    omega: np.ndarray | None = None,
+    stable: bool = True,
+) -> Roots:
+    """Levenberg-Marquardt on the weighted error, over coefficients of second-order sections in scaled frequency.
+
+    factor(delay) is what multiplies the rational function; the delay itself is refined where omega is given.
+    """
+    zeros, poles, gain, delay, _ = start
+    free_delay = omega is not None
+    unit = float(np.exp(np.mean(np.log(np.abs(s)))))
+    x = s / unit
+    theta = np.concatenate(
+        [[1.0], coefficients(zeros / unit), coefficients(poles / unit, log=stable), [0.0] * free_delay]
+    )
+    n_zero, n_pole = zeros.size, poles.size
+    base = gain * unit ** float(n_zero - n_pole)
+    slope = -1j * omega / omega.max() if omega is not None else x
+    delay_unit = 1 / omega.max() if omega is not None else 0.0
+
+    def model(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
+        out = base * theta[0] * factor(tau)
+        top, d_top = sections(x, theta[1 : 1 + n_zero], n_zero)
+        bottom, d_bottom = sections(x, theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable)
+        for k in range(max(len(top), len(bottom))):
+            out = out * (top[k] if k < len(top) else 1.0) / (bottom[k] if k < len(bottom) else 1.0)
+        relative = [np.full(x.size, 1 / theta[0] if theta[0] else 1.0, dtype=complex), *d_top, *(-d for d in d_bottom)]
+        if free_delay:
+            relative.append(slope)
+        return out, np.column_stack(relative) * out[:, None]
+
+    def error(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        with np.errstate(all="ignore"):
+            out, jacobian = model(theta)
+            e = stacked((data - out) * weight)
+            cost = float(e @ e)
+        return e, stacked(jacobian * weight[:, None]), cost if np.isfinite(cost) else np.inf
+
+    e, J, cost = error(theta)
+    damping = 1e-3
+    for _ in range(80):
+        scale = np.linalg.norm(J, axis=0)
+        scale[~(scale > 0)] = 1.0
+        left, sv, right = np.linalg.svd(J / scale, full_matrices=False)
+        if sv[0] == 0:  # a gain of zero, which no step of roots changes
+            break
+        before = cost
+        for _ in range(12):
+            step = right.T @ (sv / (sv**2 + damping * sv[0] ** 2) * (left.T @ e)) / scale
+            trial = theta + step
+            if free_delay and delay + trial[-1] * delay_unit < 0:
+                trial[-1] = -delay / delay_unit
+            e_new, J_new, cost_new = error(trial)
+            if cost_new < cost and np.isfinite(J_new).all():
+                theta, e, J, cost, damping = trial, e_new, J_new, cost_new, max(damping / 10, 1e-15)
+                break
+            damping *= 6
+        if not cost < before * (1 - 1e-8):
+            break
+    zeros = in_order(roots_from(theta[1 : 1 + n_zero], n_zero) * unit)
+    poles = in_order(roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable) * unit)
+    tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
+    return zeros, poles, base * theta[0] * unit ** float(n_pole - n_zero), tau, cost
+
+
+def coefficients(roots: np.ndarray, *, log: bool = False) -> np.ndarray:
+    """Section coefficients (c1, c0) of s^2 + c1 s + c0 for each pair, then c0 of a single s + c0.
+
+    With log, the logarithms of natural frequency and damping instead: stable whatever their values.
+    """
+    pairs, rest = paired(roots)
+    out: list[float] = []
+    for a, b in pairs:
+        c1, c0 = -(a + b).real, (a * b).real
+        if log:
+            w = np.sqrt(max(c0, 1e-24))
+            out += [np.log(w), np.log(max(c1 / (2 * w), 1e-9))]
+        else:
+            out += [c1, c0]
+    return np.array(out + [np.log(max(-r.real, 1e-12)) if log else -r.real for r in rest])
+
+
+def sections(
+    x: np.ndarray, theta: np.ndarray, n: int, *, log: bool = False
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Value of each section at x, and the relative derivative by each parameter."""
+    out, slopes = [], []
+    for k in range(0, n - n % 2, 2):
+        c1, c0 = (2 * np.exp(theta[k] + theta[k + 1]), np.exp(2 * theta[k])) if log else (theta[k], theta[k + 1])
+        out.append(x * x + c1 * x + c0)
+        if log:
+            slopes += [(c1 * x + 2 * c0) / out[-1], c1 * x / out[-1]]
+        else:
+            slopes += [x / out[-1], 1 / out[-1]]
+    if n % 2:
+        c0 = np.exp(theta[-1]) if log else theta[-1]
+        out.append(x + c0)
+        slopes.append((c0 if log else 1.0) / out[-1])
+    return out, slopes
+
+
+def roots_from(theta: np.ndarray, n: int, *, log: bool = False) -> np.ndarray:
+    """The roots of all sections."""
+    found: list[complex] = []
+    for k in range(0, n - n % 2, 2):
+        c1, c0 = (2 * np.exp(theta[k] + theta[k + 1]), np.exp(2 * theta[k])) if log else (theta[k], theta[k + 1])
+        inner = complex(c1 * c1 / 4 - c0)
+        if inner.real < 0:
+            half = np.sqrt(inner)
+            found += [-c1 / 2 + half, -c1 / 2 - half]
+        else:
+            # the larger root first, the other from their product: no cancellation
+            far = -c1 / 2 - np.copysign(np.sqrt(inner.real), c1)
+            found += [complex(far), complex(c0 / far if far else 0.0)]
+    if n % 2:
+        found.append(complex(-np.exp(theta[-1]) if log else -theta[-1]))
+    roots = np.array(found, dtype=complex)
+    # an exponential underflows to zero, and what is stable has to be strictly so
+    return np.minimum(roots.real, -1e-12) + 1j * roots.imag if log else roots
+
+
+# ---- How far |W| lies above a target, as a function of the roots of W.
+
+
+@value
+class Problem:
+    """Points x (N,) on the imaginary axis, the log target there, at zero and at infinity (-inf: no demand there).
+
+    floor (N,) is the log of the smallest zero damping allowed near each point (poles: a third), share (N,) what a
+    point counts for in the mean.
+    """
+
+    x: np.ndarray
+    target: np.ndarray
+    low: float
+    high: float
+    floor: np.ndarray
+    share: np.ndarray
+    log_x: np.ndarray
+
+    def excess(self, theta: np.ndarray, log_k: float, order: int) -> tuple[np.ndarray, np.ndarray]:
+        """log |W| - target at the points (then zero and infinity, where demanded), and its Jacobian (2n+1, .)."""
+        totals, slopes = log_sections(self.x, theta.reshape(2, order), order)
+        N, ends = self.x.size, 2 * bool(np.isfinite(self.low))
+        J = np.empty((2 * order + 1, N + ends))
+        J[:order, :N], J[-1] = slopes[0], 1.0
+        np.negative(slopes[1], out=J[order:-1, :N])
+        e = np.empty(N + ends)
+        np.subtract(totals[0], totals[1], out=e[:N])
+        e[:N] += log_k - self.target
+        if ends:
+            at_zero = slope_at_zero(order)
+            J[:order, N], J[order:-1, N], J[:-1, N + 1] = at_zero, -at_zero, 0.0
+            e[N:] = log_k + at_zero @ (theta[:order] - theta[order:]) - self.low, log_k - self.high
+        return e, J
+
+    def mean_excess(self, theta: np.ndarray, log_k: float, order: int) -> float:
+        """Mean of log |W| - target over the points."""
+        return float(self.share @ self.excess(theta, log_k, order)[0][: self.x.size])
+
+    def clipped(self, theta: np.ndarray, order: int) -> np.ndarray:
+        """Sections kept near the band, zeros too broad to hide between two points."""
+        theta = theta.copy()
+        # far outside the band a corner is free to go anywhere, and would
+        reach = 2.0 if np.isfinite(self.low) else 7.0
+        low, high = self.log_x[0] - reach, self.log_x[-1] + reach
+        m = order - order % 2
+        for start, zeros in ((0, True), (order, False)):
+            w, zeta = slice(start, start + m, 2), slice(start + 1, start + m, 2)
+            theta[w] = np.minimum(np.maximum(theta[w], low), high)
+            least = np.interp(theta[w], self.log_x, self.floor) - (0.0 if zeros else 1.2)
+            theta[zeta] = np.minimum(np.maximum(theta[zeta], least), 5.0)
+            if order % 2:
+                theta[start + order - 1] = min(max(theta[start + order - 1], low), high)
+        return theta
+
+    def coarse(self, most: int) -> Problem:
+        """The same demand on fewer points: both ends of each group, with the highest target of the group."""
+        if self.x.size <= 1.2 * most:
+            return self
+        # groups evenly over the index, over log frequency (lines of a multisine crowd at the top of the band), and over
+        # the ups and downs of the target, its line-to-line scatter smoothed away
+        width = max(1, self.x.size // 150)
+        smooth = np.convolve(np.pad(self.target, width, mode="edge"), np.ones(width) / width, mode="same")[width:-width]
+        steps = [np.ones(self.x.size - 1), np.diff(self.log_x), np.sqrt(np.abs(np.diff(smooth)) + 1e-12)]
+        travelled = np.concatenate([[0.0], np.cumsum(sum(step / step.sum() for step in steps))])
+        edges = np.searchsorted(travelled, np.linspace(0, travelled[-1], most // 2 + 1)[1:-1])
+        edges = np.unique(np.concatenate([[0], edges, [self.x.size]]))
+        pick = np.unique(np.concatenate([edges[:-1], edges[1:] - 1]))
+        group = np.searchsorted(edges, pick, side="right") - 1
+        share = np.add.reduceat(self.share, edges[:-1])[group] / np.bincount(group)[group]
+        return Problem(
+            x=self.x[pick],
+            target=np.maximum.reduceat(self.target, edges[:-1])[group],
+            low=self.low,
+            high=self.high,
+            floor=np.maximum(self.floor[pick], floor_of(self.log_x[pick])),
+            share=share,
+            log_x=self.log_x[pick],
+        )
+
+    def thinned(self, most: int) -> Problem:
+        """Every so-manieth point, as it is."""
+        step = max(1, self.x.size // most)
+        return Problem(
+            x=self.x[::step],
+            target=self.target[::step],
+            low=self.low,
+            high=self.high,
+            floor=self.floor[::step],
+            share=np.full(self.x[::step].size, 1 / self.x[::step].size),
+            log_x=self.log_x[::step],
+        )
+
+
+def problem_on(x: np.ndarray, target: np.ndarray, *, ends: bool, free: bool = False) -> Problem:
+    """The demand on all points; with `ends` also at zero and infinity; `free` lets zeros hide between points."""
+    log_x = np.log(x)
+    return Problem(
+        x=x,
+        target=target,
+        low=target[0] if ends else -np.inf,
+        high=target[-1] if ends else -np.inf,
+        floor=np.full(x.size, -16.0) if free else floor_of(log_x),
+        share=np.full(x.size, 1 / x.size),
+        log_x=log_x,
+    )
+
+
+def floor_of(log_x: np.ndarray) -> np.ndarray:
+    """Log of a damping broad enough to leave no notch, and no unseen peak, between two points."""
+    return np.log(np.clip(np.gradient(log_x), 1e-6, 0.5))
+
+
+def log_sections(x: np.ndarray, theta: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sums (..., N) of log |section(j x)| for parameters (..., n), and their Jacobians (..., n, N)."""
+    m = n - n % 2
+    shape = theta.shape[:-1]
+    total, slopes = np.zeros((*shape, x.size)), np.empty((*shape, n, x.size))
+    x2 = x * x
+    if m:
+        log_w, log_zeta = theta[..., :m:2, None], theta[..., 1:m:2, None]
+        w2, damping = np.exp(2 * log_w), 4 * np.exp(2 * (log_w + log_zeta)) * x2
+        gap = w2 - x2
+        square = gap * gap + damping
+        total = 0.5 * np.add.reduce(np.log(square), axis=-2)
+        by_zeta = np.divide(damping, square, out=slopes[..., 1:m:2, :])
+        slopes[..., :m:2, :] = 2 * w2 * gap / square + by_zeta
+    if n % 2:
+        w2 = np.exp(2 * theta[..., -1:])
+        square = w2 + x2
+        total = total + 0.5 * np.log(square)
+        slopes[..., -1, :] = w2 / square
+    return total, slopes
+
+
+def slope_at_zero(n: int) -> np.ndarray:
+    """Derivative of the log gain of the sections at zero frequency by their parameters."""
+    return np.array([2.0, 0.0] * (n // 2) + [1.0] * (n % 2))
+
+
+def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Roots behind the parameters."""
+    return (
+        in_order(roots_from(theta[:order], order, log=True)),
+        in_order(roots_from(theta[order:], order, log=True)),
+    )
+
+
+# ---- Newton steps on the roots of a weight, towards the least excess over a target.
+
+# excess -> value, first and second derivative
+Objective = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
+
+
+def descended(
+    problem: Problem, theta: np.ndarray, log_k: float, order: int, objective: Objective, n_iterations: int, small: float
+) -> tuple[np.ndarray, float]:
+    """Newton's method with the exact Hessian, its negative curvatures turned around, damped until it descends."""
+    e, J = problem.excess(theta, log_k, order)
+    value, first, second = objective(e)
+    damping = 1e-3
+    for _ in range(n_iterations):
+        H = (second * J) @ J.T
+        H[:-1, :-1] += curvature(problem, theta, order, first, J)
+        sizes, axes = np.linalg.eigh(H)
+        slope = axes.T @ (J @ first)
+        before = value
+        for _ in range(10):
+            step = -axes @ (slope / (np.abs(sizes) + damping * np.abs(sizes).max()))
+            step *= min(1.0, 1.5 / np.abs(step[:-1]).max(initial=1e-300))
+            trial = problem.clipped(theta + step[:-1], order)
+            e_new, J_new = problem.excess(trial, log_k + step[-1], order)
+            value_new, first_new, second_new = objective(e_new)
+            if value_new < value:
+                theta, log_k, e, J = trial, log_k + step[-1], e_new, J_new
+                value, first, second = value_new, first_new, second_new
+                damping = max(damping / 10, 1e-12)
+                break
+            damping = min(max(damping * 10, 1e-8), 1e6)
+        if not value < before - small:
+            break
+    return theta, log_k
+
+
+def curvature(problem: Problem, theta: np.ndarray, order: int, first: np.ndarray, J: np.ndarray) -> np.ndarray:
+    """Hessian (2n, 2n) of sum first * excess by the parameters: a block for each section, from the Jacobian there."""
+    N, m = problem.x.size, order - order % 2
+    c, slopes = first[:N], J[:-1, :N].reshape(2, order, N)
+    sign = np.array([[1.0], [-1.0]])  # of the roots of W, those above and those below
+    weighted = slopes * c
+    linear, square = np.add.reduce(weighted, axis=-1), sign * np.vecdot(weighted, slopes)
+    out = np.diag(2 * (linear - square).ravel())
+    if m:
+        # for a pair: w^4 over the square of the section is its slope by zeta times w^2 / (2 zeta x)^2
+        w, zeta = slice(0, m, 2), slice(1, m, 2)
+        by_zeta = slopes[:, zeta]
+        mixed = 2 * (linear[:, zeta] - sign * np.vecdot(weighted[:, w], by_zeta))
+        first_of = np.arange(2 * order).reshape(2, order)[:, w]
+        out[first_of, first_of] += np.exp(2 * (theta[first_of] - theta[first_of + 1])) * (by_zeta @ (c / problem.x**2))
+        out[first_of, first_of + 1] = out[first_of + 1, first_of] = mixed
+    return out
+
+
+def asymmetric(
+    problem: Problem, theta: np.ndarray, order: int, below: float, n_iterations: int
+) -> tuple[np.ndarray, float]:
+    """Least squares on the log excess, where lying below the target costs below^2 times as much."""
+
+    def objective(e: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        w = np.where(e < 0, 2 * below**2, 2.0) / e.size
+        return float(0.5 * w @ e**2), w * e, w
+
+    log_k = -float(problem.share @ problem.excess(theta, 0.0, order)[0][: problem.x.size])
+    return descended(problem, theta, log_k, order, objective, n_iterations, 1e-14)
+
+
+def polished(
+    problem: Problem,
+    theta: np.ndarray,
+    log_k: float,
+    order: int,
+    barriers: tuple[float, ...],
+    n_iterations: int,
+    deadline: float,
+) -> tuple[np.ndarray, float]:
+    """Least mean excess with none negative: a logarithmic barrier, lowered step by step, then down to the target."""
+    n = problem.x.size
+    e = problem.excess(theta, log_k, order)[0]
+    log_k += 0.02 - e.min()
+    share = np.zeros(e.size)
+    share[:n] = problem.share
+    weight = np.maximum(share, 1 / n)  # the ends count like a point
+    for mu in barriers:
+        if time.monotonic() > deadline:
+            break
+
+        def objective(e: np.ndarray, mu: float = mu) -> tuple[float, np.ndarray, np.ndarray]:
+            if not e.min() > 0:
+                return np.inf, e, e
+            return float(share @ e - mu * (weight @ np.log(e))), share - mu * weight / e, mu * weight / (e * e)
+
+        theta, log_k = descended(problem, theta, log_k, order, objective, n_iterations, 1e-3 * mu)
+    return theta, log_k - float(problem.excess(theta, log_k, order)[0].min())

@@ -1,0 +1,304 @@
+"""A matrix of rational functions with shared poles and residues of low rank, fitted to a measured matrix.
+
+    G(s) = sum_r C_r B_r^T / (s - p_r) + conjugates (+ D),    C_r (n_y, rank), B_r (n_u, rank)
+
+minimises sum_k || C_k^-1/2 (G_k - G(j omega_k)) gamma_k^-1/2 ||_F^2. The poles of a machine are those of all its
+entries, and a mode moves one shape: residues of rank one, n states and not n n_u for n poles. Started by vector fitting
+with poles shared by all entries, residues cut to their rank; then Levenberg-Marquardt on p, C and B, with least-norm
+steps, as C_r/a and a B_r are the same model (Gustavsen & Semlyen 1999; PS 9).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import block_diag
+
+from nlfrf import Frm
+from nlfrf._base.values import value
+from robust.lti.realisation import in_order
+from robust.models.fit.rational import partial_fractions, relocated, stacked, starting_poles
+
+__all__ = ["SharedPoles", "fit_shared_poles", "improve", "rough_fit", "tangents", "whitening"]
+
+
+N_RELOCATIONS, N_STEPS = 15, 60
+CLOSEST = 1e-6  # damping of the start under which a pole is moved off the axis
+CONVERGED = 1e-12
+SMALLEST = 1e-3  # eigenvalue of a covariance over its largest one, at least
+
+
+@value(copy=False)
+class SharedPoles:
+    """Poles with their residues as products.
+
+    Fields
+    ------
+    poles : (n,) complex ndarray
+        Upper half plane and real ones: each stands for its conjugate, too.
+    left, right : (n, n_y, rank), (n, n_u, rank) complex ndarray
+        Residue r is left[r] right[r]^T; real where the pole is.
+    direct : (n_y, n_u) ndarray
+        D.
+    """
+
+    poles: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    direct: np.ndarray
+
+    def response(self, omega: np.ndarray) -> np.ndarray:
+        """(F, n_y, n_u) at omega [rad/s]."""
+        up, down = self.fractions(omega)
+        residues = self.left @ np.swapaxes(self.right, 1, 2)
+        both = np.einsum("fr,rij->fij", up, residues) + np.einsum("fr,rij->fij", down, residues.conj())
+        return both + self.direct
+
+    def fractions(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(F, n) 1/(s - p), and 1/(s - p*) which is zero for a real pole."""
+        s = 1j * omega[:, None]
+        return 1 / (s - self.poles), np.where(self.poles.imag == 0, 0.0, 1 / (s - self.poles.conj()))
+
+    @property
+    def n_parameters(self) -> int:
+        """Free real parameters: scaling C against B costs rank^2 of each residue."""
+        n_y, rank = self.left.shape[1:]
+        each = 1 + rank * (n_y + self.right.shape[1]) - rank**2
+        real = self.poles.imag == 0
+        return int(np.sum(np.where(real, 1, 2) * each)) + int(np.count_nonzero(self.direct))
+
+    def state_space(self) -> control.StateSpace:
+        """Real modal form: one block a pole or pair, `rank` times."""
+        A, B, C = [], [], []
+        for p, c, b in zip(self.poles, self.left, self.right, strict=True):
+            for k in range(c.shape[1]):
+                if p.imag == 0:
+                    A.append(np.array([[p.real]]))
+                    B.append(b[:, k].real[None])
+                    C.append(c[:, k].real[:, None])
+                else:  # z' = p z + b^T u, y = 2 Re(c z)
+                    A.append(np.array([[p.real, -p.imag], [p.imag, p.real]]))
+                    B.append(np.stack([b[:, k].real, b[:, k].imag]))
+                    C.append(2 * np.stack([c[:, k].real, -c[:, k].imag], axis=1))
+        if not A:
+            return control.StateSpace([], [], [], self.direct, 0)
+        return control.StateSpace(block_diag(*A), np.vstack(B), np.hstack(C), self.direct, 0)
+
+
+def whitening(frm: Frm) -> tuple[np.ndarray, np.ndarray]:
+    """(F, n_y, n_y) and (F, n_u, n_u) roots that whiten the error of a measured matrix.
+
+    Directions in which hardly anything scatters are held to a thirtieth of the largest scatter, and to a millionth of
+    |G|: below it a variance is rounding, or one nonlinearity alone, and would be all that counts.
+    """
+    gamma = np.moveaxis(frm.gamma, 2, 0)
+    size = np.einsum("jik->k", np.abs(frm.G) ** 2) / np.einsum("iik->k", frm.gamma).real
+    rounding = (1e-6) ** 2 * size + np.finfo(float).tiny
+
+    def inverse_root(X: np.ndarray, least: np.ndarray | float) -> np.ndarray:
+        """(F, n, n) X^-1/2 of Hermitian matrices."""
+        values, vectors = np.linalg.eigh(X)
+        values = np.maximum(values, np.maximum(SMALLEST * values[:, -1:], least))
+        return (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
+
+    return inverse_root(np.moveaxis(frm.cov_bound, 2, 0), rounding[:, None]), inverse_root(gamma, 0.0)
+
+
+def fit_shared_poles(
+    omega: np.ndarray,
+    G: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    *,
+    n_poles: int,
+    rank: int,
+    direct: bool,
+    stable: bool,
+) -> SharedPoles:
+    """The best fit from two sets of starting poles; left (F, n_y, n_y) and right (F, n_u, n_u) whiten the error."""
+    kind: dict[str, Any] = {"n_poles": n_poles, "rank": rank, "direct": direct, "stable": stable}
+    fits = []
+    for spacing in ("log", "linear"):
+        start = rough_fit(omega, G, left, right, **kind, spacing=spacing)
+        fits.append(improve(omega, G, left, right, start, direct, stable))
+    return min(fits, key=lambda found: found[1])[0]
+
+
+def rough_fit(
+    omega: np.ndarray,
+    G: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    *,
+    n_poles: int,
+    rank: int,
+    direct: bool,
+    stable: bool,
+    spacing: str = "log",
+) -> SharedPoles:
+    """By vector fitting alone, from poles of one spacing: what `fit_shared_poles` starts from."""
+    std = 1 / np.sqrt(np.einsum("fjj,fii->fji", left.conj() @ left, right @ right.conj()).real)
+    std = np.maximum(std, 1e-3 * std.min(axis=0))
+    poles = relocate(omega, G, std, starting_poles(n_poles, omega.min(), omega.max(), spacing=spacing), direct, stable)
+    return residues_of_rank(omega, G, std, poles, rank, direct)
+
+
+def relocate(
+    omega: np.ndarray, G: np.ndarray, std: np.ndarray, poles: np.ndarray, direct: bool, stable: bool
+) -> np.ndarray:
+    """Poles shared by all entries, by vector fitting: each entry's own unknowns are projected off first."""
+    s, n = 1j * omega, poles.size
+    if not n:
+        return poles
+    best, least = poles, np.inf
+    for _ in range(N_RELOCATIONS):
+        basis = partial_fractions(s, poles)
+        own = np.hstack([basis, np.ones((s.size, 1))]) if direct else basis
+        rows, aims, cost = [], [], 0.0
+        for j, i in np.ndindex(G.shape[1:]):
+            weight = 1 / std[:, j, i]
+            Q, _ = np.linalg.qr(stacked(own * weight[:, None]))
+            A, b = stacked(-G[:, j, i, None] * basis * weight[:, None]), stacked(G[:, j, i] * weight)
+            rest = b - Q @ (Q.T @ b)
+            rows.append(A - Q @ (Q.T @ A))
+            aims.append(rest)
+            cost += float(rest @ rest)
+        if cost < least:
+            best, least = poles, cost
+        # with the sign of `relocated`: sum c/(s - p) - (sum d/(s - p)) G = G
+        solution = np.linalg.lstsq(np.vstack(rows), np.concatenate(aims), rcond=None)[0]
+        moved = relocated(poles, solution)
+        if stable:
+            moved = np.where(moved.real > 0, -moved.conj(), moved)
+        moved = np.where(np.abs(moved.real) < CLOSEST * np.abs(moved), moved - CLOSEST * np.abs(moved), moved)
+        poles = in_order(moved)
+    return best
+
+
+def residues_of_rank(
+    omega: np.ndarray, G: np.ndarray, std: np.ndarray, poles: np.ndarray, rank: int, direct: bool
+) -> SharedPoles:
+    """Residues over given poles, each cut to its largest singular values."""
+    s = 1j * omega
+    basis = partial_fractions(s, poles) if poles.size else np.zeros((s.size, 0))
+    own = np.hstack([basis, np.ones((s.size, 1))]) if direct else basis
+    n_y, n_u = G.shape[1:]
+    solution = np.zeros((own.shape[1], n_y, n_u))
+    for j, i in np.ndindex(n_y, n_u):
+        weight = 1 / std[:, j, i]
+        A = stacked(own * weight[:, None])
+        scale = np.maximum(np.linalg.norm(A, axis=0), np.finfo(float).tiny)
+        solution[:, j, i] = np.linalg.lstsq(A / scale, stacked(G[:, j, i] * weight), rcond=None)[0] / scale
+    kept, left, right = [], [], []
+    rank, k = min(rank, n_y, n_u), 0
+    while k < poles.size:
+        pair = poles[k].imag != 0
+        residue = solution[k] + 1j * solution[k + 1] if pair else solution[k].astype(complex)
+        U, sizes, Vh = np.linalg.svd(residue)
+        root = np.sqrt(sizes[:rank])
+        kept.append(poles[k] if poles[k].imag >= 0 else poles[k].conj())
+        left.append(U[:, :rank] * root)
+        right.append(Vh[:rank].T * root)
+        k += 2 if pair else 1
+    shape = (len(kept), -1, rank)
+    D = solution[-1] if direct else np.zeros((n_y, n_u))
+    return SharedPoles(
+        poles=np.array(kept, dtype=complex),
+        left=np.array(left).reshape(shape) if kept else np.zeros((0, n_y, rank), complex),
+        right=np.array(right).reshape(shape) if kept else np.zeros((0, n_u, rank), complex),
+        direct=D,
+    )
+
+
+def improve(
+    omega: np.ndarray,
+    G: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    model: SharedPoles,
+    direct: bool,
+    stable: bool,
+) -> tuple[SharedPoles, float]:
+    """Levenberg-Marquardt on poles, residues and D; the real part of a stable pole by its logarithm."""
+
+    def whitened(X: np.ndarray) -> np.ndarray:
+        """Errors (..., F, n_y, n_u) in units of their standard deviation, real over imaginary."""
+        flat = (left @ X @ right).reshape(*X.shape[:-3], -1)
+        return np.concatenate([flat.real, flat.imag], axis=-1)
+
+    residual = whitened(G - model.response(omega))
+    cost, damping = float(residual @ residual), 1e-3
+    for _ in range(N_STEPS):
+        J = whitened(tangents(omega, model, direct, stable)).T
+        scale = np.maximum(np.linalg.norm(J, axis=0), np.finfo(float).tiny)
+        U, sizes, Vh = np.linalg.svd(J / scale, full_matrices=False)
+        along, improved = U.T @ residual, False
+        for _ in range(8):
+            filtered = sizes / (sizes**2 + damping * sizes[0] ** 2) if sizes.size else sizes
+            step = (Vh.T @ (np.where(sizes > 1e-12 * sizes[0], filtered, 0.0) * along)) / scale
+            trial = moved(model, step, direct, stable)
+            new = whitened(G - trial.response(omega))
+            new_cost = float(new @ new)
+            if np.isfinite(new_cost) and new_cost < cost:
+                improved = True
+                break
+            damping *= 10
+        if not improved:
+            break
+        done = cost - new_cost < CONVERGED * cost
+        model, residual, cost, damping = trial, new, new_cost, max(damping / 30, 1e-15)
+        if done:
+            break
+    return model, cost
+
+
+def tangents(omega: np.ndarray, model: SharedPoles, direct: bool, stable: bool) -> np.ndarray:
+    """(n_parameters, F, n_y, n_u) derivatives of the response by the parameters, in the order of `moved`."""
+    up, down = model.fractions(omega)
+    out = []
+    for r, p in enumerate(model.poles):
+        c, b = model.left[r], model.right[r]
+        R, real = c @ b.T, p.imag == 0
+        first, second = up[:, r, None, None], down[:, r, None, None]
+
+        def both(X: np.ndarray, a: np.ndarray, z: np.ndarray, real: bool) -> list[np.ndarray]:
+            """Derivatives by the real and the imaginary part of a number that multiplies X, and its conjugate."""
+            return [a * X + z * X.conj()] if real else [a * X + z * X.conj(), 1j * (a * X - z * X.conj())]
+
+        by_pole = both(R, first**2, second**2, real)
+        by_pole[0] = by_pole[0] * (p.real if stable else 1.0)  # p = -exp(alpha) + j beta
+        out += by_pole
+        for k in range(c.shape[1]):
+            for j in range(c.shape[0]):
+                out += both(np.outer(np.eye(c.shape[0])[j], b[:, k]), first, second, real)
+            for i in range(b.shape[0]):
+                out += both(np.outer(c[:, k], np.eye(b.shape[0])[i]), first, second, real)
+    if direct:
+        n_y, n_u = model.direct.shape
+        out += [np.broadcast_to(np.outer(a, b), (omega.size, n_y, n_u)) for a in np.eye(n_y) for b in np.eye(n_u)]
+    return np.array(out, dtype=complex).reshape(len(out), omega.size, *model.direct.shape)
+
+
+def moved(model: SharedPoles, step: np.ndarray, direct: bool, stable: bool) -> SharedPoles:
+    """The model after a step of its parameters."""
+    poles, left, right, at = model.poles.copy(), model.left.copy(), model.right.copy(), 0
+
+    def take(real: bool) -> complex:
+        nonlocal at
+        at += 1 if real else 2
+        return complex(step[at - 1]) if real else complex(step[at - 2], step[at - 1])
+
+    for r, p in enumerate(poles):
+        real = p.imag == 0
+        change = take(real)
+        there = p.real * np.exp(np.clip(change.real, -1, 1)) if stable else p.real + change.real
+        poles[r] = complex(there, abs(p.imag + change.imag) if not real else 0.0)
+        for k in range(left.shape[2]):
+            for j in range(left.shape[1]):
+                left[r, j, k] += take(real)
+            for i in range(right.shape[1]):
+                right[r, i, k] += take(real)
+    D = model.direct + step[at:].reshape(model.direct.shape) if direct else model.direct
+    return SharedPoles(poles=poles, left=left, right=right, direct=D)

@@ -1,0 +1,563 @@
+"""Weights over a radius: stable, minimum phase, biproper, and as little above it as the order allows.
+
+The fit works on log |W| over log frequency: W = k prod of second-order sections in (log omega, log zeta), stable
+and minimum phase whatever the parameters. What it returns is verified on the lines, on a ten times finer grid, at
+zero and at infinity, and lifted until nothing is violated.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import integer, nonnegative, positive, real_array
+from nlfrf._base.values import value
+from robust.lti.connections import in_series
+from robust.lti.lti import response
+from robust.lti.realisation import from_roots, in_order, paired
+from robust.models.fit.rational import numerator, starting_poles, to_plane, vector_fit
+from robust.models.fit.refinement import (
+    Problem,
+    asymmetric,
+    log_sections,
+    polished,
+    problem_on,
+    slope_at_zero,
+    zeros_and_poles,
+)
+
+__all__ = [
+    "EXACT",
+    "WeightFit",
+    "control_weight",
+    "delay_weight",
+    "fit_weight",
+    "least_excess",
+    "least_squares",
+    "minimum_phase",
+    "performance_weight",
+]
+
+
+# ---- Weights by formula: what is asked of S and K S, and what a neglected delay and gain error may do.
+
+
+def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, order: int = 1) -> control.StateSpace:
+    """What the sensitivity must stay under: |S| <= 1/|w_P|, bandwidth omega_B, peak M_S, error A at low frequency.
+
+    w_P = ((s/M_S^(1/n) + omega_B)/(s + omega_B A^(1/n)))^n.
+
+    Parameters
+    ----------
+    omega_B : float
+        Bandwidth asked for [rad/s]: where the asymptote of 1/|w_P| crosses one.
+    M_S : float
+        Largest |S| allowed anywhere, above one (2 is usual).
+    A : float
+        |S| allowed at zero frequency, below M_S.
+    order : int
+        Slope of the demand: n decades per decade.
+
+    Returns
+    -------
+    control.StateSpace
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive.
+        An A that is not below M_S, an M_S that is not above one.
+
+    References
+    ----------
+    SP eq. 2.105 and 2.106 (2.8.2).
+
+    Examples
+    --------
+    >>> w_P = performance_weight(10, M_S=1.5, A=1e-4)
+    >>> round(float(abs(w_P(1e6j))), 4), round(float(abs(w_P(0))))
+    (0.6667, 10000)
+    """
+    omega_B, M_S, A = positive("omega_B", omega_B), positive("M_S", M_S), positive("A", A)
+    order = integer("order", order, least=1)
+    if M_S <= 1:
+        raise ValueError(f"M_S must be above 1: |S| of a real loop exceeds one somewhere, got {M_S:g}")
+    if A >= M_S:
+        raise ValueError(f"A must be below M_S = {M_S:g}, got {A:g}")
+    high, low = M_S ** (1 / order), A ** (1 / order)
+    return from_roots(np.full(order, -omega_B * high), np.full(order, -omega_B * low), 1 / M_S, 0.0)
+
+
+def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order: int = 1) -> control.StateSpace:
+    """What the actuator must not be asked for: |K S| <= 1/|w_u|, M_u at low frequency, A far above omega_bc.
+
+    w_u = ((s + omega_bc/M_u^(1/n))/(A^(1/n) s + omega_bc))^n.
+
+    Parameters
+    ----------
+    omega_bc : float
+        Frequency [rad/s] from which the controller has to roll off.
+    M_u : float
+        Largest |K S| at low frequency [unit of u per unit of y].
+    A : float
+        Largest |K S| at high frequency, below M_u.
+    order : int
+        Slope of the roll-off: n decades per decade.
+
+    Returns
+    -------
+    control.StateSpace
+        Of that order, biproper.
+
+    Raises
+    ------
+    ValueError
+        Numbers that are not positive, an A that is not below M_u.
+
+    References
+    ----------
+    Zhou & Doyle, *Essentials of Robust Control*, 6.4.
+
+    Examples
+    --------
+    >>> w_u = control_weight(100.0, M_u=5.0, A=0.1)
+    >>> round(float(abs(w_u(0))), 6), round(float(abs(w_u(1e9j))), 6)
+    (0.2, 10.0)
+    """
+    omega_bc, M_u, A = positive("omega_bc", omega_bc), positive("M_u", M_u), positive("A", A)
+    order = integer("order", order, least=1)
+    if M_u <= A:
+        raise ValueError(f"A must be below M_u = {M_u:g}, got {A:g}")
+    low, high = M_u ** (1 / order), A ** (1 / order)
+    return from_roots(np.full(order, -omega_bc / low), np.full(order, -omega_bc / high), 1 / A, 0.0)
+
+
+def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.StateSpace:
+    """Multiplicative weight that covers any delay up to a maximum and any gain error up to a fraction.
+
+    Covers |k exp(-s theta) - 1| for 0 <= theta <= delay, 1 - gain <= k <= 1 + gain. The book's rational weights touch
+    the exact radius from below in places; here they are lifted until they cover it.
+
+    Parameters
+    ----------
+    delay : float
+        Longest delay [s] the nominal model leaves out.
+    gain : float
+        Relative gain error, below 1.
+    order : int
+        1 (simple, up to 1.5 dB above) or 3 (within a few tenths of a dB).
+
+    Returns
+    -------
+    control.StateSpace
+        Without gain error it vanishes at zero frequency.
+
+    Raises
+    ------
+    ValueError
+        A delay that is not positive, a gain error out of [0, 1), an order other than one or three.
+
+    References
+    ----------
+    SP 7.4.5 (the exact radius and its approximations).
+
+    Examples
+    --------
+    >>> w_I = delay_weight(0.01)
+    >>> all(abs(w_I(1j * w)) >= abs(np.exp(-0.01j * w) - 1) for w in (1.0, 100.0, 314.0, 1000.0))
+    True
+    """
+    delay, gain = positive("delay", delay), nonnegative("gain", gain)
+    if gain >= 1:
+        raise ValueError(f"gain must be below 1: with 100 % error the plant may vanish, got {gain:g}")
+    if order not in (1, 3):
+        raise ValueError(f"order must be 1 or 3, got {order!r}")
+    top = 1 + gain / 2
+    W = from_roots(np.array([-gain / (top * delay)]), np.array([-2 / delay]), 2 * top, 0.0)
+    if order == 3:
+        w0 = 2.363 / delay
+        pairs = [w0 * (-zeta + 1j * np.sqrt(1 - zeta**2)) for zeta in (0.838, 0.685)]
+        zeros, poles = (np.array([p, p.conjugate()]) for p in pairs)
+        W = in_series(W, from_roots(zeros, poles, 1.0, 0.0))
+    omega = np.concatenate([np.geomspace(1e-4, 1, 200), np.linspace(1, 20, 4000), np.geomspace(20, 1e4, 200)]) / delay
+    lift = float(np.max(delay_radius(omega * delay, gain) / np.abs(response(W, omega)))) * (1 + 1e-6)
+    return control.StateSpace(W.A, W.B, W.C * max(lift, 1.0), W.D * max(lift, 1.0), 0)
+
+
+def delay_radius(x: np.ndarray, gain: float) -> np.ndarray:
+    """(W,) largest |k exp(-j x t) - 1| over 0 <= t <= 1 and |k - 1| <= gain, at x = omega delay."""
+    return np.where(x < np.pi, np.sqrt(gain**2 + 2 * (1 + gain) * (1 - np.cos(np.minimum(x, np.pi)))), 2 + gain)
+
+
+# ---- The numerical problem behind `fit_weight`: least mean log excess of |W| over a target that it must cover.
+
+EXACT = 1e-4  # log error under which a weight is taken to be the target itself
+FINE = 0.01  # mean log excess, 0.09 dB, under which no other start is tried
+Fit = tuple[float, np.ndarray, float]  # how bad, theta, log_k
+
+
+def least_squares(problem: Problem, order: int) -> list[Fit]:
+    """Fits of the target itself from every start, the best first, with their largest error."""
+    few, fits = problem.thinned(150), []
+    for start in starts(few, order):
+        theta, log_k = asymmetric(few, start, order, 1.0, 40)
+        error = float(np.abs(few.excess(theta, log_k, order)[0]).max())
+        if error < 1e-2:  # perhaps exact: all the points tell
+            theta, log_k = asymmetric(problem, theta, order, 1.0, 15)
+            error = float(np.abs(problem.excess(theta, log_k, order)[0]).max())
+        fits.append((error, theta, log_k))
+        if error < EXACT:
+            break
+    return sorted(fits, key=lambda fit: fit[0])
+
+
+def least_excess(problem: Problem, order: int, fits: list[Fit], deadline: float) -> list[np.ndarray]:
+    """The best parameters found: from every fit on fewer points, and grown; the best two polished on all points."""
+    coarse = problem.coarse(240)
+    # starts that came to the same fit are one start
+    begun = [f[1] for k, f in enumerate(fits) if k == 0 or f[0] > fits[k - 1][0] * 1.001]
+    found = [rough(coarse, begun[0], order, deadline)]
+    if found[0][0] > FINE:
+        found += [rough(coarse, theta, order, deadline) for theta in begun[1:]] + [grown(coarse, order, deadline)]
+        found.sort(key=lambda fit: fit[0])
+    return [
+        polished(problem, theta, log_k, order, (0.1, 0.02, 0.005, 0.001), 15, deadline)[0]
+        for bad, theta, log_k in found[:2]
+        if bad <= 1.1 * found[0][0]
+    ]
+
+
+def rough(problem: Problem, theta: np.ndarray, order: int, deadline: float) -> Fit:
+    """Mean excess and parameters after a quick fit."""
+    theta, log_k = asymmetric(problem, problem.clipped(theta, order), order, 4.0, 10)
+    theta, log_k = polished(problem, theta, log_k, order, (0.1, 0.02, 0.005), 16, deadline)
+    return problem.mean_excess(theta, log_k, order), theta, log_k
+
+
+def grown(problem: Problem, order: int, deadline: float) -> Fit:
+    """Section by section: each new one where the excess is largest, or in the middle of a half of the band."""
+    middle = (problem.log_x[0] + problem.log_x[-1]) / 2
+    best = (problem.mean_excess(np.zeros(0), float(problem.target.max()), 0), np.zeros(0), float(problem.target.max()))
+    for done in range(0, order, 2):
+        _, theta, log_k = best
+        e = problem.excess(theta, log_k, done)[0][: problem.x.size]
+        width = max(1, problem.x.size // 30)
+        smooth = np.convolve(e, np.ones(width) / width, mode="same")
+        now = min(done + 2, order)
+        tries = []
+        for place in (problem.log_x[np.argmax(smooth)], *(problem.log_x[[0, -1]] + middle) / 2):
+            new, gain = asymmetric(problem, with_section(theta, done, now, place, -0.2), now, 4.0, 8)
+            lift = -float(problem.excess(new, gain, now)[0].min())
+            tries.append((problem.mean_excess(new, gain + lift, now), new, gain))
+        _, new, gain = min(tries, key=lambda fit: fit[0])
+        new, gain = polished(problem, new, gain, now, (0.1, 0.02, 0.005), 10, deadline)
+        # a section whose zeros cancel its poles changes nothing: growing never makes it worse
+        same = (best[0], with_section(theta, done, now, middle, 0.0), log_k)
+        best = min((problem.mean_excess(new, gain, now), new, gain), same, key=lambda fit: fit[0])
+    return best
+
+
+def with_section(theta: np.ndarray, order: int, now: int, place: float, spread: float) -> np.ndarray:
+    """Parameters with one more section, of second order or of first; zeros and poles apart by the spread."""
+    zeros, poles = theta[:order], theta[order:]
+    if now - order == 1:
+        return np.concatenate([zeros, [place + spread], poles, [place - spread]])
+    return np.concatenate([zeros, [place, -0.7 + spread], poles, [place, -0.7 - spread]])
+
+
+def starts(problem: Problem, order: int) -> list[np.ndarray]:
+    """Parameters to start from: a rational fit of |W|^2, sections spread over the band, sections on the peaks."""
+    found = [spread(problem, order), on_peaks(problem, order)]
+    fitted = magnitude_fit(problem, order)
+    return found if fitted is None else [fitted, *found]
+
+
+def spread(problem: Problem, order: int) -> np.ndarray:
+    """Well damped sections evenly over log frequency, zeros next to poles."""
+    half = order // 2
+    centres = np.linspace(np.log(problem.x[0]), np.log(problem.x[-1]), half + order % 2 + 2)[1:-1]
+    pairs = np.column_stack([centres[:half], np.zeros(half)]).ravel()
+    zeros = np.concatenate([pairs, centres[half:] if order % 2 else []])
+    return np.concatenate([zeros + 0.1, zeros - 0.1])
+
+
+def on_peaks(problem: Problem, order: int) -> np.ndarray:
+    """Lightly damped sections on the highest peaks of the target, the rest spread."""
+    theta = spread(problem, order)
+    log_x, t = np.log(problem.x), problem.target
+    width = max(1, t.size // 40)
+    taken = np.zeros(t.size, dtype=bool)
+    for k in range(order // 2):
+        free = np.where(taken, -np.inf, t)
+        peak = int(np.argmax(free))
+        if taken[peak]:
+            break
+        beside = t[max(0, peak - width) : peak + width + 1]
+        sharp = np.clip(np.exp(-(t[peak] - beside.min())), 1e-3, 0.5)
+        theta[2 * k], theta[2 * k + 1] = log_x[peak], np.log(0.7)
+        theta[order + 2 * k], theta[order + 2 * k + 1] = log_x[peak], np.log(sharp)
+        taken[max(0, peak - 2 * width) : peak + 2 * width + 1] = True
+    return theta
+
+
+def magnitude_fit(problem: Problem, order: int) -> np.ndarray | None:
+    """|W|^2 is rational in y = -x^2: vector fitting there, then the stable square roots of poles and zeros."""
+    scale = np.exp(np.mean(np.log(problem.x)))
+    x, power = problem.x / scale, np.exp(2 * (problem.target - problem.target.mean()))
+    y = -(x * x) + 0j
+    guess = starting_poles(order, x[0], x[-1], spacing="log")
+    damped = np.where(guess.imag == 0, guess, -0.2 * np.abs(guess.imag) + 1j * guess.imag)
+    with np.errstate(all="ignore"):
+        q = vector_fit(y, power + 0j, 1 / power, in_order(damped**2), n_iterations=8, stable=False)
+        if np.any(np.abs(y[:, None] - q).min(axis=0) < 1e-12 * np.abs(q)):
+            return None
+        try:
+            z, _ = numerator(y, power + 0j, 1 / power, q, order)
+        except np.linalg.LinAlgError:
+            return None
+    if z.size != order or q.size != order or not (np.isfinite(z).all() and np.isfinite(q).all()):
+        return None
+    theta = np.concatenate([from_square(z), from_square(q)])
+    shift = slope_at_zero(order) > 0
+    theta[np.concatenate([shift, shift])] += np.log(scale)
+    return problem.clipped(theta, order)
+
+
+def from_square(q: np.ndarray) -> np.ndarray:
+    """Parameters of the stable square roots of q; one on the negative axis would be undamped and gets damping."""
+    p = -np.sqrt(q.astype(complex))
+    p = np.where(np.abs(p.real) < 1e-9 * np.abs(p), -np.abs(p), p)
+    pairs, rest = paired(in_order(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
+    theta: list[float] = []
+    for a, b in pairs:
+        w = np.sqrt(max(abs(a * b), 1e-30))
+        theta += [np.log(w), np.log(max(-(a + b).real / (2 * w), 1e-7))]
+    return np.array(theta + [np.log(max(abs(r), 1e-15)) for r in rest])
+
+
+MAX_ORDER = 16
+MAX_MEAN_EXCESS_DB = 30.0
+FINER = 10
+SAFETY = 1e-7  # what a parabola between the finest points could still hide
+MOST_POINTS = 1500
+EXACT_DB = 0.005
+TIME_CAP = 3.0
+DB = 20 / np.log(10)
+
+
+@value
+class WeightFit:
+    """A weight over a radius.
+
+    Fields
+    ------
+    W : control.StateSpace
+        Stable, minimum phase, biproper.
+    min_ratio : float
+        Smallest |W| over what it has to cover, on the lines, on a ten times finer grid, at zero and infinity;
+        at least one.
+    max_excess_db, mean_excess_db : float
+        Largest and mean |W| over the radius on the lines [dB].
+    exact : bool
+        The radius was itself a weight of this order and was recovered; what it does between the lines is then
+        taken for the radius there. Otherwise the larger of the two neighbours holds between lines.
+
+    References
+    ----------
+    SP 7.4.3.
+
+    Examples
+    --------
+    >>> fit = fit_weight(np.array([1.0, 2.0, 4.0]), np.array([0.1, 0.2, 0.3]), order=1)
+    >>> fit.min_ratio >= 1, fit.W.nstates
+    (True, 1)
+    """
+
+    W: control.StateSpace
+    min_ratio: float
+    max_excess_db: float
+    mean_excess_db: float
+    exact: bool
+
+
+def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float = 0) -> WeightFit:
+    """Fit a weight that covers a radius, with as little excess as the order allows.
+
+    Parameters
+    ----------
+    omega : (W,) ndarray
+        Frequencies [rad/s], increasing.
+    radius : (W,) ndarray
+        What |W| has to cover there, positive.
+    order : int
+        Number of poles (and zeros) of the weight.
+    dt : float
+        0 for a continuous weight, otherwise the sampling time [s] of a discrete one.
+
+    Returns
+    -------
+    WeightFit
+        The mean excess over the lines was minimised; |W| >= radius holds on the lines, |W| >= the larger
+        neighbour between them, |W| >= the first and last radius at zero and infinity.
+
+    Raises
+    ------
+    ValueError
+        Frequencies that do not increase, a radius that is not positive, or an order so low that the mean
+        excess would be 30 dB or more (it says which order would do).
+
+    References
+    ----------
+    SP 7.4.3 (what the weight is for); Boyd & Vandenberghe, *Convex Optimization*, 11.3 (the barrier).
+
+    Examples
+    --------
+    >>> omega = np.geomspace(0.1, 1000, 400)
+    >>> fit = fit_weight(omega, np.abs((1j * omega + 2) / (0.5j * omega + 10)), order=1)
+    >>> fit.exact, round(float(fit.W.poles()[0].real), 3), round(float(fit.W.zeros()[0].real), 3)
+    (True, -20.0, -2.0)
+    """
+    omega, radius = checked_radius(omega, radius, dt)
+    order = integer("order", order, least=0)
+    if order > MAX_ORDER:
+        raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
+    fit = best_weight(omega, radius, order, float(dt))
+    if fit.mean_excess_db < MAX_MEAN_EXCESS_DB:
+        return fit
+    for enough in range(order + 1, MAX_ORDER + 1):
+        if best_weight(omega, radius, enough, float(dt)).mean_excess_db < MAX_MEAN_EXCESS_DB:
+            cure = f"Order {enough} would do."
+            break
+    else:
+        cure = f"No order up to {MAX_ORDER} would do: is the radius in the unit and range you expect?"
+    raise ValueError(
+        f"order must be high enough to cover the radius with a mean excess under {MAX_MEAN_EXCESS_DB:g} dB, "
+        f"got order {order} with {fit.mean_excess_db:.1f} dB. {cure}"
+    )
+
+
+def checked_radius(omega: Any, radius: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """The two arrays, or a refusal."""
+    omega, radius = real_array("omega", omega, ndim=1), real_array("radius", radius, ndim=1)
+    dt = nonnegative("dt", dt)
+    if omega.size < 2 or radius.shape != omega.shape:
+        raise ValueError(f"radius must have one value per frequency, at least two, got {radius.size} for {omega.size}")
+    if np.any(np.diff(omega) <= 0) or omega[0] <= 0:
+        raise ValueError(f"omega must be positive and increasing, got it starting {omega[:3]}")
+    if np.any(radius <= 0):
+        k = int(np.argmin(radius))
+        raise ValueError(f"radius must be positive, got {radius[k]:g} at {omega[k]:g} rad/s")
+    if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
+        raise ValueError(
+            f"omega must not exceed the Nyquist frequency pi / dt = {np.pi / dt:g} rad/s, got {omega[-1]:g} rad/s"
+        )
+    return omega, radius
+
+
+def best_weight(omega: np.ndarray, radius: np.ndarray, order: int, dt: float) -> WeightFit:
+    """The fit itself: exact where possible, otherwise the least mean excess found, never worse than a constant."""
+    deadline = time.monotonic() + TIME_CAP
+    x = axis(omega, dt)
+    log_r = np.log(radius)
+    fits = [verified(omega, radius, np.zeros(2 * order), order, dt, exact=False)]
+    begun = least_squares(problem_on(x, log_r, ends=False, free=True), order) if order else []
+    if begun and begun[0][0] < EXACT and x.size >= 4 * (2 * order + 1):
+        # through that many lines a weight goes by no accident
+        fit = verified(omega, radius, begun[0][1], order, dt, exact=True)
+        if fit.max_excess_db < EXACT_DB:
+            return fit
+    if order:
+        problem = problem_on(x, envelope(log_r), ends=True).coarse(MOST_POINTS)
+        for theta in least_excess(problem, order, begun, deadline):
+            fits.append(verified(omega, radius, theta, order, dt, exact=False))
+    return min(fits, key=lambda fit: fit.mean_excess_db)
+
+
+def axis(omega: np.ndarray, dt: float) -> np.ndarray:
+    """Frequencies on the imaginary axis: themselves, or 2/dt tan(omega dt/2)."""
+    return 2 / dt * np.tan(np.minimum(omega * dt / 2, np.pi / 2 * (1 - 1e-6))) if dt else omega
+
+
+def envelope(log_r: np.ndarray) -> np.ndarray:
+    """What a continuous function must reach at each line to be above the larger neighbour on both sides."""
+    upper = log_r.copy()
+    upper[1:] = np.maximum(upper[1:], log_r[:-1])
+    upper[:-1] = np.maximum(upper[:-1], log_r[1:])
+    return upper
+
+
+def verified(
+    omega: np.ndarray, radius: np.ndarray, theta: np.ndarray, order: int, dt: float, *, exact: bool
+) -> WeightFit:
+    """The weight as a system, looked at on a finer grid and lifted until it covers what it has to."""
+    shape = from_roots(*to_plane(*zeros_and_poles(theta, order), 1.0, dt, 0), dt)
+    on_lines = np.abs(response(shape, omega))
+    needed = np.max(radius / on_lines)
+    if not exact:
+        low = float(np.exp(slope_at_zero(order) @ (theta[:order] - theta[order:])))
+        between = shortfall(theta, order, omega, radius, dt)
+        needed = max(needed, np.max(np.exp(envelope(np.log(radius))) / on_lines), between, radius[0] / low, radius[-1])
+    gain = float(needed) * (1 + SAFETY)
+    W = control.StateSpace(shape.A, shape.B, shape.C * gain, shape.D * gain, dt)
+    excess = DB * np.log(on_lines * gain / radius)
+    return WeightFit(
+        W=W,
+        min_ratio=gain / float(needed),
+        max_excess_db=float(excess.max()),
+        mean_excess_db=float(excess.mean()),
+        exact=exact,
+    )
+
+
+def magnitude_at(theta: np.ndarray, order: int, x: np.ndarray) -> np.ndarray:
+    """|W| with gain one at infinity."""
+    top, bottom = log_sections(x, theta.reshape(2, order), order)[0]
+    return np.exp(top - bottom)
+
+
+def shortfall(theta: np.ndarray, order: int, omega: np.ndarray, radius: np.ndarray, dt: float) -> float:
+    """Largest of the larger neighbour over |W| between the lines: on a ten times finer grid, then down each dip.
+
+    The grid is one over the imaginary axis: near the Nyquist frequency a little of omega is most of that.
+    """
+    x = np.log(axis(omega, dt))
+    x[-1] += 10.0 * (omega[-1] * dt >= np.pi * (1 - 1e-6))  # there it lies at infinity
+    fine = (x[:-1, None] + np.linspace(0, 1, FINER + 1) * np.diff(x)[:, None]).ravel()
+    fine = np.unique(np.concatenate([fine, np.linspace(x[0], x[-1], MOST_POINTS)]))
+    target = np.maximum(radius[1:], radius[:-1])
+
+    def ratio(points: np.ndarray) -> np.ndarray:
+        piece = np.clip(np.searchsorted(x, points, side="right") - 1, 0, target.size - 1)
+        return np.asarray(magnitude_at(theta, order, np.exp(points).ravel()).reshape(points.shape) / target[piece])
+
+    values = ratio(fine)
+    least = float(values.min())
+    dips = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])) + 1
+    dips = dips[np.argsort(values[dips])][:40]
+    low, high = fine[dips - 1], fine[dips + 1]
+    for _ in range(2 if dips.size else 0):
+        near = low[:, None] + np.linspace(0, 1, 41) * (high - low)[:, None]
+        values = ratio(near)
+        least = min(least, float(values.min()))
+        k, each = values.argmin(axis=1), np.arange(dips.size)
+        low, high = near[each, np.maximum(k - 1, 0)], near[each, np.minimum(k + 1, 40)]
+    return 1 / least
+
+
+def minimum_phase(
+    omega: np.ndarray, d: np.ndarray, dt: float, order: int
+) -> tuple[control.StateSpace, control.StateSpace]:
+    """A stable minimum-phase function with |D| near d, in the mean of the logarithm, and its inverse."""
+    if order == 0:
+        gain = float(np.exp(np.mean(np.log(d))))
+        return control.StateSpace([], [], [], [[gain]], dt), control.StateSpace([], [], [], [[1 / gain]], dt)
+    _, theta, log_k = least_squares(problem_on(axis(omega, dt), np.log(d), ends=False), order)[0]
+    zeros, poles = zeros_and_poles(theta, order)
+    gain = float(np.exp(log_k))
+    return (
+        from_roots(*to_plane(zeros, poles, gain, dt, 0), dt),
+        from_roots(*to_plane(poles, zeros, 1 / gain, dt, 0), dt),
+    )

@@ -1,0 +1,224 @@
+"""Normalised coprime factors of a plant, with the plants that other factors make.
+
+G = N M^-1, both stable, N~ N + M~ M = 1 on the axis. With one input and output and the complement [M~; -N~] of [N; M],
+made stable by an all-pass, every plant whose factors differ by no more than eps < 1 at a frequency is there
+
+    G_p = (G + t Delta)/(1 - G* t Delta),     t = eps/sqrt(1 - eps^2),  |Delta| <= 1,
+
+the plants at a chordal distance |G_p - G|/sqrt((1 + |G|^2)(1 + |G_p|^2)) of at most eps (Vinnicombe).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
+
+from robust.lti.lti import Matrices, constant, evaluate, evened, finite, response, timebase
+from robust.lti.norms import continuous_image, hinf_norm, stabilising, to_discrete
+from robust.lti.realisation import state_space
+from robust.lti.stability import stable
+
+__all__ = [
+    "as_shaping",
+    "chord",
+    "complement",
+    "coprime_factors",
+    "factor_systems",
+    "other_plant",
+    "refuse_everything",
+    "tangent",
+    "tangent_system",
+    "turned",
+]
+
+
+HIDDEN = 1e-14  # of the largest Hankel singular value of the factors: a mode that neither drives nor shows
+INEXACT = 1e-8  # chordal distance that the quotient of the factors may have from the plant
+
+
+def as_shaping(name: str, W: Any, nominal: Any) -> control.StateSpace:
+    """A scaling of the plant that can be taken back: stable with a stable inverse, on the time base of the plant."""
+    W = state_space(name, 1.0 if W is None else W)
+    if not constant(W) and not isinstance(nominal, control.FrequencyResponseData) and timebase(W) != timebase(nominal):
+        raise ValueError(
+            f"{name} must have the sampling time of the nominal, {timebase(nominal):g} s, got {timebase(W):g} s"
+        )
+    d = W.D[0, 0]
+    inverse = None if d == 0 else control.StateSpace(W.A - W.B @ W.C / d, W.B / d, W.C / d, [[1 / d]], W.dt)
+    if inverse is None or not stable(W) or not stable(inverse):
+        raise ValueError(
+            f"{name} must be stable with a stable inverse and a direct term, got {W.nstates} states and D = {d:g}. "
+            "For an integrator take (s + a)/(s + b) with b small"
+        )
+    return W
+
+
+def refuse_everything(weight: control.StateSpace) -> None:
+    """Refuse a weight that reaches one: such a set holds every plant there is."""
+    largest, where = hinf_norm(weight)
+    if largest >= 1:
+        raise ValueError(
+            f"weight must stay below one for the coprime form, got {largest:.4g} at {where:.4g} rad/s. "
+            "Another scaling W1, W2, a smaller radius or a higher order may help"
+        )
+
+
+def chord(radius: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(W,) eps of the disc of that radius about G, |G| = size: its point nearest to zero is the farthest.
+
+    >>> float(chord(np.array([0.5]), np.array([1.0]))[0])              # from 1 to 1/2: 0.5/sqrt(2 * 1.25)
+    0.31622776601683794
+    """
+    return np.asarray(radius / np.sqrt((1 + size**2) * (1 + (size - radius) ** 2)))
+
+
+def tangent(w: np.ndarray) -> np.ndarray:
+    """(W,) t = w/sqrt(1 - |w|^2), the phase of w kept."""
+    return np.asarray(w / np.sqrt(np.maximum(1 - np.abs(w) ** 2, 1e-300)))
+
+
+def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndarray]:
+    """[N; M] as matrices in continuous time (a discrete plant by the bilinear map), and their Gramian X.
+
+    Of several inputs and outputs G = N M^-1; the left factors are the transposed ones of the transposed plant.
+    """
+    A, B, C, D = scaled_apart(G)
+    R = np.eye(G.ninputs) + D.T @ D
+    X = stabilising(A, B, C.T @ C, R, C.T @ D)
+    if X is None:
+        raise ValueError(
+            f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
+        )
+    F = -np.linalg.solve(R, D.T @ C + B.T @ X)
+    values, vectors = np.linalg.eigh(R)
+    root = vectors / np.sqrt(values) @ vectors.T
+    return (A + B @ F, B @ root, np.vstack([C + D @ F, F]), np.vstack([D @ root, root])), X
+
+
+def scaled_apart(G: control.StateSpace) -> Matrices:
+    """The plant in continuous time and well scaled."""
+    return well_scaled(continuous_image(G) if G.nstates else (G.A, G.B, G.C, G.D))
+
+
+def well_scaled(matrices: Matrices) -> Matrices:
+    """The same system with its states scaled: in those of a companion form the Riccati equation may be hopeless."""
+    A, B, C, D = matrices
+    if not A.size:
+        return matrices
+    weights = evened(bordered(A, B, C))[1]  # an entry at rounding level says nothing of the size of its state
+    units = weights[: len(A)] / weights[-1]
+    A, B, C = A * units / units[:, None], B / units[:, None], C * units
+    size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
+    return A, B * size, C / size, D
+
+
+def bordered(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """[A b; c 0], b and c the sizes of the rows of B and of the columns of C."""
+    b, c = np.linalg.norm(B, axis=1, keepdims=True), np.linalg.norm(C, axis=0, keepdims=True)
+    return np.block([[A, b], [c, np.zeros((1, 1))]])
+
+
+def factor_systems(G: control.StateSpace) -> tuple[control.StateSpace, control.StateSpace]:
+    """N and M as systems on the time base of the plant."""
+    (A, B, C, D), _ = coprime_factors("nominal", G)
+    dt = timebase(G)
+    each = ((A, B, C[[k]], D[[k]]) for k in (0, 1))
+    N, M = (control.StateSpace(*(to_discrete(*one) if dt and len(A) else one), dt) for one in each)
+    return N, M
+
+
+def complement(G: control.StateSpace) -> tuple[Matrices, np.ndarray, np.ndarray]:
+    """[N; M], and B, D of its complement, which has the same A and C: both columns together are all-pass.
+
+    In states whose Gramian X is one, where that needs A + A' + C'C = 0 and B = -C'D and no inverse of X: they are met
+    to the last bit, and what rounding is left shows in N/M, which is held against the plant.
+    """
+    factors, X = coprime_factors("nominal", G)
+    A, C = output_normal(factors, X)
+    D = np.array([[factors[3][0, 0], factors[3][1, 0]], [factors[3][1, 0], -factors[3][0, 0]]])
+    A, B = (A - A.T - C.T @ C) / 2, -C.T @ D
+    made = (A, B[:, :1], C, D[:, :1])
+    refuse_inexact(G, made, np.linalg.eigvals(factors[0]))
+    return made, B[:, 1:], D[:, 1:]
+
+
+def output_normal(factors: Matrices, X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A and C of the factors in states whose Gramian is one, by way of balanced ones; without modes that hide."""
+    A, B, C, _ = factors
+    if not A.size:
+        return A, C
+    reached, seen = root_of(solve_continuous_lyapunov(A, -B @ B.T)), root_of(X)
+    U, sizes, V = np.linalg.svd(seen.T @ reached)
+    kept = int(np.sum(sizes > HIDDEN * sizes.max(initial=0.0)))
+    forth, back = U[:, :kept].T @ seen.T, reached @ V[:kept].T / sizes[:kept]
+    return forth @ A @ back, C @ back
+
+
+def root_of(gramian: np.ndarray) -> np.ndarray:
+    """L with L L' the positive part of a Gramian."""
+    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def refuse_inexact(G: control.StateSpace, factors: Matrices, poles: np.ndarray) -> None:
+    """Refuse factors whose quotient is not the plant: what would be made of them lies outside of its set."""
+    if not poles.size:
+        return
+    fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
+    x = np.geomspace(1e-2 * slow, 1e2 * fast, 200)
+    plant = finite(evaluate(*scaled_apart(G), 1j * x)[:, 0, 0])
+    N, M = np.moveaxis(evaluate(*factors, 1j * x)[:, :, 0], 0, 1)
+    off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
+    if not off <= INEXACT:
+        raise ValueError(
+            f"nominal must be one whose coprime factors floating point can tell, got factors off by {off:.2g} "
+            "(numerical failure). Other units or fewer states may help"
+        )
+
+
+def other_plant(G: control.StateSpace, X: control.StateSpace) -> control.StateSpace:
+    """The plant whose factors are those of G plus X times their complement, X stable."""
+    (A, B, C, D), B_across, D_across = complement(G)
+    A_X, B_X, C_X, D_X = continuous_image(X) if X.nstates else (X.A, X.B, X.C, X.D)
+    n, m = len(A), len(A_X)
+    A = np.block([[A, B_across @ C_X], [np.zeros((m, n)), A_X]])
+    B = np.vstack([B + B_across @ D_X, B_X])
+    C, D = np.hstack([C, D_across @ C_X]), D + D_across @ D_X
+    d = D[1, 0]
+    if abs(d) < 1e-9:
+        raise ValueError("form must leave the perturbed plant proper, got a factor M of zero at infinite frequency")
+    A, B, C, D = A - B @ C[1:] / d, B / d, C[:1] - D[:1] @ C[1:] / d, D[:1] / d
+    dt = timebase(G)
+    return control.StateSpace(*(to_discrete(A, B, C, D) if dt and len(A) else (A, B, C, D)), dt)
+
+
+def tangent_system(w: control.StateSpace) -> control.StateSpace:
+    """A stable system of gain |w|/sqrt(1 - |w|^2): w over the spectral factor of 1 - |w|^2."""
+    dt = timebase(w)
+    A, B, C, D = well_scaled(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
+    # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), by the same equation with R = D'D - 1, which is negative
+    Y = stabilising(A, B, C.T @ C, D.T @ D - 1, C.T @ D) if D[0, 0] ** 2 < 1 else None
+    if Y is None:
+        raise ValueError(
+            "weight must stay below one at all frequencies for plants of the set to be made, got one that reaches it"
+        )
+    root = np.sqrt(1 - D.T @ D)
+    gain, back = -(B.T @ Y + D.T @ C) / root, 1 / root
+    A, B, C, D = A - B @ gain * back, B * back, C - D @ gain * back, D * back
+    return control.StateSpace(*(to_discrete(A, B, C, D) if dt and len(A) else (A, B, C, D)), dt)
+
+
+def turned(G: control.StateSpace, w: control.StateSpace, omega: float) -> complex:
+    """What Delta is multiplied by, in phase, between `other_plant` on `tangent_system` and the formula above."""
+    (A, B, C, D), B_across, D_across = complement(G)
+    dt = timebase(G)
+    s = 1j * np.tan(omega * dt / 2) if dt else 1j * omega
+    resolved = np.linalg.solve(s * np.eye(len(A)) - A, np.hstack([B, B_across])) if len(A) else np.zeros((0, 2))
+    both = C @ resolved + np.hstack([D, D_across])
+    at = np.array([omega])
+    inside = both[0, 1] / both[1, 0] * response(tangent_system(w), at)[0]
+    outside = tangent(response(w, at))[0]
+    return complex(inside / outside) if outside else 1.0 + 0j

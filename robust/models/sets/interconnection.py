@@ -1,0 +1,285 @@
+"""Several uncertainties at once: systems joined by the names of their signals, perturbations hung in by name.
+
+    systems   any control systems with named inputs and outputs: an input is the sum of all outputs of its name
+    blocks    drives = Delta (size reads), |Delta| <= 1: where a perturbation reads, where it acts, how large it is
+
+What comes out is N with the perturbations pulled out, cut for `mu_upper`, `certify_mu` and `check_structure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import one_of, shown
+from nlfrf._base.values import value
+from robust.lti.connections import joined, lower, upper
+from robust.lti.lti import fits_any_clock, timebase
+from robust.lti.realisation import multivariable
+from robust.lti.stability import stable
+from robust.models.sets.forms import PERTURBATIONS
+from robust.mu.blocks import KINDS
+
+__all__ = ["Block", "UncertainSystem", "interconnection"]
+
+
+@value(kw_only=False)
+class Block:
+    """One perturbation of an interconnection: drives = Delta (size reads) with |Delta| <= 1.
+
+    Fields
+    ------
+    reads, drives : str or list of str
+        Outputs of the systems that it reads, inputs of the systems that it drives.
+    size : float or control.StateSpace
+        What |Delta| = 1 means: a number, or a stable weight over frequency.
+    kind : str
+        "full": any matrix of gain at most one. "repeated": one complex number times the identity. "real": one real
+        number in [-1, 1] times the identity, a parameter.
+    perturbation : str
+        What Delta is claimed to be, as for `UncertaintyModel`: "LTI", "statistical" or "operator".
+
+    Raises
+    ------
+    ValueError
+        A kind or class that does not exist, a size that is unstable, reads and drives that do not fit the kind.
+
+    References
+    ----------
+    SP 8.2 and 8.3.
+
+    Examples
+    --------
+    >>> Block("u", "u", 0.2).shape, Block("y", "pole", 0.5, kind="real").shape
+    ((1, 1), (1, 1, 'real'))
+    """
+
+    reads: Any
+    drives: Any
+    size: Any = 1.0
+    kind: str = "full"
+    perturbation: str = "LTI"
+
+    def __post_init__(self) -> None:
+        one_of("kind", self.kind, KINDS)
+        one_of("perturbation", self.perturbation, PERTURBATIONS)
+        for name in ("reads", "drives"):
+            object.__setattr__(self, name, signals(name, getattr(self, name)))
+        if self.kind != "full" and len(self.reads) != len(self.drives):
+            raise ValueError(f"drives must name as many signals as reads for a {self.kind} block, {len(self.reads)}")
+        size = multivariable("size", self.size)
+        if (size.ninputs, size.noutputs) != (1, 1) or not stable(size):
+            raise ValueError(
+                f"size must be a number or a stable weight with one input and output, got {shown(self.size)}"
+            )
+        object.__setattr__(self, "size", size)
+
+    @property
+    def shape(self) -> tuple[Any, ...]:
+        """As `mu_upper` takes it."""
+        lengths = (len(self.reads), len(self.drives))
+        return lengths if self.kind == "full" else (*lengths, self.kind)
+
+
+def signals(name: str, given: Any) -> tuple[str, ...]:
+    """Signal names as a tuple, or a refusal."""
+    names = (given,) if isinstance(given, str) else given
+    if not isinstance(names, Sequence) or not all(isinstance(one, str) for one in names):
+        raise ValueError(f"{name} must hold names of signals, got {shown(given)}")
+    return tuple(names)
+
+
+@value
+class UncertainSystem:
+    """A linear system with its perturbations pulled out.
+
+    Fields
+    ------
+    N : control.StateSpace
+        From (what the blocks drive, inputs) to (what the blocks read, outputs), sizes inside.
+    blocks : dict of str to Block
+        In the order in which N is cut.
+    inputs, outputs : tuple of str
+        Signals of the performance; empty where only stability is asked for.
+
+    References
+    ----------
+    SP 8.3 (pulling out the perturbations).
+
+    Examples
+    --------
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    >>> system = interconnection([lag, K], {"pole": Block("y", "pole", 2.5, kind="real")})
+    >>> system.structure, system.loop.poles().real.round(9).tolist()               # s + 1 + 4
+    ([(1, 1, 'real')], [-5.0])
+    """
+
+    N: control.StateSpace
+    blocks: dict[str, Block]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+    @property
+    def structure(self) -> list[tuple[Any, ...]]:
+        """Blocks as `mu_upper` takes them, for the part of N they close."""
+        return [block.shape for block in self.blocks.values()]
+
+    @property
+    def with_performance(self) -> list[tuple[Any, ...]]:
+        """The same with a full block from outputs to inputs: mu < 1 keeps the gain from inputs to outputs under one."""
+        return [*self.structure, (len(self.outputs), len(self.inputs))]
+
+    @property
+    def loop(self) -> control.StateSpace:
+        """The part of N that the perturbations close."""
+        rows = sum(block[0] for block in self.structure)
+        cols = sum(block[1] for block in self.structure)
+        N = self.N
+        return control.StateSpace(N.A, N.B[:, :cols], N.C[:rows], N.D[:rows, :cols], N.dt)
+
+    def at(self, **values: float) -> control.StateSpace:
+        """The system with numbers in [-1, 1] in place of perturbations of one signal; those not named are zero.
+
+        From inputs to outputs; where there are none, from what the blocks drive to what they read.
+
+        >>> mass = control.ss([[0, 1], [-1, -0.1]], [[0], [1]], [[1, 0]], [[0]], inputs="force", outputs="x")
+        >>> system = interconnection([mass], {"k": Block("x", "force", -0.5, kind="real")})
+        >>> system.at(k=1.0).poles().round(3).tolist()              # s^2 + 0.1 s + 1.5
+        [(-0.05+1.224j), (-0.05-1.224j)]
+        """
+        unknown = set(values) - set(self.blocks)
+        if unknown:
+            raise ValueError(f"values must be of the blocks {', '.join(self.blocks)}, got {', '.join(sorted(unknown))}")
+        rows, cols = (sum(block[k] for block in self.structure) for k in (0, 1))
+        Delta, r, c = np.zeros((cols, rows)), 0, 0
+        for name, block in self.blocks.items():
+            n, m = block.shape[:2]
+            if name in values and block.kind == "full" and (n, m) != (1, 1):
+                raise ValueError(f"{name} must be a block of one signal to be a number, got {n} by {m}")
+            Delta[c : c + m, r : r + n] = values.get(name, 0.0) * np.eye(m, n)
+            r, c = r + n, c + m
+        N = self.N
+        if not self.inputs:
+            N = control.StateSpace(N.A, np.tile(N.B, (1, 2)), np.tile(N.C, (2, 1)), np.tile(N.D, (2, 2)), N.dt)
+        return upper(N, control.StateSpace([], [], [], Delta, N.dt))
+
+
+def interconnection(
+    systems: Sequence[Any], blocks: Mapping[str, Block], *, inputs: Any = (), outputs: Any = ()
+) -> UncertainSystem:
+    """Join systems by the names of their signals and pull the perturbations out.
+
+    Parameters
+    ----------
+    systems : list of control.StateSpace or TransferFunction
+        With named inputs and outputs (`control.ss(..., inputs=, outputs=)`, `control.summing_junction`). Every input is
+        the sum of the outputs of its name, of the blocks that drive it and of the external input of its name.
+    blocks : dict of str to Block
+        The perturbations, by name.
+    inputs, outputs : str or list of str
+        External inputs and outputs: the gain between them is the performance, weights being systems like any other.
+
+    Returns
+    -------
+    UncertainSystem
+
+    Raises
+    ------
+    ValueError
+        A signal nobody has, an input nobody drives, sampling times that differ, an algebraic loop without a solution.
+
+    References
+    ----------
+    SP 8.1 and 8.2 (pulling out the perturbations), 8.2.1 (parameters).
+
+    Examples
+    --------
+    A lag with uncertain pole and a multiplicative perturbation at its input, under proportional control:
+
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[4.0]], inputs="e", outputs="u")
+    >>> error = control.summing_junction(["-y"], "e")
+    >>> system = interconnection(
+    ...     [lag, K, error],
+    ...     {"pole": Block("y", "pole", 0.5, kind="real"), "actuator": Block("u", "u", 0.2)})
+    >>> system.structure, system.N.poles().tolist()
+    ([(1, 1, 'real'), (1, 1)], [(-5+0j)])
+    """
+    if not isinstance(systems, Sequence) or not systems:
+        raise ValueError(f"systems must hold at least one system, as a list, got {shown(systems)}")
+    if not isinstance(blocks, Mapping) or not all(isinstance(block, Block) for block in blocks.values()):
+        raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {shown(blocks)}")
+    inputs, outputs = signals("inputs", inputs), signals("outputs", outputs)
+    if bool(inputs) != bool(outputs):
+        raise ValueError("outputs must be given together with inputs, got only one of them")
+    parts = [multivariable(f"systems[{k}]", system) for k, system in enumerate(systems)]
+    weights = [block.size for block in blocks.values() for _ in block.reads]
+    dt = common_timebase([*parts, *weights])
+    named_in = [label for part in parts for label in part.input_labels]
+    named_out = [label for part in parts for label in part.output_labels]
+    read = [*(label for block in blocks.values() for label in block.reads), *outputs]
+    external = [*(label for block in blocks.values() for label in block.drives), *inputs]
+    refuse_signals(named_in, named_out, read, external)
+    N = joined_by_name(joined(parts, dt), (named_in, named_out), external, read)
+    if weights:
+        size = joined([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
+        N = in_front(size, N, dt)
+    return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
+
+
+def refuse_signals(named_in: list[str], named_out: list[str], read: list[str], external: list[str]) -> None:
+    """Refuse signals nobody has, and inputs nobody drives."""
+    for label in read:
+        if label not in named_out:
+            raise ValueError(
+                f"blocks and outputs must read outputs of the systems ({', '.join(named_out)}), got {label!r}"
+            )
+    for label in external:
+        if label not in named_in:
+            raise ValueError(
+                f"blocks and inputs must drive inputs of the systems ({', '.join(named_in)}), got {label!r}"
+            )
+    for label in named_in:
+        if label not in {*named_out, *external}:
+            raise ValueError(f"systems must have every input driven, got nobody who drives {label!r}")
+
+
+def joined_by_name(
+    parts: control.StateSpace, names: tuple[list[str], list[str]], external: list[str], read: list[str]
+) -> control.StateSpace:
+    """From the external signals to those that are read: an input is what outputs and external signals add up to."""
+    named_in, named_out = names
+    inside, into, out = selection(named_in, named_out), selection(named_in, external), selection(read, named_out)
+    # (external, all inputs) -> (read, all outputs)
+    P = control.StateSpace(
+        parts.A,
+        np.hstack([parts.B @ into, parts.B]),
+        np.vstack([out @ parts.C, parts.C]),
+        np.vstack([np.hstack([out @ parts.D @ into, out @ parts.D]), np.hstack([parts.D @ into, parts.D])]),
+        parts.dt,
+    )
+    return lower(P, control.StateSpace([], [], [], inside, parts.dt))
+
+
+def common_timebase(parts: list[control.StateSpace]) -> float:
+    """The sampling time of all parts that have one, or a refusal."""
+    steps = {timebase(part) for part in parts if not fits_any_clock(part)}
+    if len(steps) > 1:
+        raise ValueError(f"systems must have one sampling time, got {', '.join(f'{s:g} s' for s in sorted(steps))}")
+    return steps.pop() if steps else 0.0
+
+
+def selection(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """Ones where the names agree."""
+    return np.array([[float(row == column) for column in columns] for row in rows]).reshape(len(rows), len(columns))
+
+
+def in_front(size: control.StateSpace, N: control.StateSpace, dt: float) -> control.StateSpace:
+    """size N, all states kept."""
+    n, m = size.nstates, N.nstates
+    A = np.block([[N.A, np.zeros((m, n))], [size.B @ N.C, size.A]])
+    return control.StateSpace(A, np.vstack([N.B, size.B @ N.D]), np.hstack([size.D @ N.C, size.C]), size.D @ N.D, dt)

@@ -1,0 +1,129 @@
+"""The probability that a whole FRF lies in a set, all its lines together, estimated from what the record says.
+
+A confidence per line says nothing of all of them: 148 independent discs at 95 % would hold a whole FRF once in 2000
+times. What decides is the slack of the weight over the radius, the misfit that is added to the scatter and not squared
+with it, levels that err on the wide side, and what the lines have in common. So whole FRFs are drawn from what is
+known, and counted:
+
+    G_new = G_0 + c + sqrt((v_c + s h) / g) z        G_bla = G_0 + c + sqrt(v_c / g) z
+
+with z white over the lines and complex normal; s the scatter of one realisation, h a power all lines share; g the
+doubt about the levels, shared by neighbours; c and v_c where the BLA lies about the nominal G_0. That is read from the
+residual r = G - G_0 and the misfit m behind it: c = r m^2/(m^2 + v), v_c = v m^2/(m^2 + v) (a normal prior of variance
+m^2), and v more where the nominal follows the record itself and r says nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from nlfrf import Bla, Frm
+from robust.lti.lti import response
+from robust.models.sets.evidence import FEW_LINES, LEVEL_DOF, WINDOW, Evidence, evidence_of
+from robust.models.sets.radius import misfit, nominal_response
+
+__all__ = ["chance", "known_jointly", "matrix_chance", "told"]
+
+
+DRAWS, NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
+LEAST_DRAWS = 400
+FOLLOWS = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
+
+
+def known_jointly(model: Any, blas: list[Bla], recorded: list[Bla] | None = None) -> Any:
+    """The model with what it remembers of its records, and the joint probabilities: of several levels the least.
+
+    recorded : the same before the hold of the model was put into them; blas when not given.
+    """
+    evidence = tuple(evidence_of(bla, one) for bla, one in zip(blas, recorded or blas, strict=True))
+    found = [
+        chance(model, one, misfit(bla, nominal_response(model.nominal, bla.omega)))
+        for one, bla in zip(evidence, blas, strict=True)
+    ]
+    joint, joint_bla = np.min(found, axis=0)
+    return replace(model, evidence=evidence, joint=float(joint), joint_bla=float(joint_bla))
+
+
+def chance(model: Any, evidence: Evidence, missed: np.ndarray) -> tuple[float, float]:
+    """Probability that the whole FRF of a new realisation lies in the set of a model, and that the whole BLA does.
+
+    missed : (F,) the misfit of the nominal on the lines of the record.
+    """
+    inside = (evidence.omega >= model.omega[0] * (1 - 1e-9)) & (evidence.omega <= model.omega[-1] * (1 + 1e-9))
+    omega, G, v, s = (part[inside] for part in (evidence.omega, evidence.G, evidence.variance, evidence.scatter))
+    G0, missed = nominal_response(model.nominal, omega), missed[inside]
+    r, square = G - G0, missed**2
+    shrunk = square / np.maximum(square + v, np.finfo(float).tiny)
+    center, around = r * shrunk, v * shrunk
+    if np.mean(np.abs(r) ** 2 / np.maximum(v, np.finfo(float).tiny)) < FOLLOWS:
+        around = around + v
+    n = int(np.clip(NUMBERS // omega.size, LEAST_DRAWS, DRAWS))
+    rng = np.random.default_rng(0)  # the same set, the same number
+    g, common, z = (*doubts(n, omega.size, rng), normals((n, omega.size), rng))
+    size = np.abs(response(model.weight, omega)) * (1 + 1e-9)
+
+    def held(variance: np.ndarray) -> float:
+        away = model.deviations(omega, G0 + center + np.sqrt(variance) * z, G0)
+        return float(np.mean(np.all(away <= size, axis=1)))
+
+    return held((s * common + around) / g), held(around / g)
+
+
+def matrix_chance(model: Any, frm: Frm, G0: np.ndarray, missed: np.ndarray) -> tuple[float, float]:
+    """`chance` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white.
+
+    G0, missed : (n_y, n_u, F) nominal on the lines, and its misfit entry by entry.
+    """
+    n_y, n_u, F = frm.G.shape
+    entries = [evidence_of(frm.entry(j, i)) for j, i in np.ndindex(n_y, n_u)]
+    v = np.array([one.variance for one in entries]).reshape(n_y, n_u, F)
+    share = np.mean(v / np.maximum(frm.entries(frm.cov_bound), np.finfo(float).tiny), axis=(0, 1))  # of the level
+    r, square = frm.G - G0, missed**2
+    shrunk = square / np.maximum(square + v, np.finfo(float).tiny)
+    follows = np.mean(np.abs(r) ** 2 / np.maximum(v, np.finfo(float).tiny)) < FOLLOWS
+    n = int(np.clip(NUMBERS // frm.G.size, LEAST_DRAWS, DRAWS))
+    rng = np.random.default_rng(0)
+    g, common, z = (*doubts(n, F, rng), normals((n, F, n_y, n_u), rng))
+    bound, gamma = (roots(np.moveaxis(C, 2, 0)) for C in (frm.cov_bound, frm.gamma))
+    # as a set scatters most likely, not as far as the peaks of its inputs allow it
+    extra = roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0) / frm.typical)
+    lines = (2, 0, 1)
+    center, kept, nominal = (np.transpose(x, lines) for x in (r * shrunk, np.sqrt(shrunk + follows), G0))
+    size = np.sqrt(share / g)[..., None, None]
+
+    def held(deviation: np.ndarray) -> float:
+        return float(np.mean(np.all(model.holds(frm.omega, deviation, nominal), axis=1)))
+
+    about = center + size * kept * (bound @ z @ gamma)
+    new = size * np.sqrt(common)[..., None, None] * (extra @ normals(z.shape, rng) @ gamma)
+    return held(about + new), held(about)
+
+
+def roots(C: np.ndarray) -> np.ndarray:
+    """(F, n, n) Hermitian square roots of covariances."""
+    values, vectors = np.linalg.eigh(C)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
+
+
+def doubts(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Draws of estimated over true level (n, F), shared by neighbours, and of the power that all lines share (n, 1)."""
+    sums = np.cumsum(rng.exponential(size=(n, n_lines + WINDOW)), axis=1)
+    level = (sums[:, WINDOW:] - sums[:, :-WINDOW]) / WINDOW
+    common = np.exp(np.sqrt(FEW_LINES / n_lines) * rng.normal(size=(n, 1)))
+    return level ** np.sqrt(WINDOW / LEVEL_DOF), common
+
+
+def normals(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Complex normal numbers of variance one."""
+    pairs = rng.standard_normal((2, *shape)) * np.sqrt(0.5)
+    return np.asarray(pairs[0] + 1j * pairs[1])
+
+
+def told(p: float) -> str:
+    """An estimated probability in words, no finer than it is known."""
+    if p > 0.99:
+        return "over 99 %"
+    return "under 1 %" if p < 0.01 else f"about {100 * p:.0f} %"

@@ -1,0 +1,79 @@
+"""A plant that is known on measured lines only, as a controller sees it."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf._base.arguments import shown
+from robust.lti.lti import response, timebase
+from robust.lti.sampling import hold_between, hold_response
+from robust.models.fit.nominal import DesignWarning, frd
+from robust.models.sets.forms import RELATIVE
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.radius import record_disc, total_of
+
+__all__ = ["as_seen", "on_lines", "sampling_time", "warn_of_unknown_hold"]
+
+
+NEAR = 1.5  # record samples to one of the controller up to which a hold in the record costs what the loop has
+
+
+def sampling_time(model: Any) -> float:
+    """Of an FRF that says it is a sampled one; 0 otherwise."""
+    source = model.nominal if isinstance(model, UncertaintyModel) else model
+    return float(getattr(source, "dt", 0) or 0)
+
+
+def as_seen(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, delay: float) -> np.ndarray:
+    """(W,) an FRF with the delay, and with zero-order hold where the controller is sampled and the FRF is not.
+
+    What folds down from above Nyquist is not known and left out.
+    """
+    hold = getattr(model, "hold", "unknown")
+    if hold != "unknown":
+        G = G * hold_between(omega, hold, model.fs, dt)
+    elif dt and not sampling_time(model):
+        warn_of_unknown_hold(model, dt)
+        G = G * hold_response(omega, dt)
+    return G * np.exp(-1j * omega * delay)
+
+
+def warn_of_unknown_hold(model: Any, dt: float) -> None:
+    """Warn where a record at the rate of the controller may have the hold in it, which is then counted twice."""
+    parametric = isinstance(model, UncertaintyModel) and not model.measured_only
+    if (parametric and timebase(model.nominal)) or getattr(model, "hold", "known") != "unknown":
+        return
+    if dt * model.fs < NEAR:
+        warnings.warn(
+            f"hold of the record must be known, at {model.fs:g} Hz, for a controller at {1 / dt:g} Hz: it is put in,"
+            ' and if u was the command of a converter it was in the record already. Load it with hold="zoh" (u is the '
+            'command) or hold="band-limited" (u was measured behind the hold)',
+            DesignWarning,
+            stacklevel=4,
+        )
+
+
+def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
+    """Frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
+    if isinstance(model, Bla):
+        disc = total_of(record_disc(model, frd(model), 0.95, False, True, None))
+        return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
+    if isinstance(model, control.FrequencyResponseData):
+        if (model.ninputs, model.noutputs) != (1, 1):
+            raise ValueError(f"model must have one input and one output, got {shown(model)}")
+        omega = np.asarray(model.omega, dtype=float)
+        return (
+            omega,
+            np.asarray(model.frdata[0, 0]),
+            RELATIVE,
+            np.full(omega.size, np.nan + 0j),
+            "LTI",
+            np.ones(omega.size),
+        )
+    weight, scaling = response(model.weight, model.omega), response(model.shaping, model.omega)
+    return model.omega, model.at(model.omega), model.form, weight, model.perturbation, scaling

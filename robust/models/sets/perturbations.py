@@ -1,0 +1,130 @@
+"""Plants of a set, from perturbations of gain at most one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import integer
+from robust.lti.connections import in_series, inverse
+from robust.lti.lti import response, timebase
+from robust.lti.realisation import from_roots
+from robust.models.sets.forms import FORMS
+
+__all__ = ["perturbed", "random_perturbation", "random_plants", "with_phase", "with_phases", "within"]
+
+
+ROUNDING = 1e-7  # by which a plant may be farther from the nominal than its set lets it
+
+
+def perturbed(
+    form: str,
+    G: control.StateSpace,
+    w: control.StateSpace,
+    Delta: control.StateSpace,
+    W: control.StateSpace | None = None,
+) -> control.StateSpace:
+    """The perturbed plant as a system, of a plant scaled by W."""
+    row = FORMS[form]
+    if W is None or not row.scaled:
+        return row.system(G, w, Delta)
+    return in_series(row.system(in_series(G, W), w, Delta), inverse(W))
+
+
+def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:
+    """n plants of an `UncertaintyModel`, each |Delta| = 1 somewhere or everywhere; FRFs where its nominal is one."""
+    plants: list[Any] = []
+    # a gain as the weight need not state a clock, nor has one as the nominal to
+    dt = timebase(model.weight) or (0.0 if model.measured_only else timebase(model.nominal))
+    for _ in range(20 * integer("n", n, least=0)):
+        if len(plants) == n:
+            break
+        Delta = random_perturbation(rng, model.omega[0], model.omega[-1], dt)
+        if model.measured_only:
+            w, D, W = (response(X, model.omega) for X in (model.weight, Delta, model.shaping))
+            deviated = FORMS[model.form].perturbed(W * model.at(model.omega), w, D) / W
+            plant: Any = control.FrequencyResponseData(deviated, model.omega, model.nominal.dt)
+        else:
+            plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
+        if within(model, plant):
+            plants.append(plant)
+    if len(plants) < n:
+        raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
+    return plants
+
+
+def within(model: Any, plant: Any) -> bool:
+    """Whether rounding in the realisation has left a plant in the set that it is said to be from.
+
+    On the lines; beyond them too in the form whose plants are made of coprime factors and whose distance is bounded.
+    """
+    if not np.all(model.distance(plant) <= 1 + ROUNDING):
+        return False
+    if model.measured_only or not FORMS[model.form].scaled:
+        return True
+    dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
+    omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
+    away = model.deviations(omega, response(plant, omega), model.at(omega)) / np.abs(response(model.weight, omega))
+    return bool(np.all(away <= 1 + 10 * ROUNDING))
+
+
+def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:
+    """A random stable all-pass of one to three sections over the band [rad/s], of gain one or (every other) less."""
+    poles: list[complex] = []
+    for _ in range(rng.integers(1, 4)):
+        w = np.exp(rng.uniform(np.log(low), np.log(high)))
+        if rng.random() < 0.5:
+            zeta = 10 ** rng.uniform(-2, 0)
+            p = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
+            poles += [p, np.conj(p)]
+        else:
+            poles.append(complex(-w))
+    gain = rng.choice([-1.0, 1.0]) * (1.0 if rng.random() < 0.5 else rng.random())
+    return all_pass(np.array(poles), gain, dt)
+
+
+def all_pass(poles: np.ndarray, gain: float, dt: float) -> control.StateSpace:
+    """gain prod (s + p*)/(s - p), or its bilinear image."""
+    if not dt:
+        return from_roots(-poles.conj(), poles, gain, 0.0)
+    z = (1 + poles * dt / 2) / (1 - poles * dt / 2)
+    z = np.where(np.abs(z) < 1e-9, 1e-9, z)
+    # (1 - z p*)/(z - p) has modulus one on the circle
+    return from_roots(1 / z.conj(), z, gain * float(np.prod(z).real), dt)
+
+
+def with_phase(omega: float, value: complex, dt: float) -> control.StateSpace:
+    """A first-order all-pass times |value| that takes the given complex value at omega [rad/s]."""
+    x = 2 / dt * np.tan(omega * dt / 2) if dt else omega
+    angle = float(np.angle(value))
+    if abs(np.sin(angle)) < 1e-4:  # as good as real: an all-pass of that phase has a pole next to zero or infinity
+        return control.StateSpace([], [], [], [[abs(value) * np.sign(np.cos(angle))]], dt)
+    # (s - b)/(s + b) at j x has the phase pi - 2 atan(x / b), between 0 and pi; the sign gives the other half
+    sign = 1.0 if angle >= 0 else -1.0
+    phase = angle if angle >= 0 else angle + np.pi
+    b = x / np.tan(np.clip((np.pi - phase) / 2, 1e-9, np.pi / 2 - 1e-9))
+    return all_pass(np.array([complex(-b)]), sign * abs(value), dt)
+
+
+def with_phases(omega: np.ndarray, phases: np.ndarray, *, narrow: float = 1e-4) -> control.StateSpace:
+    """A continuous all-pass that has given phases [rad] at several frequencies omega (n,) [rad/s], of order 2 n.
+
+    A section (s + p)(s + p*)/((s - p)(s - p*)) with p = -h + j c, h << c turns once around c and is nearly one
+    elsewhere: at omega it has the phase 2 acot((omega - c)/h), so c sets it. What it leaves the others is taken off.
+
+    >>> delta = with_phases(np.array([1.0, 5.0]), np.array([0.5, -2.0]))
+    >>> np.angle(response(delta, np.array([1.0, 5.0]))).round(3).tolist()
+    [0.5, -2.0]
+    """
+    omega, half = np.asarray(omega, dtype=float), narrow * np.asarray(omega, dtype=float)
+    centre = omega.copy()
+    for _ in range(30):
+        for k, w in enumerate(omega):
+            p = -half + 1j * centre
+            every = np.angle((1j * w + p) * (1j * w + p.conj()) / ((1j * w - p) * (1j * w - p.conj())))
+            wanted = (phases[k] - every.sum() + every[k]) % (2 * np.pi)
+            centre[k] = w - half[k] / np.tan(np.clip(wanted / 2, 1e-6, np.pi - 1e-6))
+    p = -half + 1j * centre
+    return all_pass(np.concatenate([[a, a.conjugate()] for a in p]), 1.0, 0.0)

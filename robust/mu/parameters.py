@@ -1,0 +1,522 @@
+"""The largest box of real parameters a loop bears, between a proof and a counter-example, by branch and bound.
+
+Upper bounds of mu with real blocks may be far above it, and lower bounds find nothing between the lines of a grid. Cut
+into smaller boxes both meet: around its own middle a small box is nearly a point. A level is proved box by box (each a
+certificate at all frequencies), or a box turns up with a pole beyond the stability boundary (Balemi, Boyd &
+Balakrishnan 1991; Newlin & Young 1997).
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import positive
+from nlfrf._base.values import value
+from robust.lti.grids import structure_grid
+from robust.lti.lti import along, in_s, timebase
+from robust.lti.realisation import multivariable
+from robust.mu.blocks import BlockStructure, fitting
+from robust.mu.certify import certify_mu
+from robust.mu.lower import searched
+from robust.mu.upper import bounded, refined
+from robust.proofs.search.certificate import Certificate
+from robust.proofs.search.stability import instability
+
+__all__ = ["Crossing", "ParameterMargin", "crossing", "parameter_margin"]
+
+
+# ---- The smallest real parameters that take a loop to its stability boundary, found by its poles.
+#
+# Real numbers make a loop singular at isolated frequencies only, and a grid of frequencies steps over them. Poles need
+# no
+# grid: they are followed from the nominal loop outwards, along the corners of the box and along some directions inside
+# it, and from the best of them uphill (de Gaston & Safonov 1988 look at corners; first-order moves as in Seiler 2010).
+# What is found is a fact about the loop; that nothing was found proves nothing.
+
+CORNERS = 6  # parameters up to which every corner is looked at
+SOME = 48  # random directions beside them
+STEPS = 24  # sizes looked at on the way out
+MOVES = 12  # attempts to do better from the best direction
+
+
+@value
+class Crossing:
+    """Real parameters that bring a pole to the stability boundary.
+
+    Fields
+    ------
+    size : float
+        Largest modulus of the parameters.
+    delta : (n_in, n_out) ndarray
+        The perturbation, zero but for its real blocks.
+    omega : float
+        Where the pole crosses [rad/s].
+    """
+
+    size: float
+    delta: np.ndarray
+    omega: float
+
+
+@value(copy=False)
+class Parametric:
+    """A loop as a function of its real parameters x (K, r), one for each real block.
+
+    Fields
+    ------
+    A, B, C, D : ndarray
+        The loop, cut to the channels of the real blocks.
+    of : (m,) int ndarray
+        Which parameter closes each of these channels.
+    dt : float
+        Sampling time [s], 0 for continuous.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    of: np.ndarray
+    dt: float
+
+    def closed(self, x: np.ndarray) -> np.ndarray:
+        """(K, n, n) state matrices."""
+        d = x[:, self.of]
+        around = np.eye(len(self.of)) - self.D * d[:, None, :]
+        return np.asarray(self.A + self.B @ (d[:, :, None] * np.linalg.solve(around, self.C[None])))
+
+    def excess(self, x: np.ndarray) -> np.ndarray:
+        """(K,) how far the farthest pole is beyond the stability boundary; inf where the loop has no solution."""
+        try:
+            poles = np.linalg.eigvals(self.closed(x))
+        except np.linalg.LinAlgError:
+            return np.full(len(x), np.inf)
+        return np.asarray((np.abs(poles) - 1 if self.dt else poles.real).max(axis=1))
+
+    def slope(self, x: np.ndarray) -> np.ndarray:
+        """(r,) how the excess grows with each parameter."""
+        values, right = np.linalg.eig(self.closed(x[None])[0])
+        k = int(np.argmax(np.abs(values) if self.dt else values.real))
+        left = np.linalg.pinv(right)[k]
+        d = x[self.of]
+        around = np.eye(len(d)) - self.D * d
+        reads = np.linalg.solve(around, self.C @ right[:, k])  # (I - D d)^-1 C r
+        drives = np.linalg.solve(np.eye(len(d)) - (d[:, None] * self.D).T, self.B.T @ left)
+        turn = values[k].conj() / abs(values[k]) if self.dt else 1.0
+        moves = (turn * drives * reads).real
+        return np.bincount(self.of, weights=moves, minlength=x.size)
+
+
+def crossing(
+    N: control.StateSpace, s: BlockStructure, least: float, limit: float, *, time_cap: float = 2.0
+) -> Crossing | None:
+    """The smallest real parameters found that take a stable loop to the boundary.
+
+    Parameters
+    ----------
+    N : control.StateSpace
+        What the perturbation closes, stable.
+    s : BlockStructure
+        Complex blocks stay at zero.
+    least, limit : float
+        Sizes between which they are looked for.
+    time_cap : float
+        Seconds; what was found by then is returned.
+    """
+    if "real" not in s.kinds or not N.nstates or least >= limit:
+        return None
+    deadline = time.monotonic() + time_cap
+    real = [k for k, kind in enumerate(s.kinds) if kind == "real"]
+    rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in real]) for cut in (s.rows, s.cols))
+    of = np.repeat(np.arange(len(real)), [s.rows[k].stop - s.rows[k].start for k in real])
+    loop = Parametric(A=N.A, B=N.B[:, cols], C=N.C[rows], D=N.D[np.ix_(rows, cols)], of=of, dt=timebase(N))
+    around = directions(len(real))
+    inner = 0.0
+    for size in np.geomspace(least, limit, STEPS):
+        excess = loop.excess(size * around)
+        if excess.max() > 0 or time.monotonic() > deadline:
+            break
+        inner = size
+    if excess.max() <= 0:
+        return None
+    y = around[excess.argmax()]
+    size = halved(loop, y, inner, size)
+    for _ in range(MOVES):
+        if time.monotonic() > deadline:
+            break
+        # uphill at the present size: the best corner by the slope, and part of the way to it
+        better = np.sign(loop.slope(size * y))
+        tried = np.concatenate([y + np.linspace(0.1, 1, 10)[:, None] * (better - y), around])
+        excess = loop.excess(0.999 * size * tried)
+        if excess.max() <= 0:
+            break
+        y = tried[excess.argmax()]
+        size = halved(loop, y, 0.0, 0.999 * size)
+        y, size = y / np.abs(y).max(), size * float(np.abs(y).max())
+    delta = np.zeros(s.shape[::-1])
+    delta[cols, rows] = size * y[of]
+    at, beyond = loop.closed(size * y * np.array([[1.0], [1.001]]))
+    farther = control.StateSpace(beyond, np.zeros((N.nstates, 1)), np.zeros((1, N.nstates)), 0.0, N.dt)
+    if not instability(farther).unstable:
+        return None
+    poles = np.linalg.eigvals(at)
+    pole = poles[np.argmax(np.abs(poles) if loop.dt else poles.real)]
+    omega = abs(in_s(np.array([pole]), loop.dt)[0].imag)
+    return Crossing(size=float(size), delta=delta, omega=float(omega))
+
+
+def directions(n: int) -> np.ndarray:
+    """(K, n) corners of the box, all of them or some, each parameter alone, and points inside."""
+    rng = np.random.default_rng(0)
+    corners = np.array(list(product((-1.0, 1.0), repeat=n))) if n <= CORNERS else np.sign(rng.standard_normal((64, n)))
+    inside = rng.uniform(-1, 1, (SOME, n))
+    inside /= np.abs(inside).max(axis=1, keepdims=True)
+    return np.concatenate([corners, np.eye(n), -np.eye(n), inside]) if n > 1 else corners
+
+
+def halved(loop: Parametric, y: np.ndarray, inner: float, outer: float) -> float:
+    """The size between a stable and an unstable one where the direction y crosses, from above."""
+    for _ in range(40):
+        middle = (inner + outer) / 2
+        if loop.excess((middle * y)[None])[0] > 0:
+            outer = middle
+        else:
+            inner = middle
+        if outer - inner <= 1e-9 * outer:
+            break
+    return outer
+
+
+LARGEST = 1e6  # factor beyond which nothing is looked for
+FEW = 32  # frequencies that tell whether a box is worth a proof
+ROOM = 0.999  # what the bound there has to stay below
+THINNEST = 1e-3  # of the whole box: thinner ones are not cut any more
+PROOF = 5.0  # [s] for one box
+
+
+@value
+class ParameterMargin:
+    """Between which factors on all perturbations a loop loses its stability.
+
+    Fields
+    ------
+    proved : float
+        Factor up to which it is stable for every parameter of the box and every perturbation; 0: nothing is proved.
+    broken : float
+        Factor at which a perturbation that was found breaks it; inf where none was found.
+    worst : (r,) ndarray
+        The parameters at `broken`, of size up to one as in `boxes`, block by block; nan for a complex block.
+    omega : float
+        Where the pole crosses [rad/s].
+    boxes : (L, r, 2) ndarray
+        Ends of the boxes into which the box was cut at `proved`, of size up to one.
+    certificates : tuple of Certificate
+        The proof on each of them, at all frequencies.
+    met : bool
+        Whether broken is within the gap of proved.
+    reason : str
+        Why not.
+
+    References
+    ----------
+    Balemi, Boyd & Balakrishnan 1991; Newlin & Young 1997.
+
+    Examples
+    --------
+    >>> lag = control.ss([[-5.0]], [[1.0]], [[1.0]], [[0.0]])           # s + 5 - d
+    >>> found = parameter_margin(lag, [(1, 1, "real")])
+    >>> round(found.broken, 3), bool(4.75 < found.proved < 5)
+    (5.0, True)
+    """
+
+    proved: float
+    broken: float
+    worst: np.ndarray
+    omega: float
+    boxes: np.ndarray
+    certificates: tuple[Certificate, ...]
+    met: bool
+    reason: str
+
+
+@value(copy=False)
+class Search:
+    """A loop, what breaks it, and the boxes that were proved at a level.
+
+    Fields
+    ------
+    N : control.StateSpace
+    s : BlockStructure
+    blocks : list
+    deadline : float
+        Of time.monotonic().
+    level, broken, worst, omega
+        As in the result.
+    boxes : list of (middle, half) of (r,) ndarray
+        Boxes to look at, or those that were proved; complex blocks stay whole.
+    certificates : tuple
+        Of the latter.
+    reason : str
+        Why a level could not be proved: empty where it was.
+    """
+
+    N: control.StateSpace
+    s: BlockStructure
+    blocks: Any
+    deadline: float
+    level: float
+    broken: float
+    worst: np.ndarray
+    omega: float
+    boxes: tuple[tuple[np.ndarray, np.ndarray], ...]
+    certificates: tuple[Certificate, ...] = ()
+    reason: str = ""
+
+
+def parameter_margin(N_ss: Any, blocks: Any, *, gap: float = 0.05, time_cap: float = 60.0) -> ParameterMargin:
+    """Find how large real parameters may be, to a stated gap: proved on every part of the box, broken just above.
+
+    Parameters
+    ----------
+    N_ss : control.StateSpace
+        Stable system that the perturbation closes (`UncertainSystem.loop`), continuous or discrete.
+    blocks : list
+        As for `mu_upper`, at least one of them real. Real blocks are cut, complex ones are taken whole.
+    gap : float
+        Relative distance between what is proved and what breaks the loop.
+    time_cap : float
+        Seconds; the margins known by then are returned, and why they are not closer.
+
+    Returns
+    -------
+    ParameterMargin
+        The margins are those of the perturbations all at once: 1 over the structured singular value.
+
+    Raises
+    ------
+    ValueError
+        Blocks that do not add up to N_ss or none of them real, a system that is not stable.
+
+    References
+    ----------
+    Balemi, Boyd & Balakrishnan 1991; Newlin & Young 1997; de Gaston & Safonov 1988.
+
+    Examples
+    --------
+    One parameter in two places, (s + 1)^2 + d^2: complex ones of size one break it, real ones of no size do.
+
+    >>> N = control.ss(-np.eye(2), np.eye(2), [[0.0, 1.0], [-1.0, 0.0]], np.zeros((2, 2)))
+    >>> found = parameter_margin(N, [(2, 2, "real")])
+    >>> found.broken, found.proved > 100
+    (inf, True)
+    """
+    N = multivariable("N_ss", N_ss)
+    s = fitting("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
+    gap, deadline = positive("gap", gap), time.monotonic() + positive("time_cap", time_cap)
+    if "real" not in s.kinds:
+        raise ValueError("blocks must hold a real one, got none: certify_mu is for complex ones")
+    nominal = instability(N)
+    if not nominal.stable:
+        raise ValueError(f"N_ss must be stable, got one that is {nominal}")
+    search, low = begun(N, s, blocks, deadline)
+    kept = search
+    while search.broken > low * (1 + gap) and low < LARGEST:
+        tried = decided(replace(search, level=next_level(low, search.broken, gap), reason=""))
+        if tried.reason and not tried.broken < search.broken:
+            kept = replace(kept, reason=tried.reason)
+            break
+        if not tried.reason:
+            low, kept, search = tried.level, tried, tried
+        else:
+            search = replace(search, broken=tried.broken, worst=tried.worst, omega=tried.omega)
+    middles, halves = (np.array([box[k] for box in kept.boxes]).reshape(-1, len(s.kinds)) for k in (0, 1))
+    met = bool(search.broken <= low * (1 + gap) or low >= LARGEST)
+    return ParameterMargin(
+        proved=low,
+        broken=search.broken,
+        worst=search.worst,
+        omega=search.omega,
+        boxes=np.stack([middles - halves, middles + halves], axis=-1),
+        certificates=kept.certificates,
+        met=met,
+        reason="" if met else kept.reason,
+    )
+
+
+def next_level(low: float, broken: float, gap: float) -> float:
+    """The level to be proved next: all that the gap leaves where that is near, else between what is known."""
+    near = min(broken, LARGEST) / (1 + 0.9 * gap)
+    if np.isinf(broken):
+        return min(2 * low, LARGEST) if low else 1.0
+    return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
+
+
+def begun(N: control.StateSpace, s: BlockStructure, blocks: Any, deadline: float) -> tuple[Search, float]:
+    """What the bounds of mu say of the whole box, and the factor proved."""
+    now, r = time.monotonic(), len(s.kinds)
+    omega = structure_grid(N)
+    omega = omega[:: max(1, omega.size // FEW)]  # a first guess: what counts is proved or broken later
+    omega, mu = refined(N, blocks, omega, now + 0.3 * (deadline - now))
+    whole = ((np.zeros(r), np.ones(r)),)
+    search = Search(
+        N=N,
+        s=s,
+        blocks=blocks,
+        deadline=deadline,
+        level=0.0,
+        broken=np.inf,
+        worst=np.full(r, np.nan),
+        omega=np.nan,
+        boxes=whole,
+    )
+    peak = max(float(mu.max()), 1 / LARGEST)
+    search = broken_by_poles(search, N, (np.zeros(r), np.ones(r)), 1e-3 / peak, 100 / peak)
+    at = np.sort(np.argsort(-mu)[:4])
+    found = searched(
+        np.moveaxis(along(N, omega[at]), 2, 0), s, 2, np.random.default_rng(0), now + 0.4 * (deadline - now)
+    )
+    k = int(found.value.argmax())
+    if found.value[k] > 0 and 1 / found.value[k] < search.broken:
+        x = parameters_of(found.delta[:, :, k], s) * float(found.value[k])
+        search = replace(search, broken=1 / float(found.value[k]), worst=x, omega=float(omega[at[k]]))
+    level = min(0.99 / peak, LARGEST)
+    proof = certify_mu(N, blocks, 1 / level, time_cap=max(min(PROOF, deadline - time.monotonic()), 0.1))
+    if not proof.holds:
+        return search, 0.0
+    return replace(search, level=level, certificates=(proof,)), level
+
+
+def decided(search: Search) -> Search:
+    """The level proved on every part of the box; or broken below it, or the reason why it stays open."""
+    level, waiting, proved, proofs = search.level, list(search.boxes), [], []
+    while waiting:
+        if time.monotonic() > search.deadline:
+            return replace(search, reason=f"the time cap was reached with {len(waiting)} parts of the box open")
+        box = waiting.pop()
+        N = part_of(search, box)
+        if N is not None and instability(N).stable:
+            proof, peak_at = proof_of(search, N)
+            if proof is not None:
+                proved.append(box)
+                proofs.append(proof)
+                continue
+            found = broken_by_poles(search, N, box, 1e-3, 1.0)
+            if found.broken < search.broken:
+                return replace(found, reason="broken")
+        else:
+            peak_at = np.nan
+            found = along_ray(search, level * box[0])
+            if found.broken < search.broken:
+                return replace(found, reason="broken")
+        parts = halves_of(search, box, peak_at)
+        if not parts:
+            return replace(search, reason="a part of the box is too thin to be cut, and open")
+        waiting += parts
+    return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
+
+
+def part_of(search: Search, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
+    """What perturbations of size one close of a part of the box at the level: Delta = middle + half delta."""
+    N, s, (middle, half) = search.N, search.s, box
+    C, H = np.zeros(s.shape[::-1]), np.zeros(s.shape[1])
+    for k, (row, col) in enumerate(zip(s.rows, s.cols, strict=True)):
+        H[col] = search.level * half[k]
+        if s.kinds[k] == "real":
+            C[col, row] = search.level * middle[k] * np.eye(row.stop - row.start)
+    around = np.eye(s.shape[0]) - N.D @ C
+    if np.linalg.cond(around) > 1e12:
+        return None
+    y = np.linalg.solve(around, np.hstack([N.C, N.D * H]))  # (rows, n + cols)
+    y_x, y_v = y[:, : N.nstates], y[:, N.nstates :]
+    return control.StateSpace(N.A + N.B @ C @ y_x, N.B @ (C @ y_v + np.diag(H)), y_x, y_v, N.dt)
+
+
+def proof_of(search: Search, N: control.StateSpace) -> tuple[Certificate | None, float]:
+    """The proof that mu of a part stays below one, where a few frequencies do not contradict it; and where it peaks."""
+    omega = structure_grid(N)
+    omega = omega[np.linspace(0, omega.size - 1, FEW).astype(int)]
+    if np.isfinite(search.omega):
+        omega = np.union1d(omega, search.omega * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
+    mu = bounded(np.moveaxis(along(N, omega), 2, 0), search.blocks, ROOM, search.deadline).value
+    where = float(omega[mu.argmax()])
+    if not mu.max() < ROOM:
+        return None, where
+    left = max(min(PROOF, search.deadline - time.monotonic()), 0.05)
+    proof = certify_mu(N, search.blocks, 1.0, time_cap=left)
+    return (proof if proof.holds else None), where
+
+
+def broken_by_poles(
+    search: Search, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray], least: float, most: float
+) -> Search:
+    """With parameters of a part that take a pole across the boundary, if they are smaller than those known."""
+    found = crossing(N, search.s, least, most, time_cap=min(1.0, max(search.deadline - time.monotonic(), 0.01)))
+    if found is None:
+        return search
+    middle, half = box
+    scale = search.level or 1.0
+    return along_ray(search, scale * (middle + half * np.nan_to_num(parameters_of(found.delta, search.s))))
+
+
+def along_ray(search: Search, x: np.ndarray) -> Search:
+    """With the smallest multiple of these parameters that breaks the loop, if it is smaller than what is known."""
+    size = float(np.abs(x).max())
+    if not size:
+        return search
+    point = replace(search, level=1.0)
+
+    def unstable(t: float) -> bool:
+        N = part_of(point, (t * x, np.zeros(x.size)))
+        return N is None or instability(N).unstable
+
+    high = next((t for t in (1.0, 1.0 + 1e-6, 1.0 + 1e-3) if unstable(t)), None)
+    if high is None or high * size >= search.broken:
+        return search
+    low = 0.0
+    for _ in range(50):
+        middle = (low + high) / 2
+        low, high = (low, middle) if unstable(middle) else (middle, high)
+        if high - low < 1e-9 * high:
+            break
+    N = part_of(point, (high * x, np.zeros(x.size)))
+    poles = np.linalg.eigvals(N.A) if N is not None else np.array([np.nan + 0j])
+    pole = poles[np.argmax(np.abs(poles) if N is not None and N.dt else poles.real)]
+    omega = float(abs(np.angle(pole)) / N.dt) if N is not None and N.dt else float(abs(pole.imag))
+    real = np.array([kind == "real" for kind in search.s.kinds])
+    return replace(search, broken=high * size, worst=np.where(real, x / size, np.nan), omega=omega)
+
+
+def parameters_of(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+    """(r,) the numbers of the real blocks of a perturbation, nan for the others."""
+    return np.array(
+        [
+            delta[col.start, row.start].real if kind == "real" else np.nan
+            for kind, row, col in zip(s.kinds, s.rows, s.cols, strict=True)
+        ]
+    )
+
+
+def halves_of(search: Search, box: tuple[np.ndarray, np.ndarray], omega: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The part cut in two across the parameter for which the bound where it peaks falls most; none where it is thin."""
+    middle, half = box
+    best: tuple[float, list[Any]] = (np.inf, [])
+    for k in np.flatnonzero([kind == "real" for kind in search.s.kinds]):
+        if half[k] < THINNEST:
+            continue
+        move = half * (np.arange(half.size) == k) / 2
+        parts = [(middle - move, half - move), (middle + move, half - move)]
+        worst = -half[k]
+        if np.isfinite(omega):
+            cut = [part_of(search, part) for part in parts]
+            if all(N is not None for N in cut):
+                responses = np.concatenate([np.moveaxis(along(N, np.array([omega])), 2, 0) for N in cut])
+                worst = float(bounded(responses, search.blocks, 0.0, search.deadline).value.max())
+        if worst < best[0]:
+            best = (worst, parts)
+    return best[1]

@@ -1,0 +1,81 @@
+"""The measured band in every picture over frequency: white, and what was not measured grey; how far the axis goes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+__all__ = ["BESIDE", "COLOR", "MEASURED", "OVER", "STYLE", "hz", "mark_band", "show_all_of"]
+
+
+BESIDE = np.sqrt(10.0)  # half a decade beside the band is shown
+OVER = "over 100 %: the set holds 0"  # of a band without a lower edge
+ROOM = 1.3  # around something that happens further out
+
+
+def mark_band(ax: Any, band: tuple[float, float], *, happens: Iterable[float] = (), top: float = np.inf) -> None:
+    """Frame a picture around the measured band [Hz], with what lies outside it in grey.
+
+    Half a decade is shown beside it; more where something `happens` (frequencies, nan where it does not), never beyond
+    `top`.
+    """
+    low, high = band
+    start, end = low / BESIDE, high * BESIDE
+    for f in happens:
+        if np.isfinite(f) and f > 0:
+            start, end = min(start, f / ROOM), max(end, f * ROOM)
+    end = max(min(end, top), high)
+    ax.set_xlim(start, end)
+    for one, other in ((start, low), (high, end)):
+        if other > one * (1 + 1e-9):
+            ax.axvspan(one, other, color="0.85", alpha=0.5, lw=0, zorder=0, gid="not measured")
+
+
+def show_all_of(ax: Any, most: float = 80.0) -> None:
+    """Fit the vertical axis to the curves inside the frame, no more than so many decibels from the top."""
+    start, end = ax.get_xlim()
+    seen = []
+    for line in ax.get_lines():
+        x, y = np.asarray(line.get_xdata(), dtype=float), np.asarray(line.get_ydata(), dtype=float)
+        if x.size > 2:
+            seen.append(y[(x >= start) & (x <= end) & np.isfinite(y)])
+    values = np.concatenate(seen) if seen else np.zeros(0)
+    if values.size and np.ptp(values) > 0:
+        high = values.max()
+        low = max(values.min(), high - most)
+        ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
+
+
+# ---- Colours and units that the pictures of this package share.
+
+# told apart by colour-blind readers too; the parts of the radius as in the pictures of nlfrf
+COLOR = {
+    "noise": "#999999",
+    "odd": "#D55E00",
+    "even": "#0072B2",
+    "misfit": "#CC79A7",
+    "level": "#E69F00",
+    "systematic": "#F0E442",
+    "radius": "#000000",
+    "weight": "#009E73",
+    "loop": "#0072B2",
+    "limit": "#D55E00",
+}
+#: Of several records, one after the other.
+MEASURED = (COLOR["loop"], COLOR["limit"], COLOR["level"], COLOR["misfit"])
+#: The parts of the radius on paper without colour.
+STYLE = {
+    "noise": ":",
+    "odd": "-",
+    "even": "-.",
+    "misfit": "--",
+    "level": (0, (6, 1, 1, 1, 1, 1)),
+    "systematic": (0, (1, 3)),
+}
+
+
+def hz(omega: Any) -> Any:
+    """rad/s to Hz."""
+    return omega / (2 * np.pi)

@@ -1,0 +1,432 @@
+"""Claims about a set of continuous plants under a sampled controller, every alias included.
+
+With S = 1/(1 + K G_d), h_k the hold at alias omega_k = omega + 2 pi k/T, F = G w or w by the form, sums over k != 0,
+
+    LTI, mult. and additive       |h_0 F K S| + |K S| sum |h_k F_k| < 1
+    operator, mult. and additive  |F K S|^2 + |K S|^2 sum |F_k|^2 < 1
+    LTI, inverse                  |F S| + |F K S| sum |h_k G_k|
+                                    + (|K S| + |F K S|) sum |h_k G_k| |F_k|/(1 - |F_k|) < 1
+    operator, inverse             |[a, b; c, d]| < 1, the blocks of the frequency itself and of all others
+
+(docs/guide/aliases.md derives them). On an interval each quotient is a maximum over a minimum of two Taylor models, the
+aliases beyond the first are taken in blocks, the last ones by their power law; the interval is cut until the sum of
+upper bounds stays below one. An upper bound of one or more is no disproof: what fails here is undecided.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from math import ceil, sqrt
+from typing import Any
+
+from nlfrf._base.values import value
+from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, STABILITY, LoopClaim
+from robust.proofs.exact.conditions import Terms
+from robust.proofs.exact.polynomials import Decision, Quotient, proved, quotient, rational, undecided
+from robust.proofs.exact.stability import WHOLE_SAMPLES, Axis, Squares, loop_axis, squared, squares
+from robust.proofs.exact.taylor_models import (
+    LOWEST,
+    MOST_INTERVALS,
+    NARROWEST,
+    Jet,
+    line,
+    lower_bound,
+    of_polynomial,
+    sampled_terms,
+)
+
+__all__ = ["below_one_with_aliases"]
+
+
+SINGLE, MOST_SINGLE = 12, 60  # aliases on either side that are taken one by one: at least, and at most
+LONGER, FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
+TIGHT, DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most
+NEARLY = 4  # a bound so far above one at most may be brought below it by looking closer
+LOOSE = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
+
+
+@value(copy=False)
+class Ratio:
+    """|X|^2 = num(y)/den(y), y = omega^2, of a continuous system X, as balls; falls as y^-order."""
+
+    num: Any
+    den: Any
+    order: int
+
+    def bounds(self, low: Any, high: Any) -> tuple[Any, Any]:
+        """Upper bound of |X| on omega in [low, high] (arb), and one of 1/|X|; infinite where none is found."""
+        from flint import arb
+
+        y = (low * low).union(high * high)
+        found = []
+        for p in (self.num, self.den):
+            ball = p(y)
+            if not ball > 0 or ball.rad() > LOOSE * abs(ball.mid()):
+                first, *others = of_polynomial(p, squared_line(low, high)).p.coeffs()
+                ball = first + arb(0, sum((abs(c) for c in others), arb(0)).abs_upper())
+            found.append(ball)
+        return tuple(root_of(top, bottom) for top, bottom in (found, found[::-1]))
+
+    def beyond(self, low: Any) -> Any:
+        """c with |X| <= c omega^-order for all omega >= low; infinite where none is found."""
+        from flint import arb
+
+        v = arb(0).union(1 / (low * low))
+        top, bottom = (reversed_at(p, v) for p in (self.num, self.den))
+        return root_of(top, bottom)
+
+
+def squared_line(low: Any, high: Any) -> Jet:
+    """omega^2 on an interval as a Taylor model."""
+    omega = line((low + high) / 2, (high - low) / 2)
+    return omega * omega
+
+
+def root_of(top: Any, bottom: Any) -> Any:
+    """An upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
+    from flint import arb
+
+    if not bottom > 0:
+        return arb.pos_inf()
+    found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
+    return found.sqrt().abs_upper() if found.is_finite() else arb.pos_inf()
+
+
+def reversed_at(p: Any, v: Any) -> Any:
+    """p(y) y^-degree at v = 1/y."""
+    from flint import arb
+
+    total = arb(0)
+    for c in p.coeffs():
+        total = total * v + c
+    return total
+
+
+def ratio(system: Quotient) -> Ratio:
+    """|X|^2 of a continuous system."""
+    from flint import arb_poly
+
+    num, den = squared(arb_poly(system.num)), squared(arb_poly(system.den))
+    return Ratio(num=num, den=den, order=true_degree(system.den) - true_degree(system.num))
+
+
+def true_degree(p: Any) -> int:
+    """Degree of a polynomial over the rationals."""
+    return max(int(p.degree()), 0)
+
+
+def series(one: Quotient, other: Quotient) -> Quotient:
+    """The product of two systems."""
+    return Quotient(num=one.num * other.num, den=one.den * other.den, degree=one.degree + other.degree)
+
+
+@value(copy=False)
+class Sums:
+    """Upper bounds of the sums over all aliases k != 0 on an interval; what they stand for is in `Aliases`."""
+
+    F: Any
+    G: Any
+    FF: Any
+    GG: Any
+    GF: Any
+    F_max: Any
+
+
+class Aliases:
+    """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
+
+    def __init__(self, claim: LoopClaim, dt: Any) -> None:
+        from flint import arb
+
+        plant, weight = quotient(claim.plant), quotient(claim.weight)
+        self.through = "G" in claim.reads
+        self.dt = arb(dt)
+        self.step = 2 * arb.pi() / self.dt
+        self.G, self.w = ratio(plant), ratio(weight)
+        self.F = ratio(series(plant, weight)) if self.through else self.w
+        farthest = float(farthest_root(plant, weight)) / float(self.step.mid())
+        self.n = min(max(SINGLE, ceil(min(farthest, 1e6)) + 2), MOST_SINGLE)
+        self.rest = self.of_the_rest(farthest)
+
+    def of_the_rest(self, farthest: float) -> Sums:
+        """The sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
+        from flint import arb
+
+        first = self.n + 1
+        end = max(FAR * farthest, 2.0 * first)
+        edges = [first]
+        while edges[-1] < end:
+            edges.append(max(edges[-1] + 1, int(edges[-1] * LONGER)))
+        half, hold = arb(1) / 2, 2 / self.dt / self.step
+        zero = arb(0)
+        F, G, FF, GG, GF, F_max = zero, zero, zero, zero, zero, zero
+        for a, b in pairwise(edges):
+            low, high = (a - half) * self.step, (b - half) * self.step
+            f, g = largest_on(self.F, low, high), largest_on(self.G, low, high)
+            once = sum(((b + x).digamma() - (a + x).digamma() for x in (-half, half)), zero) * hold
+            twice = sum((arb(2).zeta(a + x) - arb(2).zeta(b + x) for x in (-half, half)), zero) * hold**2
+            F, G = F + once * f, G + once * g
+            FF, GG = FF + 2 * (b - a) * f * f, GG + twice * g * g
+            GF, F_max = GF + once * g * over(f), larger(F_max, f)
+        last = (edges[-1] - half) * self.step
+        f, g = self.F.beyond(last), self.G.beyond(last)
+
+        def powers(c: Any, n: int, holds: int) -> Any:
+            """The sum of c omega_k^-n with so many holds beyond the blocks."""
+            if c == 0:
+                return zero
+            if n + holds <= 1:
+                return arb.pos_inf()
+            both = sum((arb(n + holds).zeta(edges[-1] + x) for x in (-half, half)), zero)
+            return c * (2 / self.dt) ** holds * both / self.step ** (n + holds)
+
+        f_last = f / last**self.F.order
+        return Sums(
+            F=F + powers(f, self.F.order, 1),
+            G=G + powers(g, self.G.order, 1),
+            FF=FF + powers(f * f, 2 * self.F.order, 0),
+            GG=GG + powers(g * g, 2 * self.G.order, 2),
+            GF=GF + powers(g * over(f_last), self.G.order, 1),
+            F_max=larger(F_max, f_last),
+        )
+
+    def sums(self, low: Any, high: Any) -> Sums:
+        """The sums on omega in [low, high]."""
+        from flint import arb
+
+        sine = sine_up(high * self.dt / 2)
+        rest = self.rest
+        F, G, FF, GG, GF = rest.F * sine, rest.G * sine, rest.FF, rest.GG * sine**2, rest.GF * sine
+        F_max = rest.F_max
+        for k in range(1, self.n + 1):
+            for near, far in ((k * self.step - high, k * self.step - low), (k * self.step + low, k * self.step + high)):
+                near, far = near.lower(), far.upper()
+                f, g = self.F.bounds(near, far)[0], self.G.bounds(near, far)[0]
+                hold = (2 * sine / (near * self.dt)).abs_upper()
+                F, G, FF, GG = F + hold * f, G + hold * g, FF + f * f, GG + (hold * g) ** 2
+                GF, F_max = GF + (hold * g * over(f) if g != 0 else arb(0)), larger(F_max, f)
+        return Sums(F=up(F), G=up(G), FF=up(FF), GG=up(GG), GF=up(GF), F_max=up(F_max))
+
+
+def up(x: Any) -> Any:
+    """The upper end of a ball that holds no negative number that matters."""
+    from flint import arb
+
+    return x.abs_upper() if x.is_finite() else arb.pos_inf()
+
+
+def over(f: Any) -> Any:
+    """f/(1 - f), infinite where f may reach one."""
+    from flint import arb
+
+    return f / (1 - f) if f < 1 else arb.pos_inf()
+
+
+def larger(a: Any, b: Any) -> Any:
+    """The larger of two upper bounds."""
+    return b if b > a or not b.is_finite() else a
+
+
+def sine_up(x: Any) -> Any:
+    """An upper bound of sin on [0, x]."""
+    from flint import arb
+
+    return x.sin().abs_upper() if x < arb.pi() / 2 else arb(1)
+
+
+def farthest_root(*systems: Quotient) -> float:
+    """About how far from zero the roots of some systems lie, by Fujiwara's bound: only where blocks begin and end."""
+    found = 0.0
+    for system in systems:
+        for p in (system.num, system.den):
+            c = [abs(int(x.p) / int(x.q)) if x != 0 else 0.0 for x in p.coeffs()]
+            n = len(c) - 1
+            found = max([found, *(2 * (c[n - k] / c[n]) ** (1 / k) for k in range(1, n + 1) if c[n - k])])
+    return found
+
+
+def largest_on(X: Ratio, low: Any, high: Any) -> Any:
+    """An upper bound of |X| on a block, cut until it is close to the largest value."""
+    todo, found = [(low, high, 0)], X.bounds(low, low)[0]  # mostly it falls
+    while todo:
+        a, b, depth = todo.pop()
+        middle, top = (a + b) / 2, X.bounds(a, b)[0]
+        if not top <= found * TIGHT:
+            found = larger(found, X.bounds(middle, middle)[0])
+        if top <= found * TIGHT or depth >= DEEPEST:
+            found = larger(found, top)
+        else:
+            todo += [(a, middle, depth + 1), (middle, b, depth + 1)]
+    return up(found)
+
+
+@value(copy=False)
+class Sizes:
+    """Upper bounds on an interval: |K S|, |F S|, |F K S|, |h_0 G K S|, |h_0|; |w_P S|, |w_P F S|, |1 - |F|^2 S|."""
+
+    KS: Any
+    FS: Any
+    FKS: Any
+    GKS: Any
+    hold: Any
+    PS: Any = None
+    PFS: Any = None
+    centre: Any = None
+
+
+def sizes_on(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> Sizes:
+    """Upper bounds of all that a claim is made of.
+
+    |q S| is bounded by |q| |S|; where G rules the aliases, at a pole of it or of K too, by |q/(K h_0 G)| |T|/(1 - e).
+    """
+    from flint import arb
+
+    closed = lower_bound(t.closed)
+
+    def quotient_up(*factors: Jet) -> Any:
+        top = factors[0] * factors[1]
+        return root_of(-lower_bound(top * arb(-1)), closed)
+
+    S, KS, T = quotient_up(t.G_den, t.K_den), quotient_up(t.G_den, t.K_num), quotient_up(t.G_num, t.K_num)
+    GS = quotient_up(t.G_num, t.K_den)
+    x = high * aliases.dt / 2
+    hold_low = (x.sin() / x).abs_lower() if x < arb.pi() * 3 / 4 else arb("0.3")
+    hold = arb(1) if low == 0 else ((low * aliases.dt / 2).sin() / (low * aliases.dt / 2)).abs_upper()
+    G, G_inverse = aliases.G.bounds(low, high)
+    w = aliases.w.bounds(low, high)[0]
+    share = others.G * G_inverse / hold_low
+    factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()  # |h_0 G| over |G_d|, at most, over h_0
+
+    def least(*bounds: Any) -> Any:
+        finite = [up(b) for b in bounds if b.is_finite()]
+        return min(finite, key=lambda b: float(b.mid())) if finite else arb.pos_inf()
+
+    KS_ = least(KS, T * G_inverse * factor)
+    GKS0 = least(KS * G, T * factor)  # |G K S|
+    GS_ = least(S * G, GS * factor)
+    FS, FKS = (GS_ * w, GKS0 * w) if aliases.through else (S * w, KS_ * w)
+    found = {"KS": KS_, "FS": FS, "FKS": FKS, "GKS": GKS0 * hold, "hold": hold}
+    if t.P_num is not None:
+        size = root_of(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
+        found |= {"PS": S * size, "PFS": FS * size, "centre": centre_up(aliases, t, closed, S, low, high)}
+    return Sizes(**{name: up(x) for name, x in found.items()})
+
+
+def centre_up(aliases: Aliases, t: Terms, closed: Any, S: Any, low: Any, high: Any) -> Any:
+    """An upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
+
+    |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
+    """
+    from flint import arb
+
+    middle = (low + high) / 2
+    top, inverse = aliases.F.bounds(low, high)
+    y = middle * middle
+    a = (aliases.F.num(y) / aliases.F.den(y)).mid()
+    if not (top.is_finite() and a.is_finite()):
+        return arb.pos_inf()
+    moved = larger(up(top**2 - a), up(a - 1 / inverse**2) if inverse.is_finite() else a)
+    D = t.G_den * t.K_den
+    size = t.closed - (D + t.cross) * (2 * a) + D * (a * a)
+    return root_of(-lower_bound(size * arb(-1)), closed) + moved * S
+
+
+def asked_of(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: Any) -> Any:
+    """An upper bound of what has to stay below one."""
+    operator, performance = claim.perturbation == "operator", name != ALIASED[STABILITY]
+    if not claim.inverse and operator:
+        gain = u.FKS**2 + times(u.KS**2, s.FF)
+        if name == ALIASED[OPERATOR_PERFORMANCE]:
+            return gain + u.KS**2 * scaling + u.PS**2 + (u.PFS**2 + times(u.PS**2, s.FF)) / scaling
+        return gain
+    if not claim.inverse:
+        return u.hold * u.FKS + times(u.KS, s.F) + (u.PS if performance else 0)
+    own = u.FS + u.FKS * s.G
+    if operator:
+        F, G = s.FF.sqrt(), s.GG.sqrt()
+        return largest_of_two(own, u.GKS * F, u.FKS * G, s.F_max + times(u.KS * G, F))
+    if not performance:
+        return own + times(u.KS + u.FKS, s.GF)
+    r, q, A = times(u.KS, s.GF), times(u.FKS, s.GF), u.FKS * s.G
+    return (u.PS + r) * (u.centre + r) + (u.PFS + q) * (A + q + u.GKS) + (u.FS + A + q) ** 2 + 2 * r
+
+
+def holds_together(aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, y: Jet) -> bool:
+    """The same with what acts at the frequency itself taken as one quotient, which is sharper near its peak.
+
+    The bounds of single factors err by how far each moves on the interval, those of the quotient by the square of that.
+    """
+    performance = name != ALIASED[STABILITY]
+    if name == ALIASED[OPERATOR_PERFORMANCE] or (claim.inverse and (performance or claim.perturbation == "operator")):
+        return False
+    num, den = of_polynomial(aliases.F.num, y), of_polynomial(aliases.F.den, y)
+    if claim.inverse:
+        left = 1 - u.FKS * s.G - times(u.KS + u.FKS, s.GF)
+        channel = t.K_den
+    elif claim.perturbation == "operator":
+        left = 1 - times(u.KS**2, s.FF)
+        left = left.abs_lower().sqrt() if left > 0 else left
+        channel = t.K_num
+    else:
+        left = (1 - times(u.KS, s.F)) / (1 if performance else u.hold)
+        channel = t.K_num
+    if not left > 0:
+        return False
+    room, own = den * t.closed * (left.abs_lower() ** 2), num * t.G_den * channel
+    if not performance:
+        return bool(lower_bound(room - own) > 0)
+    a, b = own * t.P_den * (u.hold**2), t.P_num * t.G_den * t.K_den * den
+    rest = room * t.P_den - a - b
+    return bool(lower_bound(rest) > 0 and lower_bound(rest * rest - a * b * 4) > 0)
+
+
+def times(size: Any, total: Any) -> Any:
+    """size times total, nothing where the size is zero."""
+    from flint import arb
+
+    return arb(0) if size == 0 else size * total
+
+
+def largest_of_two(a: Any, b: Any, c: Any, d: Any) -> Any:
+    """Largest singular value of [[a, b], [c, d]], all nonnegative."""
+    return (((a + d) ** 2 + (b - c) ** 2).sqrt() + ((a - d) ** 2 + (b + c) ** 2).sqrt()) / 2
+
+
+def below_one_with_aliases(
+    claim: LoopClaim, name: str, axis: Axis, found: Squares, scaling: Any, deadline: float
+) -> Decision:
+    """Prove one claim from zero to Nyquist, interval by interval."""
+    from flint import arb
+
+    if claim.plant.dt or not axis.dt or "M" in claim.reads:
+        raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {name!r}")
+    aliases = Aliases(claim, axis.dt)
+    samples = int((rational(claim.delay) / axis.dt + rational(WHOLE_SAMPLES)).floor())
+    if samples:
+        G, K, *_ = loop_axis(claim.plant, claim.controller, rational(claim.delay) - samples * axis.dt)
+        axis = replace(axis, G=G, K=K)
+        found = squares(axis)
+    terms: Callable[[Any, Any], Terms] = sampled_terms(axis, found, samples)
+    top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
+    todo = [(0.0, top)]
+    for count in range(MOST_INTERVALS):
+        if not todo:
+            return proved()
+        low, high = todo.pop()
+        a, b = arb(low), arb(high)
+        others = aliases.sums(a, b)
+        t = terms((a + b) / 2, (b - a) / 2)
+        sizes = sizes_on(aliases, t, a, b, others)
+        bound = asked_of(claim, name, sizes, others, scaling)
+        if bound < 1 or (bound < NEARLY and holds_together(aliases, claim, name, t, sizes, others, squared_line(a, b))):
+            continue
+        if high - low <= NARROWEST * high or high < LOWEST * top:
+            return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
+        if time.thread_time() > deadline:
+            return undecided(f"undecided after {count} intervals, as time was up")
+        cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
+        todo += [(cut, high), (low, cut)]
+    return undecided(f"undecided after {MOST_INTERVALS} intervals")

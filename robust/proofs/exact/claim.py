@@ -1,0 +1,275 @@
+"""``LoopClaim``: what is claimed of a loop, with every number of the loop as it was given."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.values import value
+
+__all__ = [
+    "ALIASED",
+    "OPERATOR_PERFORMANCE",
+    "PERFORMANCE",
+    "SCHEMA",
+    "STABILITY",
+    "LoopClaim",
+    "Matrices",
+    "as_given",
+    "content",
+    "differences",
+    "digest",
+    "from_content",
+    "read_claim",
+    "write_claim",
+]
+
+
+STABILITY = "robust stability"
+PERFORMANCE = "robust performance"
+OPERATOR_PERFORMANCE = "robust performance with one scaling"
+#: The same of a set of continuous plants under a sampled controller, whose perturbations act at every alias.
+ALIASED = {name: f"{name}, every alias included" for name in (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE)}
+FORMS = ((("G", "K"), False), (("K",), False), ((), True), (("G",), True), (("N", "M"), True))
+CLASSES = ("LTI", "statistical", "operator")
+CLAIMS = (STABILITY, PERFORMANCE, OPERATOR_PERFORMANCE, *ALIASED.values())
+
+
+@value
+class Matrices:
+    """A system as it was given: A, B, C, D, and its sampling time dt [s], 0 for continuous."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    dt: float = 0.0
+
+    def __post_init__(self) -> None:
+        n = self.A.shape[0]
+        shapes = {"A": (n, n), "B": (n, self.D.shape[1]), "C": (self.D.shape[0], n), "D": self.D.shape}
+        for name, shape in shapes.items():
+            matrix = getattr(self, name)
+            if matrix.shape != shape or matrix.dtype != np.float64 or not np.isfinite(matrix).all():
+                raise ValueError(f"{name} must be finite numbers of shape {shape}, got shape {matrix.shape}")
+        if not (np.isfinite(self.dt) and self.dt >= 0):
+            raise ValueError(f"dt must be a sampling time [s] or 0, got {self.dt}")
+
+    @property
+    def order(self) -> int:
+        """Number of states."""
+        return int(self.A.shape[0])
+
+
+def as_given(system: Any) -> Matrices:
+    """The matrices of anything that has A, B, C, D and dt (a state space), number by number."""
+    D = np.array(system.D, dtype=float, ndmin=2)
+    n = int(np.size(system.A) ** 0.5 + 0.5)
+    return Matrices(
+        A=np.array(system.A, dtype=float).reshape(n, n),
+        B=np.array(system.B, dtype=float).reshape(n, D.shape[1]),
+        C=np.array(system.C, dtype=float).reshape(D.shape[0], n),
+        D=D,
+        dt=float(system.dt or 0.0),
+    )
+
+
+@value
+class LoopClaim:
+    """What is claimed of a loop u = K (r - y) around a set of plants, all numbers as given.
+
+    Fields
+    ------
+    plant, controller, weight : Matrices
+        Single-input single-output.
+    performance : Matrices or None
+        Performance weight w_P.
+    reads, inverse : tuple of str, bool
+        Form of the uncertainty: the perturbed sensitivity is S (1 + a Delta)/(1 + b Delta), b = w R S with R the
+        product of what is read, a = w R where inverse and 0 where not. ("G", "K"), False: G (1 + w Delta); ("K",),
+        False: G + w Delta; (), True: G/(1 + w Delta); ("G",), True: G/(1 + w G Delta). ("N", "M"), True: normalised
+        coprime factors of the shaped plant that differ by [Delta_N, Delta_M] of gain |w|; a = -t G*, b = t (K - G*) S
+        with t = w/sqrt(1 - |w|^2), G and K those of the shaped loop.
+    perturbation : str
+        Class of the perturbations. Where every alias is included "operator" asks for another condition than "LTI" and
+        "statistical"; elsewhere it is words, and nothing is computed from it.
+    delay : float
+        Delay [s] on top of what the plant contains. A continuous plant under a sampled controller is held (zero
+        order) and delayed exactly; a delay within 1e-9 of a whole number of samples is that number (1e-6 where the
+        plant itself is discrete).
+    claims : tuple of str
+        "robust stability": the nominal loop is stable, |b| < 1 at every frequency up to Nyquist. "robust
+        performance": also |w_P| max |S_p| < 1. "robust performance with one scaling": the norm of the loop with both
+        weights, scaled by d, is below one (nonlinear perturbations). Each also with ", every alias included": of a set
+        of continuous plants under a sampled controller, the conditions of `robust.proofs.exact.aliases`.
+    scaling : float
+        d, where it is claimed with one.
+    shaping : tuple of Matrices
+        Shaping functions whose product scales the plant (and the controller back), of the last form only.
+    """
+
+    plant: Matrices
+    controller: Matrices
+    weight: Matrices
+    performance: Matrices | None
+    reads: tuple[str, ...]
+    inverse: bool
+    perturbation: str
+    delay: float
+    claims: tuple[str, ...]
+    scaling: float = 1.0
+    shaping: tuple[Matrices, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in SYSTEMS:
+            system = getattr(self, name)
+            if system is None and name != "performance":
+                raise ValueError(f"{name} must be a system, got none")
+            if system is not None and system.D.shape != (1, 1):
+                raise ValueError(f"{name} must have one input and one output, got D of shape {system.D.shape}")
+        if (self.reads, self.inverse) not in FORMS:
+            raise ValueError(f"reads must be a form of uncertainty, got {self.reads} with inverse={self.inverse}")
+        if self.shaping and "M" not in self.reads:
+            raise ValueError(f"shaping must be left out but for coprime factors, got reads {self.reads}")
+        if any(W.D.shape != (1, 1) for W in self.shaping):
+            raise ValueError("shaping must have one input and one output")
+        if not self.claims or not set(self.claims) <= set(CLAIMS):
+            raise ValueError(f"claims must be some of {', '.join(CLAIMS)}, got {self.claims}")
+        if set(self.claims) & set(ALIASED.values()) and self.perturbation not in CLASSES:
+            raise ValueError(
+                f"perturbation must be one of {', '.join(CLASSES)} for {self.claims}, got {self.perturbation}"
+            )
+        if self.performance is None and not set(self.claims) <= {STABILITY, ALIASED[STABILITY]}:
+            raise ValueError("performance must be given where performance is claimed, got none")
+        if not (np.isfinite(self.delay) and self.delay >= 0):
+            raise ValueError(f"delay must be nonnegative [s], got {self.delay}")
+        if not (np.isfinite(self.scaling) and self.scaling > 0):
+            raise ValueError(f"scaling must be positive, got {self.scaling}")
+
+
+SYSTEMS = ("plant", "controller", "weight", "performance")
+
+
+def content(claim: LoopClaim) -> dict[str, Any]:
+    """The claim as plain numbers and words, floats to be written with the digits that give them back exactly."""
+    systems = {name: system_content(getattr(claim, name)) for name in SYSTEMS}
+    return (
+        systems
+        | {
+            "reads": list(claim.reads),
+            "inverse": claim.inverse,
+            "perturbation": claim.perturbation,
+            "delay": float(claim.delay),
+            "claims": list(claim.claims),
+            "scaling": float(claim.scaling),
+        }
+        | ({"shaping": [system_content(W) for W in claim.shaping]} if claim.shaping else {})
+    )
+
+
+def system_content(system: Matrices | None) -> dict[str, Any] | None:
+    """One system as lists of numbers."""
+    if system is None:
+        return None
+    return {name: getattr(system, name).tolist() for name in "ABCD"} | {"dt": float(system.dt)}
+
+
+def from_content(given: Any) -> LoopClaim:
+    """The claim back from `content`, or a ValueError that says what is wrong with it."""
+    wanted = {*SYSTEMS, "reads", "inverse", "perturbation", "delay", "claims", "scaling"}
+    if not isinstance(given, dict) or set(given) - {"shaping"} != wanted:
+        raise ValueError(f"claim must have the entries {', '.join(sorted(wanted))}, got something else")
+    try:
+        systems = {name: system_from(given[name]) for name in SYSTEMS}
+        return LoopClaim(
+            **systems,  # type: ignore[arg-type]
+            reads=tuple(str(name) for name in given["reads"]),
+            inverse=given["inverse"] is True,
+            perturbation=str(given["perturbation"]),
+            delay=float(given["delay"]),
+            claims=tuple(str(claim) for claim in given["claims"]),
+            scaling=float(given["scaling"]),
+            shaping=tuple(system_from(W) for W in given.get("shaping", ())),  # type: ignore[misc]
+        )
+    except (TypeError, KeyError, IndexError) as error:
+        raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
+
+
+def system_from(given: Any) -> Matrices | None:
+    """One system from lists of numbers."""
+    if given is None:
+        return None
+    if set(given) != {*"ABCD", "dt"}:
+        raise ValueError(f"a system must have A, B, C, D and dt, got {', '.join(sorted(given))}")
+    try:
+        D = np.array(given["D"], dtype=float, ndmin=2)
+        n = len(given["A"])
+        A, B, C = (
+            np.array(given[name], dtype=float).reshape(shape)
+            for name, shape in (("A", (n, n)), ("B", (n, D.shape[1])), ("C", (D.shape[0], n)))
+        )
+    except ValueError as error:
+        raise ValueError(f"a system must have matrices that fit each other, got {error}") from None
+    return Matrices(A=A, B=B, C=C, D=D, dt=float(given["dt"]))
+
+
+def digest(given: Any) -> str:
+    """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
+
+    >>> digest({"a": 1.0})[:8], digest({"a": 1.0000000000000002})[:8]
+    ('c29a44ab', 'a9c3d934')
+    """
+    text = json.dumps(given, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def differences(claim: LoopClaim, other: LoopClaim, names: tuple[str, ...]) -> list[str]:
+    """Which of the named fields are not the same, number by number."""
+    mine, theirs = content(claim), content(other)
+    return [name for name in names if mine[name] != theirs[name]]
+
+
+# ---- Certificates as files that someone else can check: JSON with every number as given, and a digest over it all.
+
+SCHEMA = "robust-certificate"
+VERSION = 1
+
+
+def write_claim(path: str | os.PathLike[str], claim: LoopClaim, found: Sequence[dict[str, Any]] = ()) -> None:
+    """Write a claim with how it was found; the digest covers everything else in the file."""
+    entries: dict[str, Any] = {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "units": {"dt": "s", "delay": "s"},
+        "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
+        "claim": content(claim),
+        "found": list(found),
+    }
+    entries["digest"] = digest(entries)
+    write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
+
+
+def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
+    """The claim of a file whose digest fits, or a ValueError that says what is wrong.
+
+    A digest guards against accidents and hurried edits, not against someone who computes it anew: what counts is
+    that the claim is proved again, and that plant and controller are compared with those one has.
+    """
+    entries = parse_json(path)
+    if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
+        raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
+    if entries.get("version") != VERSION:
+        raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
+    if entries.get("digest") != digest({name: entry for name, entry in entries.items() if name != "digest"}):
+        raise ValueError(
+            f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
+            "Something in it was changed."
+        )
+    require_schema(entries, path, "robust", SCHEMA)
+    return from_content(entries["claim"])

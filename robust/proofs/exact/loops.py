@@ -1,0 +1,205 @@
+"""The claims on a loop re-proved: exact arithmetic for its stability, balls rounded outward for its curves.
+
+Nothing of what found a proof is used, only the matrices as they are stored. Where plant, controller and weights share
+one time base a claim is a polynomial in one variable, positive from zero to infinity; a delay in a continuous loop or
+a continuous weight around a sampled one is taken as it is, interval by interval.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from nlfrf._base.arguments import hertz
+from nlfrf._base.values import value
+from robust.proofs.exact.aliases import below_one_with_aliases
+from robust.proofs.exact.claim import ALIASED, LoopClaim
+from robust.proofs.exact.conditions import Terms, conditions
+from robust.proofs.exact.polynomials import Decision, positive_on_half_line, proved, rational, refuted, undecided
+from robust.proofs.exact.stability import Axis, at_infinity, axis_of, polynomials, routh, squares, stable_quotients
+from robust.proofs.exact.taylor_models import positive_on_intervals
+
+__all__ = ["Verification", "verification", "verify_loop"]
+
+
+BITS = (192, 640, 2048)
+MOST_STATES = 400
+NOMINAL, WEIGHTS = "nominal stability", "stable weights"
+
+
+@value
+class Verification:
+    """What was re-proved with outward rounding, claim by claim.
+
+    Fields
+    ------
+    verified : bool
+        True only if every claim was proved, rigorously.
+    proved : tuple of str
+        The claims that were.
+    failed : tuple of (str, str)
+        The claims that were not, and why not, for people.
+    bits : int
+        Precision at which the last of them was decided; 0 where none was.
+    violated : tuple of str
+        Of those that failed the ones proved false; the others are undecided.
+
+    References
+    ----------
+    F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", IEEE Trans. Computers, 2017.
+
+    Examples
+    --------
+    >>> print(Verification(verified=False, proved=("nominal stability",), failed=(("norm", "too large"),), bits=192))
+    nominal stability: proved, rigorous
+    norm: NOT verified: too large
+    """
+
+    verified: bool
+    proved: tuple[str, ...]
+    failed: tuple[tuple[str, str], ...]
+    bits: int
+    violated: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        lines = [f"{claim}: proved, rigorous" for claim in self.proved]
+        return "\n".join(lines + [f"{claim}: NOT verified: {reason}" for claim, reason in self.failed])
+
+
+def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
+    """Re-prove every claim on a loop from its matrices as exact rationals, all rounding outward.
+
+    Parameters
+    ----------
+    claim : LoopClaim
+        What is claimed, with all numbers as given.
+    time_cap : float
+        Seconds of processor time after which what is left counts as not verified, however busy the machine is.
+
+    Returns
+    -------
+    Verification
+        Not verified is a result, not an error: each claim with its reason.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from robust.proofs.exact.claim import Matrices
+    >>> def lag(a, b, c, d): return Matrices(A=np.array([[a]]), B=np.array([[b]]), C=np.array([[c]]), D=np.array([[d]]))
+    >>> def gain(d): return Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=np.array([[d]]))
+    >>> loop = dict(plant=lag(-1.0, 1.0, 1.0, 0.0), controller=gain(2.0), performance=None, reads=("G", "K"),
+    ...             inverse=False, perturbation="LTI", delay=0.0, claims=("robust stability",))
+    >>> print(verify_loop(LoopClaim(weight=gain(1.4999999999), **loop)))       # T = 2/(s + 3): |w T| < 1 for |w| < 1.5
+    nominal stability: proved, rigorous
+    stable weights: proved, rigorous
+    robust stability: proved, rigorous
+    >>> verify_loop(LoopClaim(weight=gain(1.5), **loop)).verified
+    False
+    """
+    from flint import ctx
+
+    deadline = time.thread_time() + time_cap
+    try:
+        decided: dict[str, Decision] = {}
+        bits = BITS[0]
+        for bits in BITS:
+            with ctx.workprec(bits):
+                judge(claim, decided, deadline)
+            if not any(found.needs_digits for found in decided.values()) or time.thread_time() > deadline:
+                break
+    except ValueError as error:
+        return Verification(verified=False, proved=(), failed=(("the loop", str(error)),), bits=0)
+    return verification(decided, bits)
+
+
+def verification(decided: dict[str, Decision], bits: int) -> Verification:
+    """Return what was decided, claim by claim."""
+    failed = tuple((name, described(found)) for name, found in decided.items() if not found.holds)
+    return Verification(
+        verified=not failed,
+        proved=tuple(name for name, found in decided.items() if found.holds),
+        failed=failed,
+        bits=bits,
+        violated=tuple(name for name, found in decided.items() if found.violated),
+    )
+
+
+def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
+    """Decide at the precision of the moment what more digits may still decide."""
+    axis = axis_of(claim)
+    if axis.G.degree + axis.K.degree > MOST_STATES:
+        raise ValueError(f"the loop must have at most {MOST_STATES} states to be verified")
+
+    def open_still(name: str) -> bool:
+        return name not in decided or decided[name].needs_digits
+
+    if open_still(NOMINAL):
+        decided[NOMINAL] = stable_quotients(axis.G, axis.K, axis.delay)
+    if open_still(WEIGHTS):
+        decided[WEIGHTS] = stable_weights(axis)
+    if not (decided[NOMINAL].holds and decided[WEIGHTS].holds):
+        needs_digits = decided[NOMINAL].needs_digits or decided[WEIGHTS].needs_digits
+        decided.update({name: undecided("not looked at", needs_digits=needs_digits) for name in claim.claims})
+        return
+    found = squares(axis)
+    scaling = rational(claim.scaling)
+    for name in filter(open_still, claim.claims):
+        if name in ALIASED.values():
+            decided[name] = below_one_with_aliases(claim, name, axis, found, squared_scaling(scaling), deadline)
+            continue
+
+        def asked(terms: Terms, name: str = name) -> list[Any]:
+            return conditions(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
+
+        if axis.algebraic:
+            decided[name] = on_the_half_line(axis, asked(polynomials(found)), asked(at_infinity(found)), deadline)
+        else:
+            decided[name] = positive_on_intervals(axis, found, asked, deadline)
+
+
+def squared_scaling(scaling: Any) -> Any:
+    """d^2 as a ball, which joins with everything."""
+    from flint import arb
+
+    return arb(scaling * scaling)
+
+
+def stable_weights(axis: Axis) -> Decision:
+    """Every pole of the weights strictly stable; of what scales the plant every zero too."""
+    parts = [(part.den, part.degree) for part in (axis.w, axis.P, axis.W) if part is not None]
+    for polynomial, degree in parts + ([] if axis.W is None else [(axis.W.num, axis.W.degree)]):
+        if not (found := routh(polynomial, degree)).holds:
+            return found
+    return proved()
+
+
+def on_the_half_line(axis: Axis, expressions: list[Any], ends: list[Any], deadline: float) -> Decision:
+    """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
+    for expression, end in zip(expressions, ends, strict=True):
+        if not end > 0:
+            said = f"not below the limit at {'the Nyquist' if axis.dt else 'infinite'} frequency"
+            return refuted(said) if end <= 0 else undecided(said, needs_digits=True)
+        found = positive_on_half_line(expression, deadline=deadline)
+        if not found.holds:
+            return located(axis, found)
+    return proved()
+
+
+def located(axis: Axis, found: Decision) -> Decision:
+    """A place y on the axis as a frequency [rad/s], only to be read."""
+    from math import atan, sqrt
+
+    if not found.violated_at >= 0:
+        return found
+    x = sqrt(found.violated_at)
+    dt = int(axis.dt.p) / int(axis.dt.q)
+    omega = 2 / dt * atan(x) if dt else x
+    return replace(found, violated_at=omega)
+
+
+def described(found: Decision) -> str:
+    """Why a claim was not verified, in words."""
+    if found.violated_at >= 0:
+        return f"violated at {hertz(found.violated_at)}"
+    return found.reason

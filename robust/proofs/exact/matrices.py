@@ -1,0 +1,154 @@
+"""Matrix inequalities decided over the rationals: positive definite or not, with nothing in between.
+
+Inequalities that hold on an interval of a parameter are such at the Bernstein coefficients of the interval: build those
+from `rational_matrix` and exact sums and products, and ask for each.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nlfrf._base.values import value
+from robust.proofs.exact.claim import Matrices
+from robust.proofs.exact.loops import Verification, verification
+from robust.proofs.exact.polynomials import (
+    Decision,
+    positive_on_half_line,
+    proved,
+    rational,
+    rational_matrix,
+    refuted,
+    undecided,
+)
+from robust.proofs.exact.stability import routh
+
+__all__ = ["NormClaim", "decide_norm", "pivots_of", "positive_definite", "verify_norm"]
+
+
+BITS = (128, 512)
+
+
+def positive_definite(matrix: Any) -> bool:
+    """Whether a symmetric matrix of rationals (fmpq_mat) is positive definite: all pivots of its LDL' positive.
+
+    Balls decide where they can, rationals where they cannot.
+
+    >>> from flint import fmpq, fmpq_mat
+    >>> edge = fmpq(10**30 - 1, 10**30)
+    >>> [positive_definite(fmpq_mat([[1, x], [x, 1]])) for x in (edge, fmpq(1))]
+    [True, False]
+    """
+    from flint import arb, ctx
+
+    rows = matrix.tolist()
+    if any(rows[i][j] != rows[j][i] for i in range(len(rows)) for j in range(i)):
+        raise ValueError("matrix must be symmetric, got one that is not")
+    for bits in BITS:
+        with ctx.workprec(bits):
+            pivots = pivots_of([[arb(x) for x in row] for row in rows])
+        if all(p > 0 for p in pivots):
+            return True
+        if any(p < 0 for p in pivots):
+            return False
+    return all(p > 0 for p in pivots_of(rows))
+
+
+def pivots_of(rows: list[list[Any]]) -> list[Any]:
+    """Pivots of the LDL' of a symmetric matrix, up to the first that is not certainly positive."""
+    left = [list(row) for row in rows]
+    pivots = []
+    while left:
+        pivot, *rest = left[0]
+        pivots.append(pivot)
+        if not pivot > 0:
+            break
+        factors = [x / pivot for x in rest]
+        left = [
+            [x - f * y for x, y in zip(row[1:], rest, strict=True)] for f, row in zip(factors, left[1:], strict=True)
+        ]
+    return pivots
+
+
+# ---- A norm bound of a system with any number of inputs and outputs, decided in exact arithmetic.
+#
+# A stable system has norm below a level at every frequency iff level^2 - D'D > 0 and the Hamiltonian matrix has no
+# eigenvalue on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989). Its characteristic polynomial has rational
+# coefficients and only even powers.
+
+MOST_STATES = 40
+NORM_BITS = (256, 1024, 4096)
+UNSTABLE = undecided("not looked at")
+
+
+@value
+class NormClaim:
+    """What is claimed of a system: stable, with H-infinity norm below the level."""
+
+    system: Matrices
+    level: float
+
+
+def verify_norm(claim: NormClaim) -> Verification:
+    """Stability and norm bound of a system re-proved in exact arithmetic."""
+    try:
+        decided = decide_norm(claim)
+    except ValueError as error:
+        return Verification(verified=False, proved=(), failed=(("the system", str(error)),), bits=0)
+    return verification(decided, NORM_BITS[-1])
+
+
+def decide_norm(claim: NormClaim) -> dict[str, Decision]:
+    """Stability and the bound, each decided; for an unstable system the bound is not looked at.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                   # 1/(s + 1): the norm is one
+    >>> [decide_norm(NormClaim(system=lag, level=x))["norm"].holds for x in (1.0, np.nextafter(1, 2))]
+    [False, True]
+    """
+    system = claim.system
+    n = system.order
+    if n > MOST_STATES:
+        raise ValueError(f"system must have at most {MOST_STATES} states to be verified, got {n}")
+    A, B, C, D = (rational_matrix(getattr(system, name)) for name in "ABCD")
+    if system.dt and n:
+        shifted = A + identity(n)
+        if shifted.det() == 0:
+            return {"stability": refuted("a pole at -1")}
+        back = shifted.inv()
+        A, B, C, D = back * (A - identity(n)), back * B * rational(2.0), C * back, D - C * back * B
+    stable = routh(A.charpoly(), n) if n else proved()
+    return {"stability": stable, "norm": bounded(A, B, C, D, claim.level) if stable.holds else UNSTABLE}
+
+
+def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
+    """Whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
+    from flint import arb_poly, ctx, fmpq_mat
+
+    n, m = A.nrows(), D.ncols()
+    R = identity(m) * (rational(level) ** 2) - D.transpose() * D
+    if not positive_definite(R):
+        return refuted("not below the level at infinite frequency")
+    if n == 0:
+        return proved()
+    inverse = R.inv()
+    F = A + B * inverse * D.transpose() * C
+    upper, lower = B * inverse * B.transpose(), C.transpose() * C + C.transpose() * D * inverse * D.transpose() * C
+    rows = [x + y for x, y in zip(F.tolist(), upper.tolist(), strict=True)]
+    rows += [x + y for x, y in zip((-lower).tolist(), (-F.transpose()).tolist(), strict=True)]
+    p = fmpq_mat(rows).charpoly().coeffs()[::2]  # in s^2 = -y
+    on_axis = [c if (k + n) % 2 == 0 else -c for k, c in enumerate(p)]
+    found = undecided("not looked at")
+    for bits in NORM_BITS:
+        with ctx.workprec(bits):
+            found = positive_on_half_line(arb_poly(on_axis))
+        if not found.needs_digits:
+            break
+    return found
+
+
+def identity(n: int) -> Any:
+    """The identity over the rationals."""
+    from flint import fmpq_mat
+
+    return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])

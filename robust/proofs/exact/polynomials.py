@@ -1,0 +1,319 @@
+"""Transfer functions as quotients of polynomials whose coefficients are exact rationals, or balls that hold them.
+
+A stored double is a rational number and is taken as that. For a single-loop system, with D(s) = det(s - A),
+C adj(s - A) B = D(s) - det(s - A - B C): hidden modes stay in. A plant behind a hold has the exponential of its matrix,
+enclosed with its remainder. Discrete systems are moved from the unit circle to the imaginary axis by
+z = (1 + s)/(1 - s), which is exact.
+"""
+
+from __future__ import annotations
+
+import time
+from enum import Enum, auto
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust._base.states import Outcome
+from robust.proofs.exact.claim import Matrices
+
+__all__ = [
+    "Decision",
+    "Quotient",
+    "Roots",
+    "behind_samples",
+    "bernstein",
+    "held",
+    "mapped",
+    "positive_on_half_line",
+    "proved",
+    "quotient",
+    "rational",
+    "rational_matrix",
+    "refuted",
+    "roots_of",
+    "undecided",
+]
+
+
+@value
+class Quotient:
+    """num/den as polynomials in s or z (python-flint), both of formal degree `degree` at most."""
+
+    num: Any
+    den: Any
+    degree: int
+
+
+def rational(x: float) -> Any:
+    """A double as the rational number that it is (fmpq)."""
+    from flint import fmpq
+
+    return fmpq(*float(x).as_integer_ratio())
+
+
+def rational_matrix(matrix: np.ndarray) -> Any:
+    """A matrix of doubles as rationals (fmpq_mat)."""
+    from flint import fmpq_mat
+
+    return fmpq_mat(*matrix.shape, [rational(x) for x in matrix.ravel()])
+
+
+def quotient(system: Matrices) -> Quotient:
+    """The transfer function of a single-loop system, exactly.
+
+    >>> import numpy as np
+    >>> A, B, C, D = np.array([[-2.0]]), np.ones((1, 1)), np.ones((1, 1)), np.array([[0.5]])
+    >>> g = quotient(Matrices(A=A, B=B, C=C, D=D))                  # 1/(s + 2) + 1/2 = (s/2 + 2)/(s + 2)
+    >>> str(g.num), str(g.den)
+    ('1/2*x + 2', 'x + 2')
+    """
+    from flint import fmpq_poly
+
+    direct = rational(system.D[0, 0])
+    if system.order == 0:
+        return Quotient(num=fmpq_poly([direct]), den=fmpq_poly([1]), degree=0)
+    A = rational_matrix(system.A)
+    den = A.charpoly()
+    num = den - (A + rational_matrix(system.B) * rational_matrix(system.C)).charpoly()
+    return Quotient(num=num + direct * den, den=den, degree=system.order)
+
+
+def behind_samples(system: Quotient, whole: int) -> Quotient:
+    """A discrete system behind a delay of whole samples."""
+    return Quotient(num=system.num, den=system.den.left_shift(whole), degree=system.degree + whole)
+
+
+def held(plant: Matrices, dt: Any, whole: int, rest: Any) -> Quotient:
+    """A continuous plant as a sampled controller sees it: zero-order hold, delay of whole dt + rest, sampler.
+
+    The input changes inside a sample where rest > 0 (Åström & Wittenmark, 3rd ed., 2.3). Coefficients are balls that
+    hold the exponentials; dt and rest are rationals.
+    """
+    from flint import arb, arb_mat, arb_poly, fmpq_mat
+
+    direct = arb(rational(plant.D[0, 0]))
+    n, memory = plant.order, whole + (1 if rest > 0 else 0)
+    if n == 0:
+        num, den = arb_poly([0]), arb_poly([1])
+    else:
+        both = [[rational(x) for x in (*plant.A[i], plant.B[i, 0])] for i in range(n)] + [[0] * (n + 1)]
+        generator = fmpq_mat(both)
+
+        def step(duration: Any) -> tuple[Any, Any]:
+            moved = arb_mat(generator * duration).exp().tolist()
+            return arb_mat([row[:n] for row in moved[:n]]), arb_mat([row[n:] for row in moved[:n]])
+
+        C = arb_mat(rational_matrix(plant.C))
+        Phi, late = step(dt)
+        parts = [(late, whole)]
+        if rest > 0:
+            after, late = step(dt - rest)
+            parts = [(late, whole), (after * step(rest)[1], whole + 1)]
+        den = Phi.charpoly()
+        num = arb_poly([0])
+        for column, delay in parts:
+            num += (den - (Phi + column * C).charpoly()).left_shift(memory - delay)
+    return Quotient(num=num + direct * den, den=den.left_shift(memory), degree=n + memory)
+
+
+def mapped(system: Quotient) -> Quotient:
+    """The image of a discrete system under z = (1 + s)/(1 - s): the unit circle becomes the imaginary axis."""
+    return Quotient(
+        num=moebius(system.num, system.degree), den=moebius(system.den, system.degree), degree=system.degree
+    )
+
+
+def moebius(p: Any, degree: int) -> Any:
+    """(1 - s)^degree p((1 + s)/(1 - s)); with v = 1 - s the argument is 2/v - 1."""
+    kind = type(p)
+    shifted = p(kind([-1, 2]))
+    coefficients = [shifted[k] for k in range(degree, -1, -1)]
+    return kind(coefficients)(kind([1, -1]))
+
+
+# ---- Zeros, poles and gain of a single-loop system in many digits, for responses that doubles cannot tell.
+
+
+@value
+class Roots:
+    """gain prod (s - zeros) / prod (s - poles); of a discrete system all about z = 1, with z - 1 in place of s."""
+
+    zeros: np.ndarray
+    poles: np.ndarray
+    gain: float
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """(W,) values at s, or z - 1; infinite at a pole."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logs = np.log(points[:, None] - self.zeros).sum(axis=1) - np.log(points[:, None] - self.poles).sum(axis=1)
+            values = self.gain * np.exp(logs)
+        on_pole = (points[:, None] == self.poles).any(axis=1)
+        return np.where(on_pole, np.inf, np.where((points[:, None] == self.zeros).any(axis=1), 0.0, values))
+
+
+def roots_of(system: Matrices) -> Roots:
+    """The exact transfer function, its roots to the last digit.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> found = roots_of(Matrices(A=-one, B=one, C=one, D=one))                       # (s + 2)/(s + 1)
+    >>> found.zeros.real.tolist(), found.poles.real.tolist(), found.gain
+    ([-2.0], [-1.0], 1.0)
+    """
+    from flint import fmpq_poly
+
+    exact = quotient(system)
+    shift = fmpq_poly([1, 1] if system.dt else [0, 1])
+    num, den = exact.num(shift), exact.den(shift)
+    if not num:
+        return Roots(zeros=np.zeros(0, complex), poles=roots(den), gain=0.0)
+    lead = num[num.degree()] / den[den.degree()]
+    return Roots(zeros=roots(num), poles=roots(den), gain=float(int(lead.p) / int(lead.q)))
+
+
+def roots(p: Any) -> np.ndarray:
+    """All roots of a fmpq_poly, each as often as it is one."""
+    found = [complex(root) for root, many in p.numer().complex_roots() for _ in range(many)] if p.degree() > 0 else []
+    return np.array(found, dtype=complex)
+
+
+# ---- Polynomials proved positive on the half-line from zero to infinity, by the signs of their coefficients.
+#
+# A polynomial all of whose coefficients are nonnegative has no positive root; on an interval the same is said of its
+# Bernstein coefficients (Descartes, Bernstein, Vincent). The half-line is cut until every piece passes. Pieces shrink
+# with the square root of the distance from zero, so that a polynomial that nearly touches zero takes few more.
+
+NARROWEST = 1e-13
+MOST_PIECES = 4000
+
+
+@value
+class Decision:
+    """Whether a statement was proved or disproved; where it is false (nan: no place is named), and why, for people.
+
+    `needs_digits` says of an undecided one that more digits may decide it.
+    """
+
+    outcome: Outcome
+    violated_at: float = np.nan
+    reason: str = ""
+    needs_digits: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether it was proved."""
+        return self.outcome is Outcome.HOLDS
+
+    @property
+    def violated(self) -> bool:
+        """Whether it was disproved."""
+        return self.outcome is Outcome.VIOLATED
+
+
+def proved() -> Decision:
+    """Decide that it holds."""
+    return Decision(outcome=Outcome.HOLDS)
+
+
+def refuted(reason: str, at: float = np.nan) -> Decision:
+    """Decide that it is false."""
+    return Decision(outcome=Outcome.VIOLATED, violated_at=at, reason=reason)
+
+
+def undecided(reason: str, *, needs_digits: bool = False) -> Decision:
+    """Leave it open."""
+    return Decision(outcome=Outcome.UNDECIDED, reason=reason, needs_digits=needs_digits)
+
+
+class Signs(Enum):
+    """What the Bernstein coefficients of a piece say of it."""
+
+    POSITIVE = auto()
+    MIXED = auto()
+    UNCLEAR = auto()
+
+
+def bernstein(p: Any, low: Any, high: Any) -> list[Any]:
+    """Coefficients with the signs of the Bernstein coefficients of p on [low, high] (each a positive multiple)."""
+    kind = type(p)
+    n = p.degree()
+    local = p(kind([low, high - low]))
+    coefficients = kind([local[k] for k in range(n, -1, -1)])(kind([1, 1]))
+    return [coefficients[k] for k in range(n, -1, -1)]
+
+
+def bernstein_signs(coefficients: list[Any]) -> Signs:
+    """Whether all are positive, so that the piece is, ends included; some negative; or unclear for want of digits."""
+    if all(c >= 0 for c in coefficients) and coefficients[0] > 0 and coefficients[-1] > 0:
+        return Signs.POSITIVE
+    return Signs.MIXED if any(c < 0 for c in coefficients) else Signs.UNCLEAR
+
+
+def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
+    """Prove p(y) > 0 for all y >= 0; p is an arb_poly or fmpq_poly of python-flint. Infinity is not looked at.
+
+    >>> from flint import fmpq, fmpq_poly
+    >>> positive_on_half_line(fmpq_poly([fmpq(1000001, 1000000), -2, 1])).holds    # (y - 1)^2 + 1e-6
+    True
+    >>> round(positive_on_half_line(fmpq_poly([fmpq(999999, 1000000), -2, 1])).violated_at, 3)
+    1.0
+    """
+    from flint import arb
+
+    coefficients = p.coeffs()
+    if not coefficients or not coefficients[0] > 0:
+        below = not coefficients or bool(coefficients[0] <= 0)
+        said = "not positive at zero"
+        return refuted(said, 0.0) if below else undecided(said, needs_digits=True)
+    low, high = root_bounds([arb(c) for c in coefficients])
+    todo: list[tuple[float, float]] = [(0.0, low), (low, high), (high, np.inf)]
+    for _ in range(MOST_PIECES):
+        if not todo:
+            return proved()
+        if time.thread_time() > deadline:
+            return undecided("undecided, as time was up")
+        a, b = todo.pop()
+        found = bernstein_signs(bernstein(p, exactly(p, a), exactly(p, b)) if np.isfinite(b) else beyond(p, a))
+        if found is Signs.POSITIVE:
+            continue
+        middle = between(a, b)
+        if p(exactly(p, middle)) <= 0:
+            return refuted("negative there", middle)
+        if found is Signs.UNCLEAR or (np.isfinite(b) and b - a <= NARROWEST * b) or not 1e-290 < middle < 1e290:
+            return undecided(f"undecided near {middle:.6g}", needs_digits=True)
+        todo += [(a, middle), (middle, b)]
+    return undecided(f"undecided after {MOST_PIECES} pieces")
+
+
+def beyond(p: Any, low: float) -> list[Any]:
+    """Coefficients of p(low + y): all nonnegative where p has no root beyond; the last is only its sign at infinity."""
+    return list(p(type(p)([exactly(p, low), 1])).coeffs())
+
+
+def exactly(p: Any, x: float) -> Any:
+    """A double as an exact number of the kind that p has."""
+    from flint import arb, fmpq, fmpq_poly
+
+    return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
+
+
+def between(a: float, b: float) -> float:
+    """Where to cut: geometrically, as roots lie decades apart."""
+    if a == 0:
+        return b / 64
+    return a * 64 if np.isinf(b) else float(np.sqrt(a) * np.sqrt(b))
+
+
+def root_bounds(coefficients: list[Any]) -> tuple[float, float]:
+    """About where the smallest and the largest root lie: only where to cut first, nothing rests on it."""
+    logs = [float(abs(c).log().mid()) if abs(c) > 0 else -np.inf for c in coefficients]
+    n = max(k for k, log in enumerate(logs) if np.isfinite(log))
+    small = [(logs[0] - log) / k for k, log in enumerate(logs) if k and np.isfinite(log)]
+    large = [(logs[k] - logs[n]) / (n - k) for k in range(n) if np.isfinite(logs[k])]
+    if not small or not large:
+        return 0.5, 2.0
+    low, high = min(small) - np.log(2), max(large) + np.log(2)
+    low, high = np.clip([low, max(high, low + 1)], -600, 600)
+    return float(np.exp(low)), float(np.exp(high))

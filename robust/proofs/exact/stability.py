@@ -1,0 +1,450 @@
+"""Stability of polynomials and of loops with a delay, decided in exact or enclosed arithmetic.
+
+Routh's array decides whether every root lies in the open left half plane: all of its first column positive. With a
+delay the roots of D + N exp(-s tau) are those of D + N at tau = 0, moved across the axis only where |D| = |N|, in the
+direction in which |D| - |N| changes sign there (Cooke & van den Driessche 1986; Walton & Marshall 1987).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.proofs.exact.claim import LoopClaim, Matrices
+from robust.proofs.exact.conditions import Terms
+from robust.proofs.exact.polynomials import (
+    Decision,
+    Quotient,
+    behind_samples,
+    held,
+    mapped,
+    proved,
+    quotient,
+    rational,
+    rational_matrix,
+    refuted,
+    undecided,
+)
+
+__all__ = [
+    "WHOLE_SAMPLES",
+    "Axis",
+    "Squares",
+    "at_infinity",
+    "axis_of",
+    "hurwitz",
+    "hurwitz_with_delay",
+    "loop_axis",
+    "polynomials",
+    "routh",
+    "squared",
+    "squares",
+    "stable_loop",
+    "stable_matrix",
+    "stable_quotients",
+]
+
+
+BITS = (192, 768, 3072)
+MOST_BITS = 4096
+BESIDE = "not told from the stability boundary"
+
+
+def hurwitz(p: Any, degree: int) -> Decision:
+    """Whether all `degree` roots of p lie in the open left half plane (a root at infinity does not).
+
+    p is a fmpq_poly, where zero pivots say no, or an arb_poly, where balls that hold zero leave it undecided.
+
+    >>> from flint import fmpq_poly
+    >>> hurwitz(fmpq_poly([1, 3, 3, 1]), 3).holds, hurwitz(fmpq_poly([1, 1, 1, 1]), 3).holds     # a pair at +-j
+    (True, False)
+    """
+    lead = p[degree]
+    if lead < 0:
+        p, lead = -p, -lead
+    rows = [[p[k] for k in range(degree, -1, -2)], [p[k] for k in range(degree - 1, -1, -2)]]
+    for _ in range(degree + 1):
+        pivot = rows[0][0]
+        if not pivot > 0:
+            return refuted("a pole is not stable") if pivot <= 0 else undecided(BESIDE, needs_digits=True)
+        above, below = rows
+        if not below:
+            break
+        if not below[0] > 0:  # the next pivot
+            rows = [below, []]
+            continue
+        ratio = pivot / below[0]
+        padded = [*below[1:], *[0] * (len(above) - len(below))]
+        rows = [below, [a - ratio * b for a, b in zip(above[1:], padded, strict=False)]]
+    return proved()
+
+
+def routh(p: Any, degree: int) -> Decision:
+    """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
+    from flint import arb_poly, ctx
+
+    if isinstance(p, arb_poly):
+        return hurwitz(p, degree)
+    for bits in BITS:
+        with ctx.workprec(bits):
+            found = hurwitz(arb_poly(p), degree)
+        if not found.needs_digits:
+            return found
+    return hurwitz(p, degree)
+
+
+def squared(p: Any) -> Any:
+    """|p(j x)|^2 as a polynomial in y = x^2."""
+    kind = type(p)
+    mirrored = kind([c if k % 2 == 0 else -c for k, c in enumerate(p.coeffs())])
+    both = (p * mirrored).coeffs()
+    return kind([c if k % 2 == 0 else -c for k, c in enumerate(both[::2])])
+
+
+def hurwitz_with_delay(den: Any, num: Any, degree: int, delay: Any) -> Decision:
+    """Whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
+    from flint import arb, ctx
+
+    total = den + num
+    if total[0] == 0:
+        return refuted("a pole at zero")
+    if not abs(den[degree]) > abs(num[degree]):
+        return refuted("the loop gain does not fall below one at infinite frequency")
+    if total[degree] == 0:
+        return undecided("the loop without its delay is not well posed", needs_digits=True)
+    bits = 128
+    while bits <= MOST_BITS:
+        with ctx.workprec(bits):
+            outside = roots_outside(total)
+            if outside is not None:
+                moved = crossed(den, num, arb(delay))
+                if moved is not None:
+                    count = outside + moved
+                    return proved() if count == 0 else refuted(f"{count} poles are not stable")
+        bits *= 4
+    return undecided(BESIDE, needs_digits=True)
+
+
+def roots_outside(p: Any) -> int | None:
+    """How many roots of a fmpq_poly lie in the right half plane; None where one cannot be told from the axis."""
+    count = 0
+    for root, many in p.numer().complex_roots():
+        if root.real > 0:
+            count += many
+        elif not root.real < 0:
+            return None
+    return count
+
+
+def crossed(den: Any, num: Any, delay: Any) -> int | None:
+    """How many roots of den + num exp(-s tau) move out of the left half plane as tau grows from 0 to the delay."""
+    from flint import acb, arb
+
+    balance = squared(den) - squared(num)
+    if balance.degree() <= 0:
+        return 0 if balance[0] != 0 else None
+    count, pi = 0, arb.pi()
+    for root, many in balance.numer().complex_roots():
+        if root.imag != 0 or root.real < 0:
+            continue
+        if not root.imag.is_zero() or not root.real > 0:
+            if balance[0] == 0 and root.overlaps(acb(0)):
+                continue  # at zero frequency nothing crosses: total[0] != 0
+            return None
+        omega = root.real.sqrt()
+        s = acb(0, omega)
+        ratio = -value_at(num, s) / value_at(den, s)  # exp(s tau) at a crossing: tau = (angle + 2 pi k)/omega
+        angle = ratio.arg() if ratio.real > 0 else (-ratio).arg() + pi  # away from the cut of the argument
+        turns = (omega * delay - angle) / (2 * pi)
+        # crossings at tau > 0 have angle + 2 pi k > 0, those up to the delay k <= turns
+        first, last = (-angle / (2 * pi)), turns
+        low, high = whole_below(first), whole_below(last)
+        if low is None or high is None:
+            return None
+        if many % 2:
+            rising = sign_of_slope(balance, root.real, many)
+            if rising is None:
+                return None
+            count += 2 * (high - low) * rising
+    return count
+
+
+def value_at(p: Any, s: Any) -> Any:
+    """p(s) at a complex ball."""
+    from flint import acb_poly
+
+    return acb_poly([acb_coefficient(c) for c in p.coeffs()])(s)
+
+
+def acb_coefficient(c: Any) -> Any:
+    """A rational as a ball at the precision of the moment."""
+    from flint import acb, arb
+
+    return acb(arb(c))
+
+
+def whole_below(x: Any) -> int | None:
+    """floor(x), None where the ball holds an integer."""
+    floor = x.floor().unique_fmpz()
+    return None if floor is None or x.contains_integer() else int(floor)
+
+
+def sign_of_slope(p: Any, y: Any, order: int) -> int | None:
+    """The sign of the first derivative that does not vanish at a root of that multiplicity (odd)."""
+    from flint import arb_poly
+
+    for _ in range(order):
+        p = p.derivative()
+    slope = arb_poly(p)(y)
+    return 1 if slope > 0 else -1 if slope < 0 else None
+
+
+# ---- A claimed loop on one imaginary axis: its parts as polynomials at the working precision, its terms along the
+# axis.
+
+UNITY = Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=np.ones((1, 1)))
+WHOLE_SAMPLES, WHOLE_SAMPLES_DISCRETE, SAME_CLOCK = 1e-9, 1e-6, 1e-9
+
+
+@value
+class Axis:
+    """The loop on s = j x: x is omega [rad/s] in a continuous loop, tan(omega dt/2) in a sampled one.
+
+    Fields
+    ------
+    G, K, w, P : Quotient
+        Plant (hold and delay by samples inside), controller, weights; P is None without one.
+    W : Quotient or None
+        What the plant is scaled by, for coprime factors.
+    dt, delay : fmpq
+        Sampling time [s], 0 for continuous; delay [s] that is not in G (continuous loops).
+    w_timed, P_timed : bool
+        Whether a weight is continuous around a sampled loop: then it lives on s = j omega.
+    """
+
+    G: Quotient
+    K: Quotient
+    w: Quotient
+    P: Quotient | None
+    dt: Any
+    delay: Any
+    w_timed: bool
+    P_timed: bool
+    W: Quotient | None = None
+
+    @property
+    def algebraic(self) -> bool:
+        """Whether everything is a polynomial in one variable."""
+        return bool(self.delay == 0) and not self.w_timed and not self.P_timed
+
+
+def axis_of(claim: LoopClaim) -> Axis:
+    """Put the parts of a claim on one axis, by the rules that `LoopClaim` states, or refuse with a ValueError."""
+    G, K, dt, delay = loop_axis(claim.plant, claim.controller, claim.delay)
+    w, w_timed = weight("weight", claim.weight, dt)
+    P, P_timed = (None, False) if claim.performance is None else weight("performance", claim.performance, dt)
+    W = shaping(claim, dt) if "M" in claim.reads else None
+    return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed, W=W)
+
+
+def shaping(claim: LoopClaim, dt: Any) -> Quotient:
+    """The product of the shaping functions, on the axis of the loop."""
+    if dt and not claim.plant.dt:
+        raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
+    num = den = quotient(UNITY).num
+    degree = 0
+    for W in claim.shaping:
+        part, timed = weight("shaping", W, dt)
+        if timed:
+            raise ValueError("shaping must be sampled as the loop is, got a continuous one")
+        num, den, degree = num * part.num, den * part.den, degree + part.degree
+    return Quotient(num=num, den=den, degree=degree)
+
+
+def loop_axis(plant: Matrices, K: Matrices, seconds: Any) -> tuple[Quotient, Quotient, Any, Any]:
+    """Plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant.
+
+    `seconds` is a double or a rational.
+    """
+    delay = rational(seconds) if isinstance(seconds, float) else seconds
+    dt = rational(plant.dt or K.dt)
+    if plant.dt:
+        if K.order and not same_clock(K.dt, plant.dt):
+            raise ValueError(f"controller must have the sampling time of the plant, {plant.dt} s, got {K.dt} s")
+        samples = delay / dt
+        whole = int((samples + rational(0.5)).floor())
+        if abs(samples - whole) > rational(WHOLE_SAMPLES_DISCRETE):
+            raise ValueError(f"delay must be whole samples of {plant.dt} s, got {seconds} s")
+        G, delay = mapped(behind_samples(quotient(plant), whole)), rational(0.0)
+    elif dt:
+        whole = int((delay / dt + rational(WHOLE_SAMPLES)).floor())
+        rest = delay - whole * dt
+        if rest < rational(WHOLE_SAMPLES) * dt:
+            rest = rational(0.0)
+        G, delay = mapped(held(plant, dt, whole, rest)), rational(0.0)
+    else:
+        G = quotient(plant)
+    return G, mapped(quotient(K)) if dt else quotient(K), dt, delay
+
+
+def same_clock(dt: float, other: float) -> bool:
+    """Whether two sampling times are the same but for rounding."""
+    return abs(dt - other) <= SAME_CLOCK * other
+
+
+def weight(name: str, system: Matrices, dt: Any) -> tuple[Quotient, bool]:
+    """A weight as a quotient, and whether it is continuous around a sampled loop."""
+    found = quotient(system)
+    if system.order == 0:
+        return found, False
+    if system.dt:
+        if not dt or not same_clock(system.dt, int(dt.p) / int(dt.q)):
+            raise ValueError(f"{name} must be continuous or sampled as the loop is, got {system.dt} s")
+        return mapped(found), False
+    return found, bool(dt)
+
+
+@value
+class Squares:
+    """Polynomials in y = x^2 (arb_poly, at the precision of the moment) and their formal degrees.
+
+    Those of the loop (G, K, closed) all belong to one variable, those of a timed weight to omega^2. `even` and `odd`
+    make N D* = even + j x odd, without the delay.
+    """
+
+    G: tuple[Any, Any, int]
+    K: tuple[Any, Any, int]
+    even: Any
+    odd: Any
+    closed: Any
+    w: tuple[Any, Any, int]
+    P: tuple[Any, Any, int] | None
+    W: tuple[Any, Any, int] | None = None
+
+
+def squares(axis: Axis) -> Squares:
+    """The squared magnitudes of what the loop is made of."""
+    from flint import arb_poly
+
+    G_num, G_den, K_num, K_den = (arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den))
+    N, D = G_num * K_num, G_den * K_den
+    both = (N * arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(D.coeffs())])).coeffs()
+
+    def signed(coefficients: list[Any]) -> Any:
+        return arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(coefficients)])
+
+    def of_weight(part: Quotient) -> tuple[Any, Any, int]:
+        return squared(arb_poly(part.num)), squared(arb_poly(part.den)), part.degree
+
+    return Squares(
+        G=(squared(G_num), squared(G_den), axis.G.degree),
+        K=(squared(K_num), squared(K_den), axis.K.degree),
+        even=signed(both[::2]),
+        odd=signed(both[1::2]),
+        closed=squared(N + D),
+        w=of_weight(axis.w),
+        P=None if axis.P is None else of_weight(axis.P),
+        W=None if axis.W is None else of_weight(axis.W),
+    )
+
+
+def polynomials(found: Squares) -> Terms:
+    """The terms as polynomials in y, where everything is one."""
+    P_num, P_den = (None, None) if found.P is None else found.P[:2]
+    W_num, W_den = (None, None) if found.W is None else found.W[:2]
+    return Terms(
+        G_num=found.G[0],
+        G_den=found.G[1],
+        K_num=found.K[0],
+        K_den=found.K[1],
+        cross=found.even,
+        closed=found.closed,
+        w_num=found.w[0],
+        w_den=found.w[1],
+        P_num=P_num,
+        P_den=P_den,
+        W_num=W_num,
+        W_den=W_den,
+    )
+
+
+def at_infinity(found: Squares) -> Terms:
+    """The same at the far end of the axis: coefficients at the formal degrees."""
+    n, m = found.G[2], found.K[2]
+    P_num, P_den = (None, None) if found.P is None else (found.P[0][found.P[2]], found.P[1][found.P[2]])
+    W_num, W_den = (None, None) if found.W is None else (found.W[0][found.W[2]], found.W[1][found.W[2]])
+    return Terms(
+        G_num=found.G[0][n],
+        G_den=found.G[1][n],
+        K_num=found.K[0][m],
+        K_den=found.K[1][m],
+        cross=found.even[n + m],
+        closed=found.closed[n + m],
+        w_num=found.w[0][found.w[2]],
+        w_den=found.w[1][found.w[2]],
+        P_num=P_num,
+        P_den=P_den,
+        W_num=W_num,
+        W_den=W_den,
+    )
+
+
+# ---- Stability of a loop or of a matrix of doubles, decided where floating point cannot tell.
+#
+# The characteristic polynomial of a matrix of doubles is exact over the rationals, and Routh's array decides: stable or
+# not, with nothing in between. A plant behind a hold has balls for coefficients, made smaller until they decide; only a
+# pole exactly on the boundary stays undecided there.
+
+POLE_BITS = (256, 1024, 4096)
+
+
+def stable_loop(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
+    """Whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
+
+    Hold and delay count as in `LoopClaim`, the delay of a continuous loop as it is. It `holds` where
+    it is stable, and is `violated` where it is not.
+
+    >>> import numpy as np
+    >>> one = np.ones((1, 1))
+    >>> def gain(k): return Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=k * one)
+    >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                       # 1/(s + 1): stable for K > -1
+    >>> [stable_loop(lag, gain(k)).holds for k in (-1.0, np.nextafter(-1, 0))]
+    [False, True]
+    """
+    from flint import ctx
+
+    found = undecided("not looked at", needs_digits=True)
+    for bits in POLE_BITS:
+        with ctx.workprec(bits):
+            G, K, _, rest = loop_axis(plant, controller, delay)
+            found = stable_quotients(G, K, rest)
+        if not found.needs_digits:
+            break
+    return found
+
+
+def stable_matrix(A: np.ndarray, *, discrete: bool = False) -> Decision:
+    """Whether every eigenvalue of a matrix of doubles lies in the open left half plane, or inside the unit circle.
+
+    >>> import numpy as np
+    >>> [stable_matrix(np.array([[0.0, 1.0], [-1.0, d]])).holds for d in (0.0, -5e-324, 5e-324)]
+    [False, True, False]
+    """
+    n = len(A)
+    if not n:
+        return proved()
+    p = rational_matrix(np.asarray(A, dtype=float)).charpoly()
+    return routh(mapped(Quotient(num=p, den=p, degree=n)).den if discrete else p, n)
+
+
+def stable_quotients(G: Quotient, K: Quotient, delay: Any) -> Decision:
+    """Whether the loop of two quotients on one axis, and a delay (fmpq), is stable, at the precision of the moment."""
+    from flint import arb_poly
+
+    kind = type(G.num) if type(G.num) is type(K.num) else arb_poly
+    N, D = kind(G.num) * kind(K.num), kind(G.den) * kind(K.den)
+    if delay > 0:
+        return hurwitz_with_delay(D, N, G.degree + K.degree, delay)
+    return routh(N + D, G.degree + K.degree)

@@ -1,0 +1,324 @@
+"""Taylor models: a smooth function on a short interval as a polynomial and a ball for all that it leaves out.
+
+A jet is a polynomial of degree `ORDER` in x, |x| <= 1, the interval being middle + x half. What a product or a
+composition has beyond that degree is bounded by the sum of its coefficients and joins the constant as a ball, so the
+error falls with the sixth power of the length: a function that nearly touches zero is still decided on few intervals.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from math import inf, sqrt
+from typing import Any
+
+from robust.proofs.exact.conditions import Terms
+from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
+from robust.proofs.exact.stability import Axis, Squares
+
+__all__ = [
+    "LOWEST",
+    "MOST_INTERVALS",
+    "NARROWEST",
+    "Jet",
+    "cosine",
+    "line",
+    "lower_bound",
+    "of_polynomial",
+    "positive_on_intervals",
+    "sampled_terms",
+    "sine",
+]
+
+
+ORDER = 5
+
+
+class Jet:
+    """A polynomial in x (arb_poly) of degree at most `ORDER` that encloses a function on [-1, 1]."""
+
+    __slots__ = ("p",)
+
+    def __init__(self, p: Any) -> None:
+        self.p = p
+
+    def __add__(self, other: Any) -> Jet:
+        return Jet(self.p + (other.p if isinstance(other, Jet) else other))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Jet:
+        return Jet(self.p - (other.p if isinstance(other, Jet) else other))
+
+    def __mul__(self, other: Any) -> Jet:
+        return shortened(self.p * other.p) if isinstance(other, Jet) else Jet(self.p * other)
+
+    __rmul__ = __mul__
+
+
+def shortened(p: Any) -> Jet:
+    """What lies beyond the order goes into the constant, as a ball."""
+    from flint import arb, arb_poly
+
+    coefficients = p.coeffs()
+    if len(coefficients) <= ORDER + 1:
+        return Jet(p)
+    left = sum((abs(c) for c in coefficients[ORDER + 1 :]), arb(0)).abs_upper()
+    return Jet(arb_poly([coefficients[0] + arb(0, left), *coefficients[1 : ORDER + 1]]))
+
+
+def line(middle: Any, half: Any) -> Jet:
+    """The variable itself: middle + half x."""
+    from flint import arb_poly
+
+    return Jet(arb_poly([middle, half]))
+
+
+def sine_and_cosine(middle: Any, half: Any) -> tuple[Jet, Jet]:
+    """sin and cos of middle + half x: their Taylor polynomials and half^(n+1)/(n+1)! for the rest."""
+    from flint import arb, arb_poly
+
+    at = (middle.sin(), middle.cos())
+    cycle = (at[0], at[1], -at[0], -at[1], at[0])
+    powers, factor = [], arb(1)
+    for k in range(ORDER + 1):
+        powers.append(factor)
+        factor = factor * half / (k + 1)
+    rest = arb(0, factor.abs_upper())
+    out = []
+    for phase in (0, 1):
+        coefficients = [cycle[(k + phase) % 4] * powers[k] for k in range(ORDER + 1)]
+        out.append(Jet(arb_poly([coefficients[0] + rest, *coefficients[1:]])))
+    return out[0], out[1]
+
+
+def sine(middle: Any, half: Any) -> Jet:
+    """sin(middle + half x)."""
+    return sine_and_cosine(middle, half)[0]
+
+
+def cosine(middle: Any, half: Any) -> Jet:
+    """cos(middle + half x)."""
+    return sine_and_cosine(middle, half)[1]
+
+
+def of_polynomial(p: Any, argument: Jet) -> Jet:
+    """p of a jet, by the Taylor coefficients of p at the middle; those beyond the order are bounded by their sum."""
+    from flint import arb, arb_poly
+
+    middle = argument.p[0].mid()
+    away = argument.p - middle
+    reach = sum((abs(c) for c in away.coeffs()), arb(0)).abs_upper()
+    coefficients = p(arb_poly([middle, 1])).coeffs() if p.degree() > 0 else p.coeffs()
+    left = arb(0)
+    for c in reversed(coefficients[ORDER + 1 :]):
+        left = left * reach + abs(c)
+    left *= reach ** (ORDER + 1)
+    total = Jet(arb_poly([0]))
+    moved = Jet(away)
+    for c in reversed(coefficients[: ORDER + 1]):
+        total = total * moved + c
+    return total + arb(0, left.abs_upper())
+
+
+def lower_bound(jet: Jet) -> Any:
+    """A number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
+    from math import comb
+
+    from flint import arb, arb_poly
+
+    n = max(jet.p.degree(), 0)
+    unit = jet.p(arb_poly([-1, 2]))  # on [0, 1]
+    least = None
+    for i in range(n + 1):
+        c = sum((unit[k] * arb(comb(i, k)) / comb(n, k) for k in range(i + 1)), arb(0)).lower()
+        if not c.is_finite():
+            return arb.neg_inf()
+        least = c if least is None or c < least else least
+    return least
+
+
+# ---- Claims proved interval by interval where a delay or a continuous weight makes them no polynomials.
+#
+# On an interval every term is a Taylor model in omega (`robust.proofs.exact.taylor_models`); the least Bernstein
+# coefficient of
+# what has to be positive decides. Intervals that fail are cut; in a continuous loop what lies beyond the last one is
+# decided at once, whatever the phase of the delay is there.
+
+NARROWEST = 1e-12
+MOST_INTERVALS = 50_000
+FARTHEST = 1e18  # [rad/s]
+LOWEST = 1e-30  # of the highest frequency
+
+Asked = Callable[[Terms], list[Any]]
+
+
+def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: float) -> Decision:
+    """Prove that all that is asked of the terms is positive from zero to Nyquist, or to infinity."""
+    from flint import arb
+
+    if axis.dt:
+        # a little beyond Nyquist, as pi is no double
+        top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
+        terms = sampled_terms(axis, found)
+    else:
+        top = first_of_tail(found, asked)
+        if top == inf:
+            return undecided("undecided at infinite frequency", needs_digits=True)
+        terms = delayed_terms(axis, found)
+    for expression in asked(terms(arb(0), arb(0))):
+        if not expression.p[0] > 0:
+            said = "not positive at zero"
+            return refuted(said, 0.0) if expression.p[0] <= 0 else undecided(said, needs_digits=True)
+    todo = [(0.0, top)]
+    for count in range(MOST_INTERVALS):
+        if not todo:
+            return proved()
+        low, high = todo.pop()
+        middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
+        if all(lower_bound(jet) > 0 for jet in asked(terms(middle, half))):
+            continue
+        narrow = high - low <= 1e-3 * high
+        if narrow and any(jet.p[0] <= 0 for jet in asked(terms(middle, arb(0)))):
+            return refuted("negative there", (low + high) / 2)
+        if high - low <= NARROWEST * high or high < LOWEST * top:
+            return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
+        if count % 64 == 63 and time.thread_time() > deadline:
+            return undecided(f"undecided after {count} intervals, as time was up")
+        cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
+        todo += [(cut, high), (low, cut)]
+    return undecided(f"undecided after {MOST_INTERVALS} intervals")
+
+
+def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
+    """Terms of a continuous loop with its delay on an interval of omega."""
+    from flint import arb
+
+    tau = arb(axis.delay)
+
+    def terms(middle: Any, half: Any) -> Terms:
+        omega = line(middle, half)
+        y = omega * omega
+        phase = middle * tau, half * tau
+        G_num, G_den, K_num, K_den = (of_polynomial(p, y) for p in (*found.G[:2], *found.K[:2]))
+        cross = of_polynomial(found.even, y) * cosine(*phase) + of_polynomial(found.odd, y) * omega * sine(*phase)
+        closed = G_num * K_num + G_den * K_den + cross * 2
+        return complete(found, G_num, G_den, K_num, K_den, cross, closed, y, y, y)
+
+    return terms
+
+
+def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[Any, Any], Terms]:
+    """Terms of a sampled loop on an interval of omega; its polynomials in u = sin^2(omega dt/2), y = u/(1 - u).
+
+    `samples` of delay that are not in the plant are taken as the phase that they are: as poles at zero they make
+    polynomials of as many degrees.
+    """
+    from flint import arb
+
+    dt = arb(axis.dt)
+    (G0, G1, n), (K0, K1, m) = found.G, found.K
+    loop = [in_sine(p, d) for p, d in ((G0, n), (G1, n), (K0, m), (K1, m), (found.even, n + m), (found.closed, n + m))]
+    odd = in_sine(found.odd, max(n + m - 1, 0))
+    w = found.w if axis.w_timed else (*(in_sine(p, found.w[2]) for p in found.w[:2]), found.w[2])
+    P = found.P
+    if P is not None and not axis.P_timed:
+        P = (*(in_sine(p, P[2]) for p in P[:2]), P[2])
+    W = None if found.W is None else (*(in_sine(p, found.W[2]) for p in found.W[:2]), found.W[2])
+    weights = Squares(G=found.G, K=found.K, even=None, odd=None, closed=None, w=w, P=P, W=W)
+
+    def terms(middle: Any, half: Any) -> Terms:
+        omega = line(middle, half)
+        u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
+        y = omega * omega
+        a, b, c, d, cross, closed = (of_polynomial(p, u) for p in loop)
+        if samples:
+            # x (1 - u) = sin(omega dt)/2: what is odd in x = tan(omega dt/2) has one power of 1 - u less
+            phase, turn = (middle * dt * samples, half * dt * samples), sine(middle * dt, half * dt)
+            cross = cross * cosine(*phase) + of_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
+            closed = a * c + b * d + cross * 2
+        return complete(weights, a, b, c, d, cross, closed, y if axis.w_timed else u, y if axis.P_timed else u, u)
+
+    return terms
+
+
+def in_sine(p: Any, degree: int) -> Any:
+    """(1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
+    kind = type(p)
+    shifted = p(kind([-1, 1]))
+    return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
+
+
+def complete(
+    found: Squares,
+    G_num: Any,
+    G_den: Any,
+    K_num: Any,
+    K_den: Any,
+    cross: Any,
+    closed: Any,
+    w_at: Any,
+    P_at: Any,
+    W_at: Any,
+) -> Terms:
+    """Terms with their weights."""
+    P_num, P_den = (None, None) if found.P is None else (of_polynomial(p, P_at) for p in found.P[:2])
+    W_num, W_den = (None, None) if found.W is None else (of_polynomial(p, W_at) for p in found.W[:2])
+    return Terms(
+        G_num=G_num,
+        G_den=G_den,
+        K_num=K_num,
+        K_den=K_den,
+        cross=cross,
+        closed=closed,
+        w_num=of_polynomial(found.w[0], w_at),
+        w_den=of_polynomial(found.w[1], w_at),
+        P_num=P_num,
+        P_den=P_den,
+        W_num=W_num,
+        W_den=W_den,
+    )
+
+
+def first_of_tail(found: Squares, asked: Asked) -> float:
+    """A frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
+    from flint import arb
+
+    omega = 1e-3
+    while omega < FARTHEST:
+        v = arb(0).union(1 / arb(omega) ** 2)
+
+        def ratio(p: Any, degree: int, v: Any = v) -> Any:  # p(y)/y^degree at v = 1/y
+            total = arb(0)
+            for k in range(degree + 1):
+                total = total * v + p[k]
+            return total
+
+        n, m = found.G[2], found.K[2]
+        G_num, G_den, K_num, K_den = (
+            ratio(p, degree) for p, degree in ((found.G[0], n), (found.G[1], n), (found.K[0], m), (found.K[1], m))
+        )
+        N, D = G_num * K_num, G_den * K_den
+        bound = (N.abs_upper() * D.abs_upper()).sqrt().abs_upper()
+        cross = arb(0, bound)
+        P = (None, None) if found.P is None else [ratio(p, found.P[2]) for p in found.P[:2]]
+        w = [ratio(p, found.w[2]) for p in found.w[:2]]
+        W = (None, None) if found.W is None else [ratio(p, found.W[2]) for p in found.W[:2]]
+        terms = Terms(
+            G_num=G_num,
+            G_den=G_den,
+            K_num=K_num,
+            K_den=K_den,
+            cross=cross,
+            closed=N + D + cross * 2,
+            w_num=w[0],
+            w_den=w[1],
+            P_num=P[0],
+            P_den=P[1],
+            W_num=W[0],
+            W_den=W[1],
+        )
+        if all(x > 0 for x in asked(terms)):
+            return omega
+        omega *= 4
+    return inf

@@ -1,0 +1,147 @@
+"""``Certificate``: what was proved at every frequency, and how."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust._base.states import Outcome
+from robust.proofs.exact.claim import LoopClaim
+from robust.proofs.exact.loops import Verification, verify_loop
+from robust.proofs.exact.matrices import NormClaim, verify_norm
+
+__all__ = ["EXACT", "SOLVERS", "TIME_CAP", "Certificate", "attempt", "refused"]
+
+
+EXACT = "exact arithmetic"  # where nothing is left to floating point
+
+
+@value
+class Certificate:
+    """What was proved, how, and if not, why not.
+
+    The outcome is judged in floating point, with slacks far above its rounding; `verify` proves the same again to the
+    last bit, from the matrices as they were given.
+
+    Fields
+    ------
+    subject : str
+        What the bound is about.
+    outcome : Outcome
+        "holds" only if the numbers were judged and passed; "violated" only if a frequency was found where what had to
+        be below the level is not; else "undecided".
+    level : float
+        The norm is below this level at every frequency.
+    method : str
+        "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "interval by interval" (from the responses),
+        "Hamiltonian with one scaling, interval by interval" (operator perturbations), "periodic Riccati equation,
+        Bernstein" (friction), "exact arithmetic" (where those
+        failed: proved, rigorous), or "".
+    intervals : (I, 2) ndarray
+        Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
+    reason : str
+        Why it does not hold, for people; empty when it does.
+    claim : LoopClaim, NormClaim or another
+        What holds, with every number as given, to be proved again; None where the proof is of another kind (mu).
+    again : callable, optional
+        How a claim of another kind is proved again: again(claim, time_cap=seconds).
+
+    References
+    ----------
+    Boyd, El Ghaoui, Feron & Balakrishnan 1994, 2.7.3.
+
+    Examples
+    --------
+    >>> import control
+    >>> from robust import certify_norm
+    >>> proof = certify_norm(control.tf([1], [1, 1]), 1.1)
+    >>> proof.holds, certify_norm(control.tf([1], [1, 1]), 0.9).holds
+    (True, False)
+    >>> print(proof.verify())
+    stability: proved, rigorous
+    norm: proved, rigorous
+    """
+
+    subject: str
+    outcome: Outcome
+    level: float
+    method: str
+    intervals: np.ndarray
+    reason: str
+    claim: Any = None
+    again: Callable[..., Verification] | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether the bound was proved."""
+        return self.outcome is Outcome.HOLDS
+
+    @property
+    def violated(self) -> bool:
+        """Whether a frequency was found at which the bound fails."""
+        return self.outcome is Outcome.VIOLATED
+
+    @property
+    def judged(self) -> str:
+        """In which arithmetic it was judged: "proved, rigorous" to the last bit, or "judged in floating point"."""
+        return "proved, rigorous" if self.method == EXACT else "judged in floating point"
+
+    def verify(self, *, time_cap: float = 60.0) -> Verification:
+        """Prove it again with outward rounding, by code that knows nothing of how it was found.
+
+        Parameters
+        ----------
+        time_cap : float
+            Seconds of processor time after which what is left counts as not verified, however busy the machine is.
+
+        Returns
+        -------
+        Verification
+            What is "proved, rigorous", and what is not, with the reason.
+
+        References
+        ----------
+        F. Johansson, "Arb: efficient arbitrary-precision midpoint-radius interval arithmetic", 2017.
+        """
+        if isinstance(self.claim, LoopClaim):
+            return verify_loop(self.claim, time_cap=time_cap)
+        if isinstance(self.claim, NormClaim):
+            return verify_norm(self.claim)
+        if self.again is not None:
+            return self.again(self.claim, time_cap=time_cap)
+        reason = "judged in floating point only: no exact claim is kept of it" if self.holds else self.reason
+        return Verification(verified=False, proved=(), failed=((self.subject, reason),), bits=0)
+
+
+def refused(subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED) -> Certificate:
+    """A certificate that does not hold: undecided, or violated."""
+    nothing = np.zeros((0, 2))
+    return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=nothing, reason=reason)
+
+
+# ---- Convex programs, solved under a time cap by solvers that may fail in any way.
+
+
+def attempt(problem: Any, solver: str, time_cap: float, *, eps: float = 1e-7) -> str:
+    """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
+
+    problem : cvxpy.Problem; solver : its name there; time_cap : seconds; eps : tolerance of SCS.
+    """
+    caps = {"CLARABEL": {"time_limit": time_cap}, "SCS": {"time_limit_secs": time_cap, "eps": eps}}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # "may be inaccurate": it may well be
+            problem.solve(solver=solver, **caps.get(solver, {}))
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # CLARABEL can panic with an exception that is no Exception
+        return f"the solver {solver} failed: {type(error).__name__}" + (f": {error}" if str(error) else "")
+    return ""
+
+
+SOLVERS = ("CLARABEL", "SCS")
+TIME_CAP = 5.0

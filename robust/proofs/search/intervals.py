@@ -1,0 +1,260 @@
+"""Norm bounds at every frequency, interval by interval: weights and scaling frozen, a Hamiltonian test on each.
+
+On an interval the weights are replaced by upper bounds, so the frozen loop is at least as large as the true one. If
+its largest singular value is below one at a point of the interval and no eigenvalue of the Hamiltonian at level one
+lies on the interval, it stays below one all over it. Intervals that fail are split until they pass, a violation is
+found, or the cap is reached.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.lti import Matrices, beside_one, poles, responder, timebase, zeros
+from robust.lti.norms import crossings, largest_gain
+from robust.lti.stability import certain_poles
+from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.polynomials import roots_of
+
+__all__ = [
+    "SLACK",
+    "IntervalProof",
+    "Magnitude",
+    "around",
+    "in_doubt",
+    "inside",
+    "magnitude",
+    "prove",
+    "trusted_responder",
+]
+
+
+MAX_INTERVALS = 600
+NARROWEST = 1e-9
+SLACK = 3e-6  # above what coordinates and the check against `exact` may be off
+
+
+@value
+class Magnitude:
+    """|W(j omega)| = gain prod |j omega - zeros| / prod |j omega - poles|, to be bounded on intervals."""
+
+    zeros: np.ndarray
+    poles: np.ndarray
+    gain: float
+
+    def upper(self, low: float, high: float) -> float:
+        """A bound from above on [low, high]; high may be infinite. Tight as the interval shrinks."""
+        if np.isinf(high):
+            return self.upper_tail(low)
+        return float(self.upper_each(np.array([low]), np.array([high]))[0])
+
+    def upper_each(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """(I,) the same on many finite intervals."""
+        z, p = self.zeros / 1j, self.poles / 1j
+        middle, half = (low + high) / 2, (high - low) / 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crude = log_farthest(z, low, high) - log_nearest(p, low, high)
+            at = np.log(np.abs(middle[:, None] - z)).sum(axis=1) - np.log(np.abs(middle[:, None] - p)).sum(axis=1)
+            z_low, z_high = slope_range(z, low, high)
+            p_low, p_high = slope_range(p, low, high)
+            fine = at + half * np.maximum(np.abs(z_high - p_low), np.abs(z_low - p_high))
+            return self.gain * np.exp(np.fmin(crude, fine)) * (1 + 1e-9)
+
+    def upper_tail(self, low: float) -> float:
+        """A bound on [low, inf), in the variable 1/omega, where it is an ordinary interval."""
+        excess = self.poles.size - self.zeros.size
+        z, p = self.zeros[self.zeros != 0], self.poles[self.poles != 0]
+        if p.size < self.poles.size and low == 0:
+            return np.inf
+        # |j omega - z| = omega |z| |u - j/z| with u = 1/omega
+        end = 1 / low if low else np.inf
+        if np.isinf(end):
+            middle = 1.0
+            return max(self.upper(0.0, middle), self.upper_tail(middle))
+        span = np.zeros(1), np.array([end])
+        log = log_farthest(1j / z, *span)[0] + np.sum(np.log(np.abs(z)))
+        log -= log_nearest(1j / p, *span)[0] + np.sum(np.log(np.abs(p)))
+        return self.gain * float(np.exp(log)) * end**excess * (1 + 1e-9)
+
+
+def log_farthest(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(I,) log of the product of the largest distances of the roots from each real interval."""
+    ends = np.maximum(np.abs(low[:, None] - roots), np.abs(high[:, None] - roots))
+    return np.asarray(np.log(ends).sum(axis=1))
+
+
+def log_nearest(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(I,) log of the product of the smallest distances."""
+    with np.errstate(divide="ignore"):
+        nearest = np.clip(roots.real, low[:, None], high[:, None]) - roots
+        return np.asarray(np.log(np.abs(nearest)).sum(axis=1))
+
+
+def slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(I,), (I,) range over each interval of the derivative of the log distances, summed root by root."""
+    a = np.abs(roots.imag)
+    first, last = low[:, None] - roots.real, high[:, None] - roots.real
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # t/(t^2 + a^2) has its extremes +-1/(2a) at t = +-a; nan only where a root lies on the interval
+        at_first, at_last, peak = first / (first**2 + a**2), last / (last**2 + a**2), 1 / (2 * a)
+        most = np.where((first <= a) & (a <= last), peak, np.maximum(at_first, at_last))
+        least = np.where((first <= -a) & (-a <= last), -peak, np.minimum(at_first, at_last))
+    return np.nan_to_num(least, nan=-np.inf).sum(axis=1), np.nan_to_num(most, nan=np.inf, posinf=np.inf).sum(axis=1)
+
+
+def magnitude(system: control.StateSpace) -> Magnitude:
+    """The magnitude of a single-loop system over omega, or over x = tan(omega dt/2) where it is discrete."""
+    z, p = zeros(system), poles(system)
+    dt = timebase(system)
+    if dt:
+        z, p = (z - 1) / (z + 1), (p - 1) / (p + 1)
+        z, p = z[np.abs(z) < 1e12], p[np.abs(p) < 1e12]
+    # the gain from one point where nothing is near
+    point = 1.2345 * (np.exp(np.mean(np.log(np.abs(p[p != 0])))) if np.any(p != 0) else 1.0)
+    at = np.exp(2j * np.arctan(point)) if dt else 1j * point
+    value_there = abs(complex(system(at))) if system.nstates else abs(system.D[0, 0])
+    gain = value_there * float(np.prod(np.abs(1j * point - p)) / np.prod(np.abs(1j * point - z)))
+    return Magnitude(zeros=z, poles=p, gain=gain)
+
+
+@value
+class IntervalProof:
+    """Intervals proved (I, 2), whether they cover everything, the violation found (nan: none), and what went wrong."""
+
+    intervals: np.ndarray
+    holds: bool
+    violated_at: float
+    reason: str
+
+
+def prove(
+    frozen: Callable[[float, float], Matrices],
+    exact: Callable[[float], float],
+    starts: np.ndarray,
+    top: float,
+    *,
+    time_cap: float,
+    most: int = MAX_INTERVALS,
+    slack: float = SLACK,
+    changes: Callable[[float, float], tuple[np.ndarray, np.ndarray] | None] | None = None,
+) -> IntervalProof:
+    """Prove that the loop stays below one on [0, top].
+
+    frozen(low, high) : the loop with its weights at their upper bounds on the interval; exact(x) : the true value
+    at one frequency, computed in another way, which the frozen loop must not undercut. slack : what the frozen loop may
+    be off, relative to the level. changes : where the frozen loop may pass the level, by another test than the
+    Hamiltonian of its norm.
+    """
+    deadline = time.thread_time() + time_cap
+    edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
+
+    def narrow(low: float, high: float) -> bool:
+        return bool(low > edges[-2] / NARROWEST if np.isinf(high) else high - low <= NARROWEST * high)
+
+    nothing_below = NARROWEST * edges[1] if np.isfinite(edges[1]) else 0.0
+    todo = list(itertools.pairwise(edges.tolist()))[::-1]
+    done: list[tuple[float, float]] = []
+    count = 0
+
+    def stop(reason: str, where: float = np.nan) -> IntervalProof:
+        return IntervalProof(intervals=np.array(done).reshape(-1, 2), holds=False, violated_at=where, reason=reason)
+
+    while todo:
+        count += 1
+        if count > most or time.thread_time() > deadline:
+            return stop("undecided after " + (f"{count - 1} intervals" if count > most else f"{time_cap:g} s"))
+        low, high = todo.pop()
+        inner = inside(low, high)
+        if not (truth := exact(inner)) < 1:
+            return stop(f"the value there is {truth:.6g}", inner)
+        A, B, C, D = frozen(low, high)
+        matrices = A, B, C * (1 + slack), D * (1 + slack)
+        if not all(np.isfinite(m).all() for m in matrices):
+            todo += [(inner, high), (low, inner)]
+            continue
+        at_inner = float(largest_gain(matrices, np.array([inner]))[0])
+        if truth > at_inner * (1 + 1e-9 - slack / 2) + 1e-9:
+            return stop("the state space of the loop does not reproduce its frequency response")
+        if at_inner < 1 and (
+            no_crossing(changes(low, high) if changes else crossings(matrices, 1.0), low, high)
+            or nearby(matrices, inner, max(inner - low, high - inner))
+        ):
+            done.append((low, high))
+        elif narrow(low, high) or high <= nothing_below:
+            return stop(f"undecided at {inner:.6g}")
+        else:
+            todo += [(inner, high), (low, inner)]
+    return IntervalProof(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
+
+
+def around(points: np.ndarray) -> np.ndarray:
+    """Where to cut the axis first: a third and three times every point, those that crowd left out."""
+    x = np.unique(np.concatenate([points / 3, points * 3]))
+    keep = [x[0]]
+    for point in x[1:]:
+        if point > 2 * keep[-1]:
+            keep.append(point)
+    return np.array(keep)
+
+
+def no_crossing(found: tuple[np.ndarray, np.ndarray] | None, low: float, high: float) -> bool:
+    """Whether no singular value of the frozen loop can reach one on the interval."""
+    if found is None:
+        return False
+    omega, moved = found
+    return not np.any((omega + moved >= low) & (omega - moved <= high))
+
+
+def nearby(matrices: Matrices, middle: float, reach: float) -> bool:
+    """Whether the loop stays below one within `reach` of the middle by the size of its resolvent alone.
+
+    With R = (j middle - A)^-1 and reach |R| < 1, the response moves by at most reach |C R| |R B|/(1 - reach |R|): a
+    proof for short intervals that asks nothing of eigenvalues, where slow modes crowd around zero.
+    """
+    A, B, C, _ = matrices
+    if not np.isfinite(reach) or A.shape[0] == 0:
+        return False
+    R = np.linalg.inv(1j * middle * np.eye(A.shape[0]) - A)
+    size = reach * np.linalg.norm(R, 2)
+    if not size < 1:
+        return False
+    moves = reach * np.linalg.norm(C @ R, 2) * np.linalg.norm(R @ B, 2) / (1 - size)
+    return bool(largest_gain(matrices, np.array([middle]))[0] + moves < 1)
+
+
+def inside(low: float, high: float) -> float:
+    """A point well inside: the geometric middle, a decade from an end at zero or infinity."""
+    if low == 0 and np.isinf(high):
+        return 1.0
+    if low == 0:
+        return high / 2
+    return low * 8 if np.isinf(high) else float(np.sqrt(low * high))
+
+
+# ---- Responses in doubles: from the matrices where rounding hardly moves a mode, from exact roots where it may.
+
+MOVED = 0.1  # of its distance to the axis, by which rounding may move a pole unnoticed
+UNDAMPED = 1e-8  # of its modulus: what counts as the distance of a pole on the axis
+LARGEST = 40  # states of which exact roots are taken
+
+
+def in_doubt(poles: np.ndarray, moved: np.ndarray, discrete: bool) -> bool:
+    """Whether rounding may have moved a pole by about as much as it is damped."""
+    damping = np.abs(np.abs(poles) - 1) if discrete else np.abs(poles.real)
+    size = np.abs(poles - 1) if discrete else np.abs(poles)
+    return bool(np.any(moved > MOVED * np.maximum(damping, UNDAMPED * size)))
+
+
+def trusted_responder(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
+    """`robust.lti.lti.responder`, from exact roots where modes over decades share poor coordinates."""
+    dt = timebase(system)
+    if not 1 < system.nstates <= LARGEST or not in_doubt(*certain_poles(system), bool(dt)):
+        return responder(system)
+    roots = roots_of(as_given(system))
+    return lambda omega: roots.at(beside_one(omega, dt))

@@ -1,0 +1,36 @@
+"""The page as the command `robust shape` writes it: it knows the files that its parts came from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.files import write_text
+from robust.models.fit.weights import performance_weight
+from robust.reports.shaping_page.page import page_content, page_text
+from robust.reports.shaping_page.words import Told
+
+__all__ = ["write_from_files"]
+
+
+def write_from_files(
+    out: Path, models: list[Any], K: Any, paths: tuple[Sequence[Path], Path | None], asked: Any, **loop: float
+) -> None:
+    """Write the page of models and a controller, and the paths of both; asked is bandwidth [Hz], peak, error."""
+    files, controller = paths
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"out must end in .html, got {out.name!r}")
+    bandwidth, peak, error = asked
+    told = Told(
+        names=tuple(path.stem for path in files),
+        files=tuple(map(str, files)),
+        controller="" if controller is None else str(controller),
+        demand=f"robust.performance_weight(2 * np.pi * {bandwidth!r}, M_S={peak!r}, A={error!r})",
+        options="" if bandwidth is None else f"--bandwidth {bandwidth!r} --peak {peak!r} --error {error!r}",
+        title="Shape a loop around " + ", ".join(path.stem for path in files),
+    )
+    w_P = None if bandwidth is None else performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
+    write_text(out, page_text(page_content(models, w_P=w_P, K=K, told=told, **loop)))

@@ -1,0 +1,344 @@
+"""One HTML file to shape a loop in: it holds its curves, its style and its script, and asks nobody for anything."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import hessenberg
+
+from nlfrf._base.arguments import nonnegative, shown
+from nlfrf._base.files import path_of, write_text
+from robust.analysis.bounds import loop_bounds
+from robust.analysis.loop import Loop, assemble
+from robust.lti.connections import in_series
+from robust.lti.lti import constant, scaled_states, timebase
+from robust.lti.realisation import state_space
+from robust.lti.stability import certain_poles
+from robust.models.sets.forms import FORMS, worst_terms
+from robust.models.sets.measured import warn_of_unknown_hold
+from robust.models.sets.model import UncertaintyModel
+from robust.reports.shaping_page.words import Told, python_to_paste, to_prove
+from robust.synthesis.shaping import lag, lead, notch, roll_off
+
+__all__ = [
+    "doubtful_poles",
+    "encoded_response",
+    "page_content",
+    "page_text",
+    "script",
+    "shaped_controller",
+    "style",
+    "write_shaping_page",
+]
+
+
+# ---- The controller that was shaped: gain and elements as the page names them, to one state space.
+
+
+def shaped_controller(state: Mapping[str, Any], K: Any, dt: float) -> control.StateSpace:
+    """The controller K to begin with, times the gain and the elements of a state of the page.
+
+    >>> state = {"gain": 2.0, "elements": [{"kind": "lead", "f": 1.0, "phase": 30.0}]}
+    >>> round(float(abs(shaped_controller(state, 1.0, 0.0)(2j * np.pi))), 9)      # a lead has gain one there
+    2.0
+    """
+    K = state_space("K", K)
+    gain = control.StateSpace([], [], [], [[float(state.get("gain", 1.0))]], dt)
+    elements = [element_of(element, dt) for element in state.get("elements", ())]
+    return in_series(control.StateSpace(K.A, K.B, K.C, K.D, dt), gain, *elements)
+
+
+def element_of(element: Mapping[str, Any], dt: float) -> control.StateSpace:
+    """One element, by the function of `compensators` that the page writes out for it."""
+    omega, kind = 2 * np.pi * element["f"], element["kind"]
+    if kind == "integrator":
+        return lag(omega, np.inf, dt=dt)
+    if kind == "lead":
+        return lead(omega, np.radians(element["phase"]), dt=dt)
+    if kind == "notch":
+        return notch(omega, depth=element["depth"], width=element["width"], dt=dt)
+    return roll_off(omega, order=element["order"], zeta=element["zeta"], dt=dt)
+
+
+# ---- A system as the page computes with it: a Hessenberg form, whose response costs n^2 operations a frequency.
+
+
+def encoded_response(system: control.StateSpace) -> dict[str, Any]:
+    """Numbers from which the page computes C (x I - H)^-1 B + D: x = j omega, or exp(j omega dt) - 1 where sampled.
+
+    A sampled system is given by A - I: its slow poles crowd around one, and would lose their digits there.
+    """
+    dt = timebase(system)
+    A, B, C = scaled_states(system.A - np.eye(system.nstates) * (dt > 0), system.B, system.C)
+    H, Q = hessenberg(A, calc_q=True) if A.size else (A, A)
+    return {
+        "dt": dt,
+        "H": H.ravel().tolist(),
+        "b": (Q.T @ B).ravel().tolist(),
+        "c": (C @ Q).ravel().tolist(),
+        "d": float(system.D[0, 0]),
+    }
+
+
+def doubtful_poles(system: control.StateSpace) -> list[list[float]]:
+    """[re, im] of the poles that are not stable beyond rounding; of a sampled system under s = 2/dt (z - 1)/(z + 1)."""
+    dt = timebase(system)
+    poles, moved = certain_poles(system)
+    found = poles[(np.abs(poles) - 1 if dt else poles.real) >= -moved]
+    if dt:
+        found = 2 / dt * (found - 1) / (found + 1)
+    return [[float(p.real), float(p.imag)] for p in found]
+
+
+# ---- What the page is told: models as a controller sees them, the demand, the controller to begin with.
+
+BEYOND = 1e300
+UNFILTERED = 1e120  # stands for a sum over aliases without a bound: its square is a number still
+#: How far beyond the lines the winding is followed [decades], and points on each of those.
+BELOW, ABOVE, SPARSE = 5, 3, 4
+#: Frequencies up to Nyquist, relative to it.
+NEAR_NYQUIST = np.array([3e-2, 1e-2, 3e-3, 1e-3, 1e-6])
+#: Lines that are drawn at most, of each model.
+MOST_LINES = 400
+
+
+def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told: Told) -> dict[str, Any]:
+    """Everything the page needs, as JSON holds it."""
+    models = list(models) if isinstance(models, Sequence) else [models]
+    if not models or not all(isinstance(model, UncertaintyModel) for model in models):
+        raise ValueError(f"model must be an UncertaintyModel or a list of them, got {shown(models)}")
+    if any(model.measured_only for model in models):
+        raise ValueError(
+            "model must have a parametric nominal to be shaped on, got one on an FRF. Make it by fit_nominal"
+        )
+    K, w_P = state_space("K", 1.0 if K is None else K), None if w_P is None else state_space("w_P", w_P)
+    dt = time_step(models, K, dt)
+    start = control.StateSpace(K.A, K.B, K.C, K.D, dt)
+    loops = [assemble(model, start, w_P, delay) for model in models]
+    if len({loop.dt for loop in loops}) > 1:
+        raise ValueError(f"model must have one sampling time, got {', '.join(f'{loop.dt:g} s' for loop in loops)}")
+    dt = loops[0].dt
+    for model in models if dt else ():
+        warn_of_unknown_hold(model, dt)
+    names = [*told.names, *(f"level {k + 1}" for k in range(len(told.names), len(models)))]
+    return {
+        "title": told.title,
+        "dt": dt,
+        "delay": delay,
+        "omega": shared_grid(models, loops),
+        "models": [described(*row) for row in zip(names, models, loops, strict=False)],
+        "w_P": None if w_P is None else encoded_response(loops[0].w_P),
+        "K": encoded_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
+        "K_poles": doubtful_poles(start),
+        "begun": not constant(start) or float(start.D[0, 0]) != 1.0,
+        "python": python_to_paste(told, models, w_P, start, dt, delay),
+        "command": to_prove(told, w_P, delay),
+    }
+
+
+def time_step(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
+    """The sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
+    dt = nonnegative("dt", dt)
+    known = {timebase(model.nominal) for model in models} | ({0.0} if constant(K) else {timebase(K)})
+    known = {step for step in known | {dt} if step}
+    if len(known) > 1:
+        raise ValueError(
+            f"dt must be one for models and controller, got {' and '.join(f'{s:g} s' for s in sorted(known))}"
+        )
+    if not constant(K) and known and not timebase(K):
+        raise ValueError(f"K must be sampled at {known.pop():g} s as the loop is, got a continuous one. Use discretize")
+    return known.pop() if known else 0.0
+
+
+def described(name: str, model: UncertaintyModel, loop: Loop) -> dict[str, Any]:
+    """One model: its responses, its bounds on |L|, its poles that are not surely stable."""
+    row = FORMS[model.form]
+    # without a demand the bounds are those of robust stability: a demand that asks nothing
+    demand = control.StateSpace([], [], [], [[1e-9]]) if loop.w_P is None else loop.w_P
+    low, high = loop_bounds(model, demand)
+    omega = model.omega[model.omega < loop.top]
+    refuse_unknown(model)
+    return {
+        "name": name,
+        "G": encoded_response(loop.short),
+        "shift": loop.shift,
+        "poles": doubtful_poles(loop.short),
+        "w": encoded_response(loop.weight),
+        "read": "".join(factor for factor in row.read if factor != "w"),
+        "inverse": row.inverse,
+        "lines": omega.tolist(),
+        # JSON has no infinity: beyond every plot
+        "low": np.minimum(low, BEYOND)[: omega.size].tolist(),
+        "high": np.minimum(high, BEYOND)[: omega.size].tolist(),
+        "set": f"{model.form}, {model.perturbation}" + ", aliases left to the check" * left_out(loop),
+        "aliases": encoded_aliases(loop),
+    }
+
+
+def left_out(loop: Loop) -> bool:
+    """Whether the page shows rs without the aliases: their condition in an inverse form is no size of K S."""
+    return loop.aliases is not None and loop.aliases.inverse
+
+
+def encoded_aliases(loop: Loop) -> dict[str, Any] | None:
+    """What the page adds up over the aliases of a frequency (`robust.analysis.aliases`); None where there are none."""
+    aliases = loop.aliases
+    if aliases is None or aliases.inverse:
+        return None
+    tail = float((aliases.beyond.FF if aliases.operator else aliases.beyond.F)[0])
+    return {
+        "dt": aliases.dt,
+        "delay": aliases.delay,
+        "n": int(aliases.single[-1]),
+        "tail": min(tail, UNFILTERED),
+        "operator": aliases.operator,
+        "G": encoded_response(aliases.plant) if aliases.through else None,
+    }
+
+
+def refuse_unknown(model: UncertaintyModel) -> None:
+    """Refuse a form that is not b = (factors it reads) S with a = 0, or a = those factors where it is inverse."""
+    row, rng = FORMS[model.form], np.random.default_rng(0)
+    w, G, K = rng.standard_normal((3, 4)) + 1j * rng.standard_normal((3, 4))
+    parts = {"w": w, "G": G, "K": K}
+    q = np.prod([parts[name] for name in row.read], axis=0)
+    S, a, b = worst_terms(model.form, w, G, K)
+    if not (np.allclose(b, q * S) and np.allclose(a, q * row.inverse)):
+        raise ValueError(f"model must be of a form that the page computes with, got {model.form}: use plot_loop_bounds")
+
+
+def shared_grid(models: list[UncertaintyModel], loops: list[Loop]) -> list[float]:
+    """Frequencies [rad/s] of all models: their lines and modes, sparse for decades on both sides."""
+    grids = []
+    for model, loop in zip(models, loops, strict=True):
+        lines = model.omega[:: model.omega.size // MOST_LINES + 1]
+        grids.append(loop.grid(lines[lines < loop.top]))
+    omega = np.unique(np.concatenate(grids))
+    omega = omega[np.concatenate([[True], np.diff(np.log(omega)) > 1e-5])]
+    low, high = omega[0], omega[-1]
+    far = [low * np.geomspace(10.0**-BELOW, 1, BELOW * SPARSE + 1)[:-1]]
+    top = loops[0].top
+    beyond = high * np.geomspace(1, 10.0**ABOVE, ABOVE * SPARSE + 1)[1:] if np.isinf(top) else top * (1 - NEAR_NYQUIST)
+    return np.unique(np.concatenate([omega, *far, beyond[beyond > high]])).tolist()
+
+
+PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="robust: page to shape a loop in">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:">
+<title>{title}</title>
+<style>
+{style}
+</style>
+</head>
+<body class="shaping-sheet">
+<main id="shaping"></main>
+<noscript>This page computes as you drag: allow it to run its own script. It sends nothing to anybody.</noscript>
+<script type="application/json" id="content">{content}</script>
+<script type="module">
+{script}
+globalThis.shaping = start(document.getElementById("shaping"), JSON.parse(document.getElementById("content").text));
+</script>
+</body>
+</html>
+"""
+
+
+def write_shaping_page(
+    path: str | os.PathLike[str],
+    model: Any,
+    *,
+    w_P: Any = None,
+    K: Any = None,
+    dt: float = 0.0,
+    delay: float = 0.0,
+    title: str = "Shape a loop",
+) -> None:
+    """Write a page to shape a loop in by hand: gain, integrator, lead, notch, roll-off dragged on |L|, live.
+
+    One HTML file that runs in any browser, needs no server and sends no request. It shows |L| between its bounds,
+    Nyquist with the discs of the set, rs, rp, S, T, the step response and a verdict *on a grid*, for several models at
+    once; it writes PID gains, the Python to paste, and the command that proves. The page itself proves nothing.
+
+    Parameters
+    ----------
+    path : path
+        The ``.html`` file; written whole or not at all.
+    model : UncertaintyModel or list of them
+        The plant, or one for each level.
+    w_P : control.StateSpace or TransferFunction, optional
+        Performance weight.
+    K : control.StateSpace, TransferFunction or float, optional
+        Controller to begin with; what is shaped is multiplied to it.
+    dt : float
+        Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
+    delay : float
+        Computation delay [s], as in `check`.
+    title : str
+        Heading.
+
+    Raises
+    ------
+    ValueError
+        A path that does not end in .html, a model on an FRF or of a form the page cannot compute with, sampling times
+        that differ.
+    FileNotFoundError
+        A folder that does not exist.
+
+    References
+    ----------
+    SP 2.6 (loop shaping), 7.5 and 7.6 (rs and rp).
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import control
+    >>> import numpy as np
+    >>> from robust import UncertaintyModel
+    >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
+    >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_shaping_page(Path(folder, "shape.html"), model, delay=0.1)
+    ...     text = Path(folder, "shape.html").read_text(encoding="utf-8")
+    >>> "default-src 'none'" in text, "src=" in text          # it may ask for nothing, and does not
+    (True, False)
+    """
+    path = path_of(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"path must end in .html, got {path.name!r}")
+    write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=Told(title=title))))
+
+
+def page_text(content: dict[str, Any]) -> str:
+    """The page, as text."""
+    # "<" cannot end the script element that holds the content
+    text = json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    return PAGE.format(title=escape(content["title"]), style=style(), content=text, script=script())
+
+
+def script() -> str:
+    """The module of JavaScript that page and notebook share: `start(element, content, changed)`."""
+    return "\n".join(part(name) for name in ("uplot/uPlot.iife.min.js", "arithmetic.js", "view.js"))
+
+
+def style() -> str:
+    """Its style sheet."""
+    return "\n".join(part(name) for name in ("uplot/uPlot.min.css", "shape.css"))
+
+
+def part(name: str) -> str:
+    """A file of this wing; a closing tag inside would end the element that holds it."""
+    text = files("robust.reports.shaping_page").joinpath(name).read_text(encoding="utf-8")
+    return text.replace("</script", "<\\/script").replace("</style", "<\\/style")

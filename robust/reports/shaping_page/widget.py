@@ -1,0 +1,100 @@
+"""The shaping page as the output of a notebook cell, which gives back the controller that was shaped."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import control
+
+from robust.reports.shaping_page.page import page_content, script, shaped_controller, style
+from robust.reports.shaping_page.words import Told
+
+__all__ = ["shape"]
+
+RENDER = """
+export default { render({ model, el }) {
+  const root = document.createElement("div");
+  el.append(root);
+  const begin = model.get("state");
+  const tell = state => { model.set("state", state); model.save_changes(); };
+  start(root, model.get("content"), tell, begin.elements ? begin : null);
+} };
+"""
+
+
+def shape(model: Any, *, w_P: Any = None, K: Any = None, dt: float = 0.0, delay: float = 0.0) -> Any:
+    """Shape a loop by hand in a notebook, live: the page of `write_shaping_page` as the output of a cell.
+
+    Drag gain, integrator, lead, notch and roll-off on |L|; read the controller back as `.K` and prove it with `check`.
+
+    Parameters
+    ----------
+    model : UncertaintyModel or list of them
+        The plant, or one for each level.
+    w_P : control.StateSpace or TransferFunction, optional
+        Performance weight.
+    K : control.StateSpace, TransferFunction or float, optional
+        Controller to begin with; what is shaped is multiplied to it.
+    dt : float
+        Sampling time [s] of the controller; 0 for that of K or of a sampled model, else continuous.
+    delay : float
+        Computation delay [s], as in `check`.
+
+    Returns
+    -------
+    anywidget.AnyWidget
+        With `K`, the control.StateSpace that stands on the page now, and `state`, its gain and elements.
+
+    Raises
+    ------
+    ValueError
+        A model on an FRF or of a form the page cannot compute with, sampling times that differ.
+    ImportError
+        The package anywidget is missing.
+
+    References
+    ----------
+    SP 2.6 (loop shaping), 7.5 and 7.6 (rs and rp).
+
+    Examples
+    --------
+    >>> shape([], dt=0.01)
+    Traceback (most recent call last):
+        ...
+    ValueError: model must be an UncertaintyModel or a list of them, got []
+    """
+    content = page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=Told())
+    return widget_class()(content=content, begun=1.0 if K is None else K)
+
+
+@cache
+def widget_class() -> Any:
+    """The class of the widget, made when the first one is: anywidget is an extra."""
+    try:
+        import anywidget
+        import traitlets
+    except ImportError:
+        raise ImportError(
+            "shape needs the package anywidget: pip install 'nlfrf[notebook]'. write_shaping_page writes the same page "
+            "to a file, without it"
+        ) from None
+
+    class LoopShaper(anywidget.AnyWidget):
+        """The page in a cell."""
+
+        _esm = script() + RENDER
+        _css = style()
+        content = traitlets.Dict().tag(sync=True)
+        state = traitlets.Dict().tag(sync=True)
+
+        def __init__(self, *, begun: Any = 1.0, **traits: Any) -> None:
+            super().__init__(**traits)
+            self.begun = begun
+
+        @property
+        def K(self) -> control.StateSpace:
+            """The controller that stands on the page."""
+            return shaped_controller(self.state, self.begun, self.content["dt"])
+
+    return LoopShaper

@@ -1,0 +1,84 @@
+"""What the page writes out: Python to paste into a script, and the command that proves what the page only shows."""
+
+from __future__ import annotations
+
+import shlex
+from typing import Any
+
+import control
+
+from nlfrf._base.values import value
+
+__all__ = ["PLACE_OF_K", "Told", "python_to_paste", "to_prove"]
+
+#: Where the page puts the controller that was shaped.
+PLACE_OF_K = "# shaped"
+
+
+@value
+class Told:
+    """Where the parts came from, for the words of the page; empty where they came from memory.
+
+    Fields
+    ------
+    names : tuple of str
+        Names of the models; those without one are numbered.
+    files : tuple of str
+        Files of the models.
+    controller : str
+        File of the controller to begin with.
+    demand : str
+        The demand as Python writes it.
+    options : str
+        The demand as the command takes it.
+    title : str
+        Heading.
+    """
+
+    names: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    controller: str = ""
+    demand: str = ""
+    options: str = ""
+    title: str = "Shape a loop"
+
+
+def python_to_paste(told: Told, models: list[Any], w_P: Any, K: control.StateSpace, dt: float, delay: float) -> str:
+    """A script that checks, and proves where it can, the controller that stands at its place in it."""
+    files = told.files or tuple(f"model{k + 1 if len(models) > 1 else ''}.json" for k in range(len(models)))
+    several = len(files) > 1
+    rows = ["import control", "import numpy as np", "import robust", ""]
+    if not told.files:
+        rows.append("# or the model at hand" + " itself" * (not several) + "; robust.save_model writes such a file")
+    if several:
+        rows.append(f"models = [robust.load_model(path) for path in {list(files)!r}]")
+    else:
+        rows.append(f"model = robust.load_model({files[0]!r})")
+    if w_P is not None:
+        rows.append(f"w_P = {told.demand or literal(w_P)}")
+    rows += [f"dt = {dt!r}", begun(told, K, dt), PLACE_OF_K, ""]
+    asked = ", w_P=w_P" * (w_P is not None) + (f", delay={delay!r}" if delay else "")
+    check = f"print(robust.check(model, K{asked}))"
+    rows += ["for model in models:", f"    {check}"] if several else [check]
+    return "\n".join([*rows, 'robust.save_controller(K, "controller.json")', ""])
+
+
+def begun(told: Told, K: control.StateSpace, dt: float) -> str:
+    """The controller to begin with; its gain alone is part of what is shaped."""
+    if told.controller:
+        return f"K = robust.load_controller({told.controller!r})"
+    return "K = " + (literal(K) if K.nstates else f"control.ss([], [], [], [[{float(K.D[0, 0])!r}]], dt)")
+
+
+def literal(system: control.StateSpace) -> str:
+    """A state space with every digit."""
+    matrices = ", ".join(repr(getattr(system, name).tolist()) for name in "ABCD")
+    return f"control.ss({matrices}, {0 if system.dt is None else system.dt!r})"
+
+
+def to_prove(told: Told, w_P: Any, delay: float) -> list[str]:
+    """The commands that prove it, one a model; none where a file or the demand is not known to the command."""
+    if not told.files or (w_P is not None and not told.options):
+        return []
+    asked = f" {told.options}" * bool(told.options) + (f" --delay {delay:g}" if delay else "")
+    return [f"robust check {shlex.quote(file)} controller.json{asked}" for file in told.files]

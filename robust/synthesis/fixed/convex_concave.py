@@ -1,0 +1,298 @@
+"""The convex-concave iteration: from a stabilising controller, step by step, to one that no convex step improves.
+
+K = F X/Y,  P = Y + G F X.  |P|^2 >= 2 Re(P P_c*) - |P_c|^2 with the previous iterate P_c turns every demand into
+a convex one that holds at P_c, and P keeps the winding number of P_c: a stable loop stays stable.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.stability import unstable_poles
+from robust.synthesis.fixed.cone_program import Rows, Step, solve
+from robust.synthesis.fixed.demands import Demand
+from robust.synthesis.fixed.plants import SeenPlant
+from robust.synthesis.fixed.starts import loops_stable
+from robust.synthesis.fixed.structures import Basis
+
+__all__ = ["DesignTask", "better", "iterate", "linear_rows"]
+
+
+WORKING_LINES = 80
+TOLERANCE = 1e-6
+STEP_GAIN = 1e-4
+UNBOUNDED = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
+
+
+@value
+class DesignTask:
+    """All there is to a design: the lines, the demands, and the columns of Y and F X on the lines."""
+
+    basis: Basis
+    seen: list[SeenPlant]
+    at: SeenPlant
+    aim: str
+    rows: list[Demand]
+    gamma: Demand | None
+    stable: bool
+    positive: bool
+    n_unstable: int
+    Y: np.ndarray
+    X: np.ndarray
+
+    @property
+    def objective(self) -> Demand | None:
+        """What is minimised, where that is gamma."""
+        return self.gamma if self.aim == "gamma" else None
+
+    def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(W,) Y and F X; by sums, as threads of a matrix product cost more than they bring here."""
+        return (self.Y * theta).sum(axis=1), (self.X * theta).sum(axis=1)
+
+    def loop(self, theta: np.ndarray) -> np.ndarray:
+        """(W,) P = Y + G F X, about the centre of the discs."""
+        Y, X = self.split(theta)
+        return Y + self.at.centre * X
+
+    def hard(self, theta: np.ndarray) -> float:
+        """Worst demand, at most one where all are met."""
+        Y, X = self.split(theta)
+        return max((float(row.measure(Y, X).max()) for row in self.rows), default=0.0)
+
+    def goal(self, theta: np.ndarray) -> float:
+        """What is minimised once the demands are met: gamma, or minus the gain at low frequency."""
+        if self.objective is not None:
+            return float(self.objective.measure(*self.split(theta)).max())
+        Y0, X0 = self.basis.zero_frequency()
+        return -abs(float(X0 @ theta)) / (abs(float(Y0 @ theta)) + 1e-9 * float(np.abs(Y0 * theta).sum()))
+
+    def merit(self, theta: np.ndarray) -> tuple[float, float]:
+        """Demands first, then the goal."""
+        return max(self.hard(theta), 1 + TOLERANCE), self.goal(theta)
+
+    def apart(self, old: np.ndarray, new: np.ndarray) -> str:
+        """Empty where loop and controller keep their number of unstable poles on the way from old to new; else why."""
+        P_old, P = self.loop(old), self.loop(new)
+        if not np.all((P * P_old.conj()).real[self.at.known] > 0):
+            return "the loop changes"
+        if not np.all(linear_rows(self, old) @ new >= 0):
+            return "the controller changes"
+        K = self.basis.controller(new)
+        if self.stable and unstable_poles(K, self.basis.dt):
+            return "the controller is unstable"
+        return loops_stable(K, self.seen, self.n_unstable)[1]
+
+
+def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
+    """(Q, n) rows @ theta >= 0: the controller stays proper, stable and, if asked, its roots real, gains positive."""
+    basis, n_y = task.basis, task.basis.n_y
+    shape = basis.structure
+    if not shape.free:
+        scale = np.concatenate([np.sign(theta[:1]), np.zeros(basis.n_x)])[None, :]
+        return np.vstack([scale, np.sign(theta[0]) * basis.gain_rows()]) if task.positive else scale
+    if task.stable:
+        # Y may not vanish on the circle through -slowest and -fastest: its roots stay inside
+        span = basis.fastest - basis.slowest
+        r = np.concatenate([[0.0], np.geomspace(1e-3 * task.at.omega.min(), span, 40)])
+        s = -basis.slowest - r**2 / span + 1j * r * np.sqrt(np.maximum(1 - (r / span) ** 2, 0.0))
+        Y = basis.unscaled(s, n_y - 1)
+    else:
+        Y = np.ones((1, n_y), complex)  # at infinite frequency: proper
+    old = Y @ theta[:n_y]
+    Y, old = Y[old != 0], old[old != 0]  # a pole right on the circle: on which side is seen afterwards, by the poles
+    rows = [np.hstack([(Y / old[:, None]).real, np.zeros((Y.shape[0], basis.n_x))])]
+    if shape.real:
+        for part, before in ((slice(0, n_y), 0), (slice(n_y, None), n_y)):
+            own = theta[part]
+            T = np.array([basis.polynomial(e) for e in np.eye(own.size)]).T
+            c = T @ own
+            signed = np.sign(c[-1]) * T
+            c = np.sign(c[-1]) * c
+            wanted = [signed]
+            if c.size == 3:  # real roots: c2 + c0 <= |(c1, c2 - c0)|, at least its projection on the previous one
+                direction = np.array([c[1], c[0] - c[2]]) / np.hypot(c[1], c[0] - c[2])
+                wanted.append(
+                    (direction[0] * signed[1] + direction[1] * (signed[0] - signed[2]) - signed[0] - signed[2])[None]
+                )
+            block = np.vstack(wanted)
+            wide = np.zeros((block.shape[0], theta.size))
+            wide[:, before : before + own.size] = block
+            rows.append(wide)
+    return np.vstack(rows)
+
+
+def working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
+    """(W,) bool: the lines the program begins with, spread over the band, with the peaks of every demand."""
+    W = task.at.omega.size
+    if W <= 1.5 * WORKING_LINES:
+        return np.ones(W, dtype=bool)
+    log = np.log(task.at.omega)
+    mask = np.zeros(W, dtype=bool)
+    for target in np.linspace(log.min(), np.log(task.at.highest), WORKING_LINES):
+        mask[int(np.argmin(np.abs(log - target)))] = True
+    return mask | peaks(task, theta, 8)
+
+
+def peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
+    """(W,) bool: the largest local maxima of each demand, and every line of a demand on few lines."""
+    mask = np.zeros(task.at.omega.size, dtype=bool)
+    Y, X = task.split(theta)
+    for row in task.rows + ([task.objective] if task.objective is not None else []):
+        v = row.measure(Y, X)
+        if v.size < 8:
+            mask[row.index] = True
+            continue
+        wide = np.concatenate([[-np.inf], v, [-np.inf]])
+        top = np.flatnonzero((v >= wide[:-2]) & (v >= wide[2:]))
+        mask[row.index[top[np.argsort(-v[top])][:most]]] = True
+    return mask
+
+
+def convex_step(task: DesignTask, theta: np.ndarray, mask: np.ndarray, level: bool) -> tuple[Step, np.ndarray]:
+    """The step about theta, and the way from eta back to theta.
+
+    level: the demands themselves are what is minimised, as one of them is not met yet.
+    """
+    place = np.cumsum(mask) - 1
+    Yb, Xb = task.Y[mask], task.X[mask]
+    Yc, Xc = task.split(theta)
+    P = Yc + task.at.centre * Xc
+    unit = np.abs(task.at.centre)
+    unit = np.maximum(unit, 1e-9 * np.median(unit))
+    T = np.zeros((theta.size, theta.size))
+    for part, size, first in ((Yb, 1 / P[mask], 0), (Xb, task.at.centre[mask] / P[mask], task.basis.n_y)):
+        own = slice(first, first + (task.basis.n_x if first else task.basis.n_y))
+        T[own, own] = orthonormal(part[:, own] * size[:, None])
+
+    def arrays(rows: list[Demand]) -> Rows:
+        parts = []
+        for row in rows:
+            on = mask[row.index]
+            i = row.index[on]
+            ref = row.y[on] * Yc[i] + row.x[on] * Xc[i]
+            ratio = np.abs(P[i]) / np.abs(ref)
+            right = ((row.y[on, None] * task.Y[i] + row.x[on, None] * task.X[i]) / ref[:, None]).real @ T
+            parts.append((place[i], row.a[on] * ratio, row.b[on] * ratio / unit[i], row.c[on] * ratio / unit[i], right))
+        if not parts:
+            parts.append((np.zeros(0, int), *np.zeros((3, 0)), np.zeros((0, theta.size))))
+        line, a, b, c, right = (np.concatenate(p) for p in zip(*parts, strict=True))
+        return Rows(line=line, a=a, b=b, c=c, R=right)
+
+    aims = task.rows if level else [task.objective] if task.objective is not None else []
+    linear = linear_rows(task, theta) @ T
+    Y0, X0 = task.basis.zero_frequency()
+    x0 = float(X0 @ theta)
+    step = Step(
+        eta=np.linalg.solve(T, theta),
+        Y=Yb / np.abs(P[mask, None]) @ T,
+        X=Xb * (unit / np.abs(P))[mask, None] @ T,
+        hard=arrays([] if level else task.rows),
+        aim=arrays(aims),
+        linear=linear / np.maximum(np.linalg.norm(linear, axis=1, keepdims=True), 1e-300),
+        gain=X0 @ T / (x0 if x0 else 1.0),
+        scale=Y0 @ T / float(Y0 @ theta),
+    )
+    return step, T
+
+
+def orthonormal(columns: np.ndarray) -> np.ndarray:
+    """(n, n) T with orthonormal columns @ T, real and imaginary parts taken together."""
+    scale = 1 / np.linalg.norm(columns, axis=0)
+    R = np.linalg.qr(np.vstack([columns.real, columns.imag]) * scale, mode="r")
+    size = np.abs(np.diag(R))
+    return scale[:, None] * (np.linalg.inv(R) if size.min() > 1e-13 else np.eye(size.size))
+
+
+def iterate(
+    task: DesignTask,
+    starts: list[np.ndarray],
+    n_iterations: int,
+    deadline: float,
+    progress: Callable[[int, float], Any] | None,
+) -> tuple[np.ndarray, tuple[float, ...], str]:
+    """The best of what the iteration makes of each start: parameters, history and why it ended."""
+    found = [improved(task, theta, n_iterations, deadline, progress) for theta in starts]
+    return min(found, key=lambda result: task.merit(result[0]))
+
+
+def improved(
+    task: DesignTask,
+    theta: np.ndarray,
+    n_iterations: int,
+    deadline: float,
+    progress: Callable[[int, float], Any] | None,
+) -> tuple[np.ndarray, tuple[float, ...], str]:
+    """Convex steps from one start until nothing improves: parameters, history and why it ended."""
+    mask = working_lines(task, theta)
+    history: list[float] = []
+    slow, why, first = 0, "converged", task.merit(theta)[1]
+    for k in range(n_iterations):
+        left = deadline - time.perf_counter()
+        if left <= 0:
+            why = "stopped at the time limit"
+            break
+        level = task.hard(theta) > 1 + TOLERANCE
+        step, T = convex_step(task, theta, mask, level)
+        eta, trouble = solve(step, left)
+        if eta is None:
+            why = f"{trouble}; the last controller before is kept"
+            break
+        new = T @ eta
+        before = task.merit(theta)
+        best, obstacle = chosen(task, theta, new)
+        after = task.merit(best)
+        missed = peaks(task, new, 6) & ~mask
+        if missed.any() and not better(after, before, 1e-2):
+            mask = mask | missed  # the program did not see what held the step back
+            if not better(after, before, 0.0):
+                continue
+        slow = 0 if better(after, before, STEP_GAIN) else slow + 1
+        if better(after, before, 0.0):
+            theta = best / np.linalg.norm(best)
+        history.append(after[0] if after[0] > 1 + TOLERANCE else abs(after[1]))
+        if progress is not None:
+            progress(k + 1, history[-1])
+        if first < 0 and after[1] < UNBOUNDED * first:
+            why = "stopped: the gain at low frequency grows without bound; limit K S, or the crossover from above"
+            break
+        if slow >= 2:
+            if "too far apart" in obstacle:
+                why = f"ended early: for a better one {obstacle}"
+            break
+    else:
+        why = "stopped at the largest number of iterations" if n_iterations else "not iterated"
+    return theta, tuple(history), why
+
+
+def better(after: tuple[float, float], before: tuple[float, float], by: float) -> bool:
+    """Whether a merit is lower by more than a fraction."""
+    if after[0] != before[0]:
+        return after[0] < before[0] - by * abs(before[0])
+    return after[1] < before[1] - by * abs(before[1])
+
+
+def chosen(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
+    """The best, with the same stability, on the way to the new iterate and beyond; and what stood in the way."""
+    P_old, P = task.loop(old), task.loop(new)
+    new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the way is a short one
+    best, merit, obstacle = old, task.merit(old), ""
+    for ladder in ((1.0, 2.0, 4.0, 8.0), (0.7, 0.5, 0.3, 0.1, 0.03)):
+        for reach in ladder:
+            trial = old + reach * (new - old)
+            found = task.merit(trial)
+            why = task.apart(old, trial) if found < merit else ""
+            if found < merit and not why:
+                best, merit = trial, found
+            elif reach > 1:
+                break
+            obstacle = obstacle or why
+            if reach < 1 and best is not old:
+                break
+        if best is not old:
+            break
+    return best, obstacle

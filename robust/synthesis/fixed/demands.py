@@ -1,0 +1,220 @@
+"""What is asked of a loop, line by line, in the form a convex program takes.
+
+With K = X/Y, every demand below reads, at one frequency,  a |Y| + b |X| <= |y Y + x X|.  A disc of plants with centre
+c and radius r about the loop turns 1 + L into (Y + c X + r X Delta)/Y, so that at worst
+
+    stability of the set     r |X| <= |Y + c X|                    |S|, worst case    |Y|/M + r |X| <= |Y + c X|
+    performance              |w_P Y| + r |X| <= |Y + c X|          |K S|              |X|/M + r |X| <= |Y + c X|
+    |T| <= M, M > 1          M/(M^2-1) |Y| + r |X| <= |M^2/(M^2-1) Y + c X|
+
+exactly. Inverse forms are discs too while |w| < 1: centre G/(1 - |w|^2), radius |G w|/(1 - |w|^2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import hertz, real
+from nlfrf._base.values import value
+from robust.lti.lti import response
+from robust.lti.realisation import state_space
+from robust.synthesis.fixed.plants import SeenPlant
+
+__all__ = ["Demand", "end_row", "limit_rows", "objective_row", "weight_rows"]
+
+
+#: The set must stay this far inside stability, so that a check can prove it between the lines too.
+BACK_OFF = 0.99
+
+
+@value
+class Demand:
+    """One demand: sqrt((a |Y| + b |X|)^2 + (c |X|)^2) <= |y Y + x X| on the lines of `index`.
+
+    Fields
+    ------
+    name : str
+        The demand in words.
+    index : (R,) ndarray of int
+        Lines it is made on.
+    a, b, c : (R,) ndarray
+    y, x : (R,) complex ndarray
+    """
+
+    name: str
+    index: np.ndarray
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    y: np.ndarray
+    x: np.ndarray
+
+    def on(self, mask: np.ndarray) -> Demand:
+        """The same demand on some of the lines, counted among those."""
+        keep = mask[self.index]
+        place = np.cumsum(mask) - 1
+        parts = {name: getattr(self, name)[keep] for name in "abcyx"}
+        return Demand(name=self.name, index=place[self.index[keep]], **parts)
+
+    def measure(self, Y: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """(..., R) left side over right side, from Y and X on all lines: at most one where the demand is met."""
+        Y, X = Y[..., self.index], X[..., self.index]
+        size = np.abs(X)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.hypot(self.a * np.abs(Y) + self.b * size, self.c * size) / np.abs(self.y * Y + self.x * X)
+        return np.where(np.isnan(ratio), np.inf, ratio)
+
+
+def limit(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
+    """(W,) a limit given as a number, or as the magnitude of a system."""
+    if isinstance(bound, (control.StateSpace, control.TransferFunction)):
+        out = np.abs(response(state_space(name, bound), omega))
+    else:
+        out = np.full(omega.size, real(name, bound))
+    if np.any(out <= 0):
+        raise ValueError(f"{name} must be positive, got {out.min():g}")
+    return out
+
+
+def objective_row(at: SeenPlant, w_P: Any, w_T: Any, w_u: Any) -> Demand | None:
+    """[worst-case performance; w_T T; w_u K S] stacked, whose largest value over the lines is gamma."""
+    if w_P is None and w_T is None and w_u is None:
+        return None
+    sizes = {}
+    for name, w in (("w_P", w_P), ("w_T", w_T), ("w_u", w_u)):
+        sizes[name] = np.zeros(at.omega.size) if w is None else np.abs(response(state_space(name, w), at.omega))
+        if not np.isfinite(sizes[name]).all():
+            raise ValueError(f"{name} must be finite on the lines, got a pole on one")
+    a, b = worst(at, sizes["w_P"])
+    if w_P is None:
+        a, b = 0 * a, 0 * b  # stability of the set is a demand of its own
+    c = np.hypot(sizes["w_u"], sizes["w_T"] * np.abs(at.G))
+    return row("gamma", at, a, b, c)
+
+
+def weight_rows(at: SeenPlant, *, w_P: Any, w_T: Any, w_u: Any) -> list[Demand]:
+    """The weights as demands of their own."""
+    rows = []
+    for name, w, said in (
+        ("w_P", w_P, "|w_P S| <= 1 for the whole set"),
+        ("w_T", w_T, "|w_T T| <= 1"),
+        ("w_u", w_u, "|w_u K S| <= 1"),
+    ):
+        found = objective_row(at, *(w if name == n else None for n in ("w_P", "w_T", "w_u")))
+        if found is not None:  # one modulus alone: sqrt(0 + c^2) = c
+            rows.append(replace(found, name=said, b=found.b + found.c, c=0 * found.c))
+    return rows
+
+
+def worst(at: SeenPlant, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, sufficient where the set is none."""
+    return p * (1 + at.outside) + at.outside, at.radius
+
+
+def row(
+    name: str,
+    at: SeenPlant,
+    a: Any,
+    b: Any,
+    c: Any = 0.0,
+    *,
+    y: Any = 1.0,
+    x: Any = None,
+    index: np.ndarray | None = None,
+) -> Demand:
+    """A row on all lines (or some), with the centre of the disc on its right side unless told otherwise."""
+    W = at.omega.size
+    index = np.flatnonzero(at.known) if index is None else index
+    wide = {key: np.broadcast_to(v, W)[index] for key, v in dict(a=a, b=b, c=c).items()}
+    right = dict(y=np.broadcast_to(y, W)[index] + 0j, x=(at.centre if x is None else np.broadcast_to(x, W))[index] + 0j)
+    return Demand(name=name, index=index, **wide, **right)
+
+
+def end_row(seen: list[SeenPlant], at: SeenPlant, most: float) -> list[Demand]:
+    """|L| small from the last line of every FRF on, where the plant is taken to be no larger than there."""
+    starts = np.cumsum([0, *(s.omega.size for s in seen)])
+    lasts = [
+        np.arange(np.flatnonzero(s.known)[-1], s.omega.size) + first
+        for s, first in zip(seen, starts[:-1], strict=True)
+        if s.loop is None
+    ]
+    ends = np.concatenate([np.zeros(0, dtype=int), *lasts])
+    if not ends.size:
+        return []
+    name = f"|L| <= {most:g} from the last line on, above which the plant is not known"
+    return [row(name, at, 0.0, (np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
+
+
+def limit_rows(at: SeenPlant, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: Any) -> list[Demand]:
+    """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them."""
+    rows = []
+    if np.any(at.radius > 0) or np.any(at.outside > 0):
+        direct = at.inverse > 0  # |w S| <= 1, as the disc of an inverse form grows without bound
+        b, x = np.where(direct, 0.0, at.radius / BACK_OFF), np.where(direct, at.G, at.centre)
+        rows.append(row("robust stability", at, at.inverse / BACK_OFF, b, x=x))
+    if M_S is not None:
+        a, b = worst(at, 1 / limit("M_S", M_S, at.omega))
+        rows.append(row(f"|S| <= {named(M_S)}", at, a, b))
+    if M_T is not None:
+        rows.append(peak_of_T(at, limit("M_T", M_T, at.omega), f"|T| <= {named(M_T)}"))
+    if M_u is not None:
+        most = limit("M_u", M_u, at.omega)
+        rows.append(row(f"|K S| <= {named(M_u)}", at, at.outside, at.radius + (1 + at.outside) / most))
+    if omega_c is not None:
+        least, most = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
+        rows.append(gain_row(at, "omega_c", least, 1.0))
+        if most is not None:
+            where = nearest(at, "omega_c", most)
+            rows.append(row(f"|L| <= 1 at {hertz(most)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where))
+    if gain is not None:
+        rows.append(gain_row(at, "gain", *gain))
+    return rows
+
+
+def peak_of_T(at: SeenPlant, M: np.ndarray, name: str) -> Demand:
+    """|T| <= M over the set: exact for M > 1, where L must stay out of a circle; by the triangle below that."""
+    big = M > 1 + 1e-6
+    square = np.where(big, M**2 - 1, 1.0)
+    a = np.where(big, M / M**2, at.outside)
+    b = np.where(big, at.radius * square / M**2, (np.abs(at.centre) + at.radius) / M + at.radius)
+    x = np.where(big, at.centre * square / M**2, at.centre)
+    if np.any(at.outside > 0):
+        a = np.where(at.outside > 0, at.outside, a)
+        b = np.where(at.outside > 0, np.abs(at.centre) / M, b)
+        x = np.where(at.outside > 0, at.centre, x)
+    return row(name, at, a, b, x=x)
+
+
+def gain_row(at: SeenPlant, name: str, omega: Any, least: Any) -> Demand:
+    """|L| of the nominal at least so large at a frequency."""
+    least = real(name, least)
+    if least <= 0:
+        raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
+    where = nearest(at, name, omega)
+    return row(f"|L| >= {least:g} at {hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
+
+
+def nearest(at: SeenPlant, name: str, omega: Any) -> np.ndarray:
+    """The lines nearest to a frequency, one for each plant, or a refusal outside the band."""
+    omega = real(name, omega)
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
+    found = []
+    for first, last in pairwise(starts):
+        lines = at.omega[first:last][at.known[first:last]]
+        lowest = max(at.lowest, lines[0])
+        if not lowest * 0.999 <= omega <= lines[-1] * 1.001:
+            raise ValueError(
+                f"{name} must lie within the lines, {hertz(lowest)} to {hertz(lines[-1])}, got {hertz(omega)}"
+            )
+        found.append(first + int(np.argmin(np.abs(np.log(lines / omega)))))
+    return np.array(found)
+
+
+def named(bound: Any) -> str:
+    """A limit in words."""
+    return f"{bound:g}" if isinstance(bound, (int, float)) else "its limit"

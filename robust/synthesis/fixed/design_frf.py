@@ -1,0 +1,170 @@
+"""The door to controllers of given structure straight from the FRF: one loop by itself, several one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from nlfrf import Frm
+from nlfrf._base.arguments import of_kind
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.synthesis.fixed.one_loop import design_loop
+from robust.synthesis.fixed.sequential import close_in_turn
+from robust.synthesis.hinf.design import Design
+
+__all__ = ["design_frf"]
+
+
+def design_frf(
+    plant: Any,
+    structure: Any,
+    *,
+    w_P: Any = None,
+    w_T: Any = None,
+    w_u: Any = None,
+    M_S: Any = None,
+    M_T: Any = None,
+    M_u: Any = None,
+    omega_c: Any = None,
+    gain: tuple[float, float] | None = None,
+    aim: str = "auto",
+    dt: float = 0.0,
+    delay: float = 0.0,
+    fixed: Any = 1,
+    end_gain: float = 0.5,
+    integrators: int = 0,
+    filter_time: float | None = None,
+    stable: bool = True,
+    positive: bool = False,
+    start: Any = None,
+    n_starts: int = 1,
+    n_unstable: int = 0,
+    prove: Any = None,
+    n_iterations: int = 60,
+    time_cap: float = 20.0,
+    progress: Callable[[int, float], Any] | None = None,
+) -> Design:
+    """Design a controller of fixed structure straight from a measured FRF, no parametric model needed.
+
+    Give demands that must be met (M_S, M_T, M_u, omega_c, gain; stability of every plant of the set goes without
+    saying) and what to make as good as possible: the weights (aim "gamma"), or, without weights, the gain at low
+    frequency.
+
+    Parameters
+    ----------
+    plant : nlfrf.Bla, FrequencyResponseData, UncertaintyModel, control system, list of them; Frm, MatrixUncertainty
+        An FRF is known on its lines only, and interpolated between two of them where the controller has a mode; below
+        the first one it is taken to go on as its slope says (flat, or as integrators). A list is a family: one
+        controller for all. Discs of a Bla or model are part of every demand: it holds for each plant in them. Of a
+        matrix, as many inputs as outputs, the controller is diagonal: input k by output k, one loop after the other
+        with those before it closed. Then each is judged with all others closed, and designed again where it misses a
+        demand; the whole is checked in the end. Of whatever follows a list gives one a loop.
+    structure : str, int or ControllerStructure
+        "P", "I", "PI", "PD", "PID", "lead", "lead-lag" (real zeros and poles), or an order n ("order-n"); or one of
+        your own, with a denominator that is given.
+    w_P, w_T, w_u : control system or float, optional
+        Weights on S, T and K S. gamma = max over frequency of the norm of [|w_P S| at worst over the set; w_T T;
+        w_u K S]: without uncertainty the H-infinity norm, with w_P alone the structured singular value of robust
+        performance.
+    M_S, M_T, M_u : float or control system, optional
+        Largest |S|, |T|, |K S| allowed, a number or a magnitude over frequency.
+    omega_c : float or (low, high), optional
+        Crossover at least there [rad/s]; with two numbers, at most at the second.
+    gain : (omega, least), optional
+        |L| at least so large at a frequency [rad/s]: tracking and disturbance rejection.
+    aim : str
+        "gamma": minimise it. "gain": make lim s^m K(s) at zero frequency as large as possible while weights, too,
+        become demands (gamma <= 1). "auto": "gamma" where a weight is given.
+    dt : float
+        Sampling time of the controller [s]; 0 for a continuous one. Hold and delay are put into the plant.
+    delay : float
+        Computation delay [s] on top of what the plant contains.
+    fixed : control system
+        A known factor of K on the same time base: a notch, a roll-off, a filter (`robust.notch`, ...).
+    end_gain : float
+        Largest |L| from the last line of an FRF on; above it the plant is taken to be no larger than there.
+    integrators : int
+        Integrators inside an "order-n".
+    filter_time : float, optional
+        Time constant of the derivative filter [s] of PD and PID; chosen by the design when not given.
+    stable : bool
+        Keep the controller itself stable (integrators aside).
+    positive : bool
+        Keep Kp, Ki and Kd of a PID (or a part of one) positive: no PLC takes a negative time Ti = Kp/Ki or Td = Kd/Kp.
+        A filter time that is not given is then the best of six.
+    start : control system, optional
+        A stabilising controller of the structure to begin from; searched for when not given.
+    n_starts : int
+        How many of the controllers found to begin with are followed; more take longer and may end in a better optimum.
+    n_unstable : int
+        Unstable poles of a plant that is an FRF.
+    prove : FrictionClass or (SlidingMachine, AnyFriction), optional
+        Whose friction, every one of the class, the loop must be proved to come to rest with: the gain is lowered until
+        it is, and all else is judged again there.
+    n_iterations, time_cap : int, float
+        Caps on convex steps and on time [s].
+    progress : callable, optional
+        Called with (iteration, worst demand or gamma) after every step.
+
+    Returns
+    -------
+    Design
+        With `met`, `reason` and `history`. What could not be met is said there, with the best controller found.
+
+    Raises
+    ------
+    ValueError
+        No stabilising controller to begin from, parts that do not fit each other, nothing asked for, no gain that is
+        proved.
+
+    References
+    ----------
+    Karimi & Kammer, *A data-driven approach to robust control of multivariable systems by convex optimization*,
+    Automatica 85 (2017); SP 7.5 and 7.6.
+
+    Examples
+    --------
+    SP Example 2.17: order 4 reaches gamma 1.366 at best, order 2 nearly so.
+
+    >>> import control
+    >>> import numpy as np
+    >>> import robust
+    >>> G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+    >>> design = design_frf(G, 2, w_P=robust.performance_weight(10, M_S=1.5, A=1e-4), w_u=1.0)
+    >>> design.K.nstates, bool(design.gamma < 1.41)
+    (2, True)
+    """
+    of_kind("positive", positive, bool)
+    asked: dict[str, Any] = {
+        "w_P": w_P,
+        "w_T": w_T,
+        "w_u": w_u,
+        "M_S": M_S,
+        "M_T": M_T,
+        "M_u": M_u,
+        "omega_c": omega_c,
+        "gain": gain,
+        "aim": aim,
+        "dt": dt,
+        "delay": delay,
+        "fixed": fixed,
+        "end_gain": end_gain,
+        "integrators": integrators,
+        "filter_time": filter_time,
+        "stable": stable,
+        "positive_gains": positive,
+        "start": start,
+        "n_starts": n_starts,
+        "n_unstable": n_unstable,
+        "prove": prove,
+        "n_iterations": n_iterations,
+        "time_cap": time_cap,
+        "progress": progress,
+    }
+    if isinstance(plant, (Frm, MatrixUncertainty)):
+        return close_in_turn(plant, structure, asked)
+    if isinstance(plant, list | tuple) and any(isinstance(one, (Frm, MatrixUncertainty)) for one in plant):
+        raise ValueError(
+            "plant must be one Frm (or MatrixUncertainty) or a list of single loops, got a list of matrices"
+        )
+    return design_loop(plant, structure, **asked)

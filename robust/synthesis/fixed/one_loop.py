@@ -1,0 +1,328 @@
+"""A fixed-order controller of one loop, by convex programming: what is asked, and what came out of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, positive, real, shown
+from robust._base.states import Stability
+from robust.lti.lti import constant, fits_any_clock, response, timebase
+from robust.lti.realisation import state_space
+from robust.lti.stability import unstable_poles
+from robust.models.sets.model import UncertaintyModel
+from robust.synthesis.fixed.convex_concave import DesignTask, better, iterate, linear_rows
+from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
+from robust.synthesis.fixed.plants import DiscsOnLines, SeenPlant, see, stacked_plants
+from robust.synthesis.fixed.proved import largest_proved_gain, machines_of
+from robust.synthesis.fixed.starts import find_start, given_start, loops_stable
+from robust.synthesis.fixed.structures import (
+    FASTEST,
+    FASTEST_SAMPLED,
+    PID_PARTS,
+    Basis,
+    ControllerStructure,
+    structure_of,
+)
+from robust.synthesis.hinf.design import Design
+
+__all__ = ["design_loop"]
+
+#: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
+#: be missed by for that to be done from where it is.
+LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1
+FILTERS = 6  # time constants of a derivative filter that are tried where gains have to be positive
+#: What a demand may be missed by, recomputed on those lines.
+MISSED = 1e-3
+
+
+def design_loop(
+    plant: Any,
+    structure: str | int | ControllerStructure,
+    *,
+    w_P: Any,
+    w_T: Any,
+    w_u: Any,
+    M_S: Any,
+    M_T: Any,
+    M_u: Any,
+    omega_c: Any,
+    gain: Any,
+    aim: str,
+    dt: float,
+    delay: float,
+    fixed: Any,
+    end_gain: float,
+    integrators: int,
+    filter_time: float | None,
+    stable: bool,
+    positive_gains: bool,
+    start: Any,
+    n_starts: int,
+    n_unstable: int,
+    prove: Any,
+    n_iterations: int,
+    time_cap: float,
+    progress: Callable[[int, float], Any] | None,
+) -> Design:
+    """`design_frf` of a plant of one input and output."""
+    given = {name: what for name, what in locals().items() if name not in ("plant", "structure")}
+    began = time.perf_counter()
+    one_of("aim", aim, ("auto", "gamma", "gain"))
+    dt, delay = nonnegative("dt", dt), nonnegative("delay", delay)
+    n_unstable = integer("n_unstable", n_unstable, least=0)
+    n_iterations = integer("n_iterations", n_iterations, least=0)
+    time_cap = positive("time_cap", time_cap)
+    shape = structure_of(structure, integer("integrators", integrators, least=0), filter_time)
+    plants = list(plant) if isinstance(plant, Sequence) else [plant]
+    if not plants:
+        raise ValueError("plant must be a plant or a list of them, got an empty list")
+    dt = time_base(plants, dt)
+    named = [*pair("omega_c", omega_c), *(pair("gain", gain)[:1] if gain is not None else [])]
+    wanted = tuple(real("omega_c", w) for w in named)
+    look = partial(see, dt=dt, delay=delay, extra=wanted, weights=(w_P, w_T, w_u, M_S, M_T, M_u))
+    weights = {"w_P": w_P, "w_T": w_T, "w_u": w_u}
+    limits = {"M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
+    ask = partial(asked, aim=aim, weights=weights, limits=limits, end_gain=positive("end_gain", end_gain))
+    seen = [look(p) for p in plants]
+    basis = basis_for(shape, stacked_plants(seen), dt, fixed)
+    if positive_gains and shape.name not in PID_PARTS:
+        raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
+    if positive_gains and not constant(basis.fixed):
+        raise ValueError("positive must be left out with a factor that is fixed: the whole is no PID then")
+    if positive_gains and shape.free:
+        return best_filter(plant, structure, basis, given)
+
+    def closer(K: list[control.StateSpace]) -> DesignTask:
+        """The task on the lines too that controllers, or their loops, have features on."""
+        own = [look(p, K=K) for p in plants]
+        at = stacked_plants(own)
+        of_lines = {"at": at, **ask(own, at), **basis.on_lines(at.omega)}
+        return DesignTask(
+            basis=basis,
+            seen=seen,
+            stable=bool(stable),
+            positive=bool(positive_gains),
+            n_unstable=n_unstable,
+            **of_lines,
+        )
+
+    task = closer([basis.known_modes()])
+    starts = [checked_start(task, start)] if start is not None else found_starts(task, n_starts)
+    theta, history, why = settled(task, starts, closer, n_iterations, began + time_cap, progress)
+    if prove is not None:
+        theta, why = proved_parameters(task, theta, prove, delay, why)
+    return judged_design(closer([basis.controller(theta)]), theta, history, why)
+
+
+def best_filter(plant: Any, structure: Any, basis: Basis, given: dict[str, Any]) -> Design:
+    """A design that has positive gains of itself, else the best over the time constants of the derivative filter.
+
+    With the time constant given the gains are linear in the parameters, so that they are kept positive by the convex
+    program itself; with a free one that constraint is bilinear.
+    """
+    found, refused = [], None
+    freely = design_loop(plant, structure, **{**given, "positive_gains": False})
+    if has_positive_gains(freely.K, basis.dt):
+        return freely
+    given |= {"time_cap": given["time_cap"] / FILTERS}
+    for pole in np.geomspace(basis.slowest, 0.9 * basis.fastest, FILTERS):
+        try:
+            found.append(design_loop(plant, structure, **{**given, "filter_time": float(1 / pole)}))
+        except ValueError as error:  # no start, with this filter
+            refused = error
+    if not found:
+        assert refused is not None
+        raise refused
+    omega = np.array([1e-3 * basis.omega_mid])
+
+    def merit(design: Design) -> tuple[bool, float]:
+        return not design.met, design.gamma if np.isfinite(design.gamma) else -float(abs(response(design.K, omega)[0]))
+
+    return min(found, key=merit)
+
+
+def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
+    """Whether all gains of a PID with a derivative filter are positive: those with which it is itself."""
+    p = K.poles()
+    s = np.sort(np.abs(2 / dt * (p - 1) / (p + 1) if dt else p))
+    filter_time = 1 / s[-1]
+    omega = np.geomspace(1e-2, 1.0, 12) * min(s[-1], 1 / dt if dt else np.inf)
+    s = 2j / dt * np.tan(omega * dt / 2) if dt else 1j * omega
+    parts = [np.ones_like(s), s / (filter_time * s + 1)] + ([1 / s] if K.nstates > 1 else [])
+    columns = np.array(parts) / response(K, omega)
+    gains = np.linalg.lstsq(np.hstack([columns.real, columns.imag]).T, np.repeat([1.0, 0.0], omega.size))[0]
+    return bool(np.all(gains >= 0))
+
+
+def settled(
+    task: DesignTask,
+    starts: list[np.ndarray],
+    closer: Callable[[list[control.StateSpace]], DesignTask],
+    n_iterations: int,
+    deadline: float,
+    progress: Callable[[int, float], Any] | None,
+) -> tuple[np.ndarray, tuple[float, ...], str]:
+    """Parameters, history and why it ended, begun again where the lines of the loop found show it worse than it was.
+
+    From where it was, if it is nearly what was asked for; else from the start, now that the lines are known.
+    """
+    tried, found, history = [], [], tuple[float, ...]()
+    begin = starts
+    for _ in range(1 + LOOKS):
+        theta, more, why = iterate(task, begin, n_iterations, deadline, progress)
+        history += more
+        tried.append(task.basis.controller(theta))
+        finer = closer(tried)
+        found.append((finer.merit(theta), theta, why))
+        if not n_iterations or not better(task.merit(theta), finer.merit(theta), LOOKED):
+            break
+        task, begin = finer, [theta] if finer.hard(theta) < NEARLY else starts
+    _, theta, why = min(found, key=lambda one: one[0])
+    return theta, history, why
+
+
+def proved_parameters(
+    task: DesignTask, theta: np.ndarray, prove: Any, delay: float, why: str
+) -> tuple[np.ndarray, str]:
+    """The parameters with the largest gain, at most the one found, that is proved for a class of friction."""
+    machines, friction = machines_of(*(prove if isinstance(prove, tuple) else (prove, None)))
+    gain, proofs = largest_proved_gain(task.basis.controller(theta), machines, friction, delay)
+    if proofs is None:
+        raise ValueError(
+            "prove must be a class for which some gain of the controller is proved, got none of 1, 1/2, ... 1/512"
+        )
+    lowered = theta.copy()
+    lowered[task.basis.n_y :] *= gain
+    said = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
+    return lowered, f"{why}; {said}"
+
+
+def asked(
+    seen: list[SeenPlant], at: SeenPlant, *, aim: str, weights: dict[str, Any], limits: dict[str, Any], end_gain: float
+) -> dict[str, Any]:
+    """What is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
+    weighted = any(w is not None for w in weights.values())
+    aim = ("gamma" if weighted else "gain") if aim == "auto" else aim
+    if aim == "gamma" and not weighted:
+        raise ValueError('aim must be "gain" where no weight w_P, w_T or w_u is given, got "gamma"')
+    rows = limit_rows(at, **limits)
+    if aim == "gain":
+        rows += weight_rows(at, **weights)
+        if not rows:
+            raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
+    return {"aim": aim, "gamma": objective_row(at, **weights), "rows": rows + end_row(seen, at, end_gain)}
+
+
+def checked_start(task: DesignTask, start: Any) -> np.ndarray:
+    """The parameters of a controller that was given to start from, or a refusal."""
+    theta = given_start(task.basis, start, task.at)
+    K = task.basis.controller(theta)
+    state, why = loops_stable(K, task.seen, task.n_unstable)
+    if state is not Stability.STABLE:
+        raise ValueError(f"start must stabilise the plant, got one with which {why}")
+    if task.positive and np.any(linear_rows(task, theta) @ theta < 0):
+        raise ValueError("start must have gains that are all positive, got one that is negative")
+    if task.stable and unstable_poles(K, task.basis.dt):
+        raise ValueError("start must be stable itself, got unstable poles. Or allow them with stable=False")
+    return theta
+
+
+def found_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
+    """The best n_starts simple controllers that stabilise, or a refusal where there is none."""
+    n_starts = integer("n_starts", n_starts, least=1)
+    starts = find_start(
+        task.basis,
+        task.seen,
+        task.at,
+        task.rows,
+        task.objective,
+        n_unstable=task.n_unstable,
+        allow_unstable=not task.stable,
+        positive=task.positive,
+        wanted=n_starts,
+    )
+    if not starts and task.positive:
+        raise ValueError(
+            f"positive must be left out: no simple {task.basis.structure.name} of positive gains was found that "
+            "stabilises the plant. Where y falls as u rises, change the sign of one of them"
+        )
+    if not starts:
+        raise ValueError(
+            f"start must be given: no simple {task.basis.structure.name} controller was found that stabilises "
+            f"{'every plant' if len(task.seen) > 1 else 'the plant'}"
+        )
+    return sorted(starts, key=task.merit)[:n_starts]
+
+
+def pair(name: str, given: Any) -> list[Any]:
+    """What was given as one number or two, as a list; the gain always has two."""
+    if given is None:
+        return []
+    many = list(given) if isinstance(given, (tuple, list)) else [given]
+    if len(many) != 2 and (name == "gain" or len(many) != 1):
+        wanted = "(omega, least |L| there)" if name == "gain" else "one number or (low, high)"
+        raise ValueError(f"{name} must be {wanted}, got {shown(given)}")
+    return many
+
+
+def time_base(plants: list[Any], dt: float) -> float:
+    """Sampling time of the loop: that of the controller, or of plants that are sampled already."""
+    steps = set()
+    for p in plants:
+        source = p.nominal if isinstance(p, UncertaintyModel) else p
+        if not isinstance(source, (Bla, DiscsOnLines)):
+            if not isinstance(source, control.FrequencyResponseData):
+                source = state_space("plant", source)
+                steps.add(timebase(source))
+            elif source.dt:
+                steps.add(float(source.dt))
+    steps -= {0.0}
+    if len(steps) > 1 or (dt and steps and abs(dt / min(steps) - 1) > 1e-9):
+        raise ValueError(f"dt must be one sampling time for all, got {sorted(steps | ({dt} if dt else set()))} s")
+    return steps.pop() if steps else dt
+
+
+def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
+    """The structure on the band of the lines."""
+    F = state_space("fixed", fixed)
+    if not fits_any_clock(F) and timebase(F) != dt:
+        raise ValueError(f"fixed must have the sampling time of the controller, {dt:g} s, got {timebase(F):g} s")
+    F = control.StateSpace(F.A, F.B, F.C, F.D, dt)
+    omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]
+    s = 2 / dt * np.tan(omega * dt / 2) if dt else omega
+    low, high = float(s.min()), float(s.max())
+    top = min(FASTEST * high, FASTEST_SAMPLED * 2 / dt) if dt else FASTEST * high
+    middle = float(np.sqrt(low * min(high, top)))
+    slowest = middle if shape.name in ("PD", "PID") else 0.0  # a derivative filter, and no second integrator
+    return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
+
+
+def judged_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str) -> Design:
+    """Everything recomputed at the controller returned, and what can be said of it."""
+    K = task.basis.controller(theta)
+    state, trouble = loops_stable(K, task.seen, task.n_unstable)
+    good = state is Stability.STABLE
+    k = response(K, task.at.omega)
+    ones = np.ones(k.size, complex)
+    gamma = np.nan
+    if task.gamma is not None:
+        gamma = float(task.gamma.measure(ones, k).max()) if good else np.inf if state is Stability.UNSTABLE else np.nan
+    if not good:
+        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {trouble}", history=history)
+    failed = []
+    for row in task.rows:
+        v = row.measure(ones, k)
+        if v.max() > 1 + MISSED:
+            failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
+    if failed:
+        failed.sort(reverse=True)
+        said = "; ".join(f"{name} is missed by a factor {v:.4g} at {hertz(w)}" for v, name, w in failed[:3])
+        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {said} ({why})", history=history)
+    return Design(K=K, gamma=gamma, met=True, reason=why, history=history)

@@ -1,0 +1,196 @@
+"""Plants line by line, as the demands on a loop see them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf._base.arguments import hertz
+from nlfrf._base.values import value
+from robust.analysis.loop import Loop, assemble
+from robust.lti.grids import beside_modes, interpolated, plant_lines
+from robust.lti.lti import response, timebase
+from robust.lti.realisation import state_space
+from robust.lti.stability import continued, integrators, slope_at_start
+from robust.models.sets.forms import ADDITIVE, FORMS, RELATIVE, relative
+from robust.models.sets.measured import as_seen, on_lines, warn_of_unknown_hold
+from robust.models.sets.model import UncertaintyModel
+
+__all__ = ["DiscsOnLines", "SeenPlant", "see", "stacked_plants"]
+
+
+#: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
+LARGEST_DISC = 0.98
+#: How far above its features a parametric plant is looked at, where a controller of great gain ends; and frequencies.
+FAR, N_FAR = 1e5, 31
+
+
+@value
+class DiscsOnLines:
+    """A plant and the discs around it on lines, as the controller sees them: one loop of several, the others closed.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    G : (W,) complex ndarray
+        Response, hold and delay inside.
+    radius : (W,) ndarray
+        Of the discs.
+    """
+
+    omega: np.ndarray
+    G: np.ndarray
+    radius: np.ndarray
+
+
+@value
+class SeenPlant:
+    """One plant as the controller sees it, hold and delay inside.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    G, centre : (W,) complex ndarray
+        Nominal response; centre of the disc of plants.
+    radius : (W,) ndarray
+        Radius of that disc; zero without uncertainty.
+    outside : (W,) ndarray
+        |w| where an inverse form comes near |w| = 1 or passes it, so that the set is no disc; zero elsewhere.
+    inverse : (W,) ndarray
+        |w| of an inverse form on S, zero for the other forms.
+    loop : Loop or None
+        The parametric plant, where there is one: then stability is a matter of poles.
+    n_integrators : int
+        Integrators of the plant; of an FRF by the slope of its first lines.
+    known : (W,) ndarray of bool
+        False on frequencies above the last line of an FRF, where it is taken to be no larger than there.
+    lowest, highest : float
+        First measured line [rad/s]: an FRF is carried on below it as its integrators; and the last one. Of a parametric
+        plant all but those far above.
+    """
+
+    omega: np.ndarray
+    G: np.ndarray
+    centre: np.ndarray
+    radius: np.ndarray
+    outside: np.ndarray
+    inverse: np.ndarray
+    loop: Loop | None
+    n_integrators: int
+    known: np.ndarray
+    lowest: float
+    highest: float
+
+
+def see(
+    plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any] = ()
+) -> SeenPlant:
+    """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
+
+    K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
+    """
+    given = isinstance(plant, DiscsOnLines)
+    if given or isinstance(plant, (Bla, control.FrequencyResponseData)) or getattr(plant, "measured_only", False):
+        omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else on_lines(plant)
+        w = np.nan_to_num(np.abs(w))
+        if dt and omega[-1] * dt >= np.pi:
+            raise ValueError(f"dt must put Nyquist above the lines, up to {hertz(omega[-1])}, got {dt:g} s")
+        G = G if given else as_seen(plant, omega, G, dt, delay)
+        loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
+        n = omega.size
+        omega, G = continued(omega, G, n_integrators, decades=3.0, points=60)
+        below = np.ones(omega.size - n) if FORMS[form].through else np.abs(G[:-n] / G[-n])
+        w = np.concatenate([w[0] * below, w])
+        above = omega[-1] * np.geomspace(1.2, 100, 14)
+        above = above[above * dt < 0.99 * np.pi]
+        known = np.arange(omega.size + above.size) < omega.size
+        omega = np.concatenate([omega, above])
+        G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
+        omega, G, w, known = with_modes(K, omega, G, w, known)
+    else:
+        if not isinstance(plant, UncertaintyModel):
+            G_ss = state_space("plant", plant)
+            nothing, unity = (control.StateSpace([], [], [], [[x]], timebase(G_ss)) for x in (0.0, 1.0))
+            plant = SimpleNamespace(nominal=G_ss, weight=nothing, form=RELATIVE, omega=np.zeros(0), shaping=unity)
+            plant.perturbation = "LTI"
+        step = timebase(plant.nominal)
+        if step and dt and abs(step / dt - 1) > 1e-9:
+            raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
+        if dt and isinstance(plant, UncertaintyModel):
+            warn_of_unknown_hold(plant, dt)
+        loop = assemble(plant, control.StateSpace([], [], [], [[0.0]], step or dt), None, delay)
+        lines, form = plant.omega, plant.form
+        omega = design_grid(loop, lines, extra, weights, K)
+        lowest, highest = float(omega[0]), float(omega[-1])
+        above = np.geomspace(1, FAR, N_FAR)[1:] * highest
+        omega = np.concatenate([omega, above[above < loop.top * (1 - 1e-9)]])
+        G, w = loop.plant(omega), np.abs(response(loop.weight, omega))
+        n_integrators = integrators(loop.G, loop.dt)
+        known = np.ones(omega.size, dtype=bool)
+    size = np.abs(G)
+    inverse, w = FORMS[form].inverse, relative(form, w, size)
+    disc = w < LARGEST_DISC
+    outside = np.where(inverse & ~disc, w, 0.0)
+    shrink = np.where(inverse & disc, 1 / np.maximum(1 - w**2, 1e-12), 1.0)
+    radius = np.where(outside > 0, 0.0, size * w * shrink)
+    if isinstance(plant, UncertaintyModel) and loop is not None and loop.aliases is not None:
+        every = loop.aliases.radius(omega, G)
+        radius = np.where(np.isfinite(every), every, radius)  # without a bound it is left to the check
+    return SeenPlant(
+        omega=omega,
+        G=G,
+        centre=G * shrink,
+        radius=radius,
+        outside=outside,
+        inverse=np.where(inverse, w, 0.0),
+        loop=loop,
+        n_integrators=n_integrators,
+        known=known,
+        lowest=lowest,
+        highest=highest,
+    )
+
+
+def with_modes(
+    K: Sequence[Any], omega: np.ndarray, G: np.ndarray, w: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Lines, FRF, weight and what is known of it, with the lines that controllers have modes on."""
+    modes = [beside_modes(one, (omega[0], omega[-1])) for one in K]
+    if not any(one.size for one in modes):
+        return omega, G, w, known
+    both, last = np.unique(np.concatenate([omega, *modes])), omega[known][-1]
+    return both, interpolated(both, omega, G), np.interp(both, omega, w), both <= last
+
+
+def design_grid(
+    loop: Loop, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any]
+) -> np.ndarray:
+    """Frequencies [rad/s] to look at a parametric plant: where it, its weight, demands or controllers have features."""
+    lines = lines if lines.size else plant_lines(loop.G, loop.dt, extra)
+    grids = [np.array(extra)]
+    for w in (None, *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction)))):
+        w = None if w is None else state_space("weight", w)
+        grids.append(replace(loop, w_P=w).grid(lines) if w is None or w.nstates else np.zeros(0))
+    grids += [replace(loop, K=one).grid(lines) for one in K]
+    omega = np.unique(np.concatenate(grids))
+    omega = omega[(omega > 0) & (omega < loop.top * (1 - 1e-9))]
+    apart = np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])
+    return omega[apart | np.isin(omega, extra)]
+
+
+def stacked_plants(seen: list[SeenPlant]) -> SeenPlant:
+    """The plants of a family as one, line after line, so that a demand is asked of all of them."""
+    parts: dict[str, Any] = {
+        name: np.concatenate([getattr(s, name) for s in seen])
+        for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
+    }
+    lowest, highest = max(s.lowest for s in seen), max(s.highest for s in seen)
+    return SeenPlant(**parts, loop=None, n_integrators=0, lowest=lowest, highest=highest)

@@ -1,0 +1,312 @@
+"""The stiffest PID, with a notch or not, with which a machine is still proved to come to rest with every friction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.optimize import minimize
+
+from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, positive, shown
+from nlfrf._base.values import value
+from robust.friction.classes import AnyFriction
+from robust.friction.plant import SlidingMachine
+from robust.friction.prove import FrictionProof, prove_friction
+from robust.lti.connections import in_series
+from robust.lti.lti import response
+from robust.lti.realisation import from_roots, state_space
+from robust.lti.sampling import discretize, sampled
+
+__all__ = ["ProvedDesign", "design_proved", "largest_proved_gain", "machines_of"]
+
+WITHIN = 1.03  # ratio of the two gains where a bisection stops
+FURTHEST = 256.0  # times the gain that was given, up and down
+STEP = 2.0
+POINTS = 400  # of the frequencies at which |S| is looked at
+
+
+@value
+class ProvedDesign:
+    """A controller with which a machine comes to rest with every friction of a class, and how far it goes.
+
+    Fields
+    ------
+    K : control.StateSpace
+        The controller, u = K (r - y), sampled.
+    parameters : tuple of float
+        Kp [N/m], Ki [N/ms], Kd [Ns/m].
+    bandwidth : float
+        Up to which |S| stays below 1/sqrt(2) [rad/s], whether the machine slides or sticks on the whole K0.
+    peak : float
+        Largest |S| of the two.
+    proofs : tuple of FrictionProof
+        One for each machine that was given, all "proved".
+    n_proofs : int
+        How many were tried on the way.
+
+    References
+    ----------
+    J. A. Nelder, R. Mead, *A simplex method for function minimization*, Computer Journal 7, 1965.
+
+    Examples
+    --------
+    >>> from robust import any_maxwell_slip, design_proved, sliding_machine
+    >>> machine, friction = sliding_machine(1.0, 80e3), any_maxwell_slip(64e3)
+    >>> found = design_proved(machine, friction, dt=1e-3, structure="PD", n_iterations=0)
+    >>> found.proofs[0].verdict, bool(found.bandwidth >= 0)
+    ('proved', True)
+    """
+
+    K: control.StateSpace
+    parameters: tuple[float, float, float]
+    bandwidth: float
+    peak: float
+    proofs: tuple[FrictionProof, ...]
+    n_proofs: int
+
+    def __str__(self) -> str:
+        Kp, Ki, Kd = self.parameters
+        return (
+            f"Kp = {Kp:.4g} N/m, Ki = {Ki:.4g} N/ms, Kd = {Kd:.4g} Ns/m: |S| below -3 dB up to "
+            f"{hertz(self.bandwidth)}, sliding or stuck, at most {self.peak:.3g}; {self.n_proofs} proofs tried."
+            f"\n{self.proofs[0]}"
+        )
+
+
+def design_proved(
+    machine: Any,
+    friction: AnyFriction | None = None,
+    *,
+    dt: float,
+    structure: str = "PID",
+    delay: float = 0.0,
+    M_S: float = 2.0,
+    notch: float | None = None,
+    start: tuple[float, float, float] | None = None,
+    n_iterations: int = 30,
+) -> ProvedDesign:
+    """The widest band of a PID or PD with which a machine is still proved to come to rest with every friction.
+
+    The gain is raised until a proof fails or |S| exceeds M_S, by bisection; the shape (Ki over Kp, Kd over Kp) is
+    searched for without derivatives. A local search: the start matters.
+
+    Parameters
+    ----------
+    machine : SlidingMachine, or FrictionClass
+        The linear part; a class read from levels brings its machines, each of which is proved, and its friction.
+    friction : AnyFriction, optional
+        `any_maxwell_slip`; not given with a FrictionClass.
+    dt : float
+        Sampling time of the controller [s].
+    structure : str
+        "PID" or "PD".
+    delay : float
+        Computation delay [s].
+    M_S : float
+        Largest |S| allowed, sliding and stuck.
+    notch : float, optional
+        Frequency of a notch of a tenth in series [rad/s].
+    start : (Kp, Ki, Kd), optional
+        Whose shape to begin with; from the resonance of the machine when not given.
+    n_iterations : int
+        Of the search over shapes; zero: the gain alone.
+
+    Returns
+    -------
+    ProvedDesign
+
+    Raises
+    ------
+    ValueError
+        No gain of the first shape is proved, no class of friction, numbers out of range.
+
+    References
+    ----------
+    A. Rantzer, Int. J. Robust Nonlinear Control 11, 2001 (the proof); J. A. Nelder, R. Mead, Computer Journal 7, 1965.
+
+    Examples
+    --------
+    >>> from robust import any_maxwell_slip, sliding_machine
+    >>> rig = sliding_machine(1.0, 80e3)
+    >>> found = design_proved(rig, any_maxwell_slip(64e3), dt=1e-3, n_iterations=0)     # the gain alone
+    >>> bool(1.5 < found.bandwidth < 2.0), bool(1.9 < found.peak < 2)
+    (True, True)
+    """
+    machines, friction = machines_of(machine, friction)
+    dt, delay, M_S = positive("dt", dt), nonnegative("delay", delay), positive("M_S", M_S)
+    one_of("structure", structure, ("PID", "PD"))
+    task = Search(machines=machines, friction=friction, dt=dt, delay=delay, M_S=M_S, factor=dipped(notch, dt))
+    shape = first_shape(machines[0], friction.K0) if start is None else np.array(start, float)
+    if structure == "PD":
+        shape[1] = 0.0
+    if np.any(shape < 0) or not shape[2] > 0:
+        raise ValueError(f"start must hold Kp, Ki >= 0 and Kd > 0, got {shown(tuple(shape))}")
+    tried: dict[str, Any] = {"n": 0, "best": None}
+    free = [i for i in (0, 1) if shape[i] > 0]
+
+    def missed(theta: np.ndarray) -> float:
+        bent = shape.copy()
+        bent[free] *= np.exp(theta)
+        return task.bent(bent, tried)
+
+    missed(np.zeros(len(free)))
+    if tried["best"] is None:
+        raise ValueError(f"start must have a gain that is proved, got none for {shown(tuple(shape))}. Damp more")
+    if integer("n_iterations", n_iterations, least=0):
+        simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])
+        options = {"maxfev": n_iterations, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01}
+        minimize(missed, np.zeros(len(free)), method="Nelder-Mead", options=options)
+    return ProvedDesign(n_proofs=tried["n"], **tried["best"])
+
+
+@value(copy=False)
+class Search:
+    """What every candidate is held against."""
+
+    machines: tuple[SlidingMachine, ...]
+    friction: AnyFriction
+    dt: float
+    delay: float
+    M_S: float
+    factor: control.StateSpace
+
+    def bent(self, shape: np.ndarray, tried: dict[str, Any]) -> float:
+        """Minus the log bandwidth of the largest proved gain of a shape; the best one is kept."""
+        K = in_series(pid_of(shape, self.dt), self.factor)
+
+        def allowed(g: float) -> tuple[FrictionProof, ...] | None:
+            if self.seen(g * K)[1] > self.M_S:
+                return None
+            tried["n"] += 1
+            return all_proved(g * K, self.machines, self.friction, self.delay)
+
+        g, proofs = largest(allowed, tried.get("gain", 1.0))
+        if proofs is None:
+            return 50.0
+        tried["gain"] = g
+        bandwidth, peak = self.seen(g * K)
+        best = tried["best"]
+        if best is None or bandwidth > best["bandwidth"]:
+            parameters = tuple(float(g * part) for part in shape)
+            tried["best"] = {
+                "K": g * K,
+                "parameters": parameters,
+                "bandwidth": bandwidth,
+                "peak": peak,
+                "proofs": proofs,
+            }
+        return -float(np.log(max(bandwidth, 1e-6)))
+
+    def seen(self, K: control.StateSpace) -> tuple[float, float]:
+        """Bandwidth and largest |S| over the machines, sliding and stuck; 0 and inf where one is unstable."""
+        omega = np.geomspace(1e-4, 1, POINTS) * np.pi / self.dt * 0.999
+        band, peak = np.inf, 0.0
+        for machine in self.machines:
+            for spring in (0.0, self.friction.K0):
+                A = machine.A - spring * np.outer(machine.B_port, machine.C_port)
+                plant = sampled(
+                    control.StateSpace(A, machine.B_force[:, None], machine.C_measured[None, :], 0),
+                    self.dt,
+                    self.delay + machine.delay,
+                )
+                S = np.abs(1 / (1 + response(plant, omega) * response(K, omega)))
+                band = min(band, first_above(omega, S, np.sqrt(0.5)))
+                peak = max(peak, float(S.max()))
+        return band, peak
+
+
+def first_above(omega: np.ndarray, S: np.ndarray, level: float) -> float:
+    """The frequency at which |S| first passes a level, straight over logarithms between; 0 where it begins above."""
+    above = np.flatnonzero(level < S)
+    if not above.size:
+        return float(omega[-1])
+    i = int(above[0])
+    if not i:
+        return 0.0
+    share = np.log(level / S[i - 1]) / np.log(S[i] / S[i - 1])
+    return float(omega[i - 1] * (omega[i] / omega[i - 1]) ** share)
+
+
+def largest_proved_gain(
+    K: control.StateSpace, machines: tuple[SlidingMachine, ...], friction: AnyFriction, delay: float
+) -> tuple[float, tuple[FrictionProof, ...] | None]:
+    """Up to one: the largest gain of a controller that is proved, with its proofs; 0 and None where none is."""
+    whole = all_proved(K, machines, friction, delay)
+    if whole is not None:
+        return 1.0, whole
+    return largest(lambda g: all_proved(g * K, machines, friction, delay) if g < 1 else None, 1 / STEP)
+
+
+def all_proved(
+    K: control.StateSpace, machines: tuple[SlidingMachine, ...], friction: AnyFriction, delay: float
+) -> tuple[FrictionProof, ...] | None:
+    """The proofs, one a machine; None as soon as one fails."""
+    proofs = []
+    for machine in machines:
+        proof = prove_friction(machine, K, friction, delay=delay)
+        if not proof.verdict.is_proved:
+            return None
+        proofs.append(proof)
+    return tuple(proofs)
+
+
+def largest(allowed: Any, gain: float) -> tuple[float, Any]:
+    """The largest gain that is allowed around a first one: doubled or halved to the limit, then bisected."""
+    found = allowed(gain)
+    if found is not None:
+        low, high = gain, gain * STEP
+        while high <= gain * FURTHEST and (more := allowed(high)) is not None:
+            low, found, high = high, more, high * STEP
+    else:
+        low, high = gain / STEP, gain
+        while low >= gain / FURTHEST and (found := allowed(low)) is None:
+            low, high = low / STEP, low
+        if found is None:
+            return 0.0, None
+    while high / low > WITHIN:
+        middle = float(np.sqrt(low * high))
+        more = allowed(middle)
+        if more is None:
+            high = middle
+        else:
+            low, found = middle, more
+    return low, found
+
+
+def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[SlidingMachine, ...], AnyFriction]:
+    """The machines to prove, and the class; from a class read from levels both."""
+    own = getattr(machine, "machines", ())
+    if own and friction is None:
+        return tuple(own), machine.friction
+    if not isinstance(machine, SlidingMachine):
+        raise ValueError(f"machine must be a sliding_machine, or a FrictionClass alone, got {shown(machine)}")
+    if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
+        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
+    return (machine,), friction
+
+
+def first_shape(machine: SlidingMachine, K0: float) -> np.ndarray:
+    """Kp, Ki, Kd around the resonance of a mass m: stiffness m w^2, damping m w, integration within ten swings."""
+    mass = 1 / float(machine.velocity @ machine.B_port)
+    omega = machine.resonance or np.sqrt(K0 / mass)
+    return np.array([mass * omega**2, mass * omega**3, mass * omega]) / np.array([4, 10, 4])
+
+
+def pid_of(shape: np.ndarray, dt: float) -> control.StateSpace:
+    """Kp + Ki dt/(z - 1) + Kd (1 - 1/z)/dt; without integrator where Ki is zero."""
+    Kp, Ki, Kd = map(float, shape)
+    if not Ki:
+        return control.StateSpace([[0.0]], [[1.0]], [[-Kd / dt]], [[Kp + Kd / dt]], dt)
+    return control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[Ki * dt, -Kd / dt]], [[Kp + Kd / dt]], dt)
+
+
+def dipped(omega: float | None, dt: float) -> control.StateSpace:
+    """A notch of a tenth at a frequency, sampled; one where none is asked for."""
+    if omega is None:
+        return control.StateSpace([], [], [], [[1.0]], dt)
+    omega = positive("notch", omega)
+    if omega * dt >= np.pi:
+        raise ValueError(f"notch must lie below Nyquist, {np.pi / dt:g} rad/s, got {omega:g} rad/s")
+    zeros, poles = (np.roots([1, 2 * damping * omega, omega**2]) for damping in (0.05, 0.5))
+    return state_space("notch", discretize(from_roots(zeros, poles, 1.0, 0.0), dt))

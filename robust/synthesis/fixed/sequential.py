@@ -1,0 +1,305 @@
+"""The loops of a matrix closed one after the other by a diagonal controller, and the whole checked in the end.
+
+With the loops C closed by K_C, loop k sees
+
+    G_k = G_kk - G_kC H G_Ck,     H = K_C (1 + G_CC K_C)^-1,
+
+and a change dG of the matrix changes it, to first order, by x' dG z with x' = (1, -G_kC H) and z = (1, -H G_Ck) on the
+channels (k, C). The discs that each loop is designed with are made of that; what they miss (second order, and that all
+loops see the same dG) is left to the check of the whole: where it fails, the discs are widened and all is done again.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from nlfrf import Frm
+from nlfrf._base.arguments import hertz, integer, nonnegative, positive
+from nlfrf._base.values import value
+from robust.analysis.check import check
+from robust.lti.connections import joined
+from robust.lti.grids import beside_modes, interpolated, structure_grid
+from robust.lti.lti import over_frequency, response, timebase
+from robust.lti.stability import outside, unstable_poles, winding
+from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.matrix_radius import full_block
+from robust.models.sets.measured import as_seen
+from robust.synthesis.fixed.one_loop import design_loop
+from robust.synthesis.fixed.plants import DiscsOnLines
+from robust.synthesis.hinf.design import Design
+
+__all__ = ["close_in_turn"]
+
+
+SWEEPS = 6  # times each loop is designed with the others closed, at most
+TIGHTER = 0.97  # of what is allowed a peak, from one sweep to the next
+PEAKS = ("M_S", "M_T", "M_u")
+WIDENINGS = 3  # times the discs are made wider for the sake of the whole
+LINES = 300  # of a parametric plant, beside those of its modes
+BEYOND = 100.0  # of its fastest mode and of the last line measured, where a continuous one is looked at last
+CONFIDENCE = 0.95  # of the set around an FRM
+ONE_EACH = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain", "integrators",
+            "filter_time", "stable", "start", "n_starts")  # fmt: skip
+
+
+@value
+class MatrixOnLines:
+    """A square matrix of plants on lines, and what is uncertain about it.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    G : (W, n, n) complex ndarray
+        Nominal, hold and delay inside.
+    left, right : (W, n, p), (W, q, n) complex ndarray
+        G + left Delta right, of a full block.
+    radius : (W, n, n) ndarray
+        Of the entries each by itself; zero for a full block, as left and right are for these.
+    """
+
+    omega: np.ndarray
+    G: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    radius: np.ndarray
+
+    def seen_by(self, k: int, K: list[Any], wider: float) -> DiscsOnLines:
+        """What loop k sees with the loops closed that have a controller."""
+        G, row, column = self.G, *(np.zeros(self.G.shape[:2], dtype=complex) for _ in range(2))
+        row[:, k] = column[:, k] = 1.0
+        C = [j for j in range(len(K)) if K[j] is not None and j != k]
+        inner = G[:, k, k]
+        if C:
+            gains = np.stack([response(K[j], self.omega) for j in C], axis=1)
+            H = gains[:, :, None] * np.linalg.inv(np.eye(len(C)) + G[:, C][:, :, C] * gains[:, None, :])
+            row[:, C] = -(G[:, [k]][:, :, C] @ H)[:, 0]
+            column[:, C] = -(H @ G[:, C][:, :, [k]])[:, :, 0]
+            inner = inner + np.einsum("wj,wj->w", row[:, C], G[:, C, k])
+        return DiscsOnLines(omega=self.omega, G=inner, radius=wider * self.spread(row, column))
+
+    def with_modes(self, K: list[Any]) -> MatrixOnLines:
+        """The same on the lines too that controllers have modes on, where it is interpolated."""
+        modes = [beside_modes(one, (self.omega[0], self.omega[-1])) for one in K]
+        omega = np.unique(np.concatenate([self.omega, *modes]))
+
+        def between(x: np.ndarray) -> np.ndarray:
+            entries = [interpolated(omega, self.omega, one) for one in x.reshape(self.omega.size, -1).T]
+            return np.array(entries).T.reshape(omega.size, *x.shape[1:])
+
+        parts = {name: between(getattr(self, name)) for name in ("G", "left", "right")}
+        return MatrixOnLines(omega=omega, radius=np.abs(between(self.radius)), **parts)
+
+    def spread(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """(W,) largest |row dG column| over the set."""
+        entries = np.einsum("wj,wji,wi->w", np.abs(row), self.radius, np.abs(column))
+        block = np.linalg.norm(row[:, None] @ self.left, axis=(1, 2)) * np.linalg.norm(
+            self.right @ column[:, :, None], axis=(1, 2)
+        )
+        return np.asarray(entries + block)
+
+
+def close_in_turn(plant: Frm | MatrixUncertainty, structure: Any, asked: dict[str, Any]) -> Design:
+    """`design_frf` of a matrix: a diagonal controller, loop by loop."""
+    dt = refuse_plant(plant, asked)
+    n = plant.n_inputs
+    each = [one_loop_of(k, n, structure, {**asked, "dt": dt, "delay": 0.0}) for k in range(n)]
+    deadline = time.perf_counter() + positive("time_cap", asked["time_cap"])
+    seen = on_lines(plant, dt, asked["delay"])
+    order = sorted(range(n), key=lambda k: -crossover(each[k][1]["omega_c"]))
+    K: list[Any] = [None] * n
+    wider, history = 1.0, list[float]()
+    for _ in range(WIDENINGS):
+        for sweep in range(SWEEPS):
+            for k in order:
+                if K[k] is None or not judged(seen, k, K, each[k], wider).met:
+                    each[k][1]["time_cap"] = max((deadline - time.perf_counter()) / (2 * n), 0.2)
+                    made = design_one(plant, seen, k, K, tightened(each[k], TIGHTER**sweep), wider)
+                    history += made.history
+                    K[k] = made.K
+            loops = [judged(seen, k, K, each[k], 1.0) for k in range(n)]
+            late = time.perf_counter() > deadline
+            if late or all(loop.met for loop in loops):
+                break
+        whole, margin = checked(plant, seen, K, order, dt)
+        if not whole or not 0 < margin < np.inf or late:
+            break
+        wider *= 1.1 / margin
+    bad = [f"{named(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
+    bad += [f"not found: {whole}"] if whole else []
+    said = (
+        f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
+        "designed again where it fell short"
+    )
+    return Design(
+        K=joined(K, dt),
+        gamma=float(np.max([loop.gamma for loop in loops])),
+        met=not bad,
+        reason="; ".join(bad) or f"{said}; the whole set is stable, up to {margin:.3g} times as large",
+        history=tuple(history),
+    )
+
+
+def refuse_plant(plant: Frm | MatrixUncertainty, asked: dict[str, Any]) -> float:
+    """The sampling time of the controller, where its loops can be closed in turn."""
+    if plant.n_inputs != plant.n_outputs:
+        raise ValueError(
+            f"plant must have as many inputs as outputs for a diagonal controller, got {plant.n_inputs} inputs and "
+            f"{plant.n_outputs} outputs"
+        )
+    if asked["prove"] is not None:
+        raise ValueError("prove must be left out of a design for a matrix: friction is proved of a single loop")
+    dt = nonnegative("dt", asked["dt"])
+    nonnegative("delay", asked["delay"])
+    if n_unstable := integer("n_unstable", asked["n_unstable"], least=0):
+        raise ValueError(
+            f"n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got {n_unstable}"
+        )
+    if isinstance(plant, Frm):
+        return dt
+    step = timebase(plant.nominal)
+    if asked["delay"] or (dt and dt != step):
+        raise ValueError(
+            f"dt and delay must be in the nominal of a MatrixUncertainty, by sampled(), got {dt:g} s and "
+            f"{asked['delay']:g} s on top of a nominal at {step:g} s"
+        )
+    wild = outside(plant.nominal, step)
+    if wild.size:
+        raise ValueError(
+            f"plant must be stable but for integrators for loops to be closed in turn, got a pole at {wild[0]:.4g}: "
+            "dk_iteration and ncfsyn stabilise it with a full controller"
+        )
+    return step
+
+
+def one_loop_of(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+    """Structure and demands of one loop: of a list the one that is its own."""
+
+    def own(name: str, given: Any) -> Any:
+        if not isinstance(given, list):
+            return given
+        if len(given) != n:
+            raise ValueError(f"{name} must have one of {n} loops each where it is a list, got {len(given)}")
+        return given[k]
+
+    rest = {name: own(name, given) if name in ONE_EACH else given for name, given in asked.items()}
+    return own("structure", structure), rest
+
+
+def on_lines(plant: Frm | MatrixUncertainty, dt: float, delay: float) -> MatrixOnLines:
+    """The matrix and its set where it was measured, or where it and its weights have features."""
+    n = plant.n_inputs
+    if isinstance(plant, Frm):
+        factor = as_seen(plant, plant.omega, np.ones(plant.f.size, dtype=complex), dt, delay)
+        left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), CONFIDENCE, False, True, ADDITIVE)
+        G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
+        return MatrixOnLines(
+            omega=plant.omega, G=G, left=diagonal(left), right=diagonal(right), radius=np.zeros(G.shape)
+        )
+    N = plant.nominal
+    modes = structure_grid(N)
+    low, high = min(modes[1], plant.omega[0]), max(modes[-1], plant.omega[-1])
+    far = np.pi / dt if dt else BEYOND * high
+    omega = np.unique(np.concatenate([plant.omega, modes, np.geomspace(low, far, LINES)]))
+    omega = omega[(omega > 0) & (omega * dt < np.pi * (1 - 1e-6))]
+    G = over_frequency((N.A, N.B, N.C, N.D), omega, dt)
+    right = np.abs([response(w, omega) for w in plant.right])
+    if plant.form == ELEMENTS:
+        none = np.zeros((omega.size, n, 1))
+        radius = right.reshape(n, n, -1).transpose(2, 1, 0)
+        return MatrixOnLines(omega=omega, G=G, left=none, right=none.swapaxes(1, 2), radius=radius)
+    left = diagonal(np.abs([response(w, omega) for w in plant.left]))
+    left = G @ left if plant.form == INPUT else left
+    return MatrixOnLines(omega=omega, G=G, left=left, right=diagonal(right), radius=np.zeros(G.shape))
+
+
+def diagonal(sizes: np.ndarray) -> np.ndarray:
+    """(W, n, n) diagonal matrices of (n, W) numbers."""
+    return np.asarray(sizes.T[:, :, None] * np.eye(len(sizes)))
+
+
+def crossover(given: Any) -> float:
+    """What a loop is ordered by: the fastest is closed first."""
+    return float(np.min(given)) if given is not None else 0.0
+
+
+def named(plant: Frm | MatrixUncertainty, k: int) -> str:
+    """A loop by its channels."""
+    return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
+
+
+def design_one(
+    plant: Frm | MatrixUncertainty,
+    seen: MatrixOnLines,
+    k: int,
+    K: list[Any],
+    own: tuple[Any, dict[str, Any]],
+    wider: float,
+) -> Design:
+    """The controller of loop k, begun from the one it has, with the others as they are."""
+    structure, asked = own
+    discs = seen.seen_by(k, K, wider)
+    try:
+        return design_loop(discs, structure, **(asked if K[k] is None else {**asked, "start": K[k]}))
+    except ValueError as error:
+        closed = ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
+        raise ValueError(f"{named(plant, k)} must close with loops {closed} closed before it, but {error}") from None
+
+
+def tightened(own: tuple[Any, dict[str, Any]], share: float) -> tuple[Any, dict[str, Any]]:
+    """The demands with a share of the peaks and crossovers allowed: room for what the other loops change afterwards."""
+    structure, asked = own
+    peaks = {name: share * asked[name] for name in PEAKS if asked[name] is not None}
+    omega_c, gain = asked["omega_c"], asked["gain"]
+    if omega_c is not None:
+        low, high = omega_c if isinstance(omega_c, tuple) else (omega_c, None)
+        omega_c = low / share if high is None else (min(low / share, high), max(high * share, low))
+    if gain is not None:
+        gain = (gain[0], gain[1] / share)
+    return structure, {**asked, **peaks, "omega_c": omega_c, "gain": gain}
+
+
+def judged(seen: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, Any]], wider: float) -> Design:
+    """Loop k as it is, with all others closed."""
+    structure, asked = own
+    return design_loop(seen.seen_by(k, K, wider), structure, **{**asked, "start": K[k], "n_iterations": 0})
+
+
+def checked(
+    plant: Frm | MatrixUncertainty, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float
+) -> tuple[str, float]:
+    """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
+    if isinstance(plant, MatrixUncertainty):
+        try:
+            report = check(plant, joined(K, dt))
+        except ValueError as error:
+            return f"the whole cannot be checked: {error}", np.nan
+        good = report.robustly_stable
+        return "" if good else f"the whole set is not stable: {report.reason}", float(report.margin_rs)
+    finer = seen.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
+    for lines in (seen, finer):
+        if why := unstable_in_turn(plant, lines, K, order, dt):
+            return why, np.nan
+    seen = finer
+    gains = diagonal(np.array([response(one, seen.omega) for one in K]))
+    N = seen.right @ gains @ np.linalg.inv(np.eye(len(K)) + seen.G @ gains) @ seen.left
+    size = np.linalg.norm(N, 2, axis=(1, 2))
+    worst = int(size.argmax())
+    margin = float(1 / size[worst])
+    return "" if margin > 1 else f"the whole set is not stable at {hertz(seen.omega[worst])}", margin
+
+
+def unstable_in_turn(plant: Frm, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
+    """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
+    closed: list[Any] = [None] * len(K)
+    for k in order:
+        loop = seen.seen_by(k, closed, 1.0)
+        turns, clear = winding(loop.omega, loop.G, K[k], dt)
+        if not clear or turns != unstable_poles(K[k], dt):
+            return f"the whole is not known to be stable: {named(plant, k)} winds {turns} times about zero"
+        closed[k] = K[k]
+    return ""

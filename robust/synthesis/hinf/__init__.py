@@ -1,0 +1,9 @@
+"""H-infinity synthesis: controllers from Riccati equations.
+
+design     `Design`: a controller and the level it reaches
+dk                 D-K iteration: several uncertainties and a performance
+generalised_plant  the plant made ready: hidden modes refused, scaled, regular, normalised; and K taken back
+hinfsyn            any generalised plant
+mixsyn             weighted S, K S and T made small together
+ncfsyn             loop shaping by Glover and McFarlane
+"""

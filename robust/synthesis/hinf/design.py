@@ -1,0 +1,60 @@
+"""``Design``: a controller, and the level it reaches."""
+
+from __future__ import annotations
+
+import control
+
+from nlfrf._base.values import value
+from robust.proofs.search.certificate import Certificate
+
+__all__ = ["Design"]
+
+
+@value
+class Design:
+    """A controller and how good it is by its own measure.
+
+    Fields
+    ------
+    K : control.StateSpace
+        Controller for the unweighted plant, negative feedback: u = K (r - y).
+    gamma : float
+        Achieved norm, recomputed from the closed loop; inf where the loop is not stable. With a `certificate` that
+        holds the norm is proved to be below it; else gamma is only what was computed.
+    gamma_min : float
+        Smallest norm any controller could reach; nan where it is not known.
+    met : bool
+        Whether every demand that had to be met is met by K, recomputed (of `design_frf` to 0.1 %, on the lines and
+        wherever the controller or its loop has features between them).
+    reason : str
+        Why the design ended, or which demand is in the way and where.
+    certificate : Certificate or None
+        The proof of gamma, from plant and controller as they are given, or why there is none; None of a gamma on the
+        lines of an FRF.
+    history : tuple of float
+        gamma, or the worst demand while one was not met, after every iteration.
+
+    References
+    ----------
+    SP 9.4.1.
+
+    Examples
+    --------
+    >>> from robust import ncfsyn
+    >>> design = ncfsyn(control.tf([1], [1, 1]), 10)
+    >>> bool(design.gamma_min < design.gamma < 4)
+    True
+    """
+
+    K: control.StateSpace
+    gamma: float
+    gamma_min: float = float("nan")
+    met: bool = True
+    reason: str = ""
+    history: tuple[float, ...] = ()
+    certificate: Certificate | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether gamma is proved to be a bound on the norm."""
+        return self.certificate is not None and self.certificate.holds

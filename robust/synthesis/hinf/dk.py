@@ -1,0 +1,253 @@
+"""D-K iteration: a controller for several uncertainties and a performance, by synthesis and scalings in turn.
+
+Each round synthesises for D_L P D_R^-1, finds the scalings of least bound for the loop with that controller, and fits
+them by stable, minimum-phase functions of limited order. Neither half worsens the bound, both together may end in a
+local optimum; what is returned is the best loop seen, judged by mu with the structure as it is.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import integer, positive
+from nlfrf._base.values import value
+from robust.lti.connections import joined, lower, weighted_plant
+from robust.lti.grids import structure_grid
+from robust.lti.lti import along, response, timebase
+from robust.lti.realisation import multivariable
+from robust.models.fit.weights import minimum_phase
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.mu.blocks import BlockStructure, fitting
+from robust.mu.certify import certify_mu
+from robust.mu.upper import mu_upper
+from robust.proofs.search.stability import instability
+from robust.synthesis.hinf.hinfsyn import synthesise
+from robust.synthesis.hinf.mixsyn import on_time_base
+
+__all__ = ["DkDesign", "dk_iteration"]
+
+
+CLOSE = 1.02  # peak of the fitted scalings over mu that is good enough for a lower order
+
+
+@value
+class DkDesign:
+    """What D-K iteration found.
+
+    Fields
+    ------
+    K : control.StateSpace
+        u = K y, positive feedback through P (of a set u = K (r - y), its usual loop); zero where none was found.
+    mu : float
+        Peak of the upper bound over omega with this controller; inf without one.
+    omega, curve : (W,) ndarray
+        Frequencies [rad/s] and the bound there.
+    history : tuple of (float, float, int)
+        For each round the norm of the synthesis, the peak of mu, and the order of the scalings it was made with.
+    certificate : Certificate
+        mu proved at all frequencies, one per cent above its peak; or why not.
+    reason : str
+        Why the iteration ended.
+
+    References
+    ----------
+    SP 8.12.
+
+    Examples
+    --------
+    A lag with half its gain unknown, and an error that is to stay under two everywhere:
+
+    >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
+    >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    >>> found = dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1)
+    >>> bool(found.mu < 1), found.K.nstates > 0
+    (True, True)
+    """
+
+    K: control.StateSpace
+    mu: float
+    omega: np.ndarray
+    curve: np.ndarray
+    history: tuple[tuple[float, float, int], ...]
+    certificate: Any
+    reason: str
+
+
+def dk_iteration(
+    P: Any,
+    blocks: Any = None,
+    n_y: int = 0,
+    n_u: int = 0,
+    *,
+    w_P: Any = None,
+    w_u: Any = None,
+    order: int = 4,
+    n_rounds: int = 6,
+    omega: Any = None,
+    time_cap: float = 60.0,
+) -> DkDesign:
+    """Synthesise a controller that keeps mu small.
+
+    Parameters
+    ----------
+    P : MatrixUncertainty or control.StateSpace
+        A measured set; or a system from (what the perturbations and the performance drive, u) to (what they read, y).
+    blocks : list
+        Of a system; as for `mu_upper`, the performance being a full block. Repeated and real blocks are designed for as
+        full complex ones, and judged as what they are.
+    n_y, n_u : int
+        Of a system: how many of the last outputs are measured, of the last inputs controlled.
+    w_P, w_u : control system or float, optional
+        Of a set, the performance: mu < 1 keeps the norm of [w_P S; w_u K S] under one for all its plants. One weight
+        for all channels alike, or a matrix that takes them all; w_P has to be given.
+    order : int
+        Largest order of a scaling; lower ones are taken where they come close.
+    n_rounds : int
+        Most rounds.
+    omega : (W,) ndarray, optional
+        Frequencies [rad/s] for mu; chosen from the poles of the loop when not given.
+    time_cap : float
+        Seconds; the best found by then is returned.
+
+    Returns
+    -------
+    DkDesign
+
+    Raises
+    ------
+    ValueError
+        Blocks that do not add up to P, a set without w_P, a plant that no controller can stabilise.
+
+    References
+    ----------
+    SP 8.12; Doyle 1982, 1985; Balas, Doyle, Glover, Packard & Smith, *mu-Analysis and Synthesis Toolbox*.
+
+    Examples
+    --------
+    >>> A, B, C = [[-1.0]], [[1.0, 0.0, 1.0]], [[0.0], [-0.5], [-1.0]]
+    >>> P = control.ss(A, B, C, [[0, 0, 0.5], [0, 0.5, 0], [0, 1, 0]])
+    >>> bool(dk_iteration(P, [(1, 1), (1, 1)], 1, 1, n_rounds=1).mu < 1)
+    True
+
+    Notes
+    -----
+    Without omega the frequencies are those of the poles of the loop of each round. Of the distillation column of
+    SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower) it makes 1.19, 1.05, 1.045, ...
+    """
+    if isinstance(P, MatrixUncertainty):
+        P, blocks, n_y, n_u = of_set(P, w_P, w_u, blocks)
+    elif w_P is not None or w_u is not None:
+        raise ValueError("w_P and w_u must be left out but for a MatrixUncertainty: of a system they are part of P")
+    P = multivariable("P", P)
+    n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
+    order, n_rounds = integer("order", order, least=0), integer("n_rounds", n_rounds, least=1)
+    deadline = time.monotonic() + positive("time_cap", time_cap)
+    s = fitting("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
+    dt = timebase(P)
+    best, reason = no_design(P, n_y, n_u), f"{n_rounds} rounds were made"
+    scaling, used, history = [one(dt)] * len(s.kinds), 0, []
+    for _ in range(n_rounds):
+        K, gamma, failed = synthesise_scaled(P, scaling, s, (n_y, n_u), max(deadline - time.monotonic(), 0.1))
+        if failed:
+            reason = failed
+            break
+        found = judge_by_mu(P, K, blocks, omega)
+        history.append((gamma, found.mu, used))
+        improved = found.mu < best.mu * (1 - 1e-3)
+        best = found if found.mu < best.mu else best
+        late = time.monotonic() > deadline
+        if late or not improved:
+            reason = "the time cap was reached" if late else "mu did not fall any more"
+            break
+        scaling, used = fitted(along(lower(P, K), found.omega), s, found.omega, dt, order)
+    certificate = certify_mu(lower(P, best.K), blocks, 1.01 * best.mu) if np.isfinite(best.mu) else None
+    return replace(best, history=tuple(history), certificate=certificate, reason=reason)
+
+
+def of_set(model: MatrixUncertainty, w_P: Any, w_u: Any, blocks: Any) -> tuple[control.StateSpace, list[Any], int, int]:
+    """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
+    if w_P is None or blocks is not None:
+        raise ValueError("w_P must be given for a MatrixUncertainty, and no blocks: they are its own")
+    n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
+    weights = [("e", on_time_base("w_P", w_P, dt, n_y))]
+    weights += [] if w_u is None else [("u", on_time_base("w_u", w_u, dt, n_u))]
+    P = weighted_plant(model.open_loop(), n_y, n_u, weights)
+    of_performance = (sum(w.noutputs for _, w in weights), n_y)
+    return P, [*model.structure, of_performance], n_y, n_u
+
+
+def no_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
+    """What there is before the first round."""
+    return DkDesign(
+        K=control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt),
+        mu=np.inf,
+        omega=np.zeros(0),
+        curve=np.zeros(0),
+        history=(),
+        certificate=None,
+        reason="no controller was found",
+    )
+
+
+def synthesise_scaled(
+    P: control.StateSpace, scaling: list[Any], s: BlockStructure, sizes: tuple[int, int], time_cap: float
+) -> tuple[control.StateSpace, float, str]:
+    """The controller of the scaled plant, the norm it reaches there, and why it is none."""
+    n_y, n_u = sizes
+    dt = timebase(P)
+    left, right = scaled_by(scaling, s, dt)
+    found = synthesise(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=time_cap)
+    if not found.found:
+        return found.K, found.gamma, f"synthesis found nothing: {found.reason}"
+    plain = instability(lower(P, found.K))
+    return found.K, found.gamma, "" if plain.stable else f"the loop without its scalings is {plain}"
+
+
+def judge_by_mu(P: control.StateSpace, K: control.StateSpace, blocks: Any, omega: Any) -> DkDesign:
+    """The loop with a controller, by the upper bound of mu with the structure as it is."""
+    N = lower(P, K)
+    at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
+    curve = mu_upper(along(N, at), blocks).value
+    return DkDesign(K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason="")
+
+
+def one(dt: float) -> control.StateSpace:
+    """The scaling to begin with."""
+    return control.StateSpace([], [], [], [[1.0]], dt)
+
+
+def scaled_by(scaling: list[Any], s: BlockStructure, dt: float) -> tuple[control.StateSpace, control.StateSpace]:
+    """D_L and D_R^-1 from one function per block (given with its inverse where it has states)."""
+    pairs = [d if isinstance(d, tuple) else (d, d) for d in scaling]
+    left = [d for (d, _), row in zip(pairs, s.rows, strict=True) for _ in range(row.stop - row.start)]
+    right = [d for (_, d), col in zip(pairs, s.cols, strict=True) for _ in range(col.stop - col.start)]
+    return joined(left, dt), joined(right, dt)
+
+
+def padded(system: control.StateSpace, n: int, dt: float) -> control.StateSpace:
+    """The system beside n signals that pass."""
+    return joined([system, control.StateSpace([], [], [], np.eye(n), dt)], dt)
+
+
+def fitted(response_: np.ndarray, s: BlockStructure, omega: np.ndarray, dt: float, order: int) -> tuple[list[Any], int]:
+    """Functions of the lowest order whose scaled loop comes close to mu, the last block unscaled; and that order."""
+    full = [(r.stop - r.start, c.stop - c.start) for r, c in zip(s.rows, s.cols, strict=True)]
+    bound = mu_upper(response_, full)
+    D_L = bound.scaling[0]
+    d = np.array([np.abs(D_L[row.start, row.start]) for row in s.rows])
+    d = d / d[-1]
+    n = min(order, 12)
+    for k in range(n + 1):
+        fits = [minimum_phase(omega, each, dt, k) for each in d[:-1]] + [(one(dt), one(dt))]
+        sizes = np.array([np.abs(response(D, omega)) for D, _ in fits])
+        left, right = (np.repeat(sizes, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols))
+        scaled = left[:, None] * response_ / right[None]
+        peak = np.linalg.norm(np.moveaxis(scaled, 2, 0), 2, axis=(1, 2)).max()
+        if peak <= CLOSE * bound.value.max() or k == n:
+            return fits, k
+    raise AssertionError("an order is always returned")

@@ -1,0 +1,307 @@
+"""The generalised plant of a synthesis in the form its equations ask for, and the way back for the controller.
+
+Continuous time, numbers near one, no path from u to y without dynamics, D12 = [0; I] and D21 = [0 I].
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.lti import Matrices, evaluate, scaled_states, timebase
+from robust.lti.norms import from_half_plane, modal, to_continuous, to_discrete, to_half_plane
+
+__all__ = [
+    "Plant",
+    "controller_of",
+    "dual",
+    "hidden_mode",
+    "in_region",
+    "normalised",
+    "prepared",
+    "ranks",
+    "regularised",
+    "zero_on_axis",
+]
+
+
+@value
+class Plant:
+    """Continuous image of a generalised plant, D22 removed, with what has to be undone for its controller.
+
+    Fields
+    ------
+    A, B1, B2, C1, C2, D11, D12, D21 : ndarray
+        From (w, u) to (z, y).
+    speed : float
+        Time was scaled by it [rad/s].
+    first : (n_u, n_y) ndarray
+        Feedback closed before the bilinear map, to keep poles away from z = -1.
+    D22, D22_image : (n_y, n_u) ndarray
+        Direct terms removed before and after the bilinear map.
+    into_u, out_of_y : ndarray
+        Controller of the plant with normalised D12, D21 to that of the plant itself: into_u K out_of_y.
+    dt : float
+        Sampling time [s], 0 for continuous.
+    region : tuple of float
+        Ends of the circle that was mapped onto the axis, in scaled time; empty: none.
+    D22_region : (n_y, n_u) ndarray
+        Direct term removed after that.
+    added : bool
+        Whether small outputs of u or disturbances of y were added.
+    """
+
+    A: np.ndarray
+    B1: np.ndarray
+    B2: np.ndarray
+    C1: np.ndarray
+    C2: np.ndarray
+    D11: np.ndarray
+    D12: np.ndarray
+    D21: np.ndarray
+    speed: float
+    first: np.ndarray
+    D22: np.ndarray
+    D22_image: np.ndarray
+    into_u: np.ndarray
+    out_of_y: np.ndarray
+    dt: float
+    region: tuple[float, ...] = ()
+    D22_region: Any = None
+    added: bool = False
+
+
+def prepared(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
+    """P in continuous time with D22 = 0, its time and its states scaled to numbers near one."""
+    dt = timebase(P)
+    w, z = P.ninputs - n_u, P.noutputs - n_y
+    A, B, C, D = P.A, P.B, P.C, P.D.copy()
+    D22 = D[z:, w:].copy()
+    D[z:, w:] = 0
+    first = np.zeros((n_u, n_y))
+    if dt:
+        if A.size and np.linalg.cond(A + np.eye(A.shape[0])) > 1e8:
+            first = away_from_minus_one(A, B[:, w:], C[z:])
+            left, right = np.vstack([B[:, w:] @ first, D[:z, w:] @ first]), np.hstack([C[z:], D[z:, :w]])
+            change, n = left @ right, A.shape[0]
+            A, B[:, :w] = A + change[:n, :n], B[:, :w] + change[:n, n:]
+            C[:z], D[:z, :w] = C[:z] + change[n:, :n], D[:z, :w] + change[n:, n:]
+        A, B, C, D = to_continuous(A, B, C, D)
+    A, B, C, speed = scaled(A, B, C)
+    return Plant(
+        A=A,
+        B1=B[:, :w],
+        B2=B[:, w:],
+        C1=C[:z],
+        C2=C[z:],
+        D11=D[:z, :w],
+        D12=D[:z, w:],
+        D21=D[z:, :w],
+        speed=speed,
+        first=first,
+        D22=D22,
+        D22_image=D[z:, w:],
+        into_u=np.eye(n_u),
+        out_of_y=np.eye(n_y),
+        dt=dt,
+    )
+
+
+def away_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
+    """A feedback u = F y that moves poles away from z = -1, which the bilinear map sends to infinity."""
+    rng = np.random.default_rng(0)
+    size = 0.3 / max(float(np.linalg.norm(B2)) * float(np.linalg.norm(C2)), 1e-300)
+    tries = [size * rng.standard_normal((B2.shape[1], C2.shape[0])) for _ in range(8)]
+    return min(tries, key=lambda F: np.linalg.cond(A + B2 @ F @ C2 + np.eye(A.shape[0])).item())
+
+
+def scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Time in the geometric mean of the poles; states so that rows of [A B] and columns of [A; C] have like sizes."""
+    if not A.size:
+        return A, B, C, 1.0
+    A, B, C = scaled_states(A, B, C)
+    size = np.abs(np.linalg.eigvals(A))
+    size = size[size > 1e-12 * size.max(initial=0.0)]
+    speed = float(np.exp(np.mean(np.log(size)))) if size.size else 1.0
+    A, B, C = A / speed, B / np.sqrt(speed), C / np.sqrt(speed)
+    for _ in range(10):
+        for k in range(A.shape[0]):
+            rest = np.arange(A.shape[0]) != k
+            row = np.hypot(np.linalg.norm(A[k, rest]), np.linalg.norm(B[k]))
+            column = np.hypot(np.linalg.norm(A[rest, k]), np.linalg.norm(C[:, k]))
+            if row > 0 and column > 0:
+                t = 2.0 ** np.round(np.log2(np.sqrt(column / row)))
+                A[k], B[k] = A[k] * t, B[k] * t
+                A[:, k], C[:, k] = A[:, k] / t, C[:, k] / t
+    return A, B, C, speed
+
+
+def hidden_mode(plant: Plant) -> str:
+    """Empty where u and y reach every mode that is not stable, else which they do not."""
+    A, n = plant.A, plant.A.shape[0]
+    for mode in np.linalg.eigvals(A) if n else ():
+        if mode.real < -1e-9 * max(1.0, abs(mode)) or mode.imag < 0:
+            continue
+        away = A - mode * np.eye(n)
+        for matrix, words in (
+            (np.hstack([away, plant.B2]), "u does not reach"),
+            (np.vstack([away, plant.C2]), "y misses"),
+        ):
+            if np.linalg.svd(matrix, compute_uv=False)[n - 1] < 1e-10 * max(1.0, float(np.linalg.norm(A))):
+                s = mode * plant.speed
+                where = f"z = {(1 + s) / (1 - s):.4g}" if plant.dt else f"s = {s:.4g}"
+                return f"{words} the mode at {where}"
+    return ""
+
+
+def in_region(plant: Plant, a: float, b: float) -> Plant:
+    """The plant with the circle through a and b in place of the axis: what is asked for inside or outside of it.
+
+    A disc in the right half plane (0 < a < b) asks for less than the half plane: its least norm is a lower bound. All
+    but a disc in the left half plane (b < a < 0) asks for more: its controllers are good, and keep the poles in that
+    disc. Zeros of the plant on the axis and at infinity lie on neither circle.
+    """
+    n_w, n_z = plant.B1.shape[1], plant.C1.shape[0]
+    B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
+    D = np.block([[plant.D11, plant.D12], [plant.D21, np.zeros((plant.C2.shape[0], plant.B2.shape[1]))]])
+    A, B, C, D = to_half_plane((plant.A, B, C, D), a, b)
+    A, B, C = scaled_states(A, B, C)
+    return replace(
+        plant,
+        A=A,
+        B1=B[:, :n_w],
+        B2=B[:, n_w:],
+        C1=C[:n_z],
+        C2=C[n_z:],
+        D11=D[:n_z, :n_w],
+        D12=D[:n_z, n_w:],
+        D21=D[n_z:, :n_w],
+        region=(a, b),
+        D22_region=D[n_z:, n_w:],
+    )
+
+
+def dual(plant: Plant) -> Plant:
+    """The transposed plant: its control is the filtering of this one."""
+    return replace(
+        plant, A=plant.A.T, B1=plant.C1.T, B2=plant.C2.T, C1=plant.B1.T, C2=plant.B2.T,
+        D11=plant.D11.T, D12=plant.D21.T, D21=plant.D12.T,
+    )  # fmt: skip
+
+
+def zero_on_axis(plant: Plant) -> bool:
+    """Whether P12 (D12 of full rank) has a zero on the axis: no Riccati equation has a stabilising solution there."""
+    back = np.linalg.pinv(plant.D12)
+    A = plant.A - plant.B2 @ back @ plant.C1
+    C = plant.C1 - plant.D12 @ back @ plant.C1
+    size = max(1e-300, float(np.linalg.norm(A)))
+    for mode in np.linalg.eigvals(A) if A.size else ():
+        if abs(mode.real) < 1e-6 * size and mode.imag >= 0:
+            seen = np.vstack([A - 1j * mode.imag * np.eye(A.shape[0]), C])
+            if np.linalg.svd(seen, compute_uv=False)[-1] < 1e-13 * size:
+                return True
+    return False
+
+
+def regularised(plant: Plant, size: float) -> Plant:
+    """The plant with small outputs of u and disturbances of y where D12, D21 lack rank."""
+    n, n_u, n_y, n_w = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0], plant.B1.shape[1]
+    reaches, sees = ranks(plant)
+    if not reaches:
+        u_size = size * usual_gain(plant.A, plant.B2, plant.C1, plant.D12)
+        C1, D12 = np.vstack([plant.C1, np.zeros((n_u, n))]), np.vstack([plant.D12, u_size * np.eye(n_u)])
+        plant = replace(plant, added=True, C1=C1, D12=D12, D11=np.vstack([plant.D11, np.zeros((n_u, n_w))]))
+    if not sees:
+        y_size = size * usual_gain(plant.A, plant.B1, plant.C2, plant.D21)
+        B1, D21 = np.hstack([plant.B1, np.zeros((n, n_y))]), np.hstack([plant.D21, y_size * np.eye(n_y)])
+        plant = replace(
+            plant, added=True, B1=B1, D21=D21, D11=np.hstack([plant.D11, np.zeros((plant.D11.shape[0], n_y))])
+        )
+    return plant
+
+
+def ranks(plant: Plant) -> tuple[bool, bool]:
+    """Whether D12 and D21 have full rank: u shows in z, w in y."""
+    return full_rank(plant.D12), full_rank(plant.D21.T)
+
+
+def full_rank(D: np.ndarray) -> bool:
+    """Whether the columns are independent beyond rounding."""
+    sizes = np.linalg.svd(D, compute_uv=False)
+    return D.shape[0] >= D.shape[1] and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
+
+
+def usual_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
+    """Median gain around the poles, one where there is none."""
+    speed = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
+    speed = speed[speed > 1e-9]
+    low, high = min(speed.min(initial=1.0), 1.0), max(speed.max(initial=1.0), 1.0)
+    gains = np.linalg.norm(evaluate(A, B, C, D, 1j * np.geomspace(low / 3, high * 3, 15)), axis=(1, 2))
+    return float(np.median(gains)) or 1.0
+
+
+def normalised(plant: Plant) -> Plant | None:
+    """The plant with D12 = [0; I] and D21 = [0 I] by rotations of z and w and a change of u and y.
+
+    None where one of them lacks rank.
+    """
+    n_u, n_y = plant.B2.shape[1], plant.C2.shape[0]
+    n_z, n_w = plant.D11.shape
+    if not all(ranks(plant)):
+        return None
+    Uz, su, Vu = np.linalg.svd(plant.D12)
+    Uy, sy, Vw = np.linalg.svd(plant.D21)
+    # the range of D12 last among the outputs, that of D21' last among the disturbances
+    Z = np.hstack([Uz[:, n_u:], Uz[:, :n_u]])
+    W = np.vstack([Vw[n_y:], Vw[:n_y]])
+    into_u, out_of_y = Vu.T / su, Uy.T / sy[:, None]
+    return replace(
+        plant,
+        B1=plant.B1 @ W.T,
+        B2=plant.B2 @ into_u,
+        C1=Z.T @ plant.C1,
+        C2=out_of_y @ plant.C2,
+        D11=Z.T @ plant.D11 @ W.T,
+        D12=np.eye(n_z, n_u, k=-(n_z - n_u)),
+        D21=np.eye(n_y, n_w, k=n_w - n_y),
+        into_u=into_u,
+        out_of_y=out_of_y,
+    )
+
+
+def controller_of(plant: Plant, K: Matrices) -> control.StateSpace:
+    """The controller of the normalised plant as one of the plant that was given."""
+    A, B, C, D = K
+    B, C, D = B @ plant.out_of_y, plant.into_u @ C, plant.into_u @ D @ plant.out_of_y
+    if plant.region:
+        A, B, C, D = in_modes(*from_half_plane(behind(plant.D22_region, A, B, C, D), *plant.region))
+    A, B, C = A * plant.speed, B * np.sqrt(plant.speed), C * np.sqrt(plant.speed)
+    A, B, C, D = behind(plant.D22_image, A, B, C, D)
+    if plant.dt:
+        A, B, C, D = to_discrete(A, B, C, D)
+    return control.StateSpace(*behind(plant.D22, A, B, C, D + plant.first), plant.dt)
+
+
+def in_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+    """In modal coordinates where it has them: near the least level modes lie decades apart and hide one another."""
+    if not A.size:
+        return A, B, C, D
+    A, B, C = scaled_states(A, B, C)
+    coordinates = modal(A)
+    if coordinates is None:
+        return A, B, C, D
+    forth, back = coordinates
+    return forth @ A @ back, forth @ B, C @ back, D
+
+
+def behind(D22: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+    """u = K (y - D22 u) solved for u."""
+    if not D22.any():
+        return A, B, C, D
+    inverse = np.linalg.inv(np.eye(D.shape[0]) + D @ D22)
+    C, D = inverse @ C, inverse @ D
+    return A - B @ D22 @ C, B - B @ D22 @ D, C, D

@@ -1,0 +1,625 @@
+"""H-infinity synthesis: the output-feedback controller of least closed-loop norm, from two Riccati equations.
+
+The bracket on gamma is closed on the existence conditions; what is returned is judged on its own closed loop.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import cholesky
+
+from nlfrf._base.arguments import integer, nonnegative, positive, real
+from nlfrf._base.values import value
+from robust.lti.connections import lower
+from robust.lti.lti import Matrices, along, evaluate, in_s, on_axis, timebase
+from robust.lti.norms import hinf_norm, stabilising
+from robust.lti.realisation import multivariable
+from robust.proofs.search.certificate import Certificate
+from robust.proofs.search.stability import certify_closed_loop, instability
+from robust.synthesis.hinf.generalised_plant import (
+    Plant,
+    controller_of,
+    dual,
+    hidden_mode,
+    in_region,
+    normalised,
+    prepared,
+    ranks,
+    regularised,
+    zero_on_axis,
+)
+
+__all__ = [
+    "LARGEST_GAMMA",
+    "Found",
+    "Synthesis",
+    "between_circles",
+    "bracket",
+    "central",
+    "control_equation",
+    "fixed_gain",
+    "hinfsyn",
+    "least_level",
+    "left_by_control",
+    "solved",
+    "synthesise",
+]
+
+
+# ---- The two Riccati equations of H-infinity control at one level gamma: whether they hold, and the central
+# controller.
+
+LARGEST_GAMMA = 1e10
+CHANGED = 100.0  # of its size A may change by another choice of the control: a nearly singular D12 asks for more
+
+
+@value(copy=False)
+class Solution:
+    """X and Y of a level, with the gains F (of all inputs) and H (of all outputs) that go with them."""
+
+    gamma: float
+    X: np.ndarray
+    Y: np.ndarray
+    F: np.ndarray
+    H: np.ndarray
+
+
+def least_level(plant: Plant) -> float:
+    """What the direct term alone leaves: no controller gets below it."""
+    return max(left_by_control(plant), left_by_control(dual(plant)))
+
+
+def left_by_control(plant: Plant) -> float:
+    """The part of the direct term in outputs that u does not reach."""
+    upper = plant.D11[: plant.D11.shape[0] - plant.B2.shape[1]]
+    return float(np.linalg.norm(upper, 2)) if upper.size else 0.0
+
+
+def solved(plant: Plant, gamma: float, *, quick: bool = False) -> Solution | None:
+    """X and Y where the level can be reached: both stabilising, semidefinite, with spectral radius under gamma^2."""
+    if gamma <= least_level(plant) * (1 + 1e-9):
+        return None
+    control = control_equation(plant, gamma, quick=quick)
+    if control is None:
+        return None
+    filtering = control_equation(dual(plant), gamma, quick=quick)
+    if filtering is None or np.max(np.linalg.eigvals(control[0] @ filtering[0]).real, initial=0.0) >= gamma**2:
+        return None
+    return Solution(gamma=gamma, X=control[0], Y=filtering[0], F=control[1], H=filtering[1].T)
+
+
+def control_equation(plant: Plant, gamma: float, *, quick: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
+    """X and F of a level where the states and w are known; of the dual plant, Y and H'. Only D12 need be [0; I].
+
+    What is not possible with all of x and w known is not possible with y either: where there is no X, the level is a
+    lower bound. The outputs that u reaches are taken as the control in its place where that changes little: cross terms
+    that would cancel in rounding are then never made, and where y tells all of w, Y is zero to the last bit.
+    """
+    if gamma <= left_by_control(plant) * (1 + 1e-9):
+        return None
+    n_w, n_u = plant.B1.shape[1], plant.B2.shape[1]
+    free = plant.C1.shape[0] - n_u
+    A, B1, C1, D11 = plant.A, plant.B1, plant.C1, plant.D11
+    C_u, D_u = C1[free:], D11[free:]
+    instead = bool(np.linalg.norm(plant.B2 @ C_u) < CHANGED * np.linalg.norm(A))
+    if instead:
+        A, B1 = A - plant.B2 @ C_u, B1 - plant.B2 @ D_u
+        C1, D11 = (np.vstack([rows[:free], np.zeros_like(rows[free:])]) for rows in (C1, D11))
+    B, D = np.hstack([B1, plant.B2]), np.hstack([D11, plant.D12])
+    R = D.T @ D - np.diag(np.r_[np.full(n_w, gamma**2), np.zeros(n_u)])
+    X = stabilising(A, B, C1.T @ C1, R, C1.T @ D, quick=quick)
+    if X is None:
+        return None
+    F = -np.linalg.solve(R, D.T @ C1 + B.T @ X)
+    if instead:
+        F[n_w:] -= C_u + D_u @ F[:n_w]
+    return X, F
+
+
+def central(plant: Plant, at: Solution, *, rolled_off: bool = False) -> Matrices:
+    """The central controller of a level, or the one of least direct term (Zhou, Doyle & Glover 1996, Theorem 17.1).
+
+    All controllers of the level are F_l(M, Q) with |Q| < gamma; the central one has Q = 0. In a problem of one block
+    that one makes the whole direct term of the loop zero, at times with a K that is infinite there.
+    """
+    (n_z, n_w), n_u, n_y = plant.D11.shape, plant.B2.shape[1], plant.C2.shape[0]
+    g2 = at.gamma**2
+    D = plant.D11
+    D1111, D1112 = D[: n_z - n_u, : n_w - n_y], D[: n_z - n_u, n_w - n_y :]
+    D1121, D1122 = D[n_z - n_u :, : n_w - n_y], D[n_z - n_u :, n_w - n_y :]
+    inner = g2 * np.eye(n_w - n_y) - D1111.T @ D1111
+    outer = g2 * np.eye(n_z - n_u) - D1111 @ D1111.T
+    D_hat = -D1121 @ D1111.T @ np.linalg.solve(outer, D1112) - D1122
+    left = cholesky(np.eye(n_u) - D1121 @ np.linalg.solve(inner, D1121.T), lower=True)
+    right = cholesky(np.eye(n_y) - D1112.T @ np.linalg.solve(outer, D1112))
+    if rolled_off:
+        Q = -np.linalg.solve(left, np.linalg.solve(right.T, D_hat.T).T)
+        D_hat = D_hat + left @ Q @ right * min(1.0, 0.9 * at.gamma / max(float(np.linalg.norm(Q, 2)), 1e-300))
+    F1, F2 = at.F[n_w - n_y : n_w], at.F[n_w:]
+    H1, H2 = at.H[:, n_z - n_u : n_z], at.H[:, n_z:]
+    Z = np.linalg.inv(np.eye(plant.A.shape[0]) - at.Y @ at.X / g2)
+    B_hat = Z @ (plant.B2 + H1) @ left
+    C_hat = -right @ (plant.C2 + F1)
+    B_K = -Z @ H2 + B_hat @ np.linalg.solve(left, D_hat)
+    C_K = F2 + D_hat @ np.linalg.solve(right, C_hat)
+    A_K = plant.A + np.hstack([plant.B1, plant.B2]) @ at.F + B_K @ np.linalg.solve(right, C_hat)
+    return A_K, B_K, C_K, D_hat
+
+
+def bracket(
+    holds: Callable[[float], Any], ends: tuple[float, float], tolerance: float, deadline: float, *, enough: float = 0.0
+) -> tuple[float, float, int]:
+    """Largest level seen to fail, smallest seen to hold (inf: none), and how many were tried; from what is known."""
+    low, high = ends
+    n_steps, gamma = 0, max(1.0, 2 * low) if np.isinf(high) else high / 2
+    while time.monotonic() < deadline:
+        if high <= max(low, enough) * (1 + tolerance) or low > LARGEST_GAMMA or high < 1e-9:
+            break
+        if np.isfinite(high):
+            floor = max(low, enough)
+            # far from both ends go down by decades; near, halve
+            gamma = high / 8 if floor < high / 64 else float(np.sqrt(floor * high))
+        elif n_steps:
+            gamma = low * 4
+        n_steps += 1
+        if holds(gamma):
+            high = gamma
+        else:
+            low = gamma
+    return low, high, n_steps
+
+
+# ---- Singular H-infinity problems: zeros on the axis or at infinity, bounded from inside and reached from outside.
+#
+# No Riccati equation has a solution where P12 or P21 loses rank on the axis or at infinity (no weight on u, an
+# integrating plant under disturbances at its output). The axis is therefore replaced by circles on either side of it:
+#
+#     a disc in the right half plane     asks for less: its least norm is a lower bound of what was asked
+#     all but a disc in the left one     asks for more: its controllers are judged by the norm that was asked
+#
+# Both are regular, both tend to the infimum as the circles tend to the axis (the bilinear transform of Chiang & Safonov
+# 1992 is the second); where P12 or P21 lacks rank everywhere, small outputs of u and disturbances of y are added to the
+# second, which asks for more again.
+
+#: Decades between the circles and the slowest pole, and the fastest.
+RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
+ADDED = (1e-2, 1e-6)  # where rank is lacking everywhere, relative to the scaled plant: a decade less a rung, and least
+WITHOUT_CIRCLE = 1e-4  # added where the axis is kept: the last resort
+COARSE = (1, 1), (0, 0)  # of these: where finer ones found nothing near the bound
+NOT_NEAR = 1.1
+ENOUGH = 1.005  # beside `factor`: how near the lower bound is near enough
+DISTINCT = (1e6, 1e4)  # condition of D12 and D21 up to which bounds are drawn from both, from one alone
+TOLERANCE = 1e-3  # to which the levels of a rung are found
+TRUSTED = 1.003  # a bound may contradict a controller by this before rounding is blamed
+SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail too, or rounding has the word
+SINGULAR_STEPS_UP = (1.0, 1.02, 1.1, 1.3)
+
+
+@value
+class Found:
+    """What the circles gave so far.
+
+    Fields
+    ------
+    K : control.StateSpace or None
+    gamma : float
+        Norm of the problem that was asked with K; inf without one.
+    low : float
+        No controller reaches less, by the discs inside; 0 where they say nothing.
+    level : float
+        Least level of the last problem tried.
+    size, tried : float
+        Distance of the circle from the axis relative to the slowest pole: K is of, and at the moment.
+    n_steps : int
+        Levels tried.
+    late : bool
+        Whether time ran out.
+    """
+
+    K: control.StateSpace | None = None
+    gamma: float = np.inf
+    low: float = 0.0
+    level: float = LARGEST_GAMMA
+    size: float = 0.0
+    tried: float = 0.0
+    n_steps: int = 0
+    late: bool = False
+
+
+def between_circles(P: control.StateSpace, plant: Plant, enough: float, factor: float, deadline: float) -> Found:
+    """The best controller by circles that close in on the axis, until it is within `factor` of the lower bound."""
+    found, step = Found(), max(1.001, factor**0.5)
+    for rung in RUNGS:
+        if rung in COARSE and found.gamma <= NOT_NEAR * found.low:
+            continue
+        for problem in outside(plant, *rung):
+            found = judged(P, problem, replace(found, tried=10.0 ** -rung[0]), step, deadline)
+        if found.K is not None:
+            found = replace(found, low=max(found.low, fixed_gain(P, found.K)))
+            found = bounded(plant, rung, found, deadline)
+        if found.gamma <= max(ENOUGH * factor * found.low, enough) or time.monotonic() > deadline:
+            return replace(found, late=time.monotonic() > deadline)
+    last = normalised(regularised(plant, WITHOUT_CIRCLE))
+    if last is not None and not (zero_on_axis(last) or zero_on_axis(dual(last))):
+        found = judged(P, last, replace(found, tried=WITHOUT_CIRCLE), step, deadline)
+    return replace(found, late=time.monotonic() > deadline)
+
+
+def circle(plant: Plant, below: int, above: int) -> tuple[float, float]:
+    """Where a circle crosses the real axis: decades below the slowest pole and above the fastest."""
+    speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
+    speeds = speeds[speeds > 1e-9 * max(1.0, float(speeds.max()))]
+    slow = float(min(speeds.min(initial=1.0), 1.0))
+    fast = max(1.0, float(np.linalg.norm(plant.A, 2))) if plant.A.size else 1.0
+    return slow * 10.0**-below, fast * 10.0**above
+
+
+def outside(plant: Plant, below: int, above: int) -> list[Plant]:
+    """What is asked for outside of a disc in the left half plane, made regular, the hardest first."""
+    a, b = circle(plant, below, above)
+    problem = in_region(plant, -a, -b)
+    if hidden_mode(problem):
+        return []
+    sizes = (0.0,) if all(ranks(problem)) else (ADDED[0] * 10.0**-below, ADDED[1])
+    regular = (normalised(regularised(problem, size)) for size in sizes)
+    return [one for one in regular if one is not None]
+
+
+def bounded(plant: Plant, rung: tuple[int, int], found: Found, deadline: float) -> Found:
+    """With the level that fails inside a disc in the right half plane, which no controller reaches."""
+    problem = in_region(plant, *circle(plant, *rung))
+    # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
+    spread = [
+        float(np.linalg.cond(D)) if full else np.inf
+        for full, D in zip(ranks(problem), (problem.D12, problem.D21), strict=True)
+    ]
+    both = max(spread) < DISTINCT[0]
+    # where rank is lacking on one side everywhere, what the other side alone leaves
+    known = [all_known(side) for side, size in zip((problem, dual(problem)), spread, strict=True) if size < DISTINCT[1]]
+    sides, test = ([problem], partial(solved, quick=True)) if both else (known, control_equation)
+    for side in sides:
+        regular, reached = normalised(side), found.gamma * TRUSTED
+        # a level that a controller reaches cannot fail: then rounding has the word, and nothing is learnt
+        if regular is None or reached <= found.low or not test(regular, reached):
+            continue
+        ends = found.low, reached
+        low, _, n_steps = bracket(partial(test, regular), ends, TOLERANCE, deadline)
+        if low > found.low and not any(test(regular, share * low) for share in SHARES):
+            found = replace(found, low=low)
+        found = replace(found, n_steps=found.n_steps + n_steps + 1 + len(SHARES))
+    return found
+
+
+def all_known(plant: Plant) -> Plant:
+    """The plant with w measured, as it has to be put to normalise D12 alone."""
+    n_w = plant.B1.shape[1]
+    return replace(
+        plant, C2=np.zeros((n_w, plant.A.shape[0])), D21=np.eye(n_w), D22_region=np.zeros((n_w, plant.B2.shape[1]))
+    )
+
+
+def judged(P: control.StateSpace, problem: Plant, found: Found, step: float, deadline: float) -> Found:
+    """With the controller a little above the least level of a problem if it is better, by the norm that was asked."""
+    test = partial(solved, problem, quick=not problem.added)
+    ends = max(least_level(problem), found.low), found.level if test(found.level) else np.inf
+    _, level, n_steps = bracket(test, ends, TOLERANCE, deadline)
+    found = replace(found, n_steps=found.n_steps + n_steps + 1)
+    if not np.isfinite(level):
+        return found
+    found = replace(found, level=level)
+    for gamma in level * step * np.array(SINGULAR_STEPS_UP):
+        try:
+            solution = solved(problem, gamma)
+            K = (
+                controller_of(problem, central(problem, solution, rolled_off=bool(problem.region)))
+                if solution
+                else None
+            )
+            closed = lower(P, K) if K else None
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        if K is None or closed is None or not instability(closed).stable:
+            continue
+        achieved = norm_as_given(closed)
+        if achieved < found.gamma:
+            found = replace(found, K=K, gamma=achieved, size=found.tried)
+        if achieved <= gamma * 1.001 or time.monotonic() > deadline:
+            break
+    return found
+
+
+def norm_as_given(closed: control.StateSpace) -> float:
+    """The norm, and at least what evaluation finds in the coordinates of the loop as they are."""
+    poles = in_s(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
+    near = np.concatenate([np.abs(poles.imag), np.abs(poles)])
+    omega = np.unique(near[:, None] * (1 + np.linspace(-0.03, 0.03, 31)))
+    if timebase(closed):
+        omega = omega[omega <= np.pi / timebase(closed)]
+    gains = np.linalg.svd(np.moveaxis(along(closed, omega), 2, 0), compute_uv=False)
+    return max(hinf_norm(closed)[0], float(gains.max(initial=0.0)))
+
+
+def fixed_gain(P: control.StateSpace, K: control.StateSpace) -> float:
+    """What no controller changes where P12 or P21 loses rank: at infinity, and at poles of the plant on the axis.
+
+    At such a point T = T1 + T2 Q T3, and v' T is the same for all Q where v' T2 = 0; so is T v where T3 v = 0.
+    """
+    n_u, n_y, dt = K.noutputs, K.ninputs, timebase(P)
+    w, z = P.ninputs - n_u, P.noutputs - n_y
+    B, C, D = (
+        np.hstack([P.B, P.B[:, w:]]),
+        np.vstack([P.C, P.C[z:]]),
+        np.block([[P.D, P.D[:, w:]], [P.D[z:], P.D[z:, w:]]]),
+    )
+    closed = lower(control.StateSpace(P.A, B, C, D, P.dt), K)  # (w, beside u) -> (z, y)
+    poles = np.linalg.eigvals(P.A) if P.nstates else np.zeros(0)
+    size = max(1.0, float(np.abs(poles).max(initial=0.0)))
+    off = np.abs(np.abs(poles) - 1) if dt else np.abs(poles.real)
+    on = poles[(off < 1e-9 * size) & (poles.imag >= 0)]
+    points = np.concatenate([np.exp(1j * np.angle(on)) if dt else 1j * on.imag, [-1.0 if dt else np.inf]])
+    usual = evaluate(
+        closed.A, closed.B, closed.C, closed.D, on_axis(np.geomspace(1e-2, 1, 20) * (np.pi / dt if dt else size), dt)
+    )
+    values = evaluate(closed.A, closed.B, closed.C, closed.D, points)
+    gains = [0.0]
+    for T in values:
+        for M, typical in ((T, usual), (T.T, np.swapaxes(usual, 1, 2))):
+            rows, cols = (z, w) if M is T else (w, z)
+            reach, typical_reach = M[:rows, cols:], np.linalg.norm(typical[:, :rows, cols:], axis=(1, 2)).max()
+            U, sizes, _ = np.linalg.svd(reach)
+            free = U[:, np.concatenate([sizes, np.zeros(rows - sizes.size)]) < 1e-9 * typical_reach]
+            if free.shape[1]:
+                gains.append(float(np.linalg.norm(free.conj().T @ M[:rows, :cols], 2)))
+    return max(gains)
+
+
+NEAR = 1.03  # gamma over the lower bound of a singular problem that needs no comment
+STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
+
+
+@value
+class Synthesis:
+    """A controller, the norm it reaches, and the bracket on what any controller can reach.
+
+    Fields
+    ------
+    K : control.StateSpace
+        u = K y, positive feedback through P (n_u outputs, n_y inputs); zero where nothing was found.
+    gamma : float
+        Norm of F_l(P, K), recomputed from the closed loop; inf where that is not stable. With a `certificate` that
+        holds the norm is proved to be below it; else it is only what was computed, and the reason says so.
+    gamma_min, gamma_low : float
+        Least gamma at which the existence conditions were met, and a level that no controller reaches: the largest at
+        which they were seen to fail. Where the problem is singular both are that level, of the problem as it was given.
+    regularisation : float
+        Distance of the circle that took the place of the axis in a singular problem, relative to the slowest pole
+        (0: the problem is regular). gamma is the norm without it.
+    n_steps : int
+        Values of gamma tried.
+    reason : str
+        Why nothing, or less than asked for, was found, or gamma is not certified; empty otherwise.
+    certificate : Certificate or None
+        The proof of gamma, from P and K as they are given, or why there is none; None where nothing was found.
+
+    References
+    ----------
+    Doyle, Glover, Khargonekar & Francis 1989.
+
+    Examples
+    --------
+    >>> P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [0.0], [1.0]], [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
+    >>> found = hinfsyn(P, 1, 1)
+    >>> bool(found.gamma_low <= found.gamma_min <= found.gamma < np.inf), found.reason
+    (True, '')
+    """
+
+    K: control.StateSpace
+    gamma: float
+    gamma_min: float
+    gamma_low: float
+    regularisation: float
+    n_steps: int
+    reason: str
+    certificate: Certificate | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether gamma is proved to be a bound on the norm."""
+        return self.certificate is not None and self.certificate.holds
+
+    @property
+    def found(self) -> bool:
+        """Whether K stabilises the loop, beyond rounding."""
+        return bool(np.isfinite(self.gamma))
+
+
+def hinfsyn(
+    P: Any,
+    n_y: int,
+    n_u: int,
+    *,
+    gamma_min: float = 0.0,
+    tolerance: float = 1e-4,
+    factor: float = 1.01,
+    time_cap: float = 10.0,
+) -> Synthesis:
+    """The controller that makes the norm from w to z of a plant with weights as small as it can be.
+
+    Parameters
+    ----------
+    P : control.StateSpace
+        Generalised plant from (w, u) to (z, y), continuous or discrete, weights inside.
+    n_y, n_u : int
+        How many of its last outputs are measured, how many of its last inputs are controlled.
+    gamma_min : float
+        Level that is good enough: nothing better is looked for.
+    tolerance : float
+        Relative width to which the bracket on gamma is closed.
+    factor : float
+        gamma of the controller over the least one, at least 1: at the least one itself it is singular.
+    time_cap : float
+        Seconds; the best found by then is returned. The proof of its gamma may take a quarter of that beyond.
+
+    Returns
+    -------
+    Synthesis
+        Where no controller was found K is zero, gamma is inf and the reason is stated. gamma is certified, or said not
+        to be.
+
+    Raises
+    ------
+    ValueError
+        Sizes that do not fit, or a plant that no controller can stabilise through u and y (it names the mode).
+
+    Notes
+    -----
+    Where D12 or D21 lacks rank, or a zero of P12 or P21 lies on the stability boundary (an integrating plant in a
+    mixed-sensitivity problem), the problem is singular: its infimum is approached and not reached. Circles on either
+    side of the axis then take its place, closing in on it: controllers from the outside, a lower bound from the inside.
+    Where more than 3 % is left between the two, the reason says so.
+
+    References
+    ----------
+    Doyle, Glover, Khargonekar & Francis 1989; Glover & Doyle 1988 and Zhou, Doyle & Glover 1996, Theorem
+    17.1 (with D11); Chiang & Safonov 1992 (circles in place of the axis).
+
+    Examples
+    --------
+    SP Example 2.17: S and K S of a plant in mixed sensitivity reach 1.37.
+
+    >>> G = control.ss(control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1]))))
+    >>> w_P = control.ss(control.tf([1 / 1.5, 10], [1, 1e-3]))
+    >>> r, u = control.ss([], [], [], [[1.0, 0.0]]), control.ss([], [], [], [[0.0, 1.0]])
+    >>> e = r - G * u
+    >>> P = control.StateSpace(e.A, e.B, np.vstack([e.C, 0 * e.C, e.C]), [[1, 0], [0, 1], [1, 0]])
+    >>> P = control.append(w_P, 1, 1) * P
+    >>> round(hinfsyn(P, 1, 1).gamma_min, 3)
+    1.366
+    """
+    P = multivariable("P", P)
+    deadline = time.monotonic() + positive("time_cap", time_cap)
+    options = {"gamma_min": gamma_min, "tolerance": tolerance, "factor": factor, "time_cap": time_cap}
+    return certified(P, synthesise(P, n_y, n_u, **options), max(deadline - time.monotonic(), time_cap / 4))
+
+
+def certified(P: control.StateSpace, found: Synthesis, time_cap: float) -> Synthesis:
+    """The same with gamma proved, or the reason why it is not."""
+    if not found.found:
+        return found
+    proof = certify_closed_loop(P, found.K, found.gamma, subject="norm of the closed loop", time_cap=time_cap)
+    said = "; ".join(
+        part for part in (found.reason, "" if proof.holds else f"gamma is not certified: {proof.reason}") if part
+    )
+    return replace(found, gamma=proof.level, certificate=proof, reason=said)
+
+
+def synthesise(
+    P: control.StateSpace,
+    n_y: int,
+    n_u: int,
+    *,
+    gamma_min: float = 0.0,
+    tolerance: float = 1e-4,
+    factor: float = 1.01,
+    time_cap: float = 10.0,
+) -> Synthesis:
+    """`hinfsyn` without the proof of gamma, for who judges the loop by something else."""
+    n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
+    gamma_min, tolerance = nonnegative("gamma_min", gamma_min), positive("tolerance", tolerance)
+    factor, time_cap = real("factor", factor), positive("time_cap", time_cap)
+    if factor < 1:
+        raise ValueError(f"factor must be at least 1, got {factor:g}")
+    if P.noutputs <= n_y or P.ninputs <= n_u:
+        raise ValueError(
+            f"P must have more than n_y = {n_y} outputs and n_u = {n_u} inputs, got {P.noutputs} and {P.ninputs}"
+        )
+    deadline = time.monotonic() + time_cap
+    plant = prepared(P, n_y, n_u)
+    hidden = hidden_mode(plant)
+    if hidden:
+        raise ValueError(f"P must be one that a controller can stabilise, got one where {hidden}")
+    nothing = control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt)
+    best = Synthesis(
+        K=nothing, gamma=np.inf, gamma_min=np.inf, gamma_low=0.0, regularisation=0.0, n_steps=0, reason="no time"
+    )
+    problem = normalised(plant)
+    if problem is not None and not (zero_on_axis(problem) or zero_on_axis(dual(problem))):
+        best = synthesised(P, problem, best, (gamma_min, tolerance, factor), deadline)
+    if best.found or time.monotonic() > deadline:
+        return best
+    return without_axis(P, plant, best, (gamma_min, factor), deadline)
+
+
+def without_axis(
+    P: control.StateSpace, plant: Plant, nothing: Synthesis, wanted: tuple[float, float], deadline: float
+) -> Synthesis:
+    """The best controller of a singular problem, with a lower bound of the problem itself."""
+    found = between_circles(P, plant, *wanted, deadline)
+    if found.K is None:
+        why = "the time cap was reached" if found.late else "no level met the existence conditions, however regularised"
+        return replace(nothing, n_steps=nothing.n_steps + found.n_steps, reason=why)
+    low = min(found.low, found.gamma)
+    reason = ""
+    if found.gamma > NEAR * low and found.gamma > wanted[0]:
+        why = "the time cap was reached" if found.late else "the problem is singular"
+        reason = f"{why}: gamma {found.gamma:.4g} was reached, and below {low:.4g} there is nothing"
+    return replace(
+        nothing,
+        K=found.K,
+        gamma=found.gamma,
+        gamma_min=low,
+        gamma_low=low,
+        regularisation=found.size,
+        n_steps=nothing.n_steps + found.n_steps,
+        reason=reason,
+    )
+
+
+def better(a: Synthesis, b: Synthesis) -> Synthesis:
+    """The one with the smaller norm, the later one where neither has one."""
+    return a if a.gamma < b.gamma else b
+
+
+def synthesised(
+    P: control.StateSpace,
+    problem: Plant,
+    nothing: Synthesis,
+    wanted: tuple[float, float, float],
+    deadline: float,
+) -> Synthesis:
+    """The best controller of one regular problem, judged on P itself; `nothing` with the reason where none is good."""
+    enough, tolerance, factor = wanted
+    ends = least_level(problem), np.inf
+    low, high, n_steps = bracket(lambda gamma: solved(problem, gamma), ends, tolerance, deadline, enough=enough)
+    best = replace(nothing, gamma_low=low, gamma_min=high, n_steps=nothing.n_steps + n_steps)
+    late = time.monotonic() > deadline
+    if not np.isfinite(high):
+        what = (
+            "the time cap was reached" if late else f"no level up to {LARGEST_GAMMA:.0e} met the existence conditions"
+        )
+        return replace(best, reason=what)
+    best = replace(best, reason="the loop with the controller of the Riccati equations is not stable")
+    for step in STEPS_UP:
+        gamma = high * factor * step
+        try:
+            K = controller_of(problem, central(problem, solution)) if (solution := solved(problem, gamma)) else None
+            closed = lower(P, K) if K else None
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        if K is None or not instability(closed).stable:
+            continue
+        achieved = hinf_norm(closed)[0]
+        reason = "" if achieved <= gamma * 1.001 else f"the norm reached is above the level {gamma:.4g} asked for"
+        if late:
+            reason = f"the time cap was reached with gamma between {low:.4g} and {high:.4g}"
+        best = better(best, replace(best, K=K, gamma=achieved, reason=reason))
+        if achieved <= gamma * 1.001 or time.monotonic() > deadline:
+            break
+    return best

@@ -1,0 +1,141 @@
+"""Mixed-sensitivity synthesis: the controller that makes weighted S, K S and T as small as they can be together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+
+from nlfrf._base.arguments import nonnegative, positive
+from robust.lti.connections import weighted_plant
+from robust.lti.lti import constant, timebase
+from robust.lti.realisation import multivariable, stable_weight
+from robust.lti.sampling import delayed, discretize, sampled
+from robust.models.sets.forms import FORMS
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
+from robust.synthesis.hinf.design import Design
+from robust.synthesis.hinf.hinfsyn import hinfsyn
+
+__all__ = ["mixsyn", "on_time_base"]
+
+
+PADE_ORDER = 4
+PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
+
+
+def mixsyn(
+    model: Any,
+    w_P: Any,
+    *,
+    w_u: Any = None,
+    w_T: Any = None,
+    dt: float = 0.0,
+    delay: float = 0.0,
+    factor: float = 1.01,
+    time_cap: float = 2.0,
+) -> Design:
+    """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
+
+    Under 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|. With a model, its weight takes the
+    place of w_T (or joins S or K S, by its form), so that gamma < 1 includes stability of the whole set.
+
+    Parameters
+    ----------
+    model : UncertaintyModel, control.StateSpace, TransferFunction
+        Plant of one or several inputs and outputs, continuous or discrete.
+    w_P : control system or float
+        Weight on S (`performance_weight`). Stable: a slow pole in place of an integrator. Of several channels this and
+        the others are one weight for all of them alike, or a matrix that takes them all (`control.append`).
+    w_u : control system or float, optional
+        Weight on K S (`control_weight`).
+    w_T : control system or float, optional
+        Weight on T, on top of what the model asks for.
+    dt : float
+        Sampling time [s] of the controller for a continuous plant, which is then designed for as the controller sees
+        it, hold and delay inside; weights go through the bilinear map. 0: the time base of the plant.
+    delay : float
+        Computation delay [s]; by a Padé approximation in continuous time.
+    factor : float
+        gamma asked for over the least one, at least 1.
+    time_cap : float
+        Seconds; the best found by then is returned.
+
+    Returns
+    -------
+    Design
+        gamma recomputed from the closed loop; inf, and the reason, where no controller was found. gamma_min is a lower
+        bound for any controller; without a w_u the infimum is only approached, by controllers that grow faster.
+
+    Raises
+    ------
+    ValueError
+        An unstable or improper weight, sampling times that differ, a plant that no controller can stabilise.
+
+    References
+    ----------
+    SP 2.8.3, 3.5.3 and 9.3.6; Zhou, Doyle & Glover 1996, 17.
+
+    Examples
+    --------
+    SP Example 2.17.
+
+    >>> import numpy as np
+    >>> from robust import performance_weight
+    >>> G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+    >>> design = mixsyn(G, performance_weight(10, M_S=1.5, A=1e-4), w_u=1)
+    >>> round(design.gamma_min, 3), bool(design.gamma < 1.38)
+    (1.366, True)
+    """
+    dt, delay, time_cap = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_cap", time_cap)
+    G = multivariable("model", model.nominal if is_model(model) else model)
+    n_y, n_u, step = G.noutputs, G.ninputs, timebase(G)
+    if step and dt and abs(step / dt - 1) > 1e-9:
+        raise ValueError(f"dt must be the sampling time of the plant, {step:g} s, got {dt:g} s")
+    G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=PADE_ORDER)
+    dt = step or dt
+    weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
+    if is_model(model):
+        place = FORMS[model.form].tames
+        if not place:
+            possible = ", ".join(name for name, form in FORMS.items() if form.tames)
+            raise ValueError(f"model must be of the form {possible}, got {model.form}")
+        weights[place].append(model.weight)
+    stacked = [
+        (PORTS[name], on_time_base(name, w, dt, n_u if name == "w_u" else n_y))
+        for name, many in weights.items()
+        for w in many
+        if w is not None
+    ]
+    G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
+    found = hinfsyn(weighted_plant(G, n_y, n_u, stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
+    K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
+    reason = found.reason if found.found else f"not found: {found.reason}"
+    return Design(
+        K=K,
+        gamma=found.gamma,
+        gamma_min=found.gamma_low,
+        met=found.found,
+        reason=reason,
+        certificate=found.certificate,
+    )
+
+
+def is_model(model: Any) -> bool:
+    """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
+    if isinstance(model, MatrixUncertainty):
+        raise ValueError(
+            "model must be a plant or an UncertaintyModel, got a MatrixUncertainty: dk_iteration designs for its "
+            "perturbation, mixsyn for its nominal alone (model.nominal)"
+        )
+    if isinstance(model, UncertaintyModel) and model.measured_only:
+        raise ValueError("model must have a parametric nominal to synthesise for, got an FRF: see design_frf")
+    return isinstance(model, UncertaintyModel)
+
+
+def on_time_base(name: str, w: Any, dt: float, n: int) -> control.StateSpace:
+    """A stable weight on n signals, on the time base of the loop."""
+    w = stable_weight(name, w, dt, n)
+    if dt and not timebase(w) and not constant(w):
+        w = discretize(w, dt)
+    return control.StateSpace(w.A, w.B, w.C, w.D, dt)

@@ -1,0 +1,187 @@
+"""Controllers by H-infinity loop shaping (Glover & McFarlane): a shaped loop, robustly stabilised."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+from scipy.linalg import solve_continuous_are
+
+from nlfrf._base.arguments import positive, real
+from robust.lti.connections import closed_loop, in_series, joined
+from robust.lti.lti import fits_any_clock, response, timebase
+from robust.lti.norms import hinf_norm, to_continuous, to_discrete
+from robust.lti.realisation import from_roots, multivariable, state_space
+from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
+from robust.proofs.search.stability import certify_closed_loop
+from robust.synthesis.hinf.design import Design
+
+__all__ = ["crossover_weight", "ncfsyn"]
+
+TIME_CAP = 10.0  # seconds for the proof of gamma
+
+
+def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
+    """Robustly stabilise the shaped plant W2 G W1 against perturbations of its normalised coprime factors.
+
+    Shape the loop first: choose W1 (usually gain and integral action) so that |W2 G W1| is high where errors must
+    be small and low where the plant is unknown. The controller keeps that shape; gamma_min under about 4 says
+    that it could.
+
+    Parameters
+    ----------
+    G : control.StateSpace, TransferFunction, UncertaintyModel or MatrixUncertainty
+        Plant of one or several inputs and outputs, continuous or discrete. For a sampled controller give the plant it
+        sees (`robust.sampled`).
+    W1, W2 : control.StateSpace, TransferFunction, float or (n_u, n_u), (n_y, n_y) ndarray
+        Shaping functions at the input and output of the plant: matrices (`control.append`), or one for all channels.
+    factor : float
+        gamma asked for over gamma_min, above 1: at gamma_min itself the loop may be unstable.
+
+    Returns
+    -------
+    Design
+        K = W1 K_inf W2. A loop that turns out unstable is a result: gamma = inf. gamma, the norm of the shaped plant
+        with K_inf, is certified, or said not to be.
+
+    Raises
+    ------
+    ValueError
+        Sampling times or shapes that differ, a shaped plant with an unstable mode that cannot be stabilised.
+
+    References
+    ----------
+    McFarlane & Glover 1992; SP 9.4.1, eq. 9.62 to 9.67, there with positive feedback.
+
+    Examples
+    --------
+    SP Example 9.3: gamma_min = 2.34.
+
+    >>> G = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
+    >>> design = ncfsyn(G, control.tf([1, 2], [1, 0]))
+    >>> round(design.gamma_min, 3), bool(design.gamma <= 1.1 * design.gamma_min)
+    (2.339, True)
+    """
+    factor = real("factor", factor)
+    if factor <= 1:
+        raise ValueError(f"factor must be above 1, got {factor:g}")
+    G = multivariable("G", G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
+    dt = timebase(G)
+    W1, W2 = shaping("W1", W1, G.ninputs, dt), shaping("W2", W2, G.noutputs, dt)
+    shaped = in_series(W1, G, W2, dt=dt)
+    matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
+    A, B, C, D = to_continuous(*matrices) if dt else matrices
+    X, Z = riccati_solutions(A, B, C, D)
+    gamma_min = float(np.sqrt(1 + max(np.linalg.eigvals(X @ Z).real, default=0.0)))
+    gamma = factor * gamma_min
+    L = (1 - gamma**2) * np.eye(len(A)) + X @ Z
+    F = -np.linalg.solve(np.eye(D.shape[1]) + D.T @ D, D.T @ C + B.T @ X)
+    Bk = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
+    Ak = A + B @ F + Bk @ (C + D @ F)
+    central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
+    K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
+    K = in_series(W2, K_inf, W1, dt=dt)
+    achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
+    if not np.isfinite(achieved):
+        return Design(K=K, gamma=achieved, gamma_min=gamma_min)
+    proof = certify_closed_loop(
+        coprime_plant(shaped), K_inf, achieved, subject="norm of the shaped loop", time_cap=TIME_CAP
+    )
+    reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
+    return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof)
+
+
+def coprime_plant(G: control.StateSpace) -> control.StateSpace:
+    """From (p_out, p_in, u) to (u, y) and the error -y that the controller sees, for a plant of its own."""
+    n_u, n_y, n = G.ninputs, G.noutputs, G.nstates
+    one, none = np.eye(n_u), np.zeros
+    B = np.hstack([none((n, n_y)), G.B, G.B])
+    seen = np.hstack([np.eye(n_y), G.D, G.D])
+    C = np.vstack([none((n_u, n)), G.C, -G.C])
+    D = np.vstack([np.hstack([none((n_u, n_y + n_u)), one]), seen, -seen])
+    return control.StateSpace(G.A, B, C, D, G.dt)
+
+
+def riccati_solutions(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """X and Z of the shaped plant: those of control and of filtering."""
+    if not A.size:
+        return A, A
+    S, R = np.eye(D.shape[1]) + D.T @ D, np.eye(D.shape[0]) + D @ D.T
+    drift = A - B @ np.linalg.solve(S, D.T @ C)
+    try:
+        X = solve_continuous_are(drift, B, C.T @ np.linalg.solve(R, C), S)
+        Z = solve_continuous_are(drift.T, C.T, B @ np.linalg.solve(S, B.T), R)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise ValueError(
+            "G must be stabilisable and detectable once shaped, got a plant whose Riccati equations have no solution "
+            f"({error}). Does W1 or W2 cancel an unstable or undamped mode?"
+        ) from None
+    return X, Z
+
+
+def shaping(name: str, given: Any, n: int, dt: float) -> control.StateSpace:
+    """A shaping function beside n channels of the plant, at its input W1 or its output W2."""
+    W = multivariable(name, given)
+    if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
+        W = joined([W] * n, W.dt)
+    beside, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
+    if beside != n:
+        raise ValueError(f"{name} must have {n} {side}, one a channel of G, or be one for all of them, got {beside}")
+    if not fits_any_clock(W) and timebase(W) != dt:
+        raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
+    return W
+
+
+def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
+    """A first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
+
+    Where the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade through the
+    crossover; where the plant falls by itself, W1 = k (s + omega_c/5) / s.
+
+    Parameters
+    ----------
+    G : control.StateSpace, TransferFunction or UncertaintyModel
+        Plant, continuous or discrete (then as the sampled controller sees it).
+    omega_c : float
+        Crossover |G W1| = 1 asked for [rad/s].
+
+    Returns
+    -------
+    control.StateSpace
+        On the time base of G (by the bilinear map where discrete).
+
+    Raises
+    ------
+    ValueError
+        A crossover beyond Nyquist, or where the plant has no gain.
+
+    References
+    ----------
+    SP 9.4.2 (choice of the shaping functions); the integrator of this weight is the usual first choice.
+
+    Examples
+    --------
+    >>> W1 = crossover_weight(control.tf([2], [1, 10]), 1.0)
+    >>> round(float(abs(W1(1j) * 2 / (1j + 10))), 12)
+    1.0
+    """
+    G = state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+    omega_c, dt = positive("omega_c", omega_c), timebase(G)
+    if dt and omega_c * dt > np.pi / 2:
+        raise ValueError(
+            f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s, got {omega_c:g}"
+        )
+    around = np.abs(response(G, omega_c * np.array([0.9, 1.0, 1.1])))
+    if not np.all((around > 0) & np.isfinite(around)):
+        raise ValueError(f"omega_c must lie where the plant has gain, got |G| = {around[1]:g} at {omega_c:g} rad/s")
+    flat = np.log(around[2] / around[0]) / np.log(1.1 / 0.9) > -0.5
+    zeros = np.zeros(0) if flat else np.array([-omega_c / 5])
+    W = from_roots(zeros, np.zeros(1), 1.0, 0.0)
+    if dt:
+        # the map scaled so that it is exact at omega_c
+        scale = omega_c / np.tan(omega_c * dt / 2)
+        W = control.StateSpace(*to_discrete(W.A / scale, W.B / scale, W.C, W.D), dt)
+    gain = 1 / (around[1] * np.abs(response(W, np.array([omega_c])))[0])
+    return control.StateSpace(W.A, W.B, W.C * gain, W.D * gain, W.dt)

@@ -1,0 +1,328 @@
+"""Two degrees of freedom: a prefilter that makes a loop follow a reference model, with what the set makes of it.
+
+    r --->[ F ]--->(+)-- e -->[ K ]-- u -->[ G ]---+--> y        y = T_p F r,   wanted: T_ref r
+                   -^                              |
+                    +------------------------------+
+
+F stands outside of the loop: stability and its margins are those of K, whatever F is. (SP 9.4.3 finds both at once.)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import nonnegative, positive, shown
+from nlfrf._base.values import value
+from robust.analysis.loop import Loop, assemble, nominal_instability
+from robust.lti.connections import in_series
+from robust.lti.lti import constant, response, timebase
+from robust.lti.norms import continuous_image, to_discrete
+from robust.lti.realisation import least_stable, stable_weight
+from robust.lti.sampling import discretize
+from robust.lti.stability import stable
+from robust.models.sets.forms import numerator
+from robust.models.sets.model import UncertaintyModel
+from robust.proofs.search.certificate import Certificate
+from robust.synthesis.hinf.hinfsyn import hinfsyn
+from robust.synthesis.reduction import balanced
+
+__all__ = [
+    "Feedforward",
+    "Prefilter",
+    "feedforward",
+    "fewest_states",
+    "following",
+    "matching",
+    "on_time_base",
+    "prefilter",
+]
+
+
+SMALL = 0.01  # what leaving out states of F may change of T F
+
+
+@value
+class Prefilter:
+    """A prefilter, and how well the loop follows its reference model with it.
+
+    Fields
+    ------
+    F : control.StateSpace
+        Stable, on the time base of the loop: the loop is given F r.
+    gamma, gamma_min : float
+        Norm of [T_ref - T F; effort F] before states were left out, and a lower bound for any F.
+    certificate : Certificate or None
+        The proof of gamma, or why there is none.
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    error, error_worst : (W,) ndarray
+        |T_ref - T F| of the nominal loop, and the largest |T_ref - T_p F| over the set; inf where rs reaches one.
+
+    References
+    ----------
+    SP 9.4.3.
+
+    Examples
+    --------
+    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    >>> found = prefilter(model, control.tf([2, 2], [1, 0]), control.tf([1], [1, 1]))          # T = 2/(s + 2)
+    >>> round(float(found.F.dcgain()), 3), bool(found.error.max() < 0.03 < found.error_worst.max())
+    (1.0, True)
+    """
+
+    F: control.StateSpace
+    gamma: float
+    gamma_min: float
+    certificate: Certificate | None
+    omega: np.ndarray
+    error: np.ndarray
+    error_worst: np.ndarray
+
+
+def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay: float = 0.0) -> Prefilter:
+    """Find the prefilter that brings a loop nearest to a reference model, and what the whole set makes of the result.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        Plant with its set, with a parametric nominal.
+    K : control.StateSpace, TransferFunction
+        Controller, negative feedback; a sampled one on a continuous nominal as for `check`.
+    reference : control.StateSpace, TransferFunction
+        T_ref, stable: how y should follow r. Continuous ones go through the bilinear map onto a sampled loop.
+    effort : float
+        Weight on F: how much of it is bought for how much of the error.
+    delay : float
+        Computation delay [s].
+
+    Returns
+    -------
+    Prefilter
+        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref where T is not zero.
+
+    Raises
+    ------
+    ValueError
+        A loop that is not stable, a reference that is not, sampling times that differ.
+
+    References
+    ----------
+    SP 9.4.3 (there together with the feedback); Hoyle, Hyde & Limebeer 1991; Limebeer, Kasenally & Perkins 1993.
+
+    Examples
+    --------
+    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    >>> found = prefilter(model, control.tf([2, 2], [1, 0]), control.tf([2], [1, 2]))          # T as it is
+    >>> found.F.nstates, round(float(found.F.D[0, 0]), 2)
+    (0, 1.0)
+    """
+    effort, loop = positive("effort", effort), following(model, K, delay)
+    T_ref = on_time_base(reference, loop.dt)
+    T = loop.closed(("y",), ("r",))
+    found = hinfsyn(matching(T_ref, T, effort, loop.dt), 1, 1)
+    if not found.found:
+        raise ValueError(f"reference must be one that a prefilter can be found for: {found.reason}")
+    omega = loop.grid(model.omega)
+    F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
+    error, worst = errors(loop, response(F, omega), response(T_ref, omega), omega)
+    return Prefilter(
+        F=F,
+        gamma=found.gamma,
+        gamma_min=found.gamma_low,
+        certificate=found.certificate,
+        omega=omega,
+        error=error,
+        error_worst=worst,
+    )
+
+
+def following(model: Any, K: Any, delay: float) -> Loop:
+    """The loop that is to follow a reference, or a refusal where it is not stable."""
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError(f"model must be an UncertaintyModel with a parametric nominal, got {shown(model)}")
+    loop = assemble(model, K, None, nonnegative("delay", delay))
+    nominal = nominal_instability(loop)
+    if not nominal.stable:
+        raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {nominal}")
+    return loop
+
+
+def on_time_base(reference: Any, dt: float) -> control.StateSpace:
+    """The reference model, stable, on the time base of the loop."""
+    T_ref = stable_weight("reference", reference, dt)
+    return discretize(T_ref, dt) if dt and not timebase(T_ref) and not constant(T_ref) else T_ref
+
+
+def matching(T_ref: control.StateSpace, T: control.StateSpace, effort: float, dt: float) -> control.StateSpace:
+    """From (r, u) to (T_ref r - T u, effort u; r)."""
+    n, m = T_ref.nstates, T.nstates
+    A = np.block([[T_ref.A, np.zeros((n, m))], [np.zeros((m, n)), T.A]])
+    B = np.block([[T_ref.B, np.zeros((n, 1))], [np.zeros((m, 1)), T.B]])
+    C = np.vstack([np.hstack([T_ref.C, -T.C]), np.zeros((2, n + m))])
+    D = np.array([[T_ref.D[0, 0], -T.D[0, 0]], [0.0, effort], [1.0, 0.0]])
+    return control.StateSpace(A, B, C, D, dt)
+
+
+def fewest_states(F: control.StateSpace, T: control.StateSpace, omega: np.ndarray, dt: float) -> control.StateSpace:
+    """F without the states that T F hardly shows."""
+    shown_by, whole = np.abs(response(T, omega)), response(F, omega)
+    for _, _, small in balanced(continuous_image(F)):
+        less = control.StateSpace(*(to_discrete(*small) if dt else small), dt)
+        if np.max(shown_by * np.abs(response(less, omega) - whole)) < SMALL:
+            return less
+    return F
+
+
+def exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
+    """F scaled so that what stands still is followed exactly."""
+    now, wanted = (float(response(each, np.zeros(1))[0].real) for each in (in_series(F, T, dt=T.dt), T_ref))
+    scale = wanted / now if abs(now) > 0.5 * abs(wanted) > 0 else 1.0
+    return control.StateSpace(F.A, F.B, F.C * scale, F.D * scale, T.dt)
+
+
+def errors(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
+    curves = loop.curves(omega)
+    S, a, b = curves.S, curves.a, curves.b
+    with np.errstate(all="ignore"):
+        room = 1 - np.abs(b) ** 2
+        middle, radius = S * (1 - a * b.conj()) / room, np.abs(S) * np.abs(a - b) / room
+        worst = np.abs(wanted - (1 - middle) * f) + np.abs(f) * radius
+    return np.abs(wanted - (1 - S) * f), np.where(np.abs(b) < 1, worst, np.inf)
+
+
+# ---- Feedforward from the model, with what the set of plants makes of it.
+#
+#     r --->[T_ref]--->(+)-- e -->[ K ]--->(+)-- u -->[ G ]---+--> y       wanted: T_ref r
+#      |               -^                   ^                 |
+#      |                +-------------------|-----------------+
+#      +-------------->[ F ]----------------+
+#
+# With F = T_ref/G the nominal loop follows exactly, and a plant of the set misses by T_ref S_p (1 - G_p/G) in place of
+# T_ref S_p: feedforward helps where the plant is known to within itself, and does harm where it is not.
+
+
+@value
+class Feedforward:
+    """A feedforward, and how well the loop follows its reference model with it and without.
+
+    Fields
+    ------
+    F : control.StateSpace
+        Stable, on the time base of the loop: u = K (T_ref r - y) + F r.
+    gamma, gamma_min : float
+        Norm of [T_ref - G F; effort F] before states were left out, and a lower bound for any F.
+    certificate : Certificate or None
+        The proof of gamma, or why there is none.
+    omega : (W,) ndarray
+        Frequencies [rad/s].
+    error, error_worst : (W,) ndarray
+        |T_ref - y/r| of the nominal loop, and the largest over the set; inf where rs reaches one.
+    error_without : (W,) ndarray
+        The largest over the set with F = 0.
+
+    References
+    ----------
+    SP 5.4 (limits of feedforward by uncertainty).
+
+    Examples
+    --------
+    >>> from robust import UncertaintyModel
+    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))
+    >>> bool(found.error.max() < found.error_worst.max() < 0.1 < found.error_without.max())
+    True
+    """
+
+    F: control.StateSpace
+    gamma: float
+    gamma_min: float
+    certificate: Certificate | None
+    omega: np.ndarray
+    error: np.ndarray
+    error_worst: np.ndarray
+    error_without: np.ndarray
+
+
+def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, delay: float = 0.0) -> Feedforward:
+    """Find what is to be added to u so that a loop follows a reference model, and what the set makes of the result.
+
+    Parameters
+    ----------
+    model : UncertaintyModel
+        Plant with its set, with a parametric nominal that is stable.
+    K : control.StateSpace, TransferFunction or float
+        Controller, negative feedback, of T_ref r - y; a sampled one on a continuous nominal as for `check`.
+    reference : control.StateSpace, TransferFunction
+        T_ref, stable: how y should follow r. Continuous ones go through the bilinear map onto a sampled loop.
+    effort : float
+        Weight on F, in units of error over those of u: how much of it is bought for how much of the error.
+    delay : float
+        Computation delay [s].
+
+    Returns
+    -------
+    Feedforward
+
+    Raises
+    ------
+    ValueError
+        A plant or a reference that is not stable, a loop that is not, sampling times that differ.
+
+    References
+    ----------
+    SP 5.4.
+
+    Examples
+    --------
+    >>> from robust import UncertaintyModel
+    >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
+    >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))     # F = (s + 1)/(s/2 + 1): sqrt(5/2) at 2 rad/s
+    >>> round(float(found.F.dcgain()), 2), bool(abs(abs(found.F(2j)) - np.sqrt(5 / 2)) < 0.02)
+    (1.0, True)
+    """
+    effort, loop = positive("effort", effort), following(model, K, delay)
+    if not stable(loop.G):
+        raise ValueError(
+            f"model must have a stable nominal to be fed forward to, got a pole at {least_stable(loop.G):.4g}. Close a "
+            "loop around it first (cascade), or take prefilter, which feeds the closed loop"
+        )
+    T_ref = on_time_base(reference, loop.dt)
+    found = hinfsyn(matching(T_ref, loop.G, effort, loop.dt), 1, 1)
+    if not found.found:
+        raise ValueError(f"reference must be one that a feedforward can be found for: {found.reason}")
+    omega = loop.grid(model.omega)
+    F = fewest_states(found.K, loop.G, omega, loop.dt)
+    wanted = response(T_ref, omega)
+    error, worst = missed(loop, response(F, omega), wanted, omega)
+    return Feedforward(
+        F=F,
+        gamma=found.gamma,
+        gamma_min=found.gamma_low,
+        certificate=found.certificate,
+        omega=omega,
+        error=error,
+        error_worst=worst,
+        error_without=missed(loop, np.zeros_like(wanted), wanted, omega)[1],
+    )
+
+
+def missed(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.
+
+    S_p (T_ref - G_p F) = S (p + q Delta)/(1 + b Delta) fills a disc; inf where |b| reaches one.
+    """
+    curves = loop.curves(omega)
+    S, a, b = curves.S, curves.a, curves.b
+    g = numerator(loop.form, curves.w, curves.G, curves.W)
+    p, q = wanted - curves.G * f, a * wanted - g * f
+    with np.errstate(all="ignore"):
+        worst = np.abs(S) * (np.abs(p - q * b.conj()) + np.abs(q - p * b)) / (1 - np.abs(b) ** 2)
+    return np.abs(S * p), np.where(np.abs(b) < 1, worst, np.inf)

@@ -1,0 +1,57 @@
+"""Values are frozen, keyword-only, and keep their own arrays."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+from nlfrf import LineGrid, multisine
+from nlfrf._base.values import field_names, value
+
+
+@value
+class Tone:
+    amplitude: np.ndarray
+    f: float = 1.0
+
+
+@value(kw_only=False)
+class Spring:
+    stiffness: float
+
+
+def test_arrays_are_copied_and_read_only():
+    samples = np.ones(3)
+    tone = Tone(amplitude=samples)
+    samples[0] = 5
+    assert tone.amplitude[0] == 1
+    with pytest.raises(ValueError, match="read-only"):
+        tone.amplitude[0] = 2
+
+
+def test_a_view_of_somebody_elses_array_is_copied_too():
+    samples = np.ones(4)
+    view = samples[:2]
+    view.flags.writeable = False
+    tone = Tone(amplitude=view)
+    samples[0] = 5
+    assert tone.amplitude[0] == 1
+
+
+def test_frozen_keyword_only_and_without_equality():
+    tone = Tone(amplitude=np.ones(3))
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        tone.f = 2.0
+    with pytest.raises(TypeError):
+        Tone(np.ones(3))
+    assert Spring(3.0).stiffness == 3.0
+    assert tone != Tone(amplitude=np.ones(3))
+    assert field_names(Tone) == ("amplitude", "f")
+
+
+def test_values_survive_pickling():
+    ms = multisine(fs=64, n_samples=64, f_min=1, f_max=20, rng=1)
+    again = pickle.loads(pickle.dumps(ms))
+    np.testing.assert_array_equal(again.u, ms.u)
+    assert isinstance(again.lines, LineGrid)

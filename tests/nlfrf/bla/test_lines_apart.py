@@ -1,0 +1,74 @@
+"""A line that keeps step with a disturbance stands out of its neighbours; nothing else does."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from benchmarks import hum
+from nlfrf import DataWarning, LineGrid, identify, record_from_samples
+from nlfrf.bla.frf import warn_of_lines_apart
+from nlfrf.bla.localfit import apart_from_neighbours, fit_locally
+from nlfrf.bla.neighbours import place_lines
+
+GRID = LineGrid(excited=np.sort(np.concatenate([np.arange(1, 401, 8), np.arange(3, 401, 8)])))
+WHERE = place_lines(GRID)
+
+
+def scattered(G, n, rng, sigma=0.02):
+    noise = rng.standard_normal((n, G.size)) + 1j * rng.standard_normal((n, G.size))
+    return G * (1 + sigma * noise / np.sqrt(2)), (sigma * np.abs(G)) ** 2
+
+
+def test_what_neighbours_tell_of_a_parabola_is_the_line_itself():
+    k = GRID.excited / 400
+    apart, scatter, spread = apart_from_neighbours(1 + 2j * k - 3 * k**2, WHERE)
+    np.testing.assert_allclose([np.abs(apart), scatter], 0, atol=1e-12)
+    rng = np.random.default_rng(0)
+    each, level = scattered(np.ones(k.size, dtype=complex), 3000, rng)
+    found = np.array([apart_from_neighbours(G, WHERE)[:2] for G in each])
+    np.testing.assert_allclose(np.mean(np.abs(found[:, 0]) ** 2, axis=0), spread * level, rtol=0.12)
+    np.testing.assert_allclose(np.mean(found[:, 1].real, axis=0), level, rtol=0.1)
+
+
+@pytest.mark.parametrize("width", [0.0, 0.3, 1.0, 10.0], ids=lambda w: f"a mode {w:g} pairs of lines wide")
+def test_chance_and_a_mode_that_lines_show_stand_out_nowhere(width):
+    """A level three times too low is no reason: neighbours that scatter as much are."""
+    s = 1j * GRID.excited / 199.0
+    G = 1 + (0.3 / (s**2 + 4 * width / 199 * s + 1) if width else 0 * s)
+    each, level = scattered(G, 500, np.random.default_rng(1))
+    fits = fit_locally(each, np.ones(each.shape), WHERE).G
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not any(
+            warn_of_lines_apart(one[None], fit[None], level / 3, WHERE, GRID.excited * 0.5).any()
+            for one, fit in zip(each, fits, strict=True)
+        )
+
+
+def test_hum_of_the_mains_is_named_and_held_and_little_else_changes():
+    """20 % of the output at 50 Hz: G was 66 times its bound off there, without a word."""
+    ms, us, ys, truth, rng = hum.records_of(lambda u, fs: u + 0.01 * u**3, 1, "special-odd")
+    k = int(np.argmin(np.abs(ms.f - 50)))
+    assert ms.f[k] == pytest.approx(50)
+    u, y = np.tile(us[0], hum.P), np.tile(ys[0], hum.P)
+    y = y + 0.003 * np.std(y) * rng.standard_normal(y.size)
+    disturbed = y + np.std(y) * hum.hum(0.2, 50.0, rng)
+    sound, told = (
+        record_from_samples(u=u, y=one, fs=hum.FS, n_samples=hum.N, lines=ms.lines) for one in (y, disturbed)
+    )
+    before = identify(sound)
+    with pytest.warns(DataWarning, match=r"stands out of its neighbours at 50, 150 Hz.* mains of 50 Hz"):
+        after = identify(told)
+    assert np.abs(after.G - truth)[k] > 20 * before.bound()[k]
+    assert np.abs(after.G - truth)[k] < after.bound()[k]
+    elsewhere = np.abs(ms.f - 50) > 10
+    elsewhere &= np.abs(ms.f - 150) > 10
+    np.testing.assert_allclose(after.bound()[elsewhere], before.bound()[elsewhere], rtol=0.1)
+
+
+def test_plants_drawn_by_chance():
+    """Sound records never; a hum of a fifth of the output in four records of five at least."""
+    found = hum.attack(range(2), sizes=(0.2,), frequencies=(50.0,))
+    assert not found[0.0, 0.0][:, 0].any()
+    assert found[0.2, 50.0][:, 0].mean() >= 0.8

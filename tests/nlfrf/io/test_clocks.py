@@ -1,0 +1,101 @@
+"""What a file says of its clock is understood, or asked for: never taken for something else."""
+
+import numpy as np
+import pytest
+
+import nlfrf
+from nlfrf.io.readers.clock import told_clock
+
+FS, N, P = 1000.0, 500, 6
+U = np.tile(nlfrf.multisine(fs=FS, n_samples=N, f_min=2, f_max=200, rng=1).u[0], P)
+Y = np.convolve(U, [0.5, 0.3, 0.1])[: U.size]
+T = np.arange(U.size) / FS
+
+
+def saved(tmp_path, **arrays):
+    np.savez(tmp_path / "run.npz", u=U, y=Y, **arrays)
+    return tmp_path / "run.npz"
+
+
+def test_rates_in_any_unit_above_a_table():
+    for number, prefix in ((2.5, "k"), (2, "M"), (1.25, "G"), (800, "")):
+        scale = {"": 1, "k": 1e3, "M": 1e6, "G": 1e9}[prefix]
+        for unit in ("Hz", "S/s", "Sa/s", "samples/s", "sps"):
+            for line in (f"Sample rate: {number} {prefix}{unit}", f"Sampling Rate,{number}{prefix}{unit},"):
+                assert told_clock((line,)) == number * scale, line
+        assert told_clock((f"Sampling frequency [{prefix}Hz]: {number}",)) == number * scale
+    for unit, second in (("ns", 1e-9), ("usec", 1e-6), ("µs", 1e-6), ("milliseconds", 1e-3), ("s", 1), ("min", 60)):
+        assert told_clock((f"Sample interval: 20 {unit}",)) == pytest.approx(1 / (20 * second), rel=1e-11)
+
+
+def test_numbers_of_a_clock_as_people_write_them():
+    for line, fs in {
+        "Sample rate: 1 000 Hz": 1000,
+        "Sample rate: 1'000 Hz": 1000,
+        "fs = 1e3": 1000,
+        "Sampling rate = 10kHz, Range = 5V": 10_000,
+        "Sample rate: 2000  # nominal": 2000,
+        "Sample rate [Hz],1000,1000": 1000,
+    }.items():
+        assert told_clock((line,)) == fs, line
+    for line, fs in {"Abtastrate: 2,5 kHz": 2500, "Abtastrate: 1.000,0 Hz": 1000, "dt = 1,25 ms": 800}.items():
+        assert told_clock((line,), ";", ",") == pytest.approx(fs), line
+    for line in ("Sample rate: 51,200 Hz", "Sample rate [Hz],1000,2000", "Load cell, FS: 100 N", "samplerate=-5 Hz"):
+        assert told_clock((line,)) == 0, line  # may be read in two ways, or as no clock
+
+
+def test_units_of_clocks_that_are_variables(tmp_path):
+    import h5py
+
+    def written(name, number, unit):
+        with h5py.File(tmp_path / "run.h5", "w") as file:
+            file["u"], file["y"], file[name] = U, Y, number
+            file[name].attrs["unit"] = unit
+        return nlfrf.load_record(tmp_path / "run.h5").fs
+
+    assert written("fs", 1.0, "kHz") == FS
+    assert written("dt", 1.0, "ms") == FS
+    with pytest.raises(ValueError, match="fs must be given"):
+        written("dt", 1.0, "ticks")
+
+
+def test_clocks_that_contradict_each_other(tmp_path):
+    with pytest.raises(ValueError, match=r"fs must be given: 'run.npz' says 100 Hz by 'Ts' and 1000 Hz by 'fs'"):
+        nlfrf.load_record(saved(tmp_path, fs=FS, Ts=0.01))
+    assert nlfrf.load_record(saved(tmp_path, fs=FS, Ts=1e-3, t=T)).fs == FS
+    with pytest.warns(
+        nlfrf.DataWarning, match=r"fs is 500 Hz by 'fs' of 'run.npz' and 1000 Hz by the time channel 't'"
+    ):
+        assert nlfrf.load_record(saved(tmp_path, fs=500.0, t=T)).fs == 500
+    assert nlfrf.load_record(saved(tmp_path, fs=FS, Ts=0.01), fs=100).fs == 100
+
+
+def test_a_time_channel_of_other_samples_or_that_runs_backwards_is_no_clock(tmp_path):
+    with pytest.raises(ValueError, match=r"fs must be given: the time channel 't' has 6000 samples, and 'y' has 3000"):
+        nlfrf.load_record(saved(tmp_path, t=np.arange(2 * U.size) / 2000))
+    assert nlfrf.load_record(saved(tmp_path, time=np.arange(2 * U.size) / 2000, t=T)).fs == FS
+    with pytest.raises(ValueError, match=r"time channel 't' runs backwards at sample 1500, from 1.499 to 0"):
+        nlfrf.load_record(saved(tmp_path, t=np.r_[T[:1500], T[:1500]]))
+    with pytest.raises(ValueError, match=r"time channel 't' runs backwards at sample 2, from 2.998 to 2.997"):
+        nlfrf.load_record(saved(tmp_path, t=T[::-1]))
+    rng = np.random.default_rng(0)
+    for quantity in (20 + 0.1 * U, 20 + 1e-5 * np.arange(U.size) + 1e-3 * rng.standard_normal(U.size)):
+        with pytest.raises(ValueError, match=r"fs must be given: the time channel 'T' runs backwards"):
+            nlfrf.load_record(saved(tmp_path, T=quantity))
+        assert nlfrf.load_record(saved(tmp_path, T=quantity, t=T)).fs == FS
+    for start in (45_000, 739_000):
+        with pytest.raises(ValueError, match=r"Hz if these are seconds, .* Hz if they are days"):
+            nlfrf.load_record(saved(tmp_path, t=start + T / 86400))
+
+
+def test_each_run_of_a_file_has_the_clock_beside_it(tmp_path):
+    runs = {
+        f"{run}.{name}": held
+        for run, fs in (("a", 1e3), ("b", 2e3))
+        for name, held in (("time", np.arange(U.size) / fs), ("u", U), ("y", Y))
+    }
+    np.savez(tmp_path / "run.npz", **runs)
+    for run, fs in (("a", 1e3), ("b", 2e3)):
+        assert nlfrf.load_record(tmp_path / "run.npz", u=f"{run}.u", y=f"{run}.y").fs == fs
+    with pytest.raises(ValueError, match=r"u must name a signal of 'run.npz', one of .*; got 'x'"):
+        nlfrf.load_record(tmp_path / "run.npz", u="x", y="a.y")

@@ -1,0 +1,93 @@
+"""Classical margins against closed forms and python-control; steps against closed forms and scipy."""
+
+import control
+import numpy as np
+import pytest
+from scipy.signal import dlsim
+
+from robust import UncertaintyModel, check, pid, sampled, step_response
+from robust.analysis.performance import classical_margins
+
+OMEGA = np.geomspace(1e-3, 1e3, 3000)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_margins_are_those_of_python_control(seed):
+    rng = np.random.default_rng(seed)
+    poles = -(10 ** rng.uniform(-1, 1.5, 3))
+    L = control.tf([10 ** rng.uniform(1, 2)], np.poly(poles)) * control.tf([1, 1], [1, 0])
+    seen = classical_margins(OMEGA, L(1j * OMEGA))
+    gm, pm, _, wpc, wgc, _ = control.stability_margins(L, returnall=True)
+    near = np.argmin(np.abs(pm))
+    assert np.degrees(seen.phase_margin) == pytest.approx(abs(pm[near]), abs=0.01)
+    assert seen.omega_phase == pytest.approx(wgc[near], rel=1e-4)
+    assert seen.crossover == pytest.approx(max(wgc), rel=1e-4)
+    above, below = gm[gm > 1], gm[(gm < 1) & (gm > 0)]
+    assert seen.gain_margin == (pytest.approx(min(above), rel=1e-3) if above.size else np.inf)
+    assert seen.gain_reduction == (pytest.approx(max(below), rel=1e-3) if below.size else 0.0)
+    assert len(wpc) == above.size + below.size
+
+
+def test_the_bandwidth_is_that_of_the_sensitivity():
+    seen = classical_margins(OMEGA, 2 / (1j * OMEGA))  # |S| = w / sqrt(w^2 + 4)
+    assert seen.bandwidth == pytest.approx(2.0, rel=1e-5)
+    assert (seen.gain_margin, seen.gain_reduction) == (np.inf, 0.0)
+    assert np.isnan(classical_margins(OMEGA, 0.1 / (1j * OMEGA + 1)).bandwidth)
+    assert "|L| never crosses one" in str(classical_margins(OMEGA, 0.1 / (1j * OMEGA + 1)))
+
+
+def test_a_sampled_loop_has_its_gain_margin_at_nyquist():
+    """k/(z - 1) is stable to k = 2, with the pole at z = -1."""
+    T = 0.1
+    omega = np.append(np.geomspace(1e-3, 0.99 * np.pi / T, 2000), np.pi / T * (1 - 1e-9))
+    seen = classical_margins(omega, 0.5 / (np.exp(1j * omega * T) - 1))
+    assert seen.gain_margin == pytest.approx(4.0, rel=1e-6)
+    assert seen.omega_gain == pytest.approx(np.pi / T)
+
+
+def test_the_report_says_them():
+    plant, w = control.tf([1], [1, 3, 3, 1]), control.tf([0.05], [1])
+    model = UncertaintyModel(plant, w, "multiplicative", np.array([0.1, 10.0]), np.array([0.05, 0.05]))
+    report = check(model, 4.0)
+    assert report.classical.gain_margin == pytest.approx(2.0, rel=1e-3)
+    said = " ".join(str(report).split())
+    assert f"loop gain: {report.classical}" in said
+    assert "gain margin 6.02 dB at 0.2757 Hz" in said
+    assert np.isnan(check(model, 9.0).classical.phase_margin)
+
+
+@pytest.mark.parametrize("zeta", [0.05, 0.3, 0.9])
+def test_overshoot_and_settling_of_a_second_order_loop(zeta):
+    step = step_response(control.tf([1], [1, 2 * zeta, 0]), 1.0)
+    assert step.final == pytest.approx(1)
+    assert step.overshoot == pytest.approx(np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)), abs=2e-4)
+    t = np.linspace(0, 150, 200_000)
+    wd = np.sqrt(1 - zeta**2)
+    y = 1 - np.exp(-zeta * t) * (np.cos(wd * t) + zeta / wd * np.sin(wd * t))
+    assert step.settling_time == pytest.approx(t[np.flatnonzero(np.abs(y - 1) > 0.02)[-1]], rel=0.01)
+    assert step.rise_time == pytest.approx(t[np.argmax(y > 0.9)] - t[np.argmax(y > 0.1)], rel=0.03)
+
+
+def test_a_sampled_step_is_that_of_scipy():
+    T, plant, K = 0.05, control.tf([2], [1, 0.5, 4]), pid(0.3, 0.8, 0.1, filter_time=0.1, dt=0.05)
+    step = step_response(plant, K, delay=0.03)
+    G = sampled(control.ss(plant), T, 0.03)
+    closed = control.ss(control.feedback(G * K, 1))
+    _, y, _ = dlsim((closed.A, closed.B, closed.C, closed.D, T), np.ones(step.t.size))
+    np.testing.assert_allclose(step.y, y[:, 0], atol=1e-9)
+    assert step.u[-1] * 0.5 == pytest.approx(step.y[-1], rel=0.05)
+
+
+def test_a_fast_rise_and_a_slow_tail_are_both_seen():
+    step = step_response(
+        control.tf([1], [1, 1e-3]), control.tf([1e4, 10], [1, 0])
+    )  # T = 1e4/(s + 1e4), and a hidden mode
+    assert step.rise_time == pytest.approx(np.log(9) / 1e4, rel=0.02)
+    assert step.settling_time == pytest.approx(np.log(50) / 1e4, rel=0.02)
+
+
+def test_a_loop_that_is_not_stable_has_no_step():
+    with pytest.raises(ValueError, match="K must stabilise the plant"):
+        step_response(control.tf([1], [1, -1]), 0.5)
+    with pytest.raises(ValueError, match="delay must"):
+        step_response(control.tf([1], [1, 1]), 0.5, delay=-1)

@@ -1,0 +1,77 @@
+"""Bounded friction: machines faster than their clock in closed form, the stability boundary, what is refused."""
+
+import control
+import numpy as np
+import pytest
+
+from benchmarks.bench_friction_attack import bang_bang, fast_machine, hunted, stopping_kick
+from robust import any_bounded, any_maxwell_slip, prove_friction, sliding_machine
+from robust.friction.plant import hunting_bound, sliding_loop
+from tests.support.friction_loops import T
+
+BOUNDED = any_bounded(1.0)
+STILL = control.StateSpace([], [], [], [[0.0]], T)
+
+
+@pytest.mark.parametrize("swings", [0.3, 3.0, 20.0, 32.0])
+def test_a_mode_faster_than_the_clock_hunts_as_in_closed_form(swings):
+    """coth(pi zeta/(2 sqrt(1 - zeta^2)))/k, whatever the clock; it was 1/k at 32 swings a sample."""
+    zeta = 0.01
+    machine, k = fast_machine(swings, zeta)
+    K = control.StateSpace([], [], [], [[1e-9 * k]], 0.01)
+    right = bang_bang(zeta) / k
+    assert right <= hunting_bound(sliding_loop(machine, K)) <= 1.006 * right
+
+
+def test_a_bang_bang_friction_stays_within_the_bound():
+    machine, k = fast_machine(10.0, 0.05)
+    K = control.StateSpace([], [], [], [[1e-3 * k]], 0.01)
+    proof = prove_friction(machine, K, BOUNDED)
+    reached = hunted(machine, K, 40)
+    assert 0.97 * proof.error_bound < reached <= proof.error_bound
+
+
+@pytest.mark.parametrize("swings", [0.2, 3.3, 20.2])
+def test_a_sure_kick_is_sure_and_little_more(swings):
+    """Less than the least kick that no |f| <= 1 N stops, from the exact effect of a force on the unstable mode."""
+    machine, k = fast_machine(swings, 0.05 if swings < 5 else 0.02)
+    K = control.StateSpace([], [], [], [[-1.3 * k]], 0.01)
+    kick = prove_friction(machine, K, any_maxwell_slip(k), Fs=1.0).kick_sure
+    least = stopping_kick(machine, K, 4096)
+    assert 0.9999 * least <= kick <= 1.01 * least
+
+
+@pytest.mark.parametrize(
+    ("numbers", "K"),
+    [((1.0, 1e4, 0.0), 0.0), ((1.0, 1e4, 0.0), STILL), ((1.0, 0.0, 0.0), STILL), ((1.0, 0.0, 5.0), 0.0)],
+)
+def test_at_the_stability_boundary_nothing_is_proved(numbers, K):
+    """f = -sign(v) pumps an undamped spring without end; a constant f pushes a free mass away."""
+    proof = prove_friction(sliding_machine(*numbers), K, BOUNDED)
+    assert proof.verdict != "proved"
+    assert np.isnan(proof.error_bound)
+
+
+def test_a_free_mass_without_control_is_answered():
+    """Its poles are all zero: a period of no length ended in a traceback."""
+    assert prove_friction(sliding_machine(1.0, 0.0, 0.0), 0.0, BOUNDED).verdict != "proved"
+
+
+def test_what_takes_too_long_to_follow_is_not_decided():
+    machine, k = fast_machine(1e4, 0.01)
+    proof = prove_friction(machine, control.StateSpace([], [], [], [[1e-9 * k]], 0.01), BOUNDED)
+    assert (proof.verdict, "too long to follow" in proof.reason) == ("not decided", True)
+    proof = prove_friction(sliding_machine(1.0, 1e4, 1e-4), STILL, BOUNDED)
+    assert (proof.verdict, "too long to follow" in proof.reason) == ("not decided", True)
+
+
+def test_a_pole_beside_one_is_told_from_it():
+    machine = sliding_machine(control.ss([[0, 1], [-1e4, 5e-4]], [[0], [1]], [[1, 0]], 0))
+    proof = prove_friction(machine, STILL, any_maxwell_slip(1e3))
+    assert proof.verdict == "refuted"
+    assert "|z| = 1.00000025" in proof.reason
+
+
+def test_a_gain_is_no_machine():
+    with pytest.raises(ValueError, match="mass must be a model that moves, from force to position, got a gain"):
+        sliding_machine(control.StateSpace([], [], [], [[0.0]]))

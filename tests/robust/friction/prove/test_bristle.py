@@ -1,0 +1,152 @@
+"""Bristles that creep: the inequality along motions of LuGre, the certificate, and where passivity alone decides."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from robust import any_bristle, prove_friction, sliding_machine
+from robust.friction.dissipation import bristle_dissipation
+from robust.friction.multipliers import bristle_rows, bristle_weights, filter_rates, largest_share, valid_block
+from robust.friction.plant import frequencies, mobility, sliding_loop
+from robust.friction.storage import SLACKS, in_coordinates, judge, proposed_storage, storage_function
+from tests.support.friction_loops import RIG, T, pd, pid
+
+NODES, GAUSS = np.polynomial.legendre.leggauss(12)
+RIG_FRICTION = any_bristle(64e3, 1 / 0.7, 13.0)
+
+
+def pieces_of_lugre(k, Fc, Fs, a, rng, n=60):
+    """Per piece of constant velocity: v, length, and at its nodes the force F of the bristle and its filter Fh."""
+    F = Fh = 0.0
+    for _ in range(n):
+        v, span = rng.normal() * 5 * rng.choice([0.0, 1.0], p=[0.1, 0.9]), 0.05 * rng.exponential()
+        g = rng.uniform(Fc, Fs)  # the Stribeck curve may be anything in between
+        t = np.append(span * (NODES + 1) / 2, span)
+        rate = k * abs(v) / g  # F' = k v - rate F
+        goal = np.sign(v) * g
+        decay = np.exp(-rate * t)
+        force = goal + (F - goal) * decay if v else np.full(t.size, F)
+        lag = np.exp(-a * t)
+        near = t * lag if np.isclose(rate, a, rtol=1e-6) else (decay - lag) / (a - rate)
+        filtered = goal + (Fh - goal) * lag + a * (F - goal) * near if v else F + (Fh - F) * lag
+        yield v, span, force[:-1], filtered[:-1], v - (abs(v) * force[:-1] / g if v else 0.0)
+        F, Fh = force[-1], filtered[-1]
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(rho=st.floats(1.0, 3.0), a=st.floats(0.5, 50.0), seed=st.integers(0, 2**32 - 1), spare=st.floats(1.0, 2.0))
+def test_no_bristle_gives_back_more_than_it_stored(rho, a, seed, spare):
+    """Both integrals of the class, along LuGre whose Stribeck curve jumps about in [Fc, Fs], from rest."""
+    rng = np.random.default_rng(seed)
+    k, Fc = 10 ** rng.uniform(-1, 1, 2)
+    totals, least, size = np.zeros(2), np.zeros(2), 1e-300
+    for v, span, F, Fh, q in pieces_of_lugre(k, Fc, rho * Fc, a, rng):
+        e = Fh - F
+        parts = span / 2 * np.array([GAUSS @ (F * v), GAUSS @ (-e * q - a / (spare * k) * e**2)])
+        assert (q - (1 - rho) * v).min() * np.sign(v) >= -1e-9 * abs(v)
+        assert (q - (1 + rho) * v).max() * np.sign(v) <= 1e-9 * abs(v)
+        totals += parts
+        least, size = np.minimum(least, totals), max(size, np.abs(parts).max())
+    assert (least >= -1e-9 * size * 60).all()
+
+
+def test_the_inequality_notices_a_bristle_that_is_stiffer():
+    """A bristle ten times as stiff as is said gives back more."""
+    rng, a, broken = np.random.default_rng(0), 20.0, 0
+    for _ in range(20):
+        total = least = 0.0
+        for _, span, F, Fh, q in pieces_of_lugre(1.0, 1.0, 1.2, a, rng):
+            total += span / 2 * (GAUSS @ (-(Fh - F) * q - a / 0.1 * (Fh - F) ** 2))
+            least = min(least, total)
+        broken += least < -1e-3
+    assert broken == 20
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(rho=st.floats(1.0, 3.0), seed=st.integers(0, 2**32 - 1))
+def test_what_a_solver_leaves_open_of_the_block_is_closed(rho, seed):
+    """Whatever numbers come in, the form is nowhere negative where q and gamma can be."""
+    rng = np.random.default_rng(seed)
+    M, _ = valid_block(rng.normal(size=6), rho)
+    t, s = np.linspace(1 - rho, 1 + rho, 41)[:, None], np.linspace(0, 1, 21)
+    y = np.stack(np.broadcast_arrays(np.ones_like(t), t, s * t), axis=-1)
+    assert np.einsum("...i,ij,...j", y, M, y).min() >= 0
+
+
+@pytest.mark.parametrize(("c", "verdict"), [(5.8, "proved"), (5.5, "not decided")])
+def test_where_the_microdamping_must_be_outweighed(c, verdict):
+    """z' = (1 - rho) v at its worst: only a viscous friction above sigma1 (rho - 1) = 5.571 Ns/m outweighs it."""
+    assert prove_friction(sliding_machine(1.0, 80e3, c), 0.0, RIG_FRICTION).verdict == verdict
+
+
+def test_the_friction_of_the_paper_lies_only_here():
+    """Its rig: damping is proved; with integral action the constant weights do not reach (none of O2)."""
+    proof = prove_friction(RIG, pd(20e3, 60.0), RIG_FRICTION)
+    assert proof.verdict == "proved"
+    assert "friction of bristles up to 64 kN/m stiff, with a damping of 13 Ns/m" in proof.claim
+    assert "creep" not in proof.not_claimed
+    assert (proof.form < 0).all()
+    assert prove_friction(RIG, pid(20e3, 3e5, 60.0), RIG_FRICTION).verdict == "not decided"
+    refuted = prove_friction(RIG, pid(80e3, 1e5, 240.0), any_bristle(64e3, 1 / 0.7), delay=T)
+    assert refuted.verdict == "refuted"
+    assert "a bristle of" in refuted.reason
+
+
+def test_limits_of_a_bristle():
+    """A spring alone as controller: stiction until what the microdamping gives back takes all of c = 20 Ns/m."""
+    machine = sliding_machine(1.0, 80e3, 20.0)
+    proof = prove_friction(machine, 0.0, RIG_FRICTION, limits=True)
+    assert proof.K0_max >= 64e3
+    assert 1 / 0.7 < proof.stiction_max < 1 + 20 / 13
+    assert prove_friction(machine, 0.0, any_bristle(proof.K0_max, 1 / 0.7, 13.0)).verdict == "proved"
+
+
+def test_energy_falls_along_a_motion_with_lugre():
+    """The judged energy just before every sample, along the loop with LuGre integrated by another hand."""
+    K0, rho, sigma = 64e3, 1 / 0.7, 13.0
+    loop = sliding_loop(RIG, pd(20e3, 60.0))
+    omega, rates = frequencies(loop, 300), filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    table = bristle_rows(mobility(loop, omega), omega, rates, K0, sigma)
+    weights = bristle_weights(table, rho)
+    assert (largest_share(table, weights) < 0).all()
+    form = bristle_dissipation(loop, rates, weights, K0, sigma)
+    judged = in_coordinates(form)
+    found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
+    storages = (storage_function(judged.form, P, slack, N) for slack, P in found if P is not None for N in (8, 128))
+    storage = next(storage for storage in storages if not judge(judged, storage)[0])
+    back, used = np.linalg.inv(judged.V), rates[weights.nu > 0]
+    P, n, rest = back.T @ storage.coefficients[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]
+
+    def motion(_, s):
+        xi, F, Fh = s[:n], s[n], s[n + 1 :]
+        v = loop.v @ xi
+        q = v - abs(v) * F / (0.7 + 0.3 * np.exp(-((v / 0.01) ** 2)))
+        return np.concatenate([loop.F @ xi + loop.B * (F + sigma * q), [K0 * q], used * (F - Fh)])
+
+    s = np.zeros(n + 1 + used.size)
+    s[1] = 0.05  # a kick
+    energies = []
+    for _ in range(60):
+        e = s[n + 1 :] - s[n]
+        full = np.concatenate([s[:n] - s[n] * rest, e, [s[n]]])
+        z = full[:-1]
+        energies.append(z @ P @ z + full @ form.stored @ full)
+        s[:n] = loop.jumps[0] @ s[:n]
+        s = solve_ivp(motion, (0, T), s, method="LSODA", rtol=1e-9, atol=1e-13).y[:, -1]
+    assert (np.diff(energies) < 1e-9 * energies[0]).all()
+    assert 0 < energies[-1] < 0.1 * energies[0]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: any_bristle(0.0), "K0 must be positive, got 0"),
+        (lambda: any_bristle(1.0, 0.9), "stiction must be at least 1"),
+        (lambda: any_bristle(1.0, 1.5, -1.0), "microdamping must be zero or positive, got -1"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,295 @@
+"""The verdict: what is proved falls along motions, what is refuted grows, and nothing passes the judge by mistake."""
+
+import control
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from robust import any_bounded, any_maxwell_slip, prove_friction, sampled, sliding_machine
+from robust.friction.dissipation import maxwell_slip_dissipation
+from robust.friction.multipliers import filter_rates, rows, weights
+from robust.friction.plant import frequencies, mobility, sliding_loop
+from robust.friction.prove import certify_maxwell_slip, machines_of_nominal, undamped
+from robust.friction.storage import SLACKS, in_coordinates, judge, proposed_storage, storage_function
+from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
+
+SLIP = any_maxwell_slip(64e3, 1.05)
+
+
+def closed_poles(K, delay):
+    """Poles of the loop by another way: the sampled plant, and 1 + GK."""
+    G = sampled(control.ss([[0, 1], [-80e3, -0.4]], [[0], [1]], [[1, 0]], 0), T, delay)
+    A = np.block([[G.A, G.B @ K.C], [-K.B @ G.C, K.A]])
+    A[: G.nstates, : G.nstates] -= G.B @ K.D @ G.C
+    return np.sort_complex(np.linalg.eigvals(A))
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3, 2e-3])
+def test_poles_of_the_sliding_loop(delay):
+    K = pid(20e3, 3e5, 60)
+    mine = sliding_loop(RIG, K, delay).poles()
+    for pole in closed_poles(K, delay):
+        assert np.abs(mine - pole).min() < 1e-6
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.4e-3])
+def test_mobility_against_integration(delay):
+    """The part at w of the velocity under f = exp(j w t), by quadrature over the period of a steady motion."""
+    loop = sliding_loop(RIG, pid(20e3, 3e5, 60), delay)
+    omega = 2 * np.pi * 125.0  # eight samples a period
+    n = loop.F.shape[0]
+    from scipy.linalg import expm
+
+    big = np.zeros((n + 2, n + 2))  # with cos and sin as states
+    big[:n, :n], big[:n, n] = loop.F, loop.B
+    big[n, n + 1], big[n + 1, n] = -omega, omega
+    jumps = [np.block([[J, np.zeros((n, 2))], [np.zeros((2, n)), np.eye(2)]]) for J in loop.jumps]
+    period = np.eye(n + 2)
+    for span, jump in zip(loop.spans, jumps, strict=True):
+        period = expm(span * big) @ jump @ period
+    drive = np.array([1.0, 0.0])
+    eight = np.linalg.matrix_power(period, 8)
+    state = np.append(np.linalg.solve(np.eye(n) - eight[:n, :n], eight[:n, n:] @ drive), drive)
+    total, t = 0.0, 0.0
+    for _ in range(8):
+        for span, jump in zip(loop.spans, jumps, strict=True):
+            state = jump @ state
+            for turn in (np.cos, np.sin):
+
+                def turned(s, z=state, t=t, turn=turn):
+                    return loop.v @ (expm(s * big) @ z)[:n] * turn(omega * (t + s))
+
+                part, _ = quad(turned, 0, span)
+                total += part * (1 if turn is np.cos else -1j)
+            state, t = expm(span * big) @ state, t + span
+    assert mobility(loop, np.array([omega]))[0] == pytest.approx(2 * total / t, rel=1e-6)
+
+
+def stored_energy(loop, K0, rho):
+    """A judged storage function, as V_tot of (state, filters, elastic force) just before a sample."""
+    omega = frequencies(loop)
+    rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    mu, _ = weights(rows(mobility(loop, omega), omega, rates, K0, rho))
+    mu[mu < 1e-9 * mu.max()] = 0
+    form = maxwell_slip_dissipation(loop, rates, mu, K0, rho)
+    judged = in_coordinates(form)
+    back = np.linalg.inv(judged.V)
+    for slack in SLACKS:
+        P = proposed_storage(judged.form, slack)
+        storage = None if P is None else storage_function(judged.form, P, slack, 32)
+        if storage is not None and not judge(judged, storage)[0]:
+            break
+    P = back.T @ storage.coefficients[-1, 3] @ back
+    used = np.concatenate([[True], mu[2:] > 0])
+    return P, form, rates[used], np.append(mu[0], mu[1:][used])
+
+
+@pytest.mark.parametrize("name", ["P1", "P2", "P4"])
+def test_energy_falls_along_motions_with_elements(name):
+    loop, K0, rho = oracle_loop(name), 64e3, 1.05
+    P, form, rates, _ = stored_energy(loop, K0, rho)
+    rest, _ = loop.rest()
+    rng = np.random.default_rng(0)
+    elements = [Element(k, W, rho, rng) for k, W in ((30e3, 0.5), (20e3, 0.3), (13e3, 0.2))]
+    start = np.zeros(loop.F.shape[0])
+    start[1] = 0.02  # a kick
+    energies = []
+    # each element stores energy by its own filters: follow them one by one
+    for xi, filters, elastic in motion(loop, elements, start, rates, 250):
+        z = np.concatenate([xi - filters[0] * rest, filters[1:] - filters[0]])
+        full = np.concatenate([z, [filters[0], elastic]])
+        energies.append(z @ P @ z + full @ form.stored @ full)
+    # V_tot itself holds sum S_i, which the form in the total force bounds from below
+    assert min(energies) > 0
+    assert energies[-1] < 1e-2 * energies[0]
+
+
+@pytest.mark.parametrize("name", ["P1", "P2", "P4"])
+def test_energy_falls_at_every_sample_with_one_element(name):
+    """With one element the form in the total force is its energy where its stiffness is all of K0."""
+    loop, K0, rho = oracle_loop(name), 64e3, 1.05
+    P, form, rates, _ = stored_energy(loop, K0, rho)
+    rest, _ = loop.rest()
+    start = np.zeros(loop.F.shape[0])
+    start[1] = 0.02
+    energies = []
+    for xi, filters, elastic in motion(loop, [Element(K0, 1.0, rho, np.random.default_rng(3))], start, rates, 250):
+        full = np.concatenate([xi - filters[0] * rest, filters[1:] - filters[0], [filters[0], elastic]])
+        energies.append(full[:-2] @ P @ full[:-2] + full @ form.stored @ full)
+    energies = np.array(energies)
+    assert (np.diff(energies) < 1e-9 * energies[0]).all()
+    assert energies[-1] < 1e-2 * energies[0]
+
+
+def test_the_judge_refuses_what_is_not_so():
+    loop = oracle_loop("P1")
+    omega = frequencies(loop)
+    rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    mu, _ = weights(rows(mobility(loop, omega), omega, rates, 64e3, 1.05))
+    judged = in_coordinates(maxwell_slip_dissipation(loop, rates, mu, 64e3, 1.05))
+    passed = 0
+    for slack in SLACKS:
+        P = proposed_storage(judged.form, slack)
+        if P is None or judge(judged, storage_function(judged.form, P, slack, 32))[0]:
+            continue
+        passed += 1
+        storage = storage_function(judged.form, P, slack, 32)
+        for tampered in (-storage.coefficients, 0.5 * storage.coefficients, storage.coefficients[::-1]):
+            assert judge(judged, type(storage)(coefficients=tampered, lengths=storage.lengths, first=storage.first))[0]
+    assert passed
+
+
+def test_nothing_unstable_is_ever_certified():
+    """Loops that a spring of the class makes unstable, given to the certificate all the same."""
+    rng = np.random.default_rng(5)
+    tried = 0
+    while tried < 12:
+        loop = sliding_loop(RIG, pid(rng.uniform(-60e3, 60e3), 10 ** rng.uniform(4, 7), rng.uniform(0, 200)))
+        kappas = np.linspace(0, 64e3, 40)
+        if max(loop.growth(kappa) for kappa in kappas) > 1e-6:
+            tried += 1
+            assert not certify_maxwell_slip(loop, 64e3, 1.05, 0.0, 1.5 * RIG.resonance).certificate.holds
+
+
+def test_a_refuting_spring_is_named_and_grows():
+    K = pid(80e3, 1e5, 240.0)
+    assert prove_friction(RIG, K, any_maxwell_slip(1e3), delay=T).verdict == "proved"
+    proof = prove_friction(RIG, K, SLIP, delay=T)
+    assert proof.verdict == "refuted"
+    kappa, pole = proof.counterexample
+    assert 0 < kappa <= 64e3
+    assert abs(pole) > 1
+    assert "yours may be another member" in proof.reason
+    loop = sliding_loop(RIG, K, T)
+    grown = np.linalg.matrix_power(loop.period(kappa), 20_000)
+    assert np.linalg.norm(grown) > 1e2
+
+
+def test_a_hidden_integrator_is_not_cancelled():
+    """An unstable mode of the controller that neither sees nor drives anything: never proved."""
+    K = pid(20e3, 3e5, 60)
+    A = np.block([[K.A, np.zeros((2, 1))], [np.zeros((1, 2)), np.array([[1.01]])]])
+    hidden = control.StateSpace(A, np.vstack([K.B, [[0.0]]]), np.hstack([K.C, [[0.0]]]), K.D, T)
+    assert prove_friction(RIG, K, SLIP).verdict == "proved"
+    assert prove_friction(RIG, hidden, SLIP).verdict == "refuted"
+
+
+def test_an_integrator_that_nothing_shows_is_kept():
+    """A minimal realisation would drop it, and the loop would be proved."""
+    K = pid(20e3, 3e5, 60)
+    A = np.block([[K.A, np.zeros((2, 1))], [np.zeros((1, 2)), np.ones((1, 1))]])
+    unseen = control.StateSpace(A, np.vstack([K.B, [[1.0]]]), np.hstack([K.C, [[0.0]]]), K.D, T)
+    undriven = control.StateSpace(A, np.vstack([K.B, [[0.0]]]), np.hstack([K.C, [[1.0]]]), K.D, T)
+    for hidden in (unseen, undriven):
+        assert prove_friction(RIG, hidden, SLIP).verdict != "proved"
+
+
+def test_a_numerical_failure_is_told(monkeypatch):
+    def fails(*_args, **_options):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("robust.friction.prove.certify", fails)
+    proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP)
+    assert (proof.verdict, proof.reason) == ("not decided", "numerical failure: Singular matrix")
+    assert proof.certificate is None
+
+
+def test_what_is_said():
+    proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP, Fs=1.0)
+    text = str(proof)
+    assert text.startswith("proved: Comes to rest from every state with every Maxwell-slip friction of presliding")
+    assert "up to 64 kN/m" in text
+    assert "sampled at 1 kHz" in text
+    assert "Not claimed: a law that creeps below break-away (LuGre, Dahl, Leuven)" in text
+    assert proof.error_bound == pytest.approx(9.379e-5, rel=2e-3)
+    assert np.isnan(proof.kick_sure)
+    assert (proof.form < 0).all()
+
+
+def test_continuous_controllers_are_proved_and_refuted():
+    PID = control.ss(control.tf([60.0, 20e3, 3e5], [1e-5, 1, 0]))
+    assert prove_friction(RIG, PID, SLIP).verdict == "proved"
+    assert prove_friction(RIG, control.ss(control.tf([4e5], [1, 0])), SLIP).verdict == "refuted"
+
+
+def test_friction_at_the_motor_of_two_masses():
+    """Friction at the motor, position measured at the load: force and friction at one mass, the sensor at the other."""
+    k, c = 1e6, 5.0
+    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, -c, c], [k, -k, c, -c]]
+    B, C = [[0, 0], [0, 0], [1, 1], [0, 0]], [[0, 1, 0, 0], [1, 0, 0, 0]]
+    machine = sliding_machine(control.StateSpace(A, B, C, 0), port=True)
+    PD = control.StateSpace([[0.0]], [[1.0]], [[-20 / T]], [[2e3 + 20 / T]], T)
+    assert prove_friction(machine, PD, any_maxwell_slip(64e3, 1.2)).verdict == "proved"
+    assert prove_friction(machine, 30 * PD, any_maxwell_slip(64e3, 1.2)).verdict == "refuted"
+
+
+def test_a_model_of_the_rig_is_the_rig():
+    G = control.ss(control.tf([1.0], [1.0, 0.4, 80e3]))
+    for name, ((Kp, Ki, Kd, delay), _, _) in ORACLES.items():
+        proof = prove_friction(sliding_machine(G), pid(Kp, Ki, Kd), SLIP, delay=delay)
+        assert proof.verdict == "proved", name
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sliding_machine(0.0, 1.0), "mass must be positive, got 0"),
+        (lambda: sliding_machine(1.0), "stiffness must be given with a mass"),
+        (lambda: sliding_machine(control.ss(control.tf([1, 0], [1, 1, 1]))), "must have a velocity at its friction"),
+        (lambda: sliding_machine(control.ss(control.tf([1, 0, 0], [1, 1, 1]))), "mass must be a strictly proper model"),
+        (lambda: sliding_machine(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
+        (lambda: any_maxwell_slip(0.0), "K0 must be positive, got 0"),
+        (lambda: any_maxwell_slip(np.inf), "K0 must be"),
+        (lambda: any_maxwell_slip(np.nan), "K0 must be"),
+        (lambda: any_maxwell_slip(1.0, 0.9), "stiction must be at least 1"),
+        (lambda: any_maxwell_slip(1.0, np.inf), "stiction must be"),
+        (lambda: prove_friction(RIG, control.tf([1.0, 0.0], [1.0]), SLIP), "K must be"),
+        (lambda: any_bounded(-1.0), "Fs must be positive, got -1"),
+        (lambda: prove_friction(RIG, 1.0, 3.0), "friction must be a class such as"),
+        (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be a sliding_machine, got 3.0"),
+        (lambda: prove_friction(RIG, 1.0, SLIP, delay=1e-3), "delay must be 0 s with a continuous controller"),
+        (lambda: prove_friction(RIG, pid(1, 1, 1), SLIP, delay=1.0), "delay must be at most 20 samples"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_a_bounded_class_has_its_own_friction():
+    with pytest.raises(ValueError, match=r"Fs must be that of the class, 1 N, or left out, got 5"):
+        prove_friction(RIG, 1e3, any_bounded(1.0), Fs=5.0)
+    assert (
+        prove_friction(RIG, 1e3, any_bounded(1.0), Fs=1.0).verdict == prove_friction(RIG, 1e3, any_bounded(1.0)).verdict
+    )
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
+    """Its roots were turned onto the axis with those of the machine: "a state does not come to rest"."""
+    tau = 5e-4
+    late = control.ss(control.tf(*control.pade(tau, order)) * control.tf([1.0], [1.0, 4.0, 80e3]))
+    exact = sliding_machine(1.0, 80e3, 4.0)
+    K, friction = pd(20e3, 60.0), any_maxwell_slip(64e3)
+    machines, _ = machines_of_nominal(late)
+    for machine in (*machines, undamped(late), sliding_machine(late)):
+        assert machine.delay == pytest.approx(tau, rel=1e-6)
+        assert machine.A.shape == (2, 2)
+        assert prove_friction(machine, K, friction).verdict == "proved"
+    mine = np.sort_complex(sliding_loop(sliding_machine(late), K).poles())
+    assert mine == pytest.approx(np.sort_complex(sliding_loop(exact, K, tau).poles()), abs=1e-6)
+    proof = prove_friction(sliding_machine(late), K, friction, delay=2e-4)
+    assert "with 0.7 ms of delay" in proof.claim
+    assert proof.certificate.verify().verified
+    with pytest.raises(ValueError, match=r"delay must be 0 s with a continuous controller, got 0\.0005 s"):
+        prove_friction(sliding_machine(late), 1e3, friction)
+
+
+def test_real_poles_lose_their_damping_too():
+    """A free mass whose friction slides has none that swing: left where they were, "without damping" was damped."""
+    free = undamped(control.ss(control.tf([1.0], [2.0, 46.0, -20.0])))
+    assert np.sort(np.linalg.eigvals(free.A).real) == pytest.approx([-(10**0.5), 10**0.5])
+    slow = undamped(control.ss(control.tf([1.0], [2.0, 500.0, 2e4])))
+    assert np.abs(np.linalg.eigvals(slow.A)) == pytest.approx([100.0, 100.0])
+    assert np.abs(np.linalg.eigvals(slow.A).real).max() < 1e-6
+    assert 1 / (slow.velocity @ slow.B_port) == pytest.approx(2.0)

@@ -1,0 +1,107 @@
+"""The report of several inputs and outputs: every number on the page stands in a value that was handed to it."""
+
+import re
+
+import control
+import numpy as np
+import pytest
+
+import nlfrf
+import robust
+from robust.reports import parts as report_parts
+from tests.robust.io.test_report_page import Reader
+
+T = 1 / 256
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
+
+
+def plant(s):
+    return 900 / (s * s + 6 * s + 900)
+
+
+def measured():
+    ms = nlfrf.multisine("random-odd", fs=256, n_samples=512, f_min=1, f_max=60, n_inputs=2, rng=1)
+    line, u = np.fft.rfftfreq(512, T), np.repeat(ms.u[:, :, None], 2, axis=2)
+    G = np.array([[1.0, 0.2], [-0.1, 0.5]])[:, :, None] * plant(2j * np.pi * line)
+    y = np.fft.irfft(np.einsum("jik,impk->jmpk", G, np.fft.rfft(u)), 512)
+    y += 2e-3 * y.std() * np.random.default_rng(0).standard_normal(y.shape)
+    return nlfrf.MultiRecord(u=u, y=y, fs=256, lines=ms.lines, inputs=("Fx", "Fy"), outputs=("x", "y"))
+
+
+RECORD = measured()
+FRM = nlfrf.identify(RECORD, transient="none")
+FIT = robust.fit_nominal(FRM, n_poles=2, rank=2, dt=T)  # both axes have one mode
+MODEL = robust.uncertainty(FRM, FIT, form="additive", order=2)
+SMALL = control.append(*[control.ss(control.tf([0.3 * T, 0], [1, -1], T))] * 2)
+W_P = robust.discretize(robust.performance_weight(0.1, M_S=4.0, A=0.1), T)
+
+
+@pytest.mark.parametrize(
+    ("K", "w_P"), [(SMALL, None), (SMALL, W_P), (control.ss([], [], [], 500 * np.eye(2), T), None)]
+)
+def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        report_parts, "picture", lambda *_, caption, **__: report_parts.Picture(source="#", caption=caption)
+    )
+    report = robust.write_report(tmp_path / "r.html", MODEL, K, bla=FRM, nominal=FIT, w_P=w_P)
+    again = robust.check(MODEL, K, w_P=w_P)
+    page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
+    assert page.ids == ["verdict", "matrix", "set", "loop", "check"]
+    text = page.text
+    rows = [FRM, nlfrf.singular_values(FRM), FIT, MODEL, again, *([again.margins] if again.margins else [])]
+    said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
+    said += [again.reason, again.proved, again.not_proved, again.probability, MODEL.source, MODEL.extrapolation]
+    for c in again.certificates:
+        said += [f"{c.subject} {c.level:g} yes {c.method}, {len(c.intervals)} interval", c.judged, c.reason]
+    for system in (MODEL.nominal, K):
+        said.append(f"{system.nstates} states, sampled at 256 Hz")
+        s = np.log(system.poles().astype(complex)) / T
+        said += [
+            f"{abs(p) / 2 / np.pi:.4g} Hz, damping {round(-p.real / abs(p), 6) + 0.0:.3g}" for p in s if abs(p) > 1e-6
+        ]
+        said += [f"{abs(p) / 2 / np.pi:.4g} Hz" for p in s if abs(p) > 1e-6]
+    for known in sorted({" ".join(one.split()) for one in said if one.strip()}, key=len, reverse=True):
+        text = text.replace(known, " # ")
+    text = re.sub(r"Written \S+ \S+ \S+|0 to reset|0 Hz \(integrator\)|95 %", " ", text)
+    text = re.sub(r"\b[1-5]\. (?=Verdict|Frequency|Nominal|Controller|Check)", " ", text)
+    assert [text[max(0, m.start() - 40) : m.end() + 20] for m in NUMBER.finditer(text)] == []
+    assert report.verdict == again.verdict == ("statistically robust" if K is SMALL else "not robust")
+    assert report.verdict in text.lower()
+    for row in str(FRM).splitlines():
+        assert " ".join(row.split()) in page.text
+
+
+def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
+    report = robust.check(MODEL, SMALL)
+    robust.write_report(tmp_path / "r.html", MODEL, SMALL, record=RECORD, report=report)
+    page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
+    assert len(page.images) == 7
+    assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
+    with pytest.raises(ValueError, match="w_P must be left out where report is given"):
+        robust.write_report(tmp_path / "n.html", MODEL, SMALL, report=report, w_P=W_P)
+    with pytest.raises(ValueError, match="delay and friction must be left out for a MatrixUncertainty"):
+        robust.write_report(tmp_path / "n.html", MODEL, SMALL, delay=0.1)
+    single = robust.UncertaintyModel(
+        control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", FRM.omega[:2], np.array([0.05, 0.05])
+    )
+    alone = robust.check(single, 2.0)
+    for model, K, parts, message in (
+        (MODEL, SMALL, {"report": alone}, "report must be of class StructuredReport for this model, got Robustness"),
+        (MODEL, SMALL, {"bla": FRM.entry(0, 0)}, "bla must be of class Frm for this model, got Bla"),
+        (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of class NominalFit for this model, got 3"),
+        (single, 2.0, {"report": report}, "report must be of class RobustnessReport for this model, got Structured"),
+        (single, 2.0, {"bla": FRM}, "bla must be of class Bla for this model, got Frm"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            robust.write_report(tmp_path / "n.html", model, K, **parts)
+    assert not (tmp_path / "n.html").exists()
+
+
+def test_a_report_of_another_loop_is_refused(tmp_path):
+    """Another controller, and another set around the same nominal, by as little as a tenth."""
+    report = robust.check(MODEL, SMALL)
+    wider = robust.uncertainty(FRM, FIT, form="additive", order=2, confidence=0.999)
+    for model, K in ((MODEL, 1.01 * SMALL), (MODEL, -SMALL), (wider, SMALL)):
+        with pytest.raises(ValueError, match="report must be what check gave of this model and this K"):
+            robust.write_report(tmp_path / "r.html", model, K, report=report)
+    assert not list(tmp_path.iterdir())

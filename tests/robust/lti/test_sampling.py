@@ -1,0 +1,80 @@
+"""Hold, delay, discretisation, Riccati equations: the matrix exponential, closed forms, SciPy."""
+
+import control
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_are
+
+from robust.lti.lti import response
+from robust.lti.norms import stabilising
+from robust.lti.realisation import state_space
+from robust.lti.sampling import delay_samples, delayed, discretize, pade, sampled
+
+PLANT = control.StateSpace([[0, 1], [-400, -2]], [[0], [400]], [[1, 0]], [[0]], 0)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.01, 0.0273])
+def test_the_step_response_at_the_samples(delay):
+    """A step held through the delay: at t = n T the sampled plant gives what the continuous one has then."""
+    dt = 0.01
+    G = sampled(PLANT, dt, delay)
+    x, out = np.zeros((G.nstates, 1)), []
+    for _ in range(60):
+        out.append(float((G.C @ x + G.D)[0, 0]))
+        x = G.A @ x + G.B
+    t = np.arange(60) * dt - delay
+    still = np.linalg.solve(PLANT.A, PLANT.B)
+    wanted = [float((PLANT.C @ (expm(PLANT.A * s) - np.eye(2)) @ still)[0, 0]) if s > 0 else 0.0 for s in t]
+    assert out == pytest.approx(wanted, abs=1e-9)
+
+
+def test_hold_seen_in_the_frequency_response():
+    """G_d(e^{j w T}) = sum over aliases of G(j w_k) (1 - e^{-j w T})/(j w_k T)."""
+    dt, omega = 0.01, np.array([5.0, 20.0, 150.0, 310.0])
+    k = np.arange(-4000, 4001)
+    alias = omega[:, None] + 2 * np.pi * k / dt
+    hold = (1 - np.exp(-1j * omega[:, None] * dt)) / (1j * alias * dt)
+    wanted = np.sum(response(PLANT, alias.ravel()).reshape(alias.shape) * hold, axis=1)
+    assert response(sampled(PLANT, dt), omega) == pytest.approx(wanted, rel=1e-6)
+
+
+def test_a_delay_of_whole_samples_and_by_pade():
+    omega = np.array([0.1, 1.0, 3.0])
+    discrete = sampled(PLANT, 0.01)
+    assert response(delayed(discrete, 0.03, order=0), omega) == pytest.approx(
+        response(discrete, omega) * np.exp(-0.03j * omega), rel=1e-9
+    )
+    assert response(pade(0.5, 8), omega) == pytest.approx(np.exp(-0.5j * omega), rel=1e-9)
+    assert delay_samples("delay", 0.03, 0.01) == 3
+    with pytest.raises(ValueError, match="delay must be"):
+        delay_samples("delay", 0.015, 0.01)
+
+
+def test_tustin_is_exact_where_it_is_prewarped():
+    K = state_space("K", control.tf([1, 10], [1, 0]))
+    for prewarp in (0.0, 40.0):
+        Kd = discretize(K, 0.01, prewarp=prewarp)
+        z = np.exp(0.4j)
+        s = 2 / 0.01 * (z - 1) / (z + 1) if not prewarp else 40 / np.tan(0.2) * (z - 1) / (z + 1)
+        assert response(Kd, np.array([40.0]))[0] == pytest.approx((s + 10) / s, rel=1e-9)
+    assert response(discretize(K, 0.01, prewarp=40.0), np.array([40.0]))[0] == pytest.approx((40j + 10) / 40j, rel=1e-9)
+
+
+def test_riccati_equations():
+    rng = np.random.default_rng(1)
+    for n in (1, 3, 8):
+        A, B, C = rng.standard_normal((n, n)), rng.standard_normal((n, 2)), rng.standard_normal((2, n))
+        R, S = np.eye(2), np.zeros((n, 2))
+        X = stabilising(A, B, C.T @ C, R, S)
+        assert pytest.approx(solve_continuous_are(A, B, C.T @ C, R), rel=1e-7, abs=1e-9) == X
+        assert np.linalg.eigvals(A - B @ B.T @ X).real.max() < 0
+    # x' = a x + u: X = a + sqrt(a^2 + q)
+    X = stabilising(np.array([[2.0]]), np.ones((1, 1)), np.array([[5.0]]), np.ones((1, 1)), np.zeros((1, 1)))
+    assert pytest.approx(5.0) == X
+    assert stabilising(np.array([[1.0]]), np.zeros((1, 1)), np.eye(1), np.eye(1), np.zeros((1, 1))) is None
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+def test_a_pole_beyond_floating_point_is_refused(delay):
+    with pytest.raises(ValueError, match=r"dt must leave numbers within floating point, got 1 s with a pole at 1e\+06"):
+        sampled(control.tf([1], [1, -1e6]), 1.0, delay)

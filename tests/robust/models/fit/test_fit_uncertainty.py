@@ -1,0 +1,144 @@
+"""Standard deviations of poles, zeros, gain and delay, and the probability of a cost, held against Monte Carlo."""
+
+import control
+import numpy as np
+import pytest
+from matplotlib.path import Path
+
+import robust
+from robust.models.fit.orders import doubtful_poles
+from robust.plot.loops import ellipse
+
+OMEGA = np.linspace(5, 120, 80)
+S = 1j * OMEGA
+STD = 0.02
+
+
+def true(delay=0.0):
+    return 2e4 * (S + 60) / ((S + 30) * (S**2 + 4 * S + 60**2)) * np.exp(-S * delay)
+
+
+def noise(rng, std=STD):
+    return std / np.sqrt(2) * (rng.standard_normal(OMEGA.size) + 1j * rng.standard_normal(OMEGA.size))
+
+
+def fitted(G, **more):
+    frd = control.FrequencyResponseData(G, OMEGA)
+    return robust.fit_nominal(frd, n_poles=3, n_zeros=1, std=np.full(OMEGA.size, STD), **more)
+
+
+def inside(fit, name, truth):
+    """Which true roots lie within the ellipses that are drawn; the intervals of real ones."""
+    known, true_roots = fit.uncertainty, getattr(truth.uncertainty, name)
+    curves = [ellipse(r, c, 0.95) for r, c in zip(getattr(known, name), getattr(known, f"cov_{name}"), strict=True)]
+    return [
+        Path(np.column_stack([curve.real, curve.imag])).contains_point((root.real, root.imag))
+        if root.imag
+        else curve.real.min() < root.real < curve.real.max()
+        for curve, root in zip(curves, true_roots, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("dt", [0, 0.005])
+def test_standard_deviations_are_those_of_many_fits(dt):
+    rng = np.random.default_rng(0)
+    exact = fitted(true(), dt=dt).response  # of the model's own kind, so that only scatter is left
+    fits = [fitted(exact + noise(rng), dt=dt) for _ in range(120)]
+    for name in ("poles", "zeros"):
+        roots = np.array([getattr(fit.uncertainty, name) for fit in fits])
+        told = np.sqrt(np.mean([getattr(fit.uncertainty, f"std_{name}") ** 2 for fit in fits], axis=0))
+        np.testing.assert_allclose(np.std(roots, axis=0), told, rtol=0.3)  # 120 draws: 4 sigmas are 26 %
+        real = getattr(fits[0].uncertainty, name).imag == 0
+        held = np.array([inside(fit, name, fitted(exact, dt=dt)) for fit in fits])
+        for these in (real, ~real):  # pairs are one draw: 4 sigmas of 120
+            assert not these.any() or abs(held[:, these].mean() - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 120)
+    p = np.array([fit.p_value for fit in fits])
+    assert abs(p.mean() - 0.5) < 4 / np.sqrt(12 * len(p))
+    assert np.mean(p < 0.05) < 0.14
+
+
+def test_pairs_share_their_covariance_and_gain_and_delay_have_theirs():
+    rng = np.random.default_rng(1)
+    delay = 0.004
+    fits = [fitted(true(delay) + noise(rng), delay="estimate") for _ in range(16)]
+    told = np.array([fit.uncertainty.std_delay for fit in fits])
+    seen = np.std([fit.delay for fit in fits])
+    assert told.mean() == pytest.approx(seen, rel=0.7)  # 4 sigmas of 16 draws
+    gains = [np.log(abs((fit.G.C @ fit.G.A @ fit.G.B)[0, 0])) for fit in fits]  # two poles more than zeros
+    assert np.std(gains) == pytest.approx(np.mean([fit.uncertainty.std_gain for fit in fits]), rel=0.7)
+    known = fits[0].uncertainty
+    pair = np.flatnonzero(known.poles.imag)
+    np.testing.assert_allclose(np.diagonal(known.cov_poles[pair[0]]), np.diagonal(known.cov_poles[pair[1]]))
+    assert known.cov_poles[pair[0]][0, 1] == -known.cov_poles[pair[1]][0, 1]
+    assert np.isnan(fitted(true()).uncertainty.std_delay)
+
+
+def test_a_model_that_leaves_something_out_is_improbable_and_its_deviations_grow():
+    rng = np.random.default_rng(2)
+    missing = true() + 0.5 * true()[::-1].conj() / np.abs(true()).max()
+    fit = fitted(missing + noise(rng))
+    assert fit.p_value < 1e-3
+    assert fit.cost > 1.5 * fit.expected_cost
+    sound = fitted(true() + noise(rng))
+    assert np.all(fit.uncertainty.std_poles[1:] > sound.uncertainty.std_poles[1:] * 0.9)
+    assert "(p = " in str(sound)
+    assert "poles rad/s: " in str(sound)
+    assert "(std " in str(sound)
+
+
+def test_a_cost_with_estimated_variances_is_judged_by_their_scatter():
+    from robust.models.fit.fit_uncertainty import probability_of_cost
+
+    rng = np.random.default_rng(3)
+    dof, F = 6, 60
+    p = []
+    for _ in range(400):  # windows of six lines share a variance
+        e = rng.exponential(1.0, F)
+        var = np.repeat(rng.gamma(dof, 1 / dof, F // dof), dof)
+        p.append(probability_of_cost(float(np.sum(e / var)), np.full(F, float(dof)), 0))
+    assert 0.02 < np.mean(np.array(p) < 0.05) < 0.10
+    assert np.isnan(probability_of_cost(1.0, np.full(5, np.nan), 2))
+
+
+def test_a_scan_names_poles_that_the_data_do_not_carry():
+    rng = np.random.default_rng(4)
+    G = (
+        3600 / (S**2 + 4 * S + 3600) * np.exp(-S / 2000)
+    )  # half a sample of hold: a scan answers with a pole that it cannot place
+    frd = control.FrequencyResponseData(G + noise(rng, 1e-3), OMEGA)
+    scan = robust.scan_orders(frd, n_poles=(2, 3), delay=0.0, std=np.full(OMEGA.size, 1e-3))
+    assert "poles of no significance: " in str(scan).splitlines()[1]
+    assert "poles of" not in str(robust.scan_orders(frd, n_poles=(2,), delay=1 / 2000, std=np.full(OMEGA.size, 1e-3)))
+
+
+def scan_of(G, sigma=1e-3, n_poles=range(1, 6)):
+    rng = np.random.default_rng(4)
+    frd = control.FrequencyResponseData(G + noise(rng, sigma), OMEGA)
+    return robust.scan_orders(frd, n_poles=n_poles, std=np.full(OMEGA.size, sigma))
+
+
+def test_a_delay_is_tried_where_the_phase_asks_for_one_and_compared():
+    scan = scan_of(3600 / (S**2 + 4 * S + 3600) * np.exp(-S * 5e-3))
+    assert scan.best == 2
+    assert abs(scan.fit.delay - 5e-3) < 4 * scan.fit.uncertainty.std_delay
+    assert list(scan.n_poles) == [1, 1, 2, 2, 3, 3, 4, 4, 5, 5]
+    assert scan.criterion[list(scan.fits).index(scan.fit)] < scan.criterion[scan.delay == 0].min()
+    assert str(scan).count("<-") == 1
+    assert f"delay {1e3 * scan.fit.delay:8.4g} ms" in str(scan)
+
+
+def test_no_delay_is_tried_where_none_is_asked_for():
+    scan = scan_of(3600 / (S**2 + 4 * S + 3600))
+    assert scan.best == 2
+    assert list(scan.n_poles) == [1, 2, 3, 4, 5]
+    assert not scan.delay.any()
+
+
+def test_poles_that_the_data_do_not_carry_are_not_recommended():
+    """A pole far below the band takes a misfit off a few lines; the criterion alone took it."""
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        G = 3600 / (S**2 + 4 * S + 3600) + noise(rng, 1e-3)
+        frd = control.FrequencyResponseData(G, OMEGA)
+        scan = robust.scan_orders(frd, n_poles=(2, 3, 5), std=np.full(OMEGA.size, 1e-3))
+        assert not doubtful_poles(scan.fit)

@@ -1,0 +1,211 @@
+"""Weights over every kind of radius: nothing uncovered, exact ones recovered, little excess."""
+
+import control
+import numpy as np
+import pytest
+
+from robust import fit_weight, performance_weight
+from robust.lti.lti import response
+from robust.lti.realisation import from_roots, in_order
+from robust.models.fit.refinement import curvature, problem_on
+
+OMEGA = np.geomspace(1, 1e4, 1000)
+LINES = np.sort(np.concatenate([8 * np.arange(500) + 1, 8 * np.arange(500) + 3])) * 0.5 * np.pi
+
+
+def resonance(omega, zeta=0.01):
+    return np.abs(1 / (1 - (omega / 100) ** 2 + 2j * zeta * omega / 100))
+
+
+def step(omega):
+    return np.where(omega < 200, 0.05, 2.0)
+
+
+def friction_bump(omega, rng=0):
+    """What a friction rig leaves: a bump around the resonance over a floor, both with line-to-line scatter."""
+    rng = np.random.default_rng(rng)
+    scatter = np.exp(0.08 * rng.normal(size=omega.size))
+    return (0.03 + 0.8 * np.exp(-0.5 * (np.log(omega / 300) / 0.4) ** 2)) * scatter
+
+
+def spiky(omega, rng=0):
+    return 0.2 * np.exp(0.6 * np.random.default_rng(rng).normal(size=omega.size))
+
+
+SHAPES = {
+    "smooth": lambda w: np.abs((1j * w + 20) / (0.5j * w + 300)) + 0.01 * (w / 1e3) ** 0.3,
+    "resonance": resonance,
+    "light resonance": lambda w: resonance(w, 1e-3),
+    "notch": lambda w: np.abs(1 - (w / 100) ** 2 + 0.006j * w / 100) / (1 + (w / 50) ** 2) + 1e-3,
+    "spiky": spiky,
+    "step up": step,
+    "step down": lambda w: 0.1 / step(w),
+    "friction": friction_bump,
+}
+
+
+def assert_covers(fit, omega, radius, dt=0.0):
+    """On the lines, between them and at both ends, by our own count."""
+    on_lines = np.abs(response(fit.W, omega))
+    assert np.all(on_lines >= radius)
+    if not fit.exact:
+        for t in np.linspace(0.03, 0.97, 13):
+            between = omega[:-1] ** (1 - t) * omega[1:] ** t
+            assert np.all(np.abs(response(fit.W, between)) >= np.maximum(radius[1:], radius[:-1]) * (1 - 1e-6))
+        ends = np.abs([fit.W.dcgain(), response(fit.W, np.array([np.pi / dt]))[0] if dt else fit.W.D[0, 0]])
+        assert np.all(ends >= radius[[0, -1]] * (1 - 1e-9))
+    excess = 20 * np.log10(on_lines / radius)
+    assert fit.mean_excess_db == pytest.approx(excess.mean(), abs=1e-6)
+    assert fit.max_excess_db == pytest.approx(excess.max(), abs=1e-6)
+    assert fit.min_ratio >= 1
+    region = np.abs if dt else np.real
+    limit = 1 if dt else 0
+    assert np.all(region(fit.W.poles()) < limit)
+    assert np.all(region(fit.W.zeros()) < limit)
+    assert fit.W.D[0, 0] != 0
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 5, 8])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_nothing_is_left_uncovered(shape, order):
+    radius = SHAPES[shape](OMEGA)
+    if "resonance" in shape and order == 1:
+        with pytest.raises(ValueError, match="would do"):
+            fit_weight(OMEGA, radius, order=order)
+        return
+    fit = fit_weight(OMEGA, radius, order=order)
+    assert_covers(fit, OMEGA, radius)
+    constant = 20 * np.log10(radius.max()) - np.mean(20 * np.log10(radius))
+    assert fit.mean_excess_db <= constant + 1e-6
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_discrete_weights_cover_too(shape):
+    dt = 1e-3
+    omega = np.geomspace(1, np.pi / dt, 400)
+    radius = SHAPES[shape](omega)
+    assert_covers(fit_weight(omega, radius, order=4, dt=dt), omega, radius, dt)
+
+
+@pytest.mark.parametrize(
+    ("n", "order", "seed"), [(5, 6, 52), (4, 4, 61), (3, 4, 49)], ids=["0.79 left", "0.24 left", "at Nyquist"]
+)
+def test_few_lines_hide_no_dip_below_nyquist(n, order, seed):
+    """Between two lines far apart there is room for a dip, most of it in a sliver below the Nyquist frequency."""
+    omega = np.geomspace(1, 30, n)
+    rng = np.random.default_rng(seed)
+    rng.choice(3), rng.choice(2)
+    radius = np.exp(rng.normal(0, 2, n))
+    fit = fit_weight(omega, radius, order=order, dt=np.pi / 30)
+    between = np.concatenate([np.geomspace(1, 30, 5000), 30 - np.geomspace(1e-6, 5, 2000)])
+    piece = np.clip(np.searchsorted(omega, between, side="right") - 1, 0, n - 2)
+    target = np.maximum(radius[piece], radius[piece + 1])
+    assert np.min(np.abs(response(fit.W, between)) / target) >= 1 - 1e-6
+
+
+@pytest.mark.parametrize("omega", [OMEGA, LINES], ids=["log", "lines of a special-odd grid"])
+@pytest.mark.parametrize(
+    ("shape", "most_db"), [("resonance", 1.0), ("step up", 2.0), ("step down", 2.0), ("friction", 3.0)]
+)
+@pytest.mark.parametrize("order", [5, 6, 8])
+def test_excess_stays_small(omega, shape, most_db, order):
+    fit = fit_weight(omega, SHAPES[shape](omega), order=order)
+    assert fit.mean_excess_db < most_db
+
+
+@pytest.mark.parametrize("order", range(1, 9))
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_exact_weight_is_recovered(order, seed):
+    rng = np.random.default_rng(seed + 10 * order)
+    places = np.exp(rng.uniform(np.log(3), np.log(3000), order // 2))
+
+    def roots():  # zeros near poles: a weight over decades of decibels is no weight
+        w = places * np.exp(rng.uniform(-0.7, 0.7, order // 2))
+        zeta = 10 ** rng.uniform(-1.7, 0, order // 2)
+        pairs = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
+        return in_order(np.concatenate([pairs, pairs.conj(), -np.exp(rng.uniform(1, 8, order % 2))]))
+
+    truth = np.abs(response(from_roots(roots(), roots(), 0.7, 0.0), OMEGA))
+    fit = fit_weight(OMEGA, truth, order=order)
+    assert np.abs(20 * np.log10(np.abs(response(fit.W, OMEGA)) / truth)).max() < 0.01
+
+
+def test_more_order_never_costs_more_than_a_little():
+    for shape in ("friction", "notch"):
+        radius = SHAPES[shape](OMEGA)
+        excess = [fit_weight(OMEGA, radius, order=n).mean_excess_db for n in (1, 2, 3, 5, 8)]
+        best = np.minimum.accumulate(excess)
+        assert np.all(excess[1:] <= best[:-1] + 0.5)
+
+
+def test_two_points_and_ten_thousand():
+    assert_covers(
+        fit_weight(np.array([1.0, 2.0]), np.array([0.1, 3.0]), order=2), np.array([1.0, 2.0]), np.array([0.1, 3.0])
+    )
+    omega = np.geomspace(1, 1e4, 10_000)
+    radius = friction_bump(omega)
+    assert_covers(fit_weight(omega, radius, order=4), omega, radius)
+
+
+def test_order_zero_is_the_maximum():
+    fit = fit_weight(OMEGA, friction_bump(OMEGA), order=0)
+    assert fit.W.D[0, 0] == pytest.approx(friction_bump(OMEGA).max(), rel=1e-6)
+
+
+def test_an_order_too_low_says_which_would_do():
+    with pytest.raises(ValueError, match=r"order must be high enough .* got order 1 .* Order 2 would do"):
+        fit_weight(OMEGA, resonance(OMEGA), order=1)
+
+
+def test_performance_weight():
+    """SP eq. 2.105: 1/|w_P| is A at zero, M_S at infinity, and its asymptote crosses one at omega_B."""
+    for order in (1, 2, 3):
+        w_P = performance_weight(10.0, M_S=1.5, A=1e-4, order=order)
+        size = np.abs(response(w_P, np.array([1e-9, 1e9])))
+        assert size == pytest.approx([1e4, 1 / 1.5], rel=1e-6)
+        assert w_P.nstates == order
+    first = np.abs(response(performance_weight(10.0, M_S=2.0, A=1e-6), np.array([1.0, 10.0])))
+    assert first == pytest.approx([np.abs(0.5j + 10), np.abs(5j + 10) / 10], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: fit_weight(OMEGA, -np.ones(1000), order=2), "radius must be positive, got -1 at 1 rad/s"),
+        (lambda: fit_weight(OMEGA, np.zeros(1000), order=2), "radius must be positive"),
+        (lambda: fit_weight(OMEGA[::-1], np.ones(1000), order=2), "omega must be positive and increasing"),
+        (lambda: fit_weight(OMEGA, np.ones(999), order=2), "radius must have one value per frequency"),
+        (lambda: fit_weight(OMEGA, np.full(1000, np.nan), order=2), "radius must be finite"),
+        (lambda: fit_weight(OMEGA, np.ones(1000), order=-1), "order must be a whole number"),
+        (lambda: fit_weight(OMEGA, np.ones(1000), order=17), "order must be at most 16"),
+        (lambda: fit_weight(OMEGA, np.ones(1000), order=2, dt=0.1), "omega must not exceed the Nyquist frequency"),
+        (lambda: performance_weight(0.0), "omega_B must be positive"),
+        (lambda: performance_weight(1.0, M_S=1.0), "M_S must be above 1"),
+        (lambda: performance_weight(1.0, A=3.0), "A must be below M_S"),
+        (lambda: performance_weight(1.0, order=0), "order must be a whole number of at least 1"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_the_weight_is_a_python_control_system():
+    assert isinstance(fit_weight(OMEGA, friction_bump(OMEGA), order=3).W, control.StateSpace)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 6])
+def test_slopes_and_curvature_are_those_of_differences(order):
+    """The Newton steps stand on both; sections in, below and above the band, of dampings from 0.007 up."""
+    rng = np.random.default_rng(order)
+    x = np.geomspace(0.1, 30, 40)
+    problem = problem_on(x, rng.normal(size=x.size), ends=True)
+    for _ in range(10):
+        theta = rng.uniform(-5.0, 5.0, 2 * order)
+        e, J = problem.excess(theta, 0.3, order)
+        first = rng.normal(size=e.size)
+        H = curvature(problem, theta, order, first, J)
+        for i, step in enumerate(1e-5 * np.eye(2 * order)):
+            (up, J_up), (down, J_down) = (problem.excess(theta + s, 0.3, order) for s in (step, -step))
+            np.testing.assert_allclose((up - down) / 2e-5, J[i], rtol=1e-5, atol=1e-7)
+            np.testing.assert_allclose((J_up - J_down)[:-1] @ first / 2e-5, H[i], rtol=1e-4, atol=1e-5)

@@ -1,0 +1,79 @@
+"""A radius of the user's own: arrays as they are, or a list of plants that the set then holds."""
+
+import control
+import numpy as np
+import pytest
+
+import robust
+from robust.lti.lti import response
+from robust.models.sets.forms import FORMS
+
+OMEGA = np.geomspace(0.1, 100, 60)
+NOMINAL = control.ss(control.tf([2.0], [0.2, 1]))
+UNSCALED = [name for name, row in FORMS.items() if not row.scaled]
+
+
+def plants(n=5):
+    """Lags whose gain and time constant are up to 10 % off."""
+    rng = np.random.default_rng(3)
+    return [control.tf([2 * rng.uniform(0.9, 1.1)], [0.2 * rng.uniform(0.9, 1.1), 1]) for _ in range(n)]
+
+
+@pytest.mark.parametrize("form", UNSCALED)
+def test_the_set_holds_every_plant_of_a_list_and_touches_one(form):
+    frfs = [control.frd(plant, OMEGA) for plant in plants()]
+    model = robust.uncertainty(frfs, NOMINAL, form=form, order=3)
+    assert all(model.contains(frf) for frf in frfs)
+    away = [np.abs(FORMS[form].deviation(np.squeeze(p(1j * OMEGA)), np.squeeze(NOMINAL(1j * OMEGA)))) for p in plants()]
+    assert model.radius == pytest.approx(np.max(away, axis=0), rel=1e-9)
+    assert np.isnan(model.confidence)
+    assert model.perturbation == "statistical"  # "LTI" is for the user to claim
+    assert "5 plants" in model.source
+
+
+def test_systems_are_taken_at_the_lines_of_the_frfs_beside_them():
+    first, *rest = plants()
+    model = robust.uncertainty([control.frd(first, OMEGA), *rest], NOMINAL, perturbation="LTI", order=3)
+    assert model.perturbation == "LTI"
+    assert all(model.contains(plant) for plant in rest)
+    assert robust.check(model, 1.0).verdict == "robust"
+
+
+def test_frfs_on_other_lines_count_where_they_are():
+    low, high = OMEGA[:40], OMEGA[20:]
+    one, other = plants(2)
+    model = robust.uncertainty([control.frd(one, low), control.frd(other, high)], NOMINAL, order=3)
+    assert model.omega == pytest.approx(OMEGA)
+    assert model.contains(control.frd(one, low))
+    assert model.contains(control.frd(other, high))
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.01])
+def test_arrays_are_the_radius_as_they_are(dt):
+    nominal = robust.sampled(NOMINAL, dt) if dt else NOMINAL
+    radius = 0.1 + 0.02 * OMEGA
+    model = robust.uncertainty((OMEGA, radius), nominal, order=2)
+    assert model.radius == pytest.approx(radius)
+    assert np.all(np.abs(response(model.weight, OMEGA)) >= radius * (1 - 1e-6))
+    assert "given" in model.source
+
+
+@pytest.mark.parametrize(
+    ("bla", "options", "said"),
+    [
+        ((OMEGA, -OMEGA), {}, "radius must be positive, one for each"),
+        ((OMEGA, OMEGA[1:]), {}, "radius"),
+        ((OMEGA, 0.1 + 0 * OMEGA), {"simultaneous": True}, "left out where the radius is your own"),
+        ((OMEGA, 0.1 + 0 * OMEGA), {"systematic": 8.0}, "left out where the radius is your own"),
+        ((OMEGA, 0.1 + 0 * OMEGA), {"form": "coprime"}, "must not depend on units"),
+        (plants(), {}, "must hold an FRF"),
+        ([control.frd(NOMINAL, OMEGA)], {}, "none that differs"),
+        ([control.frd(NOMINAL, OMEGA), 3.0], {}, "all plants"),
+        ([], {}, "a radius of your own"),
+        ("bla.npz", {}, "a radius of your own"),
+    ],
+)
+def test_what_is_no_radius_is_refused(bla, options, said):
+    with pytest.raises(ValueError, match=said) as refused:
+        robust.uncertainty(bla, NOMINAL, **options)
+    assert "\n" not in str(refused.value)

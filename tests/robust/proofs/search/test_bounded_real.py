@@ -1,0 +1,144 @@
+"""Certificates: they hold just above a known norm, fail just below it, and never believe a solver."""
+
+import warnings
+
+import control
+import cvxpy
+import numpy as np
+import pytest
+
+from robust import certify_norm
+from robust.lti.lti import response
+from robust.lti.norms import hinf_norm
+from robust.lti.realisation import from_roots, in_order
+from robust.models.fit.rational import to_plane
+from robust.proofs.search.bounded_real import judge_inequality
+from robust.proofs.search.intervals import magnitude
+
+
+def second_order(zeta, wn=3.0):
+    """Resonance and its norm in closed form: 1/(2 zeta sqrt(1 - zeta^2)) at DC gain one."""
+    system = control.tf([wn**2], [1, 2 * zeta * wn, wn**2])
+    return control.ss(system), 1 / (2 * zeta * np.sqrt(1 - zeta**2))
+
+
+def random_system(rng, n, dt=0.0):
+    """Poles over six decades with dampings down to 0.001, zeros beside them."""
+    w = 10 ** (rng.uniform(-3, 3, n // 2) if not dt else rng.uniform(-1, 2, n // 2))
+    zeta = 10 ** rng.uniform(-3, 0, n // 2)
+    p = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
+    z = p * rng.choice([0.6, 1.3], n // 2)
+    both = [in_order(np.concatenate([r, r.conj()])) for r in (z, p)]
+    return from_roots(*to_plane(*both, 1.0, dt, 0), dt)
+
+
+@pytest.mark.parametrize("zeta", [0.5, 0.05, 0.001])
+@pytest.mark.parametrize("solver", ["CLARABEL", "SCS"])
+def test_holds_at_1001_and_fails_at_0999_times_a_known_norm(zeta, solver):
+    system, norm = second_order(zeta)
+    assert hinf_norm(system)[0] == pytest.approx(norm, rel=1e-8)
+    above = certify_norm(system, 1.001 * norm, solver=solver)
+    assert above.holds
+    assert above.method.startswith("KYP")
+    below = certify_norm(system, 0.999 * norm, solver=solver)
+    assert not below.holds
+    assert "does not hold" in below.reason
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.01])
+def test_poles_over_six_decades(dt):
+    rng = np.random.default_rng(7)
+    for n in (2, 6, 12, 20):
+        system = random_system(rng, n, dt)
+        norm = hinf_norm(system)[0]
+        assert certify_norm(system, norm / 0.99).holds
+        assert not certify_norm(system, norm * 0.9999).holds
+
+
+def test_an_unstable_system_has_no_certificate():
+    certificate = certify_norm(control.tf([1], [1, -1]), 100.0)
+    assert not certificate.holds
+    assert "not stable" in certificate.reason
+
+
+def test_a_solver_that_lies_about_its_status_is_not_believed(monkeypatch):
+    system, norm = second_order(0.05)
+
+    def lie(self, *args, **kwargs):
+        for variable in self.variables():
+            variable.value = np.eye(variable.shape[0]) if variable.shape else np.array(1.0)
+        self._status = "optimal"
+        return 1.0
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", lie)
+    assert not certify_norm(system, 0.9 * norm).holds
+    assert not certify_norm(control.tf([1], [1, -1]), 100.0).holds
+
+
+class Panic(BaseException):
+    """What a solver in another language may raise: not an Exception."""
+
+
+@pytest.mark.parametrize("failure", [Panic("index out of bounds"), cvxpy.SolverError("no"), ValueError("what")])
+def test_a_solver_that_fails_leaves_the_riccati_certificate(monkeypatch, failure):
+    def fail(self, *args, **kwargs):
+        raise failure
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", fail)
+    system, norm = second_order(0.05)
+    certificate = certify_norm(system, 1.01 * norm)
+    assert certificate.holds
+    assert "Riccati" in certificate.method
+    below = certify_norm(system, 0.99 * norm)
+    assert not below.holds
+    assert type(failure).__name__ in below.reason
+
+
+def test_stopping_the_program_is_not_swallowed(monkeypatch):
+    def stop(self, *args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", stop)
+    with pytest.raises(KeyboardInterrupt):
+        certify_norm(second_order(0.05)[0], 100.0)
+
+
+def test_the_judge_knows_a_wrong_matrix():
+    # scalar lag b c/(s + 1) with norm 1/2: P between the roots of P^2/4 - 2 P + 1 is a certificate at level one
+    A, B, C, D = (np.array([[x]]) for x in (-1.0, 0.5, 1.0, 0.0))
+    low, high = 4 - np.sqrt(12), 4 + np.sqrt(12)
+    for P in (low * 1.001, high * 0.999, 4.0):
+        assert judge_inequality(A, B, C, D, np.array([[P]]), discrete=False) == ""
+    for P in (low * 0.999, high * 1.001, -1.0, 0.0, np.nan):
+        assert "does not hold" in judge_inequality(A, B, C, D, np.array([[P]]), discrete=False)
+
+
+def test_no_solver_warning_leaks_out():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        system, norm = second_order(0.001)
+        certify_norm(system, norm * 1.0000001)
+
+
+def test_magnitude_bounds_hold_on_random_intervals():
+    rng = np.random.default_rng(0)
+    system = control.ss(
+        control.tf(np.poly([-1, -50, -3 + 20j, -3 - 20j]).real, np.poly([-5, -0.1, -1 + 30j, -1 - 30j]).real)
+    )
+    bound = magnitude(system)
+    for _ in range(300):
+        low = 10 ** rng.uniform(-3, 3)
+        high = low * (1 + 10 ** rng.uniform(-5, 1))
+        truth = np.abs(response(system, np.geomspace(low, high, 300))).max()
+        assert bound.upper(low, high) >= truth * (1 - 1e-12)
+        if high < 1.01 * low:
+            assert bound.upper(low, high) <= truth * 1.02
+    for low, loose in ((4.0, 1e3), (1000.0, 1.2)):
+        tail = np.abs(response(system, np.geomspace(low, 1e7, 4000))).max()
+        assert tail <= bound.upper(low, np.inf) <= loose * tail
+
+
+@pytest.mark.parametrize("level", [0.0, -1.0, np.nan])
+def test_refuses_a_level_that_is_none(level):
+    with pytest.raises(ValueError, match="level must be"):
+        certify_norm(control.tf([1], [1, 1]), level)

@@ -1,0 +1,304 @@
+"""The shaping page in a browser: dragged, typed at, undone, on a phone, on paper; it asks nobody for anything."""
+
+import json
+import sys
+
+import control
+import numpy as np
+import pytest
+
+import robust
+from robust import cli
+from robust.reports.shaping_page.page import page_content
+from robust.reports.shaping_page.widget import widget_class
+from robust.reports.shaping_page.words import Told
+from tests.support.browser import browser
+from tests.support.shaped_loops import random_loop
+
+W_P = robust.performance_weight(2 * np.pi * 0.5, M_S=2.2, A=2e-2)
+WAIT = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+
+
+def level(gain, form="multiplicative"):
+    """A resonance at 8 Hz behind a lag, its gain that of a level."""
+    plant = control.tf([gain * 2500], [1, 10, 2500]) * control.tf([4], [1, 4])
+    w = control.tf([0.015, 0.12], [0.0027, 1])
+    omega = 2 * np.pi * np.geomspace(0.1, 100, 120)
+    return robust.UncertaintyModel(plant, w, form, omega, 0.9 * np.abs(np.squeeze(w(1j * omega))))
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory):
+    with browser(tmp_path_factory.mktemp("profile")) as page:
+        yield page
+
+
+@pytest.fixture
+def page(chromium, tmp_path):
+    """The page of two levels, sampled with a delay, as a desktop shows it."""
+    robust.write_shaping_page(tmp_path / "shape.html", [level(1), level(1.3)], w_P=W_P, dt=2e-3, delay=1e-3)
+    screen(chromium, 1300, 1100)
+    chromium.open(tmp_path / "shape.html")
+    yield chromium
+    assert chromium.errors == []
+    assert [url for url in chromium.requests if not url.startswith(("file://", "data:", "blob:"))] == []
+
+
+def screen(page, width, height, mobile=False):
+    page.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
+
+
+def state(page):
+    page.run(WAIT)
+    return page.run("shaping.state()")
+
+
+def add(page, title):
+    page.run(f"[...document.querySelectorAll('button')].find(b => b.textContent === '+ {title}').click()")
+    return state(page)
+
+
+def middle(page, selector):
+    return page.run(
+        f"(() => {{ const b = document.querySelector('{selector}').getBoundingClientRect();"
+        " return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+    )
+
+
+def drag(page, begin, dx, dy):
+    """Press, move in steps, let go."""
+    x, y = begin
+    page.ask("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+    for part in (0.25, 0.5, 0.75, 1.0):
+        page.ask(
+            "Input.dispatchMouseEvent", type="mouseMoved", x=x + part * dx, y=y + part * dy, button="left", buttons=1
+        )
+    page.ask("Input.dispatchMouseEvent", type="mouseReleased", x=x + dx, y=y + dy, button="left", clickCount=1)
+    return state(page)
+
+
+def press(page, key, code=0, modifiers=0):
+    page.ask("Input.dispatchKeyEvent", type="keyDown", key=key, windowsVirtualKeyCode=code, modifiers=modifiers)
+    page.ask("Input.dispatchKeyEvent", type="keyUp", key=key, windowsVirtualKeyCode=code, modifiers=modifiers)
+    return state(page)
+
+
+def test_gain_is_dragged_up_and_every_curve_follows(page):
+    before = page.run("shaping.answer().models.map(m => m.maxRs.value)")
+    at, per_pixel = middle(page, '[data-handle="-1"]'), page.run("shaping.loop.perPixel()")
+    assert drag(page, at, 0, -40)["gain"] == pytest.approx(10 ** (40 * per_pixel / 20), rel=2e-3)
+    after = page.run("shaping.answer().models.map(m => m.maxRs.value)")
+    assert all(a > b for a, b in zip(after, before, strict=True))
+    assert page.run("document.querySelectorAll('.shaping-card').length") == 2
+
+
+def test_the_curve_itself_is_gain_too(page):
+    x, y = page.run(
+        "(() => { const o = shaping.loop.over.getBoundingClientRect(), m = shaping.answer().models[0], f = 0.4;"
+        " const k = shaping.answer().omega.findIndex(w => w > 2 * Math.PI * f);"
+        " return [o.x + shaping.loop.plot.valToPos(f, 'x'),"
+        " o.y + shaping.loop.plot.valToPos(20 * Math.log10(Math.hypot(m.lr[k], m.li[k])), 'y')]; })()"
+    )
+    assert drag(page, (x, y), 0, 30)["gain"] < 1
+    assert drag(page, (x, y + 150), 0, 30)["gain"] == state(page)["gain"]  # beside the curve nothing is caught
+
+
+def test_every_element_is_added_dragged_and_taken_away(page):
+    for k, (title, field) in enumerate(
+        [("Integrator", None), ("Lead", "phase"), ("Notch", "depth"), ("Roll-off", "zeta")]
+    ):
+        begun = add(page, title)["elements"][k]
+        moved = drag(page, middle(page, f'[data-handle="{k}"]'), 25, -20)["elements"][k]
+        assert moved["f"] > begun["f"]
+        assert field is None or moved[field] > begun[field]
+    page.run("document.querySelectorAll('.shaping-remove')[1].click()")
+    assert [element["kind"] for element in state(page)["elements"]] == ["integrator", "notch", "roll-off"]
+
+
+def test_keys_move_what_has_the_focus_and_undo_takes_it_back(page):
+    begun = add(page, "Lead")["elements"][0]
+    page.run("document.querySelector('[data-handle=\"0\"]').focus()")
+    moved = press(page, "ArrowRight", 39)["elements"][0]
+    assert moved["f"] == pytest.approx(begun["f"] * 2 ** (1 / 24), rel=1e-3)
+    assert press(page, "ArrowUp", 38)["elements"][0]["phase"] == begun["phase"] + 1
+    assert press(page, "z", 90, modifiers=2)["elements"][0] == moved
+    assert press(page, "y", 89, modifiers=2)["elements"][0]["phase"] == begun["phase"] + 1
+    assert page.run("document.activeElement.dataset.handle") == "0"  # the focus outlives what is drawn anew
+    assert press(page, "Delete", 46)["elements"] == []
+    for _ in range(5):
+        press(page, "z", 90, modifiers=2)
+    assert state(page) == {"gain": 1, "elements": []}
+
+
+def test_numbers_can_be_typed_and_are_kept_in_bounds(page):
+    add(page, "Lead")
+    change = (
+        "(() => {{ const i = document.querySelector('[name={}]'); i.value = '{}';"
+        " i.dispatchEvent(new Event('change')); }})()"
+    )
+    for name, typed, wanted in (
+        ("phase0", "200", 85),
+        ("phase0", "12.5", 12.5),
+        ("f0", "7.25", 7.25),
+        ("gain", "3", 3),
+    ):
+        page.run(change.format(name, typed))
+        now = state(page)
+        assert (now["gain"] if name == "gain" else now["elements"][0][name[:-1]]) == wanted
+    page.run(change.format("f0", ""))
+    assert state(page)["elements"][0]["f"] == 7.25
+
+
+def test_the_verdict_on_the_grid_claims_no_proof(page):
+    assert page.run("document.body.innerText").count("Nothing here is proved") == 1
+    page.run("shaping.set({ gain: 30, elements: [] })")
+    said = page.run("[...document.querySelectorAll('.shaping-card strong')].map(s => s.textContent)")
+    reports = [
+        robust.check(m, control.ss([], [], [], [[30.0]], 2e-3), w_P=W_P, delay=1e-3, certify=False)
+        for m in (level(1), level(1.3))
+    ]
+    assert (
+        [text.startswith("unstable") for text in said]
+        == [not report.nominally_stable for report in reports]
+        == [True] * 2
+    )
+
+
+def test_a_redraw_takes_less_than_a_frame(page):
+    """Sixty frames a second are 16.7 ms each; the shortest of many, as other programs run beside this one."""
+    took = page.run(
+        "[...Array(60).keys()].map(k => { shaping.set({ gain: 1 + k / 100, elements: shaping.state().elements });"
+        " return shaping.took; })"
+    )
+    assert min(took) < 16.7
+
+
+@pytest.mark.parametrize("width", [360, 390, 800, 1300])
+def test_nothing_sticks_out_at_any_width(page, width):
+    screen(page, width, 900, mobile=width < 500)
+    page.run(f"{WAIT}.then(() => {WAIT})")
+    assert page.run("document.documentElement.scrollWidth") <= width
+    widest = page.run("Math.max(...[...document.querySelectorAll('canvas')].map(c => c.getBoundingClientRect().right))")
+    assert widest <= width
+    small = page.run("Math.min(...[...document.querySelectorAll('.shaping-plots figure')].map(f => f.clientWidth))")
+    assert small >= min(250, width - 40)
+
+
+def test_a_finger_drags_on_a_phone(page):
+    screen(page, 390, 844, mobile=True)
+    page.ask("Emulation.setTouchEmulationEnabled", enabled=True)
+    page.run(f"{WAIT}.then(() => {WAIT})")
+    x, y = middle(page, '[data-handle="-1"]')
+    page.ask("Input.dispatchTouchEvent", type="touchStart", touchPoints=[{"x": x, "y": y}])
+    for part in range(1, 5):
+        page.ask("Input.dispatchTouchEvent", type="touchMove", touchPoints=[{"x": x, "y": y - 10 * part}])
+    page.ask("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+    page.ask("Emulation.setTouchEmulationEnabled", enabled=False)
+    assert state(page)["gain"] > 1.2
+
+
+def test_it_prints(page):
+    add(page, "Lead")
+    pdf = page.pdf()
+    assert pdf.startswith(b"%PDF")
+    assert 1 <= pdf.count(b"/Type /Page\n") <= 3
+    assert not page.run("document.querySelector('.shaping-page').classList.contains('shaping-printing')")
+
+
+def test_a_title_cannot_break_out_of_the_page(chromium, tmp_path):
+    evil = "</script><script>document.title = 'broken'</script>"
+    robust.write_shaping_page(tmp_path / "shape.html", level(1), title=evil)
+    chromium.open(tmp_path / "shape.html")
+    assert chromium.run("document.title") == evil == chromium.run("document.querySelector('h1').textContent")
+
+
+def test_the_controller_of_the_page_is_a_file_that_check_reads(page, tmp_path):
+    add(page, "Lead")
+    page.run("globalThis.blobs = []; URL.createObjectURL = blob => { blobs.push(blob); return 'data:,'; }")
+    page.run("[...document.querySelectorAll('button')].find(b => b.textContent === 'Save controller.json').click()")
+    (tmp_path / "controller.json").write_text(page.run("blobs[0].text()"), encoding="utf-8")
+    K, at = robust.load_controller(tmp_path / "controller.json"), np.exp(2e-3j * np.array([1.0, 30.0, 300.0]))
+    lead = state(page)["elements"][0]
+    assert K(at) == pytest.approx(robust.lead(2 * np.pi * lead["f"], np.radians(lead["phase"]), dt=2e-3)(at), rel=1e-9)
+
+
+def test_the_command_writes_it_with_the_command_that_proves(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    robust.save_model(level(1), "low.json")
+    robust.save_model(level(1.3), "high.json")
+    words = "robust shape low.json high.json --bandwidth 0.5 --sample-time 0.002 --delay 0.001 -o shape.html"
+    monkeypatch.setattr(sys, "argv", words.split())
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert not stop.value.code
+    assert "wrote shape.html" in capsys.readouterr().out
+    text = (tmp_path / "shape.html").read_text(encoding="utf-8")
+    assert "robust check low.json controller.json --bandwidth 0.5 --peak 2.0 --error 0.01 --delay 0.001" in text
+    assert "['low.json', 'high.json']" in text
+
+
+def test_the_widget_holds_the_page_and_gives_the_controller_back():
+    pytest.importorskip("anywidget")
+    made = robust.shape(level(1), w_P=W_P, dt=2e-3)
+    assert made._esm.rstrip().endswith("} };")
+    assert json.loads(json.dumps(made.content))["dt"] == 2e-3
+    assert made.K.dt == 2e-3
+    made.state = {"gain": 2.0, "elements": [{"kind": "lead", "f": 5.0, "phase": 40.0}]}
+    K = 2.0 * robust.lead(2 * np.pi * 5, np.radians(40), dt=2e-3)
+    at = np.exp(2e-3j * np.array([1.0, 30.0]))
+    assert made.K(at) == pytest.approx(K(at))
+    assert isinstance(made, widget_class())
+
+
+def test_the_widget_runs_as_a_module(chromium, tmp_path):
+    """As a notebook does it: the module is imported, `render` is given a model of traits and an element."""
+    pytest.importorskip("anywidget")
+    made = robust.shape(level(1), w_P=W_P)
+    (tmp_path / "empty.html").write_text("<!DOCTYPE html><title>cell</title><body></body>", encoding="utf-8")
+    chromium.open(tmp_path / "empty.html")
+    chromium.run(
+        f"(async () => {{ const source = {json.dumps(made._esm)}, content = {json.dumps(made.content)};"
+        " const url = URL.createObjectURL(new Blob([source], { type: 'text/javascript' }));"
+        " const module = await import(url); globalThis.traits = { content, state: {} };"
+        " module.default.render({ el: document.body, model: { get: name => traits[name],"
+        " set: (name, value) => { traits[name] = value; }, save_changes: () => { traits.saved = true; } } }); })()"
+    )
+    assert chromium.errors == []
+    add_lead = "[...document.querySelectorAll('button')].find(b => b.textContent === '+ Lead').click()"
+    chromium.run(add_lead)
+    assert chromium.run("traits.saved && traits.state.elements[0].kind") == "lead"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"model": []}, "model must be an UncertaintyModel or a list of them"),
+        ({"model": 3}, "model must be an UncertaintyModel"),
+        ({"K": robust.lead(5.0, 0.5, dt=0.01), "dt": 0.02}, "dt must be one for models and controller"),
+        ({"K": robust.lead(5.0, 0.5), "dt": 0.02}, "K must be sampled at 0.02 s"),
+        ({"path": "shape.txt"}, "path must end in .html"),
+        ({"delay": -1.0}, "delay must be zero or positive"),
+        ({"w_P": control.tf([1], [1, 0])}, "w_P must be stable"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(change, said, tmp_path):
+    asked = {"path": "shape.html", "model": level(1)} | change
+    path = tmp_path / asked.pop("path")
+    with pytest.raises(ValueError, match=said) as refused:
+        robust.write_shaping_page(path, asked.pop("model"), **asked)
+    assert "\n" not in str(refused.value)
+    assert not path.exists()
+
+
+def test_a_model_on_an_frf_is_refused():
+    omega = np.geomspace(1, 100, 40)
+    frf = control.FrequencyResponseData(1 / (1j * omega + 1), omega)
+    model = robust.UncertaintyModel(frf, control.tf([0.2], [1]), "multiplicative", omega, np.full(40, 0.1))
+    with pytest.raises(ValueError, match=r"parametric nominal.*fit_nominal"):
+        page_content(model, w_P=None, K=None, dt=0, delay=0, told=Told())
+
+
+def test_content_is_json_with_no_number_beyond_it():
+    for seed in range(6):
+        model, w_P, begin, dt, delay, _ = random_loop([seed])
+        json.dumps(page_content(model, w_P=w_P, K=begin, dt=dt, delay=delay, told=Told()), allow_nan=False)

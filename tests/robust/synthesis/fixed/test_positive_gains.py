@@ -1,0 +1,130 @@
+"""PID gains that a PLC takes: all of one sign, under the names of its blocks; and a warning where they are not."""
+
+import sys
+
+import control
+import numpy as np
+import pytest
+
+import robust
+from robust import cli
+from robust.io.pid_gains import PidGains
+
+PLANT = control.tf([60.0**2], [1, 36.0, 60.0**2])  # with a delay as long as a third of its period
+ASKED = {"M_S": 1.8, "dt": 5e-3, "delay": 0.02}
+
+
+def gains_of(K):
+    found = robust.pid_gains(K)
+    return np.array([found.kp, found.ki, found.kd])
+
+
+def test_free_gains_have_different_signs_here():
+    """Else nothing below was tried."""
+    design = robust.design_frf(PLANT, "PID", **ASKED)
+    assert design.met
+    kp, ki, kd = gains_of(design.K)
+    assert kp < 0 < min(ki, kd)
+
+
+@pytest.mark.parametrize("structure", ["P", "I", "PI", "PD", "PID"])
+def test_positive_gains_are_positive_and_meet_the_limits(structure):
+    design = robust.design_frf(PLANT, structure, positive=True, **ASKED)
+    assert design.met, design.reason
+    assert np.all(gains_of(design.K) >= 0)
+    loop = control.sample_system(PLANT, 5e-3, "zoh") * control.tf([1], [1, 0, 0, 0, 0], 5e-3) * design.K
+    S = control.feedback(1, loop)
+    assert np.all(np.abs(S.poles()) < 1)
+    w = np.linspace(0.1, np.pi / 5e-3, 4000)
+    assert np.abs(S(np.exp(1j * w * 5e-3))).max() < 1.8 * 1.002  # a demand may be missed by 1e-3
+
+
+def test_what_three_gains_can_do_two_cannot_do_better():
+    """Of positive gains PI is a PID, so the gain at low frequency of the latter is no smaller."""
+    pid, pi = (gains_of(robust.design_frf(PLANT, name, positive=True, **ASKED).K)[1] for name in ("PID", "PI"))
+    assert pid > 0.99 * pi
+
+
+def test_gains_that_are_positive_of_themselves_are_not_touched():
+    plant, asked = control.tf([1], [1 / 6000, 1 / 20 + 1 / 300, 1]), {"M_S": 1.6, "dt": 5e-4}
+    free, kept = (robust.design_frf(plant, "PID", positive=only, **asked) for only in (False, True))
+    assert np.all(gains_of(free.K) > 0)
+    np.testing.assert_allclose(gains_of(kept.K), gains_of(free.K), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("asked", "refusal"),
+    [
+        ({"structure": "lead"}, "positive must be asked of P, I, PI, PD, PID, got it with 'lead'"),
+        ({"structure": 2}, "positive must be asked of"),
+        ({"structure": "PI", "fixed": control.tf([1], [0.01, 1])}, "positive must be left out with a factor"),
+        ({"structure": "PID", "start": robust.pid(-0.1, 1.0, 1e-3, filter_time=1e-3), "filter_time": 1e-3}, "negative"),
+    ],
+)
+def test_what_positive_is_not_asked_of(asked, refusal):
+    with pytest.raises(ValueError, match=refusal):
+        robust.design_frf(control.tf([1], [0.1, 1]), M_S=1.8, positive=True, **asked)
+
+
+def test_a_plant_of_the_other_sign_is_told_what_to_do():
+    with pytest.raises(ValueError, match="Where y falls as u rises, change the sign of one of them"):
+        robust.design_frf(control.tf([-1], [0.1, 1]), "PI", M_S=1.8, positive=True)
+
+
+def test_the_ideal_form_of_the_blocks_is_the_controller():
+    """From the names of a block back to the transfer function, by the formula of its manual."""
+    gains = PidGains(kp=2.5, ki=40.0, kd=0.03, filter_time=0.002)
+    s = 1j * np.geomspace(0.1, 1e4, 30)
+    wanted = gains.kp + gains.ki / s + gains.kd * s / (gains.filter_time * s + 1)
+    compact, classic, twincat = (
+        {
+            name.strip(): float(number.split()[0])
+            for name, number in (one.split("=") for one in row.split(":")[1].split(","))
+        }
+        for row in gains.plc_parameters()
+    )
+    Kp, Ti, Td, a = (compact[name] for name in ("Gain", "Ti", "Td", "TdFiltRatio"))
+    np.testing.assert_allclose(Kp * (1 + 1 / (Ti * s) + Td * s / (a * Td * s + 1)), wanted, rtol=1e-5)
+    Kp, Ti, Td, lag = (classic[name] for name in ("GAIN", "TI", "TD", "TM_LAG"))
+    np.testing.assert_allclose(Kp * (1 + 1 / (Ti * s) + Td * s / (lag * s + 1)), wanted, rtol=1e-5)
+    Kp, Tn, Tv, Td = (twincat[name] for name in ("fKp", "tTn", "tTv", "tTd"))
+    np.testing.assert_allclose(Kp * (1 + 1 / (Tn * s) + Tv * s / (Td * s + 1)), wanted, rtol=1e-5)
+
+
+def test_no_ideal_form_and_no_plc_where_times_would_be_negative():
+    """4aa289a printed Ti = -0.003 s and Td = -0.165 s without a word."""
+    gains = PidGains(kp=-2.61, ki=870.0, kd=0.43, filter_time=0.01)
+    assert "ideal: none that a PLC takes, as Ti = -0.003 s and Td = -0.1648 s would be negative times" in str(gains)
+    assert gains.plc_parameters() == []
+    inverted = PidGains(kp=-2.0, ki=-4.0)  # a plant of negative gain: the times are positive
+    assert inverted.has_ideal_form
+    assert "Gain = -2, Ti = 0.5 s, Td = 0 s" in inverted.plc_parameters()[0]
+
+
+def test_the_command_warns_and_positive_cures(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    omega = np.geomspace(1, 600, 20)
+    model = robust.UncertaintyModel(PLANT, control.tf([0.01], [1]), "multiplicative", omega, np.full(20, 0.01))
+    robust.save_model(model, "m.json")
+
+    def run(line):
+        monkeypatch.setattr(sys, "argv", line.split())
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        said = capsys.readouterr()
+        return stop.value.code or 0, said.out, said.err
+
+    line = "robust design m.json --method pid --sample-time 0.005 --delay 0.02 --peak 1.8 -o K.json"
+    code, out, err = run(line)
+    assert code == 0
+    assert "no PLC takes gains of different signs; --positive keeps them positive" in err
+    assert "PID ideal: none that a PLC takes" in out
+    assert "Siemens" not in out
+    code, out, err = run(f"{line} --positive")
+    assert code == 0
+    assert "warning" not in err
+    assert "PID Siemens PID_Compact: Gain = " in out
+    assert "PID TwinCAT FB_CTRL_PID: fKp = " in out
+    code, _, err = run("robust design m.json --method ncfsyn --positive --bandwidth 1 -o K.json")
+    assert code == 2
+    assert "positive must be asked of --method pid" in err
