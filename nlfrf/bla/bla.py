@@ -18,10 +18,10 @@ from nlfrf.signals.lines import LineGrid, local_mean
 __all__ = ["Bla", "DistortionLevels"]
 
 
-#: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
-#: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
-#: Of few lines the peaks of the input tell it (`read_peaks`), and `var_bound` holds it.
-UNSEEN = {"roughness": 0.5, "detection": 0.25}
+#: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
+#: smoothly: none of a saturation, up to a half of a fifth power. Half of it costs 2 % more of the loss than a quarter.
+#: With fewer than 27 lines the peaks of the input show it (`read_peaks`), and it is in `var_bound`.
+UNSEEN = {"roughness": 0.25}
 VARIANCES = ("var_noise", "var_total", "var_distortion", "var_even", "var_bound")
 AROUND = 9  # lines over which noise and distortion are told apart
 
@@ -71,12 +71,14 @@ class Bla:
     levels : DistortionLevels
         Output amplitudes on excited and detection lines.
     var_bound : (F,) ndarray
-        The variance of G behind `bound`: the scatter over realisations pooled with the level, each for what it is
-        worth; of one realisation the largest that its level can be read as.
+        Scale of |G - G_BLA|^2 / var_bound ~ F(2, 2 dof): detection lines, roughness and scatter over realisations,
+        pooled by one statistical model (docs/guide/distortion.md). Its quantiles at 95 and
+        99.9 % are those of the model.
     typical : float
-        How much more a realisation of random phases distorts than those at hand, by the cube of their input, from 1 to
-        3. Low peaks distort less, whether they are chance or were chosen: where they are lower than usual by the square
-        of that, as a fifth power asks for it. Of fewer than 27 lines always by the square, from 0.6 to 6.
+        Expected over observed distortion power: how much more a realisation of random phases distorts than those at
+        hand, by the cube of their input, from 1 to 3. Low peaks distort less, whether they are chance or were chosen.
+        The square of that, as a fifth power asks for it, where they are lower than one realisation in twenty has them;
+        of fewer than 27 lines always, from 0.6 to 6.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.
