@@ -27,7 +27,7 @@ import numpy as np
 
 import nlfrf
 from benchmarks.drawn import drawn, drawn_case
-from benchmarks.plants import FRESH, PLANTS, RMS, played, realisations, resonance
+from benchmarks.plants import FRESH, INVENTED, PLANTS, RMS, played, realisations, resonance
 
 TRUE_SIGMA = 1.731  # sqrt(F_p) of a known variance at 95 %
 SNR = (None, 40, 20)
@@ -170,6 +170,10 @@ def hard_cases():
         for plant in ("cubic", "saturation", "Wiener", "fifth", "jump"):
             yield "crest", plant, "special-odd", M, 1, None, {}, 0
     yield from fresh_cases()
+    for plant in INVENTED:
+        band = dict(f_min=4, f_max=160)
+        for kind, M, P, snr in (("special-odd", 1, 1, None), ("random-odd", 1, 2, 30), ("special-odd", 2, 1, None)):
+            yield "invented", plant, kind, M, P, snr, band, 0
 
 
 def fresh_cases():

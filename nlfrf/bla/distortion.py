@@ -47,9 +47,9 @@ __all__ = [
 #: Variance of the log of a calibration c about the truth: 1.1 dB, as measured over the plants of benchmarks/plants.py.
 CALIBRATION_LOG_VARIANCE = 0.06
 #: The level is log-linear in a coordinate in which the prior of its slope is standard normal: lambda may change as
-#: f^+-1.5 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines the logarithm of frequency is cut off: a
+#: f^+-1 (a hysteresis has f^-1 to f^-2) and by 5 % a line. Below four lines the logarithm of frequency is cut off: a
 #: level does not grow without end towards zero frequency. Halving either changes the loss by less than 0.5 %.
-SLOPE_PER_LOG_FREQUENCY, SLOPE_PER_LINE, LOWEST_LINES = 1.5, 0.05, 4.0
+SLOPE_PER_LOG_FREQUENCY, SLOPE_PER_LINE, LOWEST_LINES = 1.0, 0.05, 4.0
 EVIDENCE_LINES = 9  # excited lines around each whose likelihoods weigh the hypotheses; 7 to 13 lose as much
 #: Roughness is distortion, or G bends within its window: equal before the data. A bend shows anything from the level to
 #: e^7 above it, with equal density in dB. Half or twice that range changes the loss by 0.5 %.
