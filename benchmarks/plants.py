@@ -154,6 +154,62 @@ def slipping(u, fs, n_steps=8):
     return step_slipping(fine, 1 / (fs * n_steps), n_steps, 2 * np.pi * 33.0, 0.02, 0.2, 0.05 * 2.0 ** np.arange(6))
 
 
+# ten plants invented after the model of the distortion was finished, run once as its last judge
+
+
+def hard_limit(u, fs):
+    """Clipped at 1.2 times its rms, before a mode of 8 %."""
+    return mode(np.clip(u, -1.2, 1.2), fs, 0.08, 70.0)
+
+
+def rectified_sensor(u, fs):
+    """A sensor behind a damped mode that reads one sign by 30 % more."""
+    x = mode(u, fs, 0.25, 35.0)
+    return x + 0.3 * np.maximum(x, 0)
+
+
+def quantiser(u, fs):
+    """Steps of half the rms, before a low-pass."""
+    return mode(0.5 * np.round(u / 0.5), fs, 0.7, 90.0)
+
+
+def two_modes(u, fs):
+    """A cubic spring effect behind one mode, before another."""
+    x = mode(u, fs, 0.04, 28.0)
+    return x + mode(0.004 * x**3, fs, 0.1, 80.0)
+
+
+def delayed_cubic(u, fs):
+    """A cubic whose output comes five samples late, beside the linear path."""
+    return u + 0.08 * np.roll(u**3, 5, axis=-1)
+
+
+def product(u, fs):
+    """The input times a slow version of its square: a gain that drifts with its own level."""
+    slow = mode(u**2, fs, 0.7, 6.0)
+    return mode(u * (1 + 0.3 * slow), fs, 0.1, 45.0)
+
+
+def sine_law(u, fs):
+    """A sine behind a mode, as of a crank."""
+    return np.sin(0.8 * mode(u, fs, 0.12, 50.0))
+
+
+def square_root(u, fs):
+    """A valve: the root of the input, before a mode."""
+    return mode(np.sign(u) * np.sqrt(np.abs(u)), fs, 0.3, 30.0)
+
+
+def stiff_both_ways(u, fs):
+    """A mass on a spring that hardens and is half as stiff one way."""
+    return spring(u, fs, (0.7, 0.01, 0.5, 0.0), 0.06, 27.0, 4)
+
+
+def play_before(u, fs):
+    """A gear with play before a mode."""
+    return mode(backlash(u, fs, 0.3), fs, 0.05, 48.0)
+
+
 STATIC = {"linear": linear, "cubic": cubic, "Duffing": duffing}
 OTHERS = {
     "even": even,
@@ -178,7 +234,19 @@ FRESH = {
     "one way": one_way,
     "slipping": slipping,
 }
-PLANTS = STATIC | OTHERS | FRESH
+INVENTED = {
+    "limit": hard_limit,
+    "rectified": rectified_sensor,
+    "quantiser": quantiser,
+    "two modes": two_modes,
+    "delayed": delayed_cubic,
+    "product": product,
+    "sine": sine_law,
+    "root": square_root,
+    "both ways": stiff_both_ways,
+    "play": play_before,
+}
+PLANTS = STATIC | OTHERS | FRESH | INVENTED
 RMS = {"linear": 1.0, "cubic": 1.0, "Duffing": 1.0, "friction 1": 0.25, "friction 3": 2.5}
 
 

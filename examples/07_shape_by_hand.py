@@ -32,7 +32,8 @@ low, high = robust.loop_bounds(model, w_P)
 f = model.omega / (2 * np.pi)
 print(f"|L| must be high up to {f[low > 0].max():.3g} Hz (there above {low[low > 0][-1]:.3g})")
 unknown = f[high < np.inf]
-print(f"|L| must be low from {unknown[0]:.3g} to {unknown[-1]:.3g} Hz: at most {high.min():.2g}")
+if unknown.size:
+    print(f"|L| must be low from {unknown[0]:.3g} to {unknown[-1]:.3g} Hz: at most {high.min():.2g}")
 
 # 2. Element by element. Below its resonance the plant is a spring.
 stiffness = 1 / abs(blas[0].G[0])

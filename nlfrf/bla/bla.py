@@ -20,12 +20,10 @@ from nlfrf.signals.lines import LineGrid, local_mean
 __all__ = ["Bla", "DistortionLevels", "Frm", "excess", "in_own_units"]
 
 
-#: Share of the distortion that no level of one realisation shows: the part that bends the FRF smoothly, up to a half on
-#: odd nonlinearities of fifth order (benchmarks/coverage.py), and on detection lines the part that is not there.
-#: Of few lines the peaks of the input tell it (`read_peaks`), and `var_bound` holds it.
-UNSEEN = {"roughness": 0.5, "detection": 0.25}
-#: Share of the distortion that bends the FRF smoothly, so that its roughness does not show it, of several channels.
-SMOOTH = 0.3
+#: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
+#: smoothly: none of a saturation, up to a half of a fifth power. Half of it costs 2 % more of the loss than a quarter.
+#: With fewer than 27 lines the peaks of the input show it (`read_peaks`), and it is in the covariance behind the bound.
+UNSEEN = {"roughness": 0.25}
 KINDS = ("noise", "total", "distortion", "even", "bound")
 COVARIANCES = tuple(f"cov_{kind}" for kind in KINDS)
 PER_REALIZATION = ("distortion", "even")  # whose variances are of one realisation, whatever their number is
@@ -77,10 +75,10 @@ class Bla:
         Covariances behind the variances of the same names: by noise; by noise and distortion; by distortion, without
         negative eigenvalues; what the even lines say, noise included; the one behind `bound` and `block`.
     typical : float
-        How much more a realisation of random phases distorts than those at hand, by the cube of their input, from 1 to
-        3. Low peaks distort less, whether they are chance or were chosen: where they are lower than usual by the square
-        of that, as a fifth power asks for it. Of fewer than 27 lines always by the square, from 0.6 to 6. Of several
-        inputs the mean over them.
+        Expected over observed distortion power: how much more a realisation of random phases distorts than those at
+        hand, by the cube of their input, from 1 to 3. Low peaks distort less, whether they are chance or were chosen.
+        The square of that, as a fifth power asks for it, where they are lower than one realisation in twenty has them;
+        of fewer than 27 lines always, from 0.6 to 6. Of several inputs the mean over them.
     coherence : (F,) ndarray
         Share of the output power that is linear in the input, for noise excitation (`identify_noise`); nan for periodic
         records, where distortion and noise are told apart instead.
@@ -327,10 +325,10 @@ class Bla:
 
     @property
     def var_bound(self) -> np.ndarray:
-        """(F,) or (n_y, n_u, F) the variance of G behind `bound`.
+        """(F,) or (n_y, n_u, F) scale of |G - G_BLA|^2 / var_bound ~ F(2, 2 dof), behind `bound`.
 
-        The scatter over realisations pooled with the level, each for what it is worth; of one realisation the largest
-        that its level can be read as.
+        Detection lines, roughness and scatter over realisations, pooled by one statistical model (the guide derives it
+        on its page on distortion). Its quantiles at 95 and 99.9 % are those of the model.
         """
         return self.entries(self.cov_bound)
 
@@ -360,10 +358,10 @@ class Bla:
         one_of("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov_bound
+        missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
+        scatter = (self.n_realizations + missing) * self.typical
         if self.is_single:
-            missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
-            return self.cov_bound * (1 + (self.n_realizations + missing) * self.typical * self.distorted_share())
-        scatter = self.n_realizations * self.typical * (1 + SMOOTH * ("roughness" in self.level_source))
+            return self.cov_bound * (1 + scatter * self.distorted_share())
         return self.cov_bound + scatter * excess(self.cov_bound, np.nan_to_num(self.cov_noise))
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:

@@ -12,17 +12,14 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, fast_length, rms, squared
 
-__all__ = ["COMMON", "FEW", "HIGHEST", "LARGEST", "read_grid", "read_peaks", "variance_ratio"]
+__all__ = ["COMMON", "FEW", "LARGEST", "cubic_variance", "read_peaks", "variance_ratio"]
 
 
 LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
-HARMONIC = 12.0  # what an output reaches at three times a light resonance: its cube stands on a line or two there
-HIGHEST = np.array([[LARGEST], [HARMONIC]])  # of input and output
 #: Over the number of lines: the share of its distortion that is one gain on all lines, which neither roughness nor
 #: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and
 #: the middle lines by 3/2 (of a fifth power the share is 6 / n).
 COMMON = 8 / 3
-FILLED = 0.1  # of the mean count: other orders fill the lines that a cubic leaves
 FEW = 27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
 MOST = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
 GAIN = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
@@ -116,60 +113,13 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
     return ratio
 
 
-def read_grid(
-    amplitude: np.ndarray,
-    excited: np.ndarray,
-    detection: np.ndarray,
-    window: np.ndarray,
-    highest: np.ndarray | float = LARGEST,
-) -> tuple[np.ndarray, np.ndarray]:
-    """What a cubic makes of detection and of excited lines, for each spectrum that may drive it.
-
-    Parameters
-    ----------
-    amplitude : (d, F) ndarray
-        Amplitude spectra: of the input, of the output, as friction sees the displacement.
-    excited, detection : (F,), (O,) int ndarray
-        Lines.
-    window : (F, n) int ndarray
-        For each excited line the indices of the detection lines used.
-    highest : (d, 1) ndarray or float
-        The largest factor.
-
-    Returns
-    -------
-    profile : (n, d, F) ndarray
-        Variance on each line of a window over the mean there, but not under `FILLED`.
-    factor : (d, F) ndarray
-        Variance at the excited line over that mean, from 1 / `LARGEST` to `highest`; `LARGEST` where the lines of a
-        window hold no combination at all.
-    """
-    counts = cubic_variance(amplitude, excited, np.concatenate([excited, detection]))
-    at_excited, at_detection = counts[:, : excited.size], counts[:, excited.size :]
-    near = at_detection.take(window.T, axis=1)  # (d, n, F)
-    mean = np.add.reduce(near, axis=1) / near.shape[1]
-    # the convolutions are exact to rounding of the largest count; below that a count is noise
-    trusted = mean > 1e-9 * counts.max(axis=-1, keepdims=True)
-    untold = None if trusted.all() else ~trusted
-    if untold is not None:
-        mean[untold] = 1.0
-    near /= mean[:, None]
-    profile, factor = near.swapaxes(0, 1), at_excited / mean
-    np.maximum(profile, FILLED, out=profile)
-    np.minimum(np.maximum(factor, 1 / LARGEST), highest, out=factor)
-    if untold is not None:
-        profile[:, untold], factor[untold] = 1.0, LARGEST
-    return profile, factor
-
-
-def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool, order: int = 0) -> tuple[float, float]:
+def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, float]:
     """What the peaks of the inputs tell of their distortion: how typical it is, and how much of it no level shows.
 
-    Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. Where there are
-    few lines, and where they are lower than usual, a fifth power is allowed for, which changes about as the square of
-    what a cubic tells, unless another law is told; one that is told counts everywhere. What is more than `MOST` and
-    `GAIN` was chosen, and said to be; behind dynamics the peaks are others, and an input all but square would ask for a
-    factor without end.
+    Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. What a cubic
+    makes of them is known. Where there are few lines, and where peaks are lower than usual, a fifth power is allowed
+    for, which changes about as the square of that. What is more than `MOST` and `GAIN` was chosen. Behind dynamics the
+    peaks are others, and an input all but square would ask for a factor without end.
 
     Parameters
     ----------
@@ -179,8 +129,6 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool, order: int = 0) -> t
         Excited lines.
     low : bool
         Whether their peaks are lower than usual (`are_low`).
-    order : int
-        Of the law, where it is told (`Law`).
 
     Returns
     -------
@@ -205,10 +153,9 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool, order: int = 0) -> t
     if U.size > ALIKE and not low:
         return 1.0, chance
     ratio, gap = cube_of(U, lines)
-    steep = order == 5 or (order == 0 and (few or low))
-    typical = ratio * ratio if steep else ratio
+    typical = ratio * ratio if few or low else ratio
     typical = min(max(typical, LEAST_OF_FEW), MOST_OF_FEW) if few else min(max(typical, 1.0), MOST)
-    if not (few and n == 1) and not (low and order != 1):
+    if not (few and n == 1) and not low:
         return typical, chance
     amplitude = rms(U)
     whole = float(np.mean(cubic_variance(amplitude, lines, lines) / (amplitude * amplitude))) / n

@@ -14,15 +14,8 @@ import numpy as np
 from nlfrf._base.arguments import integer, one_of, shown
 from nlfrf._base.numbers import power, squared
 from nlfrf.bla.bla import Bla, DistortionLevels
-from nlfrf.bla.calibration import FEW, read_peaks
-from nlfrf.bla.detection_lines import UNTOLD, Answer, nonlinear_answer, told_law
-from nlfrf.bla.distortion_level import (
-    Level,
-    choose_source,
-    pool_levels,
-    read_level,
-    smooth_frf,
-)
+from nlfrf.bla.calibration import read_peaks
+from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frf
 from nlfrf.bla.frf import (
     ROUNDING,
     Frf,
@@ -34,13 +27,11 @@ from nlfrf.bla.frf import (
 )
 from nlfrf.bla.neighbours import place_lines
 from nlfrf.bla.realizations import check_realizations
+from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
 from nlfrf.bla.spectra import TREATMENTS, Spectra, dft, period_spectra
 from nlfrf.records.record import Record
 
 __all__ = ["identify"]
-
-
-STEEP = 1.25  # how much more random phases distort than those at hand, by a cube, where a steeper law counts
 
 
 @overload
@@ -136,21 +127,20 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     source = choose_source(level_from, excited, record.lines, n_detection)
     smooth, fit = smooth_frf(frf, excited, source == "roughness")
     strange = refuse_mispaired(frf, excited, None if fit is None else fit.variance[0])
-    answer = nonlinear_answer(spectra, smooth)
-    law, told = UNTOLD, read_peaks(excited.U, excited.lines, low)
-    steep = told[0] > STEEP or low or excited.lines.size < FEW  # then it matters how steep the law is
-    if source == "detection" and (steep or answer.uneven):
-        law = told_law(excited, answer)
-        told = read_peaks(excited.U, excited.lines, low, law.order)
-    level = read_level(source, excited, answer, fit, low, law)
+    residual = nonlinear_residual(spectra, frf.G, smooth)
+    typical, coherent = read_peaks(excited.U, excited.lines, low)
+    # chosen phases leave more of the distortion to one gain on all lines, and that is not rough
+    rough = None if low and source == "detection" else fit
+    distortion = estimate_distortion_variance(source, excited, residual, frf, rough, coherent)
     if source == "detection" and fit is not None and not strange:
-        warn_of_jumps(fit.variance[0], level.cautious / len(excited.U), squared(frf.G))
-        if len(excited.U) == 1:
+        n, level = len(excited.U), distortion.detected
+        warn_of_jumps(np.add.reduce(fit.variance) / n**2, level / n, squared(frf.G))
+        if n == 1:
             rounding = ROUNDING**2 * power(spectra.Y[0]) / excited.power_U[0]
             f = record.lines.excited * record.f0
-            apart = warn_of_lines_apart(frf.each, fit.G, level.cautious + rounding, excited.where, f)
-            level = level.at_least(apart)
-    return assemble_bla(record, treatment, n_periods, source, excited, frf, answer, level, told)
+            apart = warn_of_lines_apart(frf.each, fit.G, level + rounding, excited.where, f)
+            distortion = distortion.at_least(apart)
+    return assemble_bla(record, treatment, n_periods, source, excited, frf, residual, distortion, typical)
 
 
 def assemble_bla(
@@ -160,15 +150,13 @@ def assemble_bla(
     source: str,
     excited: Spectra,
     frf: Frf,
-    answer: Answer,
-    level: Level,
-    told: tuple[float, float],
+    residual: NonlinearResidual,
+    distortion: DistortionVariance,
+    typical: float,
 ) -> Bla:
-    """What was found, with the level weighed against the scatter of the realisations."""
+    """The `Bla` of what was found."""
     grid, n = record.lines, excited.U.shape[0]
-    typical, common = told
-    var_bound, dof = pool_levels(frf, level, n, common)
-    var_total = level.variance if n == 1 else frf.var_total
+    var_total = distortion.variance if n == 1 else frf.var_total
     if n > 1 and source != "realizations":
         source = f"realizations and {source}"
     return Bla(
@@ -186,11 +174,11 @@ def assemble_bla(
         var_total=var_total,
         # without periods to tell them apart, noise counts as distortion
         var_distortion=n * np.maximum(var_total - np.where(np.isnan(frf.var_noise), 0.0, frf.var_noise), 0.0),
-        var_even=level.even,
-        dof=dof.astype(float),
-        grid_factor=level.grid_factor if n == 1 else np.ones(grid.excited.size),
-        levels=output_levels(record, excited, answer),
-        var_bound=var_bound,
+        var_even=distortion.even,
+        dof=distortion.dof,
+        grid_factor=distortion.grid_factor if n == 1 else np.ones(grid.excited.size),
+        levels=output_levels(record, excited, residual),
+        var_bound=distortion.var_bound,
         typical=typical,
         hold=record.hold,
         u_name=record.u_name,
@@ -200,17 +188,17 @@ def assemble_bla(
     )
 
 
-def output_levels(record: Record, excited: Spectra, answer: Answer) -> DistortionLevels:
+def output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> DistortionLevels:
     """What the output holds on each kind of line."""
     grid, where = record.lines, excited.where
-    noise = np.sqrt(answer.noise)
+    noise = np.sqrt(residual.noise)
     return DistortionLevels(
         f_excited=grid.excited * record.f0,
         f_odd=grid.odd * record.f0,
         f_even=grid.even * record.f0,
         excited=excited.Y,
-        odd=answer.Yc.take(where.odd, axis=1),
-        even=answer.Yc.take(where.even, axis=1),
+        odd=residual.Y.take(where.odd, axis=1),
+        even=residual.Y.take(where.even, axis=1),
         noise_excited=np.sqrt(np.add.reduce(excited.var_Y) / len(excited.var_Y)),
         noise_odd=noise.take(where.odd),
         noise_even=noise.take(where.even),

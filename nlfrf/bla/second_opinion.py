@@ -5,20 +5,36 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf._base.arguments import integer, of_kind, one_of, ratio_unit
-from nlfrf._base.numbers import EPS, TINY, mean_power, rms
+from nlfrf._base.numbers import BLOCK, EPS, TINY, fast_length, mean_power, power, rms, squared
 from nlfrf._base.values import value
-from nlfrf.bla.detection_lines import nonlinear_answer, told_law
-from nlfrf.bla.distortion_level import fit_each, level_from_detection
+from nlfrf.bla.distortion import fit_each, variance_from_detection_lines
 from nlfrf.bla.frf import average_frf
 from nlfrf.bla.neighbours import place_lines
 from nlfrf.bla.realizations import check_realizations
-from nlfrf.bla.spectra import TREATMENTS, period_spectra
+from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
+from nlfrf.bla.spectra import TREATMENTS, Spectra, period_spectra
 from nlfrf.records.record import Record
+from nlfrf.signals.lines import in_common, local_mean
 
 __all__ = ["DISAGREE", "SecondOpinion", "second_opinion"]
 
 
 DISAGREE = 6.0  # dB
+FEWEST = 4  # detection lines
+AROUND = 9  # lines over which the powers of detection lines, and |G|^2, are averaged
+FAINT = 1e-12  # of the largest power, under which it is rounding
+CHANCE = 1e-3  # with which phases may agree by it
+HEARD = 0.7  # share of the power on detection lines that is no noise, at least
+FLATTER = 0.6  # share in common with any power of its drive under which a law is flatter than those
+SAMPLES = 6  # to a cycle of the last line, so that fifth powers fold back beyond it
+PLACED = (
+    "the input, before the dynamics",
+    "the output, fed back as by a spring",
+    "the input, beside the dynamics",
+    "the output, behind the dynamics as by a sensor",
+)
+CUBIC = 0.35  # what a cube leaves over what a fifth power leaves, where it is told to be the law
+FIFTH = 0.8  # share in common with a fifth power from which it may be that, where it is no cubic
 
 
 @value
@@ -136,10 +152,9 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     rough = fit.variance.mean(axis=0)
     detected, said = np.full(rough.size, np.nan), ""
     if grid.odd.size >= n_detection:
-        answer = nonlinear_answer(spectra, fit.G.mean(axis=0))
-        law = told_law(excited, answer)
-        detected = level_from_detection(excited, answer, None, law=law).variance
-        said = law.said(answer.uneven, record.n_periods < 2)
+        residual = nonlinear_residual(spectra, frf.G, fit.G.mean(axis=0))
+        detected = variance_from_detection_lines(excited, residual)
+        said = detect_nonlinearity(excited, residual).describe(residual.uneven, record.n_periods < 2)
     window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
     rounding = EPS**2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
@@ -153,6 +168,108 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
         unit=ratio_unit(record.y_unit, record.u_unit),
         law=said,
     )
+
+
+@value(copy=False)
+class NonlinearityOrder:
+    """What the phases of the odd detection lines tell of the law behind them.
+
+    Fields
+    ------
+    order : int
+        3: a cubic. 5: it may be a fifth power. 1: flatter than any, it saturates, jumps or remembers. 0: not told.
+    coherence : float
+        Squared, of those lines with the cube of what drives them.
+    reading : int
+        Which drive, and where: the input (0, 2) or the output (1, 3), into the dynamics (0, 1) or behind them.
+    """
+
+    order: int = 0
+    coherence: float = 0.0
+    reading: int = 0
+
+    def describe(self, uneven: bool, one_period: bool) -> str:
+        """The law in words, its place where |G| changes over the band, and what one period leaves open; or nothing."""
+        if self.order == 3:
+            what = PLACED[self.reading] if uneven else "its drive"
+            return (
+                f"{100 * self.coherence:.0f} % of the power on odd detection lines has the phases of the cube of {what}"
+            )
+        otherwise = ", or much of them is noise" if one_period else ""
+        flatter = f"what makes them saturates or jumps, or has a memory{otherwise}"
+        return {
+            5: "odd detection lines have the phases of a fifth power as much as of a cube",
+            1: f"odd detection lines have the phases of no power: {flatter}",
+        }.get(self.order, "")
+
+
+UNKNOWN_ORDER = NonlinearityOrder()
+
+
+def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> NonlinearityOrder:
+    """The law that makes the odd detection lines: of which power of the input, or of the output, they have the phases.
+
+    Their powers are made even from line to line, so that phases alone count, over all lines and realisations, less what
+    chance and noise make of it.
+
+    Parameters
+    ----------
+    excited : Spectra
+        On the excited lines.
+    residual : NonlinearResidual
+    """
+    where = excited.where
+    U = excited.U[: max(1, BLOCK // (SAMPLES * int(where.lines[-1])))]  # of long periods few realisations tell enough
+    Y = residual.Y[: len(U)].take(where.odd, axis=1)
+    n = Y.size
+    if where.odd.size < FEWEST or not Y.any():
+        return UNKNOWN_ORDER
+    candidates = np.empty((2, 2, 2, *Y.shape), dtype=complex)  # by G or behind it; input, output; cube, fifth power
+    G = residual.G
+    candidates[1] = powers_on(where.lines[where.odd], [U, G.take(where.excited) * U], excited.lines)
+    np.multiply(G.take(where.odd), candidates[1], out=candidates[0])
+    level = level_around(mean_power(Y))
+    noise = local_mean(np.nan_to_num(residual.noise.take(where.odd)), AROUND)
+    heard = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
+    share = float(heard.mean())
+    if share < HEARD:
+        return UNKNOWN_ORDER
+    y = Y / np.sqrt(level)
+    levels = level_around(np.add.reduce(squared(candidates), axis=-2))
+    x = candidates * np.sqrt(heard / levels)[..., None, :]
+    common = squared(np.add.reduce(np.vecdot(x, y), axis=-1))
+    common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
+    if common.max() < in_common(CHANCE, n):
+        return UNKNOWN_ORDER
+    common = np.clip((common * n - 1) / (n - 1) / share, 0.0, 1.0)
+    cubes, fifths = common[..., 0].ravel(), common[..., 1].ravel()
+    reading = int(cubes.argmax())
+    cube, fifth = float(cubes[reading]), float(fifths.max())
+    if max(cube, fifth) < FLATTER:
+        order = 1
+    elif 1 - cube < CUBIC * (1 - fifth):
+        order = 3
+    else:
+        order = 5 if fifth > FIFTH else 0
+    return NonlinearityOrder(order=order, coherence=cube, reading=reading)
+
+
+def level_around(power: np.ndarray) -> np.ndarray:
+    """Mean power (..., K) over the lines around each, but not under what rounding leaves of running sums."""
+    return np.maximum(local_mean(power, AROUND), FAINT * power.max(axis=-1, keepdims=True)) + TINY
+
+
+def powers_on(lines: np.ndarray, drives: list[np.ndarray], excited: np.ndarray) -> np.ndarray:
+    """(drives, 2, M, K) the third and fifth powers of multisines of these amplitudes (M, F), on some lines."""
+    last = int(max(excited[-1], lines[-1]))
+    n = 2 * fast_length(SAMPLES // 2 * last + 1)  # terms beyond alias onto lines past the last one
+    spectrum = np.zeros((len(drives), *drives[0].shape[:-1], n // 2 + 1), dtype=complex)
+    for one, drive in zip(spectrum, drives, strict=True):
+        one[:, excited] = drive / np.sqrt(power(drive).sum() + TINY)
+    x = np.fft.irfft(spectrum, n, norm="forward")
+    square = x * x
+    both = np.stack([x * square, x * square * square], axis=1)
+    return np.fft.rfft(both).take(lines, axis=-1)
 
 
 def spans(f: np.ndarray, where: np.ndarray) -> str:

@@ -131,9 +131,9 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, 
 def are_low(peaks: np.ndarray) -> bool:
     """Whether peaks are lower than usual, by how many random phases would expect above them (M,), on average one.
 
-    One experiment of random phases in six or seven is.
+    One experiment of random phases in twenty is, beyond two standard deviations of an exponential variable.
     """
-    return bool(np.add.reduce(peaks) >= peaks.size + peaks.size**0.5)
+    return bool(np.add.reduce(peaks) >= peaks.size + 2 * peaks.size**0.5)
 
 
 def is_improbable(peaks: np.ndarray) -> bool:

@@ -7,9 +7,6 @@ from benchmarks.coverage import frfs, measure_hard, subset_of
 from benchmarks.drawn import drawn_case
 from benchmarks.plants import cubic, fifth_power, mode, played, spring
 from nlfrf import LineGrid, Record, identify, multisine, reduce_crest
-from nlfrf.bla.calibration import COMMON
-from nlfrf.bla.distortion_level import Level, doubt_at_ends, pool_levels, widened
-from nlfrf.bla.frf import Frf
 from nlfrf.bla.localfit import fit_locally
 from nlfrf.bla.neighbours import place_lines
 
@@ -87,37 +84,6 @@ def test_low_peaks_tell_the_gain_they_put_on_all_lines(plant, f_max, options, le
     assert 100 * np.mean(held) > least
 
 
-@pytest.mark.parametrize("detection", [True, False], ids=["detection", "roughness"])
-def test_a_level_that_varies_is_in_doubt_at_the_ends_alone(detection):
-    """A random walk in the logarithm of the level: the doubt is its variance from the window to the line."""
-    grid = multisine(
-        "random-odd" if detection else "full", fs=16384, n_samples=16384, f_min=6000, f_max=6800, rng=0
-    ).lines
-    where, rng = place_lines(grid), np.random.default_rng(1)
-    ones, step, told, flat = np.ones(grid.excited.size), 0.2, [], []
-    for _ in range(200):
-        walk = np.cumsum(step * rng.standard_normal(ones.size))
-        chance = rng.standard_normal(ones.size) * 0.01
-        for logarithm, into in ((walk, told), (0.0, flat)):
-            variance = np.exp(logarithm + chance)
-            into.append(doubt_at_ends(variance, 1e4 * ones, ones, where, detection) * ones)
-    told, flat = np.mean(told, axis=0), np.mean(flat, axis=0)
-    assert not told[4:-4].any()
-    assert flat.max() < 1e-3
-    seen = where.detection[where.near_odd] if detection else where.lines[where.excited][where.near_excited]
-    apart = np.abs(seen.mean(axis=1) - grid.excited) / np.mean(np.diff(grid.excited))
-    np.testing.assert_allclose(told[[0, 1, -2, -1]], step**2 * apart[[0, 1, -2, -1]], rtol=0.25)
-
-
-def test_a_level_in_doubt_is_widened_as_far_as_two_realisations_and_no_farther():
-    six = np.full(4, 6.0)
-    wider = widened(six, np.array([0.0, 0.1, 1 / 3, 1e6]))
-    assert wider[0] == 1
-    assert np.all(np.diff(wider) > 0)
-    quantile = (0.05 ** (-1 / 2) - 1) * 2, 1 / 0.05 - 1  # of F(2, 4) and F(2, 2) at 95 %
-    np.testing.assert_allclose(wider[2:], np.array(quantile) / (6 * (0.05 ** (-1 / 6) - 1)))
-
-
 def test_a_stepped_mass_on_a_linear_spring_is_the_mode():
     """The table is as good as its plants: what is integrated is held against what is exact."""
     u = multisine(fs=1024, n_samples=1024, f_min=1, f_max=200, n_realizations=2, rng=0).u
@@ -136,34 +102,3 @@ def test_a_denominator_is_not_fitted_to_noise():
     told = fit.variance[:, [0, 1, 50, 98, 99]] / 0.01
     np.testing.assert_allclose(told.mean(axis=0), 1.0, atol=4 / np.sqrt(6 * 400))
     np.testing.assert_allclose(told.var(axis=0), 1 / 6, rtol=0.4)
-
-
-@pytest.mark.parametrize("lines", [slice(None), slice(30, 31)], ids=["everywhere", "on one line"])
-def test_a_level_that_reads_too_little_does_not_outvote_the_scatter(lines):
-    """Of twenty realisations the level had 120 of 139 degrees of freedom, whatever it said."""
-    n, n_lines = 20, 60
-    rng = np.random.default_rng(2)
-    var_total = np.mean(np.abs(complex_normal(rng, (n - 1, n_lines))) ** 2, axis=0) / n
-    blind = np.ones(n_lines)
-    blind[lines] = 0.2
-    ones = np.ones(n_lines)
-    level = Level(variance=blind, cautious=blind, dof=6.0 * n * ones, grid_factor=ones, even=ones)
-    frf = Frf(each=ones[None], noise=ones[None], G=ones, var_noise=ones, var_total=var_total)
-    variance, dof = pool_levels(frf, level, n, COMMON / frf.G.size)
-    told = np.mean(n * variance[lines])
-    assert told > 0.6  # it was 0.31
-    assert np.all(dof[lines] < n - 1 + 12)
-    good = Level(variance=ones, cautious=ones, dof=6.0 * n * ones, grid_factor=ones, even=ones)
-    _, dof = pool_levels(frf, good, n, COMMON / frf.G.size)
-    assert np.median(dof) > n - 1 + 10
-
-
-def test_scatter_that_spans_more_than_rounding_is_pooled_without_a_warning():
-    """Running sums lose what is far smaller than what went before: its mean was zero, and its logarithm a warning."""
-    ones = np.ones(40)
-    scatter = np.where(np.arange(40) < 9, 1e30, 1e-30)
-    level = Level(variance=ones, cautious=ones, dof=18 * ones, grid_factor=ones, even=ones)
-    frf = Frf(each=ones[None], noise=ones[None], G=ones, var_noise=ones, var_total=scatter)
-    variance, dof = pool_levels(frf, level, 3, COMMON / 40)
-    assert np.isfinite(variance).all()
-    assert np.all(dof >= 2)

@@ -64,7 +64,10 @@ def test_hum_of_the_mains_is_named_and_held_and_little_else_changes():
     assert np.abs(after.G - truth)[k] < after.bound()[k]
     elsewhere = np.abs(ms.f - 50) > 10
     elsewhere &= np.abs(ms.f - 150) > 10
-    np.testing.assert_allclose(after.bound()[elsewhere], before.bound()[elsewhere], rtol=0.1)
+    # the roughness of windows with such a line is up to half pooled as distortion
+    ratio = after.bound()[elsewhere] / before.bound()[elsewhere]
+    assert np.median(np.abs(ratio - 1)) < 0.03
+    assert np.all((ratio > 0.9) & (ratio < 1.5))
 
 
 def test_plants_drawn_by_chance():
