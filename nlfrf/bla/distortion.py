@@ -59,15 +59,15 @@ ROUGHNESS_EVIDENCE = 2.0  # independent roughnesses in nine neighbouring windows
 #: with which scatter over realisations stands by itself.
 UNRELATED, UNRELATED_LOG_VARIANCE = 0.2, 2.0
 LEAST_COUNT = 0.1  # of the mean of a cubic's counts over a window: other orders fill the lines that a cubic leaves
-#: Bounds of c at the excited line over its mean on the window: a special-odd grid reaches 3 (4.77 dB) in a narrow band,
-#: the output of a light resonance 12 at three times its frequency.
-FACTOR_RANGE = np.array([[1 / LARGEST, LARGEST], [1 / LARGEST, 12.0], [1.0, 1.0]])
+#: What the cubic of an output makes of the excited line at three times a light resonance, over its mean on the window.
+#: Of an input it is `LARGEST`, as a special-odd grid reaches 3 (4.77 dB) in a narrow band.
+HARMONIC = 12.0
 COARSEST_SHAPE = 30.0  # of a roughness window over its own line: beyond it lines far below others tell nothing
 STEPS = 2  # of scoring; a third changes no bound by more than a percent
 ENOUGH = 7  # realisations whose scatter tells more than the roughness, which may read too high
 MANY = 20  # lines over which roughness shows most of the distortion
 TAILS = (math.log(0.05), math.log(0.001))  # where the scaled F that stands for the mixture has its quantiles
-STEPS_OF_TAILS = 2, 3  # of Newton's method; a third at 95 % changes the radius by 0.3 % on one line of a thousand
+STEPS_OF_TAILS = 2, 2  # of Newton's method; a third at 95 % changes the radius by 0.3 % on one line of a thousand
 
 
 @value(copy=False)
@@ -264,42 +264,45 @@ def hypotheses(excited: Spectra, uneven: bool) -> tuple[np.ndarray, np.ndarray, 
     c is over its mean on the window. Where |G| is even over the band, places and drives are one.
     """
     where = excited.where
+    of_input = flat_counts(where) if is_flat(excited.amplitude) else cubic_counts(excited.amplitude, where, LARGEST)
+    laws = [of_input]
     if uneven:
-        drives = np.array([excited.amplitude, rms(excited.Y)])
-        return BEFORE, *spread_counts(drives, where), NO_PRIOR
-    if is_flat(excited.amplitude):
-        return ~BEFORE[:2], *flat_counts(where), EVEN_PRIOR
-    return ~BEFORE[:2], *spread_counts(excited.amplitude[None], where), EVEN_PRIOR
+        laws.append(cubic_counts(rms(excited.Y), where, HARMONIC))
+    n_laws = len(laws) + 1
+    relative, factors = np.ones((n_laws, *of_input[0].shape)), np.ones((n_laws, excited.lines.size))
+    for i, (on_window, here) in enumerate(laws):
+        relative[i], factors[i] = on_window, here
+    if not uneven:
+        return ~BEFORE[:n_laws], relative, factors, EVEN_PRIOR
+    return BEFORE, np.concatenate([relative, relative]), np.concatenate([factors, factors]), NO_PRIOR
 
 
 BEFORE = np.array([True, True, True, False, False, False])
 NO_PRIOR, EVEN_PRIOR = np.zeros(6), np.log([2 / 3, 1 / 3])  # the laws of input and output are one where |G| is even
 
 
-def spread_counts(drives: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray]:
-    """c on the windows (H, n, F) and on the excited lines (H, F), for the cubic of each drive (d, F) and for c = 1.
+def cubic_counts(drive: np.ndarray, where: Places, highest: float) -> tuple[np.ndarray, np.ndarray]:
+    """c of the cubic of a drive (F,) on the windows (n, F) and on the excited lines (F,), over its mean on the window.
 
-    Both over the mean of c on the window; twice, for the two places, where there are two drives.
+    The latter from 1/3 to `highest`; 3 where the lines of a window hold no combination at all.
     """
     lines, near = where.lines[where.excited], where.near_odd.T
-    counts = cubic_variance(drives, lines, np.concatenate([lines, where.detection]))
-    on_window = counts[:, lines.size :].take(near, axis=1)  # (d, n, F)
-    mean = np.add.reduce(on_window, axis=1) / len(near)
+    counts = cubic_variance(drive, lines, np.concatenate([lines, where.detection]))
+    on_window = counts[lines.size :].take(near)
+    mean = np.add.reduce(on_window) / len(near)
+    here = counts[: lines.size]
     # the convolutions are exact to rounding of the largest count; below that a count is noise
-    trusted = mean > 1e-9 * counts.max(axis=-1, keepdims=True)
-    mean[~trusted] = 1.0
-    relative, factors = np.ones((len(drives) + 1, *near.shape)), np.ones((len(drives) + 1, lines.size))
-    np.maximum(on_window / mean[:, None], LEAST_COUNT, out=relative[:-1], where=trusted[:, None])
-    low, high = FACTOR_RANGE[: len(drives)].T[..., None]
-    np.clip(counts[:, : lines.size] / mean, low, high, out=factors[:-1])
-    factors[:-1][~trusted] = LARGEST
-    return (np.concatenate([x, x]) if len(drives) > 1 else x for x in (relative, factors))  # type: ignore[return-value]
+    unknown = mean <= 1e-9 * counts.max()
+    if unknown.any():
+        mean, here = np.where(unknown, 1.0, mean), np.where(unknown, LARGEST, here)
+        on_window = np.where(unknown, 1.0, on_window)
+    return np.maximum(on_window / mean, LEAST_COUNT), np.minimum(np.maximum(here / mean, 1 / LARGEST), highest)
 
 
 @lru_cache(maxsize=KEPT)
 def flat_counts(where: Places) -> tuple[np.ndarray, np.ndarray]:
-    """`spread_counts` of a flat spectrum, which depends on the grid alone."""
-    relative, factors = spread_counts(np.ones((1, where.excited.size)), where)
+    """`cubic_counts` of a flat input, which depend on the grid alone."""
+    relative, factors = cubic_counts(np.ones(where.excited.size), where, LARGEST)
     relative.flags.writeable = factors.flags.writeable = False
     return relative, factors
 
@@ -313,12 +316,14 @@ def expected_total(
     exponentially distributed powers (n, F); the first step weighs as without noise.
     """
     excess, floor = power - noise, noise + TINY
-    weight = 1 / (shape * shape)
-    for _ in range(3):
-        weighted = weight * shape
+    d = np.maximum(np.add.reduce(excess / shape, axis=1) / len(power), 0.0)
+    for _ in range(STEPS):
+        expected = d[:, None] * shape
+        expected += floor
+        weighted = shape / np.maximum(expected * expected, TINY)
         d = np.maximum(np.add.reduce(weighted * excess, axis=1) / np.add.reduce(weighted * shape, axis=1), 0.0)
-        expected = d[:, None] * shape + floor
-        weight = 1 / np.maximum(expected * expected, TINY)
+    expected = d[:, None] * shape
+    expected += floor
     total = d * factors + noise_here + TINY
     return expected / total[:, None], total
 
@@ -335,16 +340,19 @@ def fit_log_level(
     one, cross, two = windows.information
     determinant = one * two - cross * cross
     common, x_sum = windows.common, windows.x_sum
-    level = np.log(np.add.reduce(y, axis=1) / n)
-    slope = np.zeros(level.shape)
-    for _ in range(STEPS):
-        rest = y * np.exp(-(level[:, None] + slope[:, None] * x)) - 1
+    mean = np.add.reduce(y, axis=1) / n
+    level, slope = np.log(mean), np.zeros(mean.shape)
+    rest = y / mean[:, None]
+    for step in range(STEPS):
+        if step:
+            rest = y * np.exp(-(level[:, None] + slope[:, None] * x))
+        rest -= 1
         sum_rest = np.add.reduce(rest, axis=1)
         by_level = (M - common * n) * sum_rest
         by_slope = M * np.add.reduce(rest * x, axis=1) - common * x_sum * sum_rest - slope
         # steps of at most 1.5: a single line far above the others would throw the first one
-        level = level + np.clip((two * by_level - cross * by_slope) / determinant, -1.5, 1.5)
-        slope = slope + np.clip((one * by_slope - cross * by_level) / determinant, -1.5, 1.5)
+        level += np.clip((two * by_level - cross * by_slope) / determinant, -1.5, 1.5)
+        slope += np.clip((one * by_slope - cross * by_level) / determinant, -1.5, 1.5)
     expected = level[:, None] + slope[:, None] * x
     relative = np.add.reduce(y * np.exp(-expected), axis=1)
     likelihood = -M * (np.add.reduce(log_shape + expected, axis=1) + relative)

@@ -64,7 +64,7 @@ def nonlinear_residual(spectra: Spectra, measured: np.ndarray, smooth: np.ndarra
     where = spectra.where
     G = interpolate_frf(smooth, where)
     noise = residual_variance(G, spectra)
-    gain = squared(G if smooth is measured else interpolate_frf(measured, where))
+    gain = squared(G) if smooth is measured else interpolate_gain(squared(measured), where)
     return NonlinearResidual(
         G=G,
         gain=gain,
@@ -72,6 +72,14 @@ def nonlinear_residual(spectra: Spectra, measured: np.ndarray, smooth: np.ndarra
         Y=spectra.Y - G * spectra.U,
         noise=np.add.reduce(noise) / len(noise),
     )
+
+
+def interpolate_gain(gain: np.ndarray, where: Places) -> np.ndarray:
+    """|G|^2 between its lines, linear in log magnitude; held at the ends."""
+    logarithm = np.log(np.maximum(gain, max(EPS**2 * gain.max(), SMALL**2)))
+    rise = np.zeros(gain.size)
+    np.subtract(logarithm[1:], logarithm[:-1], out=rise[:-1])
+    return np.asarray(np.exp(logarithm.take(where.below) + where.share * rise.take(where.below)))
 
 
 def interpolate_frf(G: np.ndarray, where: Places) -> np.ndarray:

@@ -14,7 +14,7 @@ from nlfrf.bla.calibration import (
     read_peaks,
     variance_ratio,
 )
-from nlfrf.bla.distortion import spread_counts
+from nlfrf.bla.distortion import cubic_counts
 from nlfrf.bla.neighbours import nearest_lines, place_lines
 
 LINES = np.array([1, 3, 9, 11, 17, 19])
@@ -89,10 +89,10 @@ def test_a_plant_driven_by_its_output_is_read_as_one():
     there = np.mean(np.abs(Y[:, k] - G * U[:, k]) ** 2, axis=0)
     detected = np.mean(np.abs(Y[:, where.detection]) ** 2, axis=0)
     amplitude = np.abs(U[0, k])
-    drives = np.array([amplitude, np.abs(G) * amplitude])
-    relative, factor = spread_counts(drives, where)
+    by_input, by_output = (cubic_counts(drive, where, 12.0) for drive in (amplitude, np.abs(G) * amplitude))
     inside = slice(2, -2)  # but for the clipped ends of the profile
-    told = factor * np.mean(detected[where.near_odd].T / relative, axis=1)
+    near = detected[where.near_odd].T
+    told = np.array([factor * np.mean(near / relative, axis=0) for relative, factor in (by_input, by_output)])
     wrong = 10 * np.log10(told / there)[:, inside]
     assert np.median(np.abs(wrong[1])) < 0.3 < 5 < np.median(np.abs(wrong[0]))
 
