@@ -107,7 +107,7 @@ class Bla:
     A weak cube: by Bussgang the BLA is 2 + 0.3, but for what the line itself takes out of the sum.
 
     >>> import nlfrf
-    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=2)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
     >>> bla = nlfrf.identify(record)
     >>> bool(np.all(np.abs(bla.G - 2.3) < bla.bound(simultaneous=True)))
