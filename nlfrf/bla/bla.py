@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import channel_names, integer, one_of, probability, ratio_unit, real
+from nlfrf._base.arguments import integer, one_of, probability, ratio_unit, real
 from nlfrf._base.numbers import TINY, roy_quantile
 from nlfrf._base.values import Sketch, field_names, value
 from nlfrf.bla.calibration import FEW
 from nlfrf.bla.localfit import LEAST, fit_locally
 from nlfrf.bla.neighbours import place_lines
-from nlfrf.records.record import channel_units, default_names, known_name
+from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
 __all__ = ["Bla", "DistortionLevels", "Frm", "excess", "in_own_units"]
@@ -32,7 +32,7 @@ AROUND = 9  # lines over which noise and distortion are told apart
 
 
 @value
-class Bla:
+class Bla(Channels):
     """Best linear approximation of a nonlinear system on the excited lines, with its variances; any number of channels.
 
     Every variance is E|.|^2 of a complex number, per excited line. Of one input and one output fields are (F,) arrays.
@@ -216,12 +216,11 @@ class Bla:
             typical=typical,
             coherence=unknown if coherence is None else coherence,
             hold=hold,
-            inputs=channel_names("inputs", u_name or inputs, n_u) or default_names("u", n_u),
-            outputs=channel_names("outputs", y_name or outputs, n_y) or default_names("y", n_y),
-            input_units=channel_units("input_units", u_unit or input_units, n_u),
-            output_units=channel_units("output_units", y_unit or output_units, n_y),
             design=design,
             n_experiments=n_realizations if n_experiments is None else n_experiments,
+        )
+        self._name_channels(
+            (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
         )
         covariances = (cov_noise, cov_total, cov_distortion, cov_even, cov_bound)
         variances = (var_noise, var_total, var_distortion, var_even, var_bound)
@@ -269,36 +268,6 @@ class Bla:
     def matrix(self) -> np.ndarray:
         """(n_y, n_u, F) complex: G with its axes of channels, of one input and one output too."""
         return self.G.reshape(self.n_outputs, self.n_inputs, self.f.size)
-
-    @property
-    def n_inputs(self) -> int:
-        """Inputs n_u."""
-        return len(self.inputs)
-
-    @property
-    def n_outputs(self) -> int:
-        """Outputs n_y."""
-        return len(self.outputs)
-
-    @property
-    def u_name(self) -> str:
-        """Name of the only input; empty where it is not known, or where there are several."""
-        return known_name(self.inputs, "u")
-
-    @property
-    def y_name(self) -> str:
-        """Name of the only output; empty where it is not known, or where there are several."""
-        return known_name(self.outputs, "y")
-
-    @property
-    def u_unit(self) -> str:
-        """Unit of the only input; empty where it is not known, or where there are several."""
-        return self.input_units[0] if self.n_inputs == 1 else ""
-
-    @property
-    def y_unit(self) -> str:
-        """Unit of the only output; empty where it is not known, or where there are several."""
-        return self.output_units[0] if self.n_outputs == 1 else ""
 
     @property
     def var_noise(self) -> np.ndarray:

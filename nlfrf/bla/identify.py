@@ -7,11 +7,11 @@ method, which reads it from the scatter between realisations (Pintelon & Schouke
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import overload
+from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, one_of, shown
+from nlfrf._base.arguments import shown
 from nlfrf._base.numbers import power, squared
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.bla.calibration import read_peaks
@@ -28,80 +28,14 @@ from nlfrf.bla.frf import (
 from nlfrf.bla.neighbours import place_lines
 from nlfrf.bla.realizations import check_realizations
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
-from nlfrf.bla.spectra import TREATMENTS, Spectra, dft, period_spectra
+from nlfrf.bla.spectra import Spectra, dft, period_spectra
 from nlfrf.records.record import Record
 
-__all__ = ["identify"]
+__all__ = ["identify_single"]
 
 
-@overload
-def identify(record: Record, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Bla: ...
-
-
-@overload
-def identify(
-    record: Sequence[Record], *, transient: str = ..., level_from: str = ..., n_detection: int = ...
-) -> list[Bla]: ...
-
-
-def identify(
-    record: Record | Sequence[Record], *, transient: str = "auto", level_from: str = "auto", n_detection: int = 6
-) -> Bla | list[Bla]:
-    """Best linear approximation, noise and distortion of a system from one periodic record.
-
-    Parameters
-    ----------
-    record : Record, or a list of them
-        Input and output; one realisation is enough, two periods separate noise from distortion. Several outputs of one
-        experiment, as `load_record` gives them, share the analysis of the input.
-    transient : str
-        "none": the record is taken as steady. "discard": the first period is left out. "local": the transient is
-        fitted between the harmonics and taken off, at excited and at detection lines. "auto": nothing where the
-        periods agree but for noise, discard where that leaves periods that agree, else local.
-    level_from : str
-        "detection": from the odd lines that were not excited. "roughness": from the roughness of the FRF over the
-        excited lines. "auto": detection lines where the grid lets them be calibrated (special-odd, random-odd and
-        some custom grids), else roughness, with a warning.
-    n_detection : int
-        Odd detection lines averaged for one level.
-
-    Returns
-    -------
-    Bla, or a list of them for a list of records
-
-    Raises
-    ------
-    ValueError
-        Lines that carry no input, realisations whose input spectra do not belong together, or whose output follows the
-        input of another one or has another sign, no detection lines where they were asked for, too few lines for any
-        level.
-
-    Warns
-    -----
-    DataWarning
-        The grid has no detection lines that can be calibrated, and the level comes from the roughness. Realisations
-        that have the phases of another one: they count as periods of it. Peaks of the input that are lower than random
-        phases have them. An output that follows no input at hand. Lines of a single realisation that stand out of their
-        neighbours, as hum of the mains makes them.
-
-    References
-    ----------
-    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 4.3.
-
-    Examples
-    --------
-    A static cubic: the BLA on these six lines of amplitude 1 is 8.25, but one realisation scatters about it.
-
-    >>> from nlfrf.signals.multisine import multisine
-    >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=3**0.5, n_realizations=200, rng=1)
-    >>> u = ms.u[:, None, :]
-    >>> bla = identify(Record(u=u, y=u**3, fs=128, lines=ms.lines))
-    >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
-    True
-    """
-    one_of("transient", transient, TREATMENTS)
-    one_of("level_from", level_from, ("auto", "detection", "roughness"))
-    n_detection = integer("n_detection", n_detection, least=3)
+def identify_single(record: Any, transient: str, level_from: str, n_detection: int) -> Any:
+    """`identify` for a record of one input and one output, or a list of them, whose outputs share the input."""
     if isinstance(record, Record):
         return identify_one(record, None, transient, level_from, n_detection)
     if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):

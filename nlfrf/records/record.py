@@ -15,12 +15,10 @@ from nlfrf.signals.lines import LineGrid
 
 __all__ = [
     "SAME_CLOCK",
+    "Channels",
     "MultiRecord",
     "Record",
-    "channel_units",
-    "default_names",
     "join_records",
-    "known_name",
     "refuse_constant",
 ]
 
@@ -28,8 +26,54 @@ __all__ = [
 SAME_CLOCK = 1e-6  # how far sampling frequencies may be apart that were found in one clock
 
 
+class Channels:
+    """Names and units of inputs and outputs, for values that have the four fields."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    input_units: tuple[str, ...]
+    output_units: tuple[str, ...]
+
+    def _name_channels(self, n: tuple[int, int], names: Sequence[Any], units: Sequence[Any]) -> None:
+        """Set the four fields for (n_u, n_y) channels from what was given, u, y, ... where nothing was."""
+        for k, (side, letter) in enumerate((("input", "u"), ("output", "y"))):
+            given = channel_names(f"{side}s", names[k], n[k])
+            self.__dict__[f"{side}s"] = given or default_names(letter, n[k])
+            self.__dict__[f"{side}_units"] = channel_units(f"{side}_units", units[k], n[k])
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs n_u."""
+        return len(self.inputs)
+
+    @property
+    def n_outputs(self) -> int:
+        """Outputs n_y."""
+        return len(self.outputs)
+
+    @property
+    def u_name(self) -> str:
+        """Name of the only input; empty where it is not known, or where there are several."""
+        return known_name(self.inputs, "u")
+
+    @property
+    def y_name(self) -> str:
+        """Name of the only output; empty where it is not known, or where there are several."""
+        return known_name(self.outputs, "y")
+
+    @property
+    def u_unit(self) -> str:
+        """Unit of the only input; empty where it is not known, or where there are several."""
+        return self.input_units[0] if self.n_inputs == 1 else ""
+
+    @property
+    def y_unit(self) -> str:
+        """Unit of the only output; empty where it is not known, or where there are several."""
+        return self.output_units[0] if self.n_outputs == 1 else ""
+
+
 @value
-class Record:
+class Record(Channels):
     """Whole periods of inputs and outputs in steady state or after a short transient, for any number of channels.
 
     Parameters
@@ -122,11 +166,8 @@ class Record:
             raise ValueError(f"lines must lie below the Nyquist line {n_samples / 2:g}, got line {highest}")
         n_u, n_y = (1 if signals[name].ndim == 3 else len(signals[name]) for name in "uy")
         self.__dict__.update(signals, fs=fs, lines=lines, hold=hold, r=signals.get("r"))
-        self.__dict__.update(
-            inputs=channel_names("inputs", u_name or inputs, n_u) or default_names("u", n_u),
-            outputs=channel_names("outputs", y_name or outputs, n_y) or default_names("y", n_y),
-            input_units=channel_units("input_units", u_unit or input_units, n_u),
-            output_units=channel_units("output_units", y_unit or output_units, n_y),
+        self._name_channels(
+            (n_u, n_y), (u_name or inputs, y_name or outputs), (u_unit or input_units, y_unit or output_units)
         )
         self.__post_init__()  # which the decorator makes: arrays that nobody else can write
 
@@ -140,16 +181,6 @@ class Record:
     def is_single(self) -> bool:
         """Whether it is of one input and one output, so that its arrays have no axis of channels."""
         return bool(self.u.ndim == 3)
-
-    @property
-    def n_inputs(self) -> int:
-        """Inputs n_u."""
-        return len(self.inputs)
-
-    @property
-    def n_outputs(self) -> int:
-        """Outputs n_y."""
-        return len(self.outputs)
 
     @property
     def n_realizations(self) -> int:
@@ -175,26 +206,6 @@ class Record:
     def f0(self) -> float:
         """Frequency resolution fs / N [Hz]."""
         return self.fs / self.n_samples
-
-    @property
-    def u_name(self) -> str:
-        """Name of the only input; empty where it is not known, or where there are several."""
-        return known_name(self.inputs, "u")
-
-    @property
-    def y_name(self) -> str:
-        """Name of the only output; empty where it is not known, or where there are several."""
-        return known_name(self.outputs, "y")
-
-    @property
-    def u_unit(self) -> str:
-        """Unit of the only input; empty where it is not known, or where there are several."""
-        return self.input_units[0] if self.n_inputs == 1 else ""
-
-    @property
-    def y_unit(self) -> str:
-        """Unit of the only output; empty where it is not known, or where there are several."""
-        return self.output_units[0] if self.n_outputs == 1 else ""
 
     def _sketch_(self) -> Sketch:
         """Inputs and outputs of the first realisation over their peaks, for a notebook."""

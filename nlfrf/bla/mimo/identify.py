@@ -10,9 +10,9 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning, integer, one_of
 from nlfrf._base.numbers import power
-from nlfrf.bla import identify as single
 from nlfrf.bla.bla import Bla, DistortionLevels, Frm, excess
 from nlfrf.bla.frf import ROUNDING, warn_of_jumps, warn_of_lines_apart
+from nlfrf.bla.identify import identify_single
 from nlfrf.bla.mimo.channels import ChannelSpectra, channel_spectra
 from nlfrf.bla.mimo.conditions import (
     calibrated,
@@ -110,11 +110,14 @@ def identify(
     >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
     True
     """
-    if not isinstance(record, Record) or record.is_single:
-        return single.identify(record, transient=transient, level_from=level_from, n_detection=n_detection)
     one_of("transient", transient, TREATMENTS)
     one_of("level_from", level_from, ("auto", "detection", "roughness"))
-    return identify_matrix(record, transient, level_from, integer("n_detection", n_detection, least=3))
+    n_detection = integer("n_detection", n_detection, least=3)
+    if isinstance(record, Sequence) and any(isinstance(one, Record) and not one.is_single for one in record):
+        return [identify(one, transient=transient, level_from=level_from, n_detection=n_detection) for one in record]
+    if not isinstance(record, Record) or record.is_single:
+        return identify_single(record, transient, level_from, n_detection)
+    return identify_matrix(record, transient, level_from, n_detection)
 
 
 def identify_matrix(record: Record, transient: str, level_from: str, n_detection: int) -> Frm:

@@ -375,3 +375,12 @@ def test_a_matrix_is_printed_without_a_word_more(n_periods):
     said = str(frm)  # every warning is an error here
     assert ("distortion and noise -" in said) == (n_periods == 1)
     assert ("noise -inf dB, distortion" in said) == (n_periods == 2)
+
+
+def test_a_list_may_hold_records_of_any_number_of_channels():
+    several = linear(nlfrf.multisine(**BAND, n_inputs=2, rng=2))
+    one = nlfrf.Record(u=several.u[0], y=2 * several.u[0], fs=512, lines=several.lines)
+    found = nlfrf.identify([several, one])
+    assert [bla.G.ndim for bla in found] == [3, 1]
+    with pytest.raises(ValueError, match="record must be a Record or a list of them"):
+        nlfrf.identify([several, "run.csv"])
