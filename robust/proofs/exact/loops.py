@@ -1,8 +1,8 @@
-"""The claims on a loop re-proved: exact arithmetic for its stability, balls rounded outward for its curves.
+"""The claims on a loop proved: exact arithmetic for its stability, balls rounded outward for its curves.
 
-Nothing of what found a proof is used, only the matrices as they are stored. Where plant, controller and weights share
-one time base a claim is a polynomial in one variable, positive from zero to infinity; a delay in a continuous loop or
-a continuous weight around a sampled one is taken as it is, interval by interval.
+Only the matrices as they are stored are used, no curve and no pole in floating point. Where plant, controller and
+weights share one time base a claim is a polynomial in one variable, positive from zero to infinity; a delay in a
+continuous loop or a continuous weight around a sampled one is taken as it is, interval by interval.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robust.proofs.exact.polynomials import Decision, positive_on_half_line, pro
 from robust.proofs.exact.stability import Axis, at_infinity, axis_of, polynomials, routh, squares, stable_quotients
 from robust.proofs.exact.taylor_models import positive_on_intervals
 
-__all__ = ["Verification", "verification", "verify_loop"]
+__all__ = ["NOMINAL", "WEIGHTS", "Verification", "verification", "verify_loop"]
 
 
 BITS = (192, 640, 2048)
@@ -30,7 +30,7 @@ NOMINAL, WEIGHTS = "nominal stability", "stable weights"
 
 @value
 class Verification:
-    """What was re-proved with outward rounding, claim by claim.
+    """What was proved with outward rounding, claim by claim.
 
     Fields
     ------
@@ -68,7 +68,7 @@ class Verification:
 
 
 def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
-    """Re-prove every claim on a loop from its matrices as exact rationals, all rounding outward.
+    """Prove every claim on a loop from its matrices as exact rationals, all rounding outward.
 
     Parameters
     ----------
