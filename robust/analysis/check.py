@@ -215,8 +215,7 @@ def check(
     peaks = find_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
     curves = curves.joined(loop.curves(places[~np.isnan(places)])).between(omega[0], omega[-1])
-    omega = curves.omega
-    proofs = prove_set(loop, omega, peaks.rs[0], claim=claim, certify=certify)
+    proofs = prove_set(loop, curves, peaks.rs[0], claim=claim, certify=certify)
     folding = folding_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
     return fill_report(
         curves,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.analysis.aliases import operator_performance
@@ -68,36 +69,43 @@ class Proofs:
     performance: bool = False
 
 
-def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, claim: LoopClaim, certify: bool) -> Proofs:
+def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, certify: bool) -> Proofs:
     """Whatever exact arithmetic proves of the claim where the largest rs found is `peak`.
 
     With aliases the condition is sufficient only: what fails is no disproof.
     """
-    aliased = loop.aliases is not None
+    aliased, operator = loop.aliases is not None, claim.perturbation == "operator"
     if peak >= 1 or not certify:
         return Proofs(certificates=(), violated=peak >= 1 and not aliased)
-    names = [STABILITY]
-    operator, scaling = claim.perturbation == "operator", 1.0
-    left_out = aliased and operator and claim.inverse
-    if loop.w_P is not None and not left_out:
-        names.append(OPERATOR_PERFORMANCE if operator else PERFORMANCE)
-        scaling = best_scaling(loop, claim, loop.curves(omega)) if operator else 1.0
+    names, scaling, hopeless = [STABILITY], 1.0, ""
+    if loop.w_P is not None:
+        hopeless = no_use(curves, claim) if aliased else ""
+        if not hopeless:
+            names.append(OPERATOR_PERFORMANCE if operator else PERFORMANCE)
+            scaling = best_scaling(loop, claim, curves) if operator else 1.0
     names = [ALIASED[name] for name in names] if aliased else names
     claims = [replace(claim, claims=(name,), scaling=scaling if k else 1.0) for k, name in enumerate(names)]
     found = verify_loop(replace(claims[-1], claims=tuple(names)), time_cap=BUDGET * len(names))
     certificates = [
         as_certificate(found, *each, loop.top) for each in zip((STABILITY, PERFORMANCE), claims, strict=False)
     ]
-    stable = certificates[0].holds
-    if loop.w_P is not None and left_out:
-        why = "not attempted for operators in an inverse form under a sampled controller"
-        certificates.append(refused(PERFORMANCE, 1.0, why))
-    return Proofs(
-        certificates=tuple(certificates if stable else certificates[:1]),
-        violated=certificates[0].violated,
-        stable=stable,
-        performance=stable and certificates[-1].holds and len(certificates) > 1,
-    )
+    if hopeless:
+        certificates.append(refused(PERFORMANCE, 1.0, hopeless))
+    stable, violated = certificates[0].holds, certificates[0].violated
+    if not stable or loop.w_P is None:
+        return Proofs(certificates=tuple(certificates[:1]), violated=violated, stable=stable)
+    return Proofs(certificates=tuple(certificates), violated=False, stable=True, performance=certificates[1].holds)
+
+
+def no_use(curves: Curves, claim: LoopClaim) -> str:
+    """Why a proof of performance with every alias is not looked for; empty where it is.
+
+    Exact arithmetic has only upper bounds there, and would cut the axis around the frequency where none suffices.
+    """
+    if claim.perturbation == "operator":
+        return "not attempted for operators in an inverse form under a sampled controller" if claim.inverse else ""
+    k = int(np.argmax(curves.rp))
+    return f"rp reaches {curves.rp[k]:.4g} at {hertz(curves.omega[k])}" if curves.rp[k] >= 1 else ""
 
 
 def as_certificate(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:

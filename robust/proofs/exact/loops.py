@@ -11,6 +11,8 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from flint import arb, ctx
+
 from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
 from robust.proofs.exact.aliases import below_one_with_aliases
@@ -97,8 +99,6 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     >>> verify_loop(LoopClaim(weight=gain(1.5), **loop)).verified
     False
     """
-    from flint import ctx
-
     deadline = time.thread_time() + time_cap
     try:
         decided: dict[str, Decision] = {}
@@ -144,10 +144,11 @@ def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> No
         return
     found = squares(axis)
     scaling = rational(claim.scaling)
-    for name in filter(open_still, claim.claims):
-        if name in ALIASED.values():
-            decided[name] = below_one_with_aliases(claim, name, axis, found, squared_scaling(scaling), deadline)
-            continue
+    names = list(filter(open_still, claim.claims))
+    aliased = [name for name in names if name in ALIASED.values()]
+    if aliased:
+        decided |= below_one_with_aliases(claim, aliased, axis, found, squared_scaling(scaling), deadline)
+    for name in [name for name in names if name not in aliased]:
 
         def asked(terms: Terms, name: str = name) -> list[Any]:
             return conditions(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
@@ -160,8 +161,6 @@ def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> No
 
 def squared_scaling(scaling: Any) -> Any:
     """d^2 as a ball, which joins with everything."""
-    from flint import arb
-
     return arb(scaling * scaling)
 
 
