@@ -159,7 +159,7 @@ def check(
     certify : bool
         Prove the result over all frequencies; without it nothing better than "not certified" comes out.
     solver : str
-        "CLARABEL" or "SCS", for the bounded-real certificate.
+        "CLARABEL" or "SCS". Without effect since exact arithmetic proves a loop; kept for scripts that name it.
     n_unstable : int
         Unstable open-loop poles of an FRF, for the winding number.
     signals : LoopSignals, optional
@@ -216,8 +216,7 @@ def check(
     peaks = find_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))
     places = np.array([peaks.rs[1], peaks.margin_rp[1], peaks.half_disk[1]])
     curves = curves.joined(loop.curves(places[~np.isnan(places)])).between(omega[0], omega[-1])
-    omega = curves.omega
-    proofs = prove_set(loop, omega, peaks.rs[0], claim=claim, certify=certify, solver=solver)
+    proofs = prove_set(loop, curves, peaks.rs[0], claim=claim, certify=certify)
     folding = folding_at_peak(loop, peaks, (float(model.omega[0]), float(model.omega[-1])))
     return fill_report(
         curves,

@@ -15,9 +15,9 @@ from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_down
 from robust.analysis.curves import Curves, Peaks, loop_curves
-from robust.lti.connections import closed_loop, in_series, inverse
+from robust.lti.connections import closed_loop, in_series
 from robust.lti.grids import climb, highest, loop_grid
-from robust.lti.lti import clocks_differ, constant, timebase
+from robust.lti.lti import clocks_differ, timebase
 from robust.lti.realisation import stable_weight, state_space
 from robust.lti.sampling import delay_samples, delayed, sampled
 from robust.lti.stability import StabilityResult, certain_poles, moved_out
@@ -26,10 +26,10 @@ from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import as_given
 from robust.proofs.exact.closed_loops import poles_of_closed_loop
 from robust.proofs.exact.stability import stable_loop
-from robust.proofs.search.intervals import Magnitude, in_doubt, magnitude, trusted_responder
+from robust.proofs.search.intervals import in_doubt, trusted_responder
 from robust.proofs.search.stability import LARGEST_EXACT, beside_boundary
 
-__all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with", "weighted"]
+__all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with"]
 
 DELAY_ORDER = 8
 MOST_STATES = 600  # of a plant with its delay line
@@ -89,14 +89,6 @@ class Loop:
     def with_plant(self, G: control.StateSpace) -> Loop:
         """The same loop around another plant, as the controller sees it."""
         return replace(self, G=G, short=G, shift=0.0, given=G, delay=0.0, unsampled=None)
-
-    def shaped(self) -> Loop:
-        """The same loop in the units of its set: the plant scaled, the controller scaled back."""
-        if constant(self.shaping) and self.shaping.D[0, 0] == 1:
-            return self
-        W, dt = self.shaping, self.dt
-        G, short = in_series(self.G, W, dt=dt), in_series(self.short, W, dt=dt)
-        return replace(self, G=G, short=short, K=in_series(inverse(W), self.K, dt=dt))
 
     def behind_delay(self, plant: control.StateSpace, delay: float) -> control.StateSpace:
         """A plant on the time base of the loop behind its delay [s]."""
@@ -176,26 +168,6 @@ class Loop:
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
         """Largest value of a curve of this loop and where (`systems.grids.highest`)."""
         return highest(curve, omega, band, self.top)
-
-    def weight_bound(self, system: control.StateSpace) -> Any:
-        """f(x_low, x_high) bounding |system| over an interval of the axis the loop is proved on."""
-        bound: Magnitude = magnitude(system)
-        if self.dt and not timebase(system) and not constant(system):
-            # a continuous weight over a sampled loop: x = tan(omega dt/2) is the axis of the loop
-            return lambda low, high: bound.upper(2 / self.dt * np.arctan(low), 2 / self.dt * np.arctan(high))
-        return bound.upper
-
-    def omega_of(self, x: Any) -> Any:
-        """Frequency [rad/s] of a point of the axis the loop is proved on."""
-        return 2 / self.dt * np.arctan(x) if self.dt else x
-
-    def x_of(self, omega: np.ndarray) -> np.ndarray:
-        """The way back from `omega_of`."""
-        return np.tan(np.minimum(omega * self.dt / 2, np.pi / 2 * (1 - 1e-12))) if self.dt else omega
-
-    def ports(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Where the perturbation reads and where it acts."""
-        return FORMS[self.form].ports
 
 
 def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
@@ -298,14 +270,6 @@ def apparently(loop: Loop) -> StabilityResult:
     if not total:
         return StabilityResult(state=Stability.STABLE)
     return StabilityResult(state=Stability.UNSTABLE, of_loop=True, n_unstable=float(total))
-
-
-def weighted(loop: Loop) -> control.StateSpace:
-    """The function whose norm decides robust stability, as one system; the weight runs on the time base of the loop."""
-    out, into = loop.ports()
-    w, each = loop.weight, np.eye(len(out))
-    for_all = control.StateSpace(*(np.kron(each, part) for part in (w.A, w.B, w.C, w.D)), w.dt)
-    return in_series(loop.shaped().closed(out, into), for_all, dt=loop.dt)
 
 
 def find_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> Peaks:

@@ -12,21 +12,18 @@ from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.analysis.aliases import operator_performance
-from robust.analysis.loop import Loop, weighted
-from robust.lti.connections import closed_loop
-from robust.lti.lti import Matrices, constant, over_frequency, response, timebase
-from robust.lti.norms import continuous_image, well_conditioned
+from robust.analysis.curves import Curves
+from robust.analysis.loop import Loop
+from robust.lti.lti import finite
 from robust.lti.realisation import state_space
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim, as_given
-from robust.proofs.exact.loops import verify_loop
-from robust.proofs.search.bounded_real import certify_norm
+from robust.proofs.exact.conditions import Terms, conditions
+from robust.proofs.exact.loops import NOMINAL, WEIGHTS, Verification, verify_loop
 from robust.proofs.search.certificate import EXACT, Certificate, refused
-from robust.proofs.search.intervals import IntervalProof, around, prove
-from robust.proofs.search.stability import LoopFactors, product, prove_loop
 
-__all__ = ["Proofs", "claim_of", "claimed", "prove_set"]
+__all__ = ["Proofs", "claim_of", "prove_set"]
 
 
 # ---- What a check claims of a loop, put into the exact form in which someone else can prove it again.
@@ -49,12 +46,7 @@ def claim_of(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopCla
     )
 
 
-def claimed(found: Certificate, claim: LoopClaim, name: str, *, scaling: float = 1.0) -> Certificate:
-    """A certificate with what it claims, by that name; one that does not hold claims nothing."""
-    return replace(found, claim=replace(claim, claims=(name,), scaling=scaling) if found.holds else None)
-
-
-BUDGET = 3.0  # seconds for each proof by intervals
+BUDGET = 3.0  # seconds of the processor for each claim
 
 
 @value
@@ -77,186 +69,98 @@ class Proofs:
     performance: bool = False
 
 
-def prove_set(loop: Loop, omega: np.ndarray, peak: float, *, claim: LoopClaim, certify: bool, solver: str) -> Proofs:
-    """Whatever can be proved of the claim where the largest rs found is `peak`."""
-    if loop.aliases is not None:
-        return prove_aliased(loop, omega, peak, claim, certify)
-    if peak >= 1 or not certify:
-        return Proofs(certificates=(), violated=peak >= 1)
-    stability = claimed(prove_stability(loop, omega, solver), claim, STABILITY)
-    stability = stability if settled(stability) else prove_exactly(stability, claim, STABILITY, loop.top)
-    violated, stable = stability.violated, stability.holds
-    if not stable or loop.w_P is None:
-        return Proofs(certificates=(stability,), violated=violated, stable=stable)
-    performance = prove_performance(loop, omega, claim)
-    if not settled(performance) and claim.perturbation != "operator":
-        performance = prove_exactly(performance, claim, PERFORMANCE, loop.top)
-    return Proofs(
-        certificates=(stability, performance), violated=violated, stable=stable, performance=performance.holds
-    )
+def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, certify: bool) -> Proofs:
+    """Whatever exact arithmetic proves of the claim where the largest rs found is `peak`.
 
-
-def prove_aliased(loop: Loop, omega: np.ndarray, peak: float, claim: LoopClaim, certify: bool) -> Proofs:
-    """The same of a set of continuous plants under a sampled controller: every alias counts, interval by interval."""
-    if peak >= 1 or not certify:
-        return Proofs(certificates=(), violated=False)
-    stability = prove_with_aliases(loop, omega, claim, STABILITY)
-    if not stability.holds or loop.w_P is None:
-        return Proofs(certificates=(stability,), violated=False, stable=stability.holds)
-    name = OPERATOR_PERFORMANCE if claim.perturbation == "operator" else PERFORMANCE
-    performance = prove_with_aliases(loop, omega, claim, name)
-    return Proofs(certificates=(stability, performance), violated=False, stable=True, performance=performance.holds)
-
-
-def prove_with_aliases(loop: Loop, omega: np.ndarray, claim: LoopClaim, name: str) -> Certificate:
-    """One claim with every alias, in exact arithmetic."""
-    failed = refused(STABILITY if name == STABILITY else PERFORMANCE, 1.0, "")
-    if name == OPERATOR_PERFORMANCE and claim.inverse:
-        return replace(failed, reason="not attempted for operators in an inverse form under a sampled controller")
-    scaling = best_aliased_scaling(loop, omega) if name == OPERATOR_PERFORMANCE else 1.0
-    return prove_exactly(failed, replace(claim, scaling=scaling), ALIASED[name], loop.top)
-
-
-def best_aliased_scaling(loop: Loop, omega: np.ndarray) -> float:
-    """The one scaling that keeps the largest gain of an operator's loop lowest over the grid (convex in its log)."""
-    curves = loop.curves(omega)
-    point = loop.at_points(curves)
-    PS, F = np.abs(curves.w_P * curves.S), point.F[:, 0]
-    sizes, others = point.sizes, point.sums()
-
-    def largest(log: float) -> float:
-        return float(operator_performance(sizes, others, PS, F * PS, float(np.exp(log))).max())
-
-    start = np.log(np.median(np.sqrt(others.FF + F**2)))
-    return float(np.exp(minimize_scalar(largest, bracket=(start - 1, start + 1)).x))
-
-
-def settled(found: Certificate) -> bool:
-    """Whether a proof was found, or a place where there is none."""
-    return found.outcome is not Outcome.UNDECIDED
-
-
-def prove_exactly(failed: Certificate, claim: LoopClaim, name: str, top: float) -> Certificate:
-    """The proof that floating point did not find, in exact arithmetic; the failure where that finds none either."""
-    found = verify_loop(replace(claim, claims=(name,)), time_cap=BUDGET)
-    if found.verified:
-        everywhere = np.array([[0.0, top]])
-        proof = replace(failed, outcome=Outcome.HOLDS, method=EXACT, intervals=everywhere, reason="")
-        return claimed(proof, claim, name, scaling=claim.scaling)
-    reason = dict(found.failed).get(name, "")
-    if name in found.violated:
-        return replace(failed, outcome=Outcome.VIOLATED, reason=reason)
-    return failed if failed.reason else replace(failed, reason=reason)
-
-
-def prove_stability(loop: Loop, omega: np.ndarray, solver: str) -> Certificate:
-    """|b| < 1 at every frequency: by a linear matrix inequality, else interval by interval."""
-    subject = "robust stability"
-    before = ""
-    if not loop.pade_delay and (constant(loop.weight) or timebase(loop.weight) == loop.dt):
-        certificate = certify_norm(weighted(loop), 1.0, solver=solver, subject=subject)
-        if certificate.holds:
-            return certificate
-        before = certificate.reason
-    if FORMS[loop.form].scaled:  # b is no product of responses: what is left is for exact arithmetic
-        return refused(subject, 1.0, before)
-    outcome = prove_loop(parts(loop, performance=False), omega[[0, -1]], loop.top, time_cap=BUDGET)
-    return as_certificate(subject, outcome, "interval by interval", before)
-
-
-def parts(loop: Loop, *, performance: bool) -> LoopFactors:
-    """The loop as `prove_loop` takes it."""
-    G, K, w, tau = loop.short, loop.K, loop.weight, loop.shift
-    form, named = FORMS[loop.form], {"w": w, "G": G, "K": K}
-    read, beside = [named[name] for name in form.read], tuple(named[name] for name in form.beside)
-    return LoopFactors(
-        L=product(G, K, delay=tau),
-        q=product(*read, delay=tau if "G" in form.read else 0.0),
-        relative=product(w, over=beside, delay=-tau if "G" in form.beside else 0.0),
-        w_P=product(loop.w_P) if performance else None,
-        inverse=form.inverse,
-    )
-
-
-def prove_performance(loop: Loop, omega: np.ndarray, claim: LoopClaim) -> Certificate:
-    """|w_P| max |S_p| < 1 at every frequency, interval by interval.
-
-    For an operator perturbation it is the norm of the two-block loop under one scaling that holds at all frequencies.
+    With aliases the condition is sufficient only: what fails is no disproof.
     """
-    subject = "robust performance"
-    if claim.perturbation != "operator" and FORMS[loop.form].scaled:
-        return refused(subject, 1.0, "")
-    if claim.perturbation != "operator":
-        outcome = prove_loop(parts(loop, performance=True), omega[[0, -1]], loop.top, time_cap=BUDGET)
-        return claimed(as_certificate(subject, outcome, "interval by interval"), claim, PERFORMANCE)
-    if loop.pade_delay:
-        return refused(subject, 1.0, "not attempted for operators with a delay in a continuous loop")
-    out, into = loop.ports()
-    A, B, C, D = well_conditioned(continuous_image(loop.shaped().closed((*out, "e"), (*into, "r"))))
-    bound, bound_P = loop.weight_bound(loop.weight), loop.weight_bound(loop.w_P)
-    d = best_constant(loop, omega)
-
-    def frozen(low: float, high: float) -> Matrices:
-        rows = np.array([[bound(low, high)]] * len(out) + [[bound_P(low, high) / d]])
-        cols = np.array([[1.0] * len(into) + [d]])
-        return A, B * cols, C * rows, D * rows * cols
-
-    def exact(x: float) -> float:
-        return float(np.linalg.norm(scaled(loop_matrix(loop, np.array([loop.omega_of(x)]))[0], d), 2))
-
-    outcome = prove(frozen, exact, starting_points(loop, A, omega), np.inf, time_cap=BUDGET)
-    found = as_certificate(subject, in_omega(loop, outcome), "Hamiltonian with one scaling, interval by interval")
-    return claimed(found, claim, OPERATOR_PERFORMANCE, scaling=d)
+    aliased, operator = loop.aliases is not None, claim.perturbation == "operator"
+    if peak >= 1 or not certify:
+        return Proofs(certificates=(), violated=peak >= 1 and not aliased)
+    names, scaling, hopeless = [STABILITY], 1.0, ""
+    if loop.w_P is not None:
+        hopeless = no_use(curves, claim) if aliased else ""
+        if not hopeless:
+            names.append(OPERATOR_PERFORMANCE if operator else PERFORMANCE)
+            scaling = best_scaling(loop, claim, curves) if operator else 1.0
+    names = [ALIASED[name] for name in names] if aliased else names
+    claims = [replace(claim, claims=(name,), scaling=scaling if k else 1.0) for k, name in enumerate(names)]
+    found = verify_loop(replace(claims[-1], claims=tuple(names)), time_cap=BUDGET * len(names))
+    certificates = [
+        as_certificate(found, *each, loop.top) for each in zip((STABILITY, PERFORMANCE), claims, strict=False)
+    ]
+    if hopeless:
+        certificates.append(refused(PERFORMANCE, 1.0, hopeless))
+    stable, violated = certificates[0].holds, certificates[0].violated
+    if not stable or loop.w_P is None:
+        return Proofs(certificates=tuple(certificates[:1]), violated=violated, stable=stable)
+    return Proofs(certificates=tuple(certificates), violated=False, stable=True, performance=certificates[1].holds)
 
 
-def loop_matrix(loop: Loop, omega: np.ndarray) -> np.ndarray:
-    """(W, ., .) weighted response from (perturbation, r) to (perturbation, e)."""
-    out, into = loop.ports()
-    own = loop.shaped()
-    matrices = closed_loop(own.G, own.K, (*out, "e"), (*into, "r"))
-    rows = np.stack([response(loop.weight, omega)] * len(out) + [response(loop.w_P, omega)], axis=1)
-    return over_frequency(matrices, omega, loop.dt) * rows[:, :, None]
+def no_use(curves: Curves, claim: LoopClaim) -> str:
+    """Why a proof of performance with every alias is not looked for; empty where it is.
+
+    Exact arithmetic has only upper bounds there, and would cut the axis around the frequency where none suffices.
+    """
+    if claim.perturbation == "operator":
+        return "not attempted for operators in an inverse form under a sampled controller" if claim.inverse else ""
+    k = int(np.argmax(curves.rp))
+    return f"rp reaches {curves.rp[k]:.4g} at {hertz(curves.omega[k])}" if curves.rp[k] >= 1 else ""
 
 
-def scaled(matrix: np.ndarray, d: float) -> np.ndarray:
-    """(..., ., .) the last row divided by d, the last column times it."""
-    out = matrix.copy()
-    out[..., -1, :] /= d
-    out[..., :, -1] *= d
-    return out
-
-
-def best_constant(loop: Loop, omega: np.ndarray) -> float:
-    """The one scaling d that keeps the largest singular value lowest over the grid (convex in log d)."""
-    matrices = loop_matrix(loop, omega)
-
-    def largest(log: float) -> float:
-        d = np.exp(log)
-        return float(np.linalg.svd(scaled(matrices, d), compute_uv=False)[:, 0].max())
-
-    start = np.sqrt(np.abs(matrices[:, -1, 0]).max() / np.abs(matrices[:, 0, -1]).max())
-    return float(np.exp(minimize_scalar(largest, bracket=(np.log(start) - 1, np.log(start) + 1)).x))
-
-
-def starting_points(loop: Loop, A: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """Where to cut the axis first: around the resonances of the loop."""
-    size = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
-    size = size[(size > 0) & np.isfinite(size)]
-    return around(np.concatenate([size, loop.x_of(omega[[0, omega.size // 2, -1]])]))
-
-
-def in_omega(loop: Loop, outcome: IntervalProof) -> IntervalProof:
-    """An outcome on the axis of `prove`, in rad/s."""
-    return replace(outcome, intervals=loop.omega_of(outcome.intervals), violated_at=loop.omega_of(outcome.violated_at))
-
-
-def as_certificate(subject: str, outcome: IntervalProof, method: str, before: str = "") -> Certificate:
-    """The outcome of a proof by intervals as a certificate."""
-    if outcome.holds:
+def as_certificate(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:
+    """What was found of the one claim, with the claim where it holds."""
+    (name,) = claim.claims
+    if name in found.proved:
         return Certificate(
-            subject=subject, outcome=Outcome.HOLDS, level=1.0, method=method, intervals=outcome.intervals, reason=""
+            subject=subject,
+            outcome=Outcome.HOLDS,
+            level=1.0,
+            method=EXACT,
+            intervals=np.array([[0.0, top]]),
+            reason="",
+            claim=claim,
         )
-    if np.isfinite(outcome.violated_at):
-        where = f"violated at {hertz(outcome.violated_at)}: {outcome.reason}"
-        return refused(subject, 1.0, where, outcome=Outcome.VIOLATED)
-    return refused(subject, 1.0, "; ".join(part for part in (before, f"{method}: {outcome.reason}") if part))
+    # where stability of the nominal loop stays open nothing else was looked at: the first failure is the cause
+    reason = dict(found.failed).get(name, "") if set(found.proved) >= {NOMINAL, WEIGHTS} else ": ".join(found.failed[0])
+    return refused(subject, 1.0, reason, outcome=Outcome.VIOLATED if name in found.violated else Outcome.UNDECIDED)
+
+
+def best_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
+    """The one scaling that keeps an operator's loop lowest over the grid, of all frequencies (convex in its log)."""
+    if loop.aliases is not None:
+        point, PS = loop.at_points(curves), np.abs(curves.w_P * curves.S)
+        sizes, others, PFS = point.sizes, point.sums(), point.F[:, 0] * PS
+
+        def largest(log: float) -> float:
+            return float(operator_performance(sizes, others, PS, PFS, float(np.exp(log))).max())
+    else:
+        terms = terms_of(curves)
+
+        def largest(log: float) -> float:
+            left = conditions(OPERATOR_PERFORMANCE, claim.reads, claim.inverse, terms, np.exp(2 * log))
+            return -float(np.nanmin(left[-1] / terms.closed))
+
+    logs = np.linspace(-30.0, 30.0, 31)  # the units of plant and weights may lie decades apart
+    k = int(np.clip(np.argmin([largest(log) for log in logs]), 1, logs.size - 2))
+    return float(np.exp(minimize_scalar(largest, bracket=tuple(logs[k - 1 : k + 2])).x))
+
+
+def terms_of(curves: Curves) -> Terms:
+    """The terms of exact arithmetic as numbers, to look for a scaling with."""
+    G, K, W = finite(curves.G), finite(curves.K), np.abs(curves.W) ** 2
+    L, one = G * K, np.ones(curves.omega.size)
+    return Terms(
+        G_num=np.abs(G) ** 2,
+        G_den=one,
+        K_num=np.abs(K) ** 2,
+        K_den=one,
+        cross=L.real,
+        closed=np.abs(1 + L) ** 2,
+        w_num=np.abs(curves.w) ** 2,
+        w_den=one,
+        P_num=np.abs(curves.w_P) ** 2,
+        P_den=one,
+        W_num=W,
+        W_den=one,
+    )

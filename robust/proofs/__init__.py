@@ -1,4 +1,4 @@
-"""Proofs: found in floating point, verified in exact arithmetic.
+"""Proofs: one loop in exact arithmetic; matrices found in floating point, and verified exactly where that is known.
 
 exact   verification in exact arithmetic
 search  search for certificates

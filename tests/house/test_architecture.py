@@ -69,7 +69,7 @@ HEAVY = {
     "pyuff": "nlfrf.io.readers.uff",
     "pyarrow": "nlfrf.io.readers.columns",
 }
-ALWAYS_LATE = set(HEAVY) - {"numba"}
+ALWAYS_LATE = set(HEAVY) - {"numba", "flint"}
 
 
 def found_rooms():

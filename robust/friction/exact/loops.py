@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from flint import fmpq, fmpq_mat
+
 from nlfrf._base.values import value
 from robust.friction.exact.claim import FrictionClaim
 from robust.proofs.exact.polynomials import rational, rational_matrix
@@ -43,8 +45,6 @@ class ExactLoop:
 
 def exact_loop(claim: FrictionClaim) -> ExactLoop:
     """The loop of machine, hold, delay and controller, with the state (machine, held force, waiting forces, K)."""
-    from flint import fmpq_mat
-
     A, B, C = (rational_matrix(getattr(claim.machine, name)).tolist() for name in "ABC")
     K = {name: rational_matrix(getattr(claim.controller, name)).tolist() for name in "ABCD"}
     n, s = claim.machine.order, claim.controller.order
@@ -86,8 +86,6 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
 
 def samples(delay: Any, T: Any) -> tuple[int, Any]:
     """Whole samples of a delay, and what is left [s]."""
-    from flint import fmpq
-
     near = fmpq(1, 10**9)
     whole = int((delay / T + near).floor())
     left = delay - whole * T
@@ -101,8 +99,6 @@ def identity(n: int) -> list[list[int]]:
 
 def rest_of(loop: ExactLoop) -> Any:
     """Where the loop rests under f = 1, exactly; a ValueError where there is no such place."""
-    from flint import fmpq_mat
-
     n = loop.F.nrows()
     rows, wanted = loop.F.tolist(), (-loop.B).tolist()
     unit = fmpq_mat(identity(n))
@@ -166,8 +162,6 @@ def asked_of(claim: FrictionClaim, size: int) -> list[Any]:
 
 def with_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     """The loop with the filters of the force beside it, u_j+ = u_j + phi (asked - u_j), as its last states."""
-    from flint import fmpq_mat
-
     assert claim.actuator is not None
     forgets = [rational(phi) for phi in claim.actuator.forgets]
     n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
@@ -197,8 +191,6 @@ def with_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
 
 def exact_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBlock:
     """theta_0 w (share asked'y - w) + sum theta_j w (asked'y - w - u_j) of a loop with filters, among `size` states."""
-    from flint import fmpq_mat
-
     own = claim.actuator
     assert own is not None
     theta, sector, share = [rational(x) for x in own.weights], rational(own.sector), rational(own.share)
@@ -224,8 +216,6 @@ def reach_fits(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], s
     (1 - share)^2 kick^2 (e'Pe) (asked'E^-1 asked) <= (limit - Fs |asked'rest|)^2, all in the coordinates of the energy;
     stored : the whole energy just before a sample.
     """
-    from flint import fmpq_mat
-
     own = claim.actuator
     assert own is not None
     m, size = loop.F.nrows(), claim.V.shape[0]

@@ -11,6 +11,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+from flint import fmpq, fmpq_mat
+
 from nlfrf._base.values import value
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.loops import (
@@ -60,8 +62,6 @@ class ExactSupply:
 
 def weights_fit(claim: FrictionClaim) -> str:
     """Empty if the weights are such as the class allows; else what is wrong with them."""
-    from flint import fmpq_mat
-
     if min([claim.free, *claim.weights]) < 0 or min([1.0, *claim.rates]) <= 0:
         return "a weight is negative, or a rate not positive"
     if not (claim.K0 > 0 and claim.stiction >= 1):
@@ -90,8 +90,6 @@ def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
 
 def with_actuator(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
     """A block at the first jump, or of the flow where nothing is sampled: what is missed is one input more."""
-    from flint import fmpq_mat
-
     if loop.spans:
         return replace(form, block=block)
 
@@ -113,8 +111,6 @@ def zeros(rows: int, columns: int) -> list[list[Any]]:
 
 def widened(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any]], list[Any]]:
     """Rows of the flow with filters below, and the jumps."""
-    from flint import fmpq_mat
-
     n, extra = loop.F.nrows(), len(rates)
     A = zeros(n + extra, n + extra)
     for i, row in enumerate(loop.F.tolist()):
@@ -134,8 +130,6 @@ def widened(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any]], list[An
 
 def maxwell_slip(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """States (y, e_j), input d = f - fh_1; T1 and T2."""
-    from flint import fmpq_mat
-
     a, mu, free = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
     # at one itself the energy is not positive; certificates of version 0.1 say one and were made with 1.001
     K0, rho = rational(claim.K0), rational(claim.stiction if claim.stiction > 1 else 1.001)
@@ -174,8 +168,6 @@ def maxwell_slip(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
 
 def bristle(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """States (y, e_j), inputs gamma = F'/K0 and q = z'; T3."""
-    from flint import fmpq_mat
-
     a, nu, mu = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
     K0, sigma = rational(claim.K0), rational(claim.microdamping)
     M = [[rational(x) for x in row] for row in claim.block]
@@ -242,8 +234,6 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
 
 def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     """The inequality in the coordinates of the energy, exactly."""
-    from flint import fmpq_mat
-
     V = rational_matrix(claim.V)
     n, size = V.nrows(), form.stored.nrows()
     if form.A.nrows() != n:
@@ -271,8 +261,6 @@ def falls(
     claim: FrictionClaim, loop: ExactLoop, form: ExactSupply, energy: list[list[Any]], deadline: float
 ) -> dict[str, str]:
     """What of the fall of the energy is not proved, and why."""
-    from flint import fmpq
-
     if not loop.spans:
         P = energy[0][0]
         held = len(energy) == 1 and positive_definite(-inequality(form, P, P - P))
@@ -302,8 +290,6 @@ def falls(
 
 def lost(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
     """What of the energy is lost at a jump, with a block at the first one more unknown."""
-    from flint import fmpq_mat
-
     plain = before - jump.transpose() * after * jump
     if i or form.block is None:
         return plain
@@ -316,8 +302,6 @@ def lost(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
 
 def inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
     """[P' + A'P + PA + Q, PB + N; ., R] as one matrix."""
-    from flint import fmpq_mat
-
     across = P * form.A
     top = slope + across + across.transpose() + form.Q
     side = P * form.B + form.N
@@ -328,8 +312,6 @@ def inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
 
 def with_energy(stored: Any, P: Any) -> Any:
     """The whole stored energy, a form in the states and in the forces that rest."""
-    from flint import fmpq_mat
-
     rows = stored.tolist()
     for i, row in enumerate(P.tolist()):
         for j, x in enumerate(row):

@@ -68,11 +68,8 @@ class Form:
         Of S_p = S (1 + a Delta)/(1 + b Delta).
     relative : (w, size) -> (W,), or None
         |w| as a relative deviation of the plant (inverse: of one over it), size = |G|; None where it is none.
-    ports : (tuple of str, tuple of str)
-        Where Delta reads and where it acts in the loop of `systems.closed_loop`.
-    read, beside : tuple of str
-        Factors of q = b (1 + L), and what q is to be divided by for q / L: the parts of a proof along the axis. N and M
-        stand for the coprime factors, whose q is no product.
+    read : tuple of str
+        Factors of q = b (1 + L). N and M stand for the coprime factors, whose q is no product.
     inverse : bool
         Delta sits in the denominator: the set is unbounded where |w| reaches one.
     through : bool
@@ -102,9 +99,7 @@ class Form:
     a: Callable[[Array, Array, Array, Array], Array]
     b: Callable[[Array, Array, Array, Array], Array]
     relative: Callable[[Array, Array], Array] | None
-    ports: tuple[tuple[str, ...], tuple[str, ...]]
     read: tuple[str, ...]
-    beside: tuple[str, ...]
     inverse: bool
     through: bool
     lead: int
@@ -167,9 +162,7 @@ FORMS = {
             a=lambda w, G, K, S: np.zeros_like(S),
             b=lambda w, G, K, S: w * G * K * S,
             relative=lambda w, size: w,
-            ports=(("u",), ("p_in",)),
             read=("w", "G", "K"),
-            beside=(),
             inverse=False,
             through=True,
             lead=0,
@@ -186,9 +179,7 @@ FORMS = {
             a=lambda w, G, K, S: np.zeros_like(S),
             b=lambda w, G, K, S: w * K * S,
             relative=lambda w, size: w / np.maximum(size, 1e-300),
-            ports=(("u",), ("p_out",)),
             read=("w", "K"),
-            beside=("G",),
             inverse=False,
             through=False,
             lead=1,
@@ -205,9 +196,7 @@ FORMS = {
             a=lambda w, G, K, S: w + 0 * S,
             b=lambda w, G, K, S: w * S,
             relative=lambda w, size: w,
-            ports=(("y",), ("p_out",)),
             read=("w",),
-            beside=("G", "K"),
             inverse=True,
             through=True,
             lead=0,
@@ -224,9 +213,7 @@ FORMS = {
             a=lambda w, G, K, S: w * G,
             b=lambda w, G, K, S: w * G * S,
             relative=lambda w, size: w * size,
-            ports=(("y",), ("p_in",)),
             read=("w", "G"),
-            beside=("K",),
             inverse=True,
             through=True,
             lead=-1,
@@ -243,9 +230,7 @@ FORMS = {
             a=lambda w, G, K, S: -tangent(w) * np.conj(G),
             b=lambda w, G, K, S: tangent(w) * (K - np.conj(G)) * S,
             relative=None,
-            ports=(("u", "y"), ("p_out", "p_in")),
             read=("w", "N", "M"),
-            beside=(),
             inverse=True,
             through=False,
             lead=0,

@@ -1,4 +1,4 @@
-"""Verification in exact arithmetic: claims over the rationals, positivity, Taylor models.
+"""Proof and verification in exact arithmetic: claims over the rationals, positivity, Taylor models.
 
 aliases        claims about continuous plants under a sampled controller
 claim          what is claimed of a loop, with every number as given, and its digest

@@ -18,9 +18,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache, partial
 from itertools import pairwise
 from math import ceil, sqrt
 from typing import Any
+
+from flint import arb, arb_poly
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, STABILITY, LoopClaim
@@ -56,10 +59,8 @@ class Ratio:
     den: Any
     order: int
 
-    def bounds(self, low: Any, high: Any) -> tuple[Any, Any]:
-        """Upper bound of |X| on omega in [low, high] (arb), and one of 1/|X|; infinite where none is found."""
-        from flint import arb
-
+    def squares(self, low: Any, high: Any) -> list[Any]:
+        """Balls that hold num and den on omega in [low, high] (arb)."""
         y = (low * low).union(high * high)
         found = []
         for p in (self.num, self.den):
@@ -68,12 +69,19 @@ class Ratio:
                 first, *others = of_polynomial(p, squared_line(low, high)).p.coeffs()
                 ball = first + arb(0, sum((abs(c) for c in others), arb(0)).abs_upper())
             found.append(ball)
-        return tuple(root_of(top, bottom) for top, bottom in (found, found[::-1]))
+        return found
+
+    def upper(self, low: Any, high: Any) -> Any:
+        """Upper bound of |X| on omega in [low, high] (arb); infinite where none is found."""
+        return root_of(*self.squares(low, high))
+
+    def bounds(self, low: Any, high: Any) -> tuple[Any, Any]:
+        """Upper bound of |X|, and one of 1/|X|."""
+        num, den = self.squares(low, high)
+        return root_of(num, den), root_of(den, num)
 
     def beyond(self, low: Any) -> Any:
         """c with |X| <= c omega^-order for all omega >= low; infinite where none is found."""
-        from flint import arb
-
         v = arb(0).union(1 / (low * low))
         top, bottom = (reversed_at(p, v) for p in (self.num, self.den))
         return root_of(top, bottom)
@@ -87,8 +95,6 @@ def squared_line(low: Any, high: Any) -> Jet:
 
 def root_of(top: Any, bottom: Any) -> Any:
     """An upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
-    from flint import arb
-
     if not bottom > 0:
         return arb.pos_inf()
     found = (top.abs_upper() / bottom.abs_lower()).abs_upper()
@@ -97,8 +103,6 @@ def root_of(top: Any, bottom: Any) -> Any:
 
 def reversed_at(p: Any, v: Any) -> Any:
     """p(y) y^-degree at v = 1/y."""
-    from flint import arb
-
     total = arb(0)
     for c in p.coeffs():
         total = total * v + c
@@ -107,8 +111,6 @@ def reversed_at(p: Any, v: Any) -> Any:
 
 def ratio(system: Quotient) -> Ratio:
     """|X|^2 of a continuous system."""
-    from flint import arb_poly
-
     num, den = squared(arb_poly(system.num)), squared(arb_poly(system.den))
     return Ratio(num=num, den=den, order=true_degree(system.den) - true_degree(system.num))
 
@@ -139,8 +141,6 @@ class Aliases:
     """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
 
     def __init__(self, claim: LoopClaim, dt: Any) -> None:
-        from flint import arb
-
         plant, weight = quotient(claim.plant), quotient(claim.weight)
         self.through = "G" in claim.reads
         self.dt = arb(dt)
@@ -153,8 +153,6 @@ class Aliases:
 
     def of_the_rest(self, farthest: float) -> Sums:
         """The sums over all aliases that are not taken one by one, |h_k| without |sin(omega T/2)|."""
-        from flint import arb
-
         first = self.n + 1
         end = max(FAR * farthest, 2.0 * first)
         edges = [first]
@@ -195,8 +193,6 @@ class Aliases:
 
     def sums(self, low: Any, high: Any) -> Sums:
         """The sums on omega in [low, high]."""
-        from flint import arb
-
         sine = sine_up(high * self.dt / 2)
         rest = self.rest
         F, G, FF, GG, GF = rest.F * sine, rest.G * sine, rest.FF, rest.GG * sine**2, rest.GF * sine
@@ -204,7 +200,7 @@ class Aliases:
         for k in range(1, self.n + 1):
             for near, far in ((k * self.step - high, k * self.step - low), (k * self.step + low, k * self.step + high)):
                 near, far = near.lower(), far.upper()
-                f, g = self.F.bounds(near, far)[0], self.G.bounds(near, far)[0]
+                f, g = self.F.upper(near, far), self.G.upper(near, far)
                 hold = (2 * sine / (near * self.dt)).abs_upper()
                 F, G, FF, GG = F + hold * f, G + hold * g, FF + f * f, GG + (hold * g) ** 2
                 GF, F_max = GF + (hold * g * over(f) if g != 0 else arb(0)), larger(F_max, f)
@@ -213,15 +209,11 @@ class Aliases:
 
 def up(x: Any) -> Any:
     """The upper end of a ball that holds no negative number that matters."""
-    from flint import arb
-
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
 def over(f: Any) -> Any:
     """f/(1 - f), infinite where f may reach one."""
-    from flint import arb
-
     return f / (1 - f) if f < 1 else arb.pos_inf()
 
 
@@ -232,8 +224,6 @@ def larger(a: Any, b: Any) -> Any:
 
 def sine_up(x: Any) -> Any:
     """An upper bound of sin on [0, x]."""
-    from flint import arb
-
     return x.sin().abs_upper() if x < arb.pi() / 2 else arb(1)
 
 
@@ -250,12 +240,12 @@ def farthest_root(*systems: Quotient) -> float:
 
 def largest_on(X: Ratio, low: Any, high: Any) -> Any:
     """An upper bound of |X| on a block, cut until it is close to the largest value."""
-    todo, found = [(low, high, 0)], X.bounds(low, low)[0]  # mostly it falls
+    todo, found = [(low, high, 0)], X.upper(low, low)  # mostly it falls
     while todo:
         a, b, depth = todo.pop()
-        middle, top = (a + b) / 2, X.bounds(a, b)[0]
+        middle, top = (a + b) / 2, X.upper(a, b)
         if not top <= found * TIGHT:
-            found = larger(found, X.bounds(middle, middle)[0])
+            found = larger(found, X.upper(middle, middle))
         if top <= found * TIGHT or depth >= DEEPEST:
             found = larger(found, top)
         else:
@@ -282,8 +272,6 @@ def sizes_on(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> S
 
     |q S| is bounded by |q| |S|; where G rules the aliases, at a pole of it or of K too, by |q/(K h_0 G)| |T|/(1 - e).
     """
-    from flint import arb
-
     closed = lower_bound(t.closed)
 
     def quotient_up(*factors: Jet) -> Any:
@@ -296,7 +284,7 @@ def sizes_on(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> S
     hold_low = (x.sin() / x).abs_lower() if x < arb.pi() * 3 / 4 else arb("0.3")
     hold = arb(1) if low == 0 else ((low * aliases.dt / 2).sin() / (low * aliases.dt / 2)).abs_upper()
     G, G_inverse = aliases.G.bounds(low, high)
-    w = aliases.w.bounds(low, high)[0]
+    w = aliases.w.upper(low, high)
     share = others.G * G_inverse / hold_low
     factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()  # |h_0 G| over |G_d|, at most, over h_0
 
@@ -320,8 +308,6 @@ def centre_up(aliases: Aliases, t: Terms, closed: Any, S: Any, low: Any, high: A
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
     """
-    from flint import arb
-
     middle = (low + high) / 2
     top, inverse = aliases.F.bounds(low, high)
     y = middle * middle
@@ -354,15 +340,22 @@ def asked_of(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: Any) -> An
     return (u.PS + r) * (u.centre + r) + (u.PFS + q) * (A + q + u.GKS) + (u.FS + A + q) ** 2 + 2 * r
 
 
-def holds_together(aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, y: Jet) -> bool:
+def holds_together(
+    aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, scaling: Any, y: Jet
+) -> bool:
     """The same with what acts at the frequency itself taken as one quotient, which is sharper near its peak.
 
     The bounds of single factors err by how far each moves on the interval, those of the quotient by the square of that.
     """
     performance = name != ALIASED[STABILITY]
-    if name == ALIASED[OPERATOR_PERFORMANCE] or (claim.inverse and (performance or claim.perturbation == "operator")):
+    if claim.inverse and (performance or claim.perturbation == "operator"):
         return False
     num, den = of_polynomial(aliases.F.num, y), of_polynomial(aliases.F.den, y)
+    if name == ALIASED[OPERATOR_PERFORMANCE]:  # (|F|^2 + sum |F_k|^2 + d^2) (|K S|^2 + |w_P S|^2/d^2)
+        if not s.FF.is_finite():
+            return False
+        rows = t.G_den * (t.K_num * t.P_den + t.P_num * t.K_den * (1 / scaling))
+        return bool(lower_bound(den * t.closed * t.P_den - (num + den * (s.FF + scaling)) * rows) > 0)
     if claim.inverse:
         left = 1 - u.FKS * s.G - times(u.KS + u.FKS, s.GF)
         channel = t.K_den
@@ -385,8 +378,6 @@ def holds_together(aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: S
 
 def times(size: Any, total: Any) -> Any:
     """size times total, nothing where the size is zero."""
-    from flint import arb
-
     return arb(0) if size == 0 else size * total
 
 
@@ -396,13 +387,11 @@ def largest_of_two(a: Any, b: Any, c: Any, d: Any) -> Any:
 
 
 def below_one_with_aliases(
-    claim: LoopClaim, name: str, axis: Axis, found: Squares, scaling: Any, deadline: float
-) -> Decision:
-    """Prove one claim from zero to Nyquist, interval by interval."""
-    from flint import arb
-
+    claim: LoopClaim, names: list[str], axis: Axis, found: Squares, scaling: Any, deadline: float
+) -> dict[str, Decision]:
+    """Prove claims from zero to Nyquist, interval by interval; what is known of an interval serves all of them."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
-        raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {name!r}")
+        raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {names[0]!r}")
     aliases = Aliases(claim, axis.dt)
     samples = int((rational(claim.delay) / axis.dt + rational(WHOLE_SAMPLES)).floor())
     if samples:
@@ -410,18 +399,32 @@ def below_one_with_aliases(
         axis = replace(axis, G=G, K=K)
         found = squares(axis)
     terms: Callable[[Any, Any], Terms] = sampled_terms(axis, found, samples)
+
+    @lru_cache(maxsize=4096)  # some 15 kB each
+    def known(low: float, high: float) -> tuple[Terms, Sizes, Sums]:
+        a, b = arb(low), arb(high)
+        others, t = aliases.sums(a, b), terms((a + b) / 2, (b - a) / 2)
+        return t, sizes_on(aliases, t, a, b, others), others
+
+    def holds(name: str, low: float, high: float) -> bool:
+        t, sizes, others = known(low, high)
+        bound = asked_of(claim, name, sizes, others, scaling)
+        y = squared_line(arb(low), arb(high))
+        near = bool(bound < NEARLY)
+        return bool(bound < 1) or (near and holds_together(aliases, claim, name, t, sizes, others, scaling, y))
+
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
+    return {name: below_one(partial(holds, name), top, deadline) for name in names}
+
+
+def below_one(holds: Callable[[float, float], bool], top: float, deadline: float) -> Decision:
+    """Cut the axis until a claim holds on every interval."""
     todo = [(0.0, top)]
     for count in range(MOST_INTERVALS):
         if not todo:
             return proved()
         low, high = todo.pop()
-        a, b = arb(low), arb(high)
-        others = aliases.sums(a, b)
-        t = terms((a + b) / 2, (b - a) / 2)
-        sizes = sizes_on(aliases, t, a, b, others)
-        bound = asked_of(claim, name, sizes, others, scaling)
-        if bound < 1 or (bound < NEARLY and holds_together(aliases, claim, name, t, sizes, others, squared_line(a, b))):
+        if holds(low, high):
             continue
         if high - low <= NARROWEST * high or high < LOWEST * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)

@@ -18,6 +18,7 @@ from math import atan, inf, nan
 from typing import Any
 
 import numpy as np
+from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
@@ -71,8 +72,6 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf, thoroug
     >>> [decide_closed_loop(ClosedLoopClaim(plant=plant, controller=K, level=x)).outcome for x in (0.5, 0.500001)]
     ['undecided', 'holds']
     """
-    from flint import ctx
-
     found = undecided("not looked at")
     for bits in BITS if thorough else BITS[:1]:
         if time.thread_time() > deadline:
@@ -92,8 +91,6 @@ def norm_of_closed_loop(plant: Matrices, controller: Matrices, *, deadline: floa
 
     Raised from one pair of crossings to the next (Bruinsma & Steinbuch 1990), as in doubles; a number, and no proof.
     """
-    from flint import ctx
-
     dt = plant.dt or controller.dt
     sampled = dt > 0
     with ctx.workprec(BITS[0]):
@@ -117,8 +114,6 @@ def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | 
     >>> poles_of_closed_loop(lag, K)
     array([-3.+0.j])
     """
-    from flint import ctx
-
     with ctx.workprec(BITS[0]):
         try:
             found = np.array([complex(p) for p in eigenvalues(closed_loop(plant, controller)[0])], dtype=complex)
@@ -151,8 +146,6 @@ def closed_loop(plant: Matrices, controller: Matrices) -> Balls:
 
 def bounded_by(loop: Balls, claim: ClosedLoopClaim, bits: int, deadline: float, thorough: bool) -> Decision:
     """Decide at the precision of the moment."""
-    from flint import arb
-
     A, B, C, D = loop
     level = arb(claim.level)
     n, square = A.nrows(), level * level
@@ -190,7 +183,6 @@ def refined(loop: Balls, square: Any, more: Any) -> Any:
     What is left of the Riccati equation is put together in many digits, the Lyapunov equation of a step solved in
     doubles: each step is right to some digits, as long as doubles tell the modes apart at all.
     """
-    from flint import arb, arb_mat
     from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
     A, B, C, D = loop
@@ -224,8 +216,6 @@ def refined(loop: Balls, square: Any, more: Any) -> Any:
 
 def by_sign(loop: Balls, square: Any, more: Any, bits: int, deadline: float) -> Any:
     """P of a continuous loop at a level, squared, by the sign of the Hamiltonian matrix; None where there is none."""
-    from flint import arb, arb_mat
-
     H = hamiltonian(loop, square, more)
     n = loop[0].nrows()
     near = arb(2) ** -(bits // 2)
@@ -262,8 +252,6 @@ def hamiltonian(loop: Balls, square: Any, more: Any) -> Any:
 
 def highest(loop: Balls, deadline: float) -> tuple[float, float]:
     """Norm and peak of a stable continuous loop, from evaluation at its poles on."""
-    from flint import arb
-
     poles = [complex(p) for p in eigenvalues(loop[0])]
     found = [(gain(loop, omega), omega) for omega in {0.0, inf, *map(abs, poles), *(abs(p.imag) for p in poles)}]
     norm, peak = max(found)
@@ -288,8 +276,6 @@ def highest(loop: Balls, deadline: float) -> tuple[float, float]:
 
 def gain(loop: Balls, omega: float) -> float:
     """Largest singular value at j omega."""
-    from flint import acb, acb_mat
-
     A, B, C, D = loop
     if omega < inf and A.nrows():
         s = acb(0, omega)
@@ -302,8 +288,6 @@ def gain(loop: Balls, omega: float) -> float:
 
 def continuous(loop: Balls) -> Balls:
     """The image of a discrete loop on the axis, z = (1 + s)/(1 - s): P is that of the loop itself."""
-    from flint import arb
-
     A, B, C, D = loop
     one, root = identity(A.nrows()), arb(2).sqrt()
     back = (A + one).inv()
@@ -312,8 +296,6 @@ def continuous(loop: Balls) -> Balls:
 
 def in_balance(loop: Balls) -> Balls:
     """The loop with its states in units, powers of two, in which none acts on the others far more than they on it."""
-    from flint import arb
-
     A, B, C, D = loop
     sizes = [logarithms(M) for M in (A, B, C)]
     n = A.nrows()
@@ -343,15 +325,11 @@ def logarithms(matrix: Any) -> np.ndarray:
 
 def eigenvalues(matrix: Any) -> list[Any]:
     """All eigenvalues, as near as the digits at hand bring them; nothing rests on them."""
-    from flint import acb_mat
-
     return list(acb_mat(matrix).eig(algorithm="approx")) if matrix.nrows() else []
 
 
 def balls(matrix: np.ndarray) -> Any:
     """A matrix of doubles, exactly."""
-    from flint import arb, arb_mat
-
     return arb_mat(*matrix.shape, [arb(float(x)) for x in np.ravel(matrix)])
 
 
@@ -373,50 +351,36 @@ def attempted(solve: Callable[[], np.ndarray]) -> np.ndarray | None:
 
 def symmetric(matrix: Any) -> Any:
     """The symmetric part of a matrix that is symmetric but for its errors."""
-    from flint import arb
-
     return (matrix + matrix.transpose()) * arb(0.5)
 
 
 def size(matrix: Any) -> Any:
     """Frobenius norm, as far as its midpoint."""
-    from flint import arb
-
     return sum((x.mid() * x.mid() for x in matrix.entries()), arb(0)).sqrt().mid()
 
 
 def identity(n: int) -> Any:
     """The identity in balls."""
-    from flint import arb_mat
-
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 
 def diagonal(numbers: list[Any]) -> Any:
     """A diagonal matrix."""
-    from flint import arb_mat
-
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])
 
 
 def zeros(rows: int, columns: int) -> Any:
     """Nothing, of a shape."""
-    from flint import arb_mat
-
     return arb_mat(rows, columns)
 
 
 def beside(left: Any, right: Any) -> Any:
     """Two matrices side by side."""
-    from flint import arb_mat
-
     rows = [a + b for a, b in zip(left.tolist(), right.tolist(), strict=True)]
     return arb_mat(left.nrows(), left.ncols() + right.ncols(), [x for row in rows for x in row])
 
 
 def above(upper: Any, under: Any) -> Any:
     """One matrix on top of another."""
-    from flint import arb_mat
-
     return arb_mat(upper.nrows() + under.nrows(), upper.ncols(), [*upper.entries(), *under.entries()])

@@ -1,8 +1,8 @@
-"""The claims on a loop re-proved: exact arithmetic for its stability, balls rounded outward for its curves.
+"""The claims on a loop proved: exact arithmetic for its stability, balls rounded outward for its curves.
 
-Nothing of what found a proof is used, only the matrices as they are stored. Where plant, controller and weights share
-one time base a claim is a polynomial in one variable, positive from zero to infinity; a delay in a continuous loop or
-a continuous weight around a sampled one is taken as it is, interval by interval.
+Only the matrices as they are stored are used, no curve and no pole in floating point. Where plant, controller and
+weights share one time base a claim is a polynomial in one variable, positive from zero to infinity; a delay in a
+continuous loop or a continuous weight around a sampled one is taken as it is, interval by interval.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from typing import Any
+
+from flint import arb, ctx
 
 from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
@@ -20,7 +22,7 @@ from robust.proofs.exact.polynomials import Decision, positive_on_half_line, pro
 from robust.proofs.exact.stability import Axis, at_infinity, axis_of, polynomials, routh, squares, stable_quotients
 from robust.proofs.exact.taylor_models import positive_on_intervals
 
-__all__ = ["Verification", "verification", "verify_loop"]
+__all__ = ["NOMINAL", "WEIGHTS", "Verification", "verification", "verify_loop"]
 
 
 BITS = (192, 640, 2048)
@@ -30,7 +32,7 @@ NOMINAL, WEIGHTS = "nominal stability", "stable weights"
 
 @value
 class Verification:
-    """What was re-proved with outward rounding, claim by claim.
+    """What was proved with outward rounding, claim by claim.
 
     Fields
     ------
@@ -68,7 +70,7 @@ class Verification:
 
 
 def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
-    """Re-prove every claim on a loop from its matrices as exact rationals, all rounding outward.
+    """Prove every claim on a loop from its matrices as exact rationals, all rounding outward.
 
     Parameters
     ----------
@@ -97,8 +99,6 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
     >>> verify_loop(LoopClaim(weight=gain(1.5), **loop)).verified
     False
     """
-    from flint import ctx
-
     deadline = time.thread_time() + time_cap
     try:
         decided: dict[str, Decision] = {}
@@ -144,10 +144,11 @@ def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> No
         return
     found = squares(axis)
     scaling = rational(claim.scaling)
-    for name in filter(open_still, claim.claims):
-        if name in ALIASED.values():
-            decided[name] = below_one_with_aliases(claim, name, axis, found, squared_scaling(scaling), deadline)
-            continue
+    names = list(filter(open_still, claim.claims))
+    aliased = [name for name in names if name in ALIASED.values()]
+    if aliased:
+        decided |= below_one_with_aliases(claim, aliased, axis, found, squared_scaling(scaling), deadline)
+    for name in [name for name in names if name not in aliased]:
 
         def asked(terms: Terms, name: str = name) -> list[Any]:
             return conditions(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
@@ -160,8 +161,6 @@ def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> No
 
 def squared_scaling(scaling: Any) -> Any:
     """d^2 as a ball, which joins with everything."""
-    from flint import arb
-
     return arb(scaling * scaling)
 
 

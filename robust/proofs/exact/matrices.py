@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from flint import arb, arb_poly, ctx, fmpq_mat
+
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
 from robust.proofs.exact.loops import Verification, verification
@@ -38,8 +40,6 @@ def positive_definite(matrix: Any) -> bool:
     >>> [positive_definite(fmpq_mat([[1, x], [x, 1]])) for x in (edge, fmpq(1))]
     [True, False]
     """
-    from flint import arb, ctx
-
     rows = matrix.tolist()
     if any(rows[i][j] != rows[j][i] for i in range(len(rows)) for j in range(i)):
         raise ValueError("matrix must be symmetric, got one that is not")
@@ -123,8 +123,6 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
 
 def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
     """Whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
-    from flint import arb_poly, ctx, fmpq_mat
-
     n, m = A.nrows(), D.ncols()
     R = identity(m) * (rational(level) ** 2) - D.transpose() * D
     if not positive_definite(R):
@@ -149,6 +147,4 @@ def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
 
 def identity(n: int) -> Any:
     """The identity over the rationals."""
-    from flint import fmpq_mat
-
     return fmpq_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])

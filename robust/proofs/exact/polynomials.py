@@ -13,6 +13,7 @@ from enum import Enum, auto
 from typing import Any
 
 import numpy as np
+from flint import arb, arb_mat, arb_poly, fmpq, fmpq_mat, fmpq_poly
 
 from nlfrf._base.values import value
 from robust._base.states import Outcome
@@ -48,15 +49,11 @@ class Quotient:
 
 def rational(x: float) -> Any:
     """A double as the rational number that it is (fmpq)."""
-    from flint import fmpq
-
     return fmpq(*float(x).as_integer_ratio())
 
 
 def rational_matrix(matrix: np.ndarray) -> Any:
     """A matrix of doubles as rationals (fmpq_mat)."""
-    from flint import fmpq_mat
-
     return fmpq_mat(*matrix.shape, [rational(x) for x in matrix.ravel()])
 
 
@@ -69,8 +66,6 @@ def quotient(system: Matrices) -> Quotient:
     >>> str(g.num), str(g.den)
     ('1/2*x + 2', 'x + 2')
     """
-    from flint import fmpq_poly
-
     direct = rational(system.D[0, 0])
     if system.order == 0:
         return Quotient(num=fmpq_poly([direct]), den=fmpq_poly([1]), degree=0)
@@ -91,8 +86,6 @@ def held(plant: Matrices, dt: Any, whole: int, rest: Any) -> Quotient:
     The input changes inside a sample where rest > 0 (Åström & Wittenmark, 3rd ed., 2.3). Coefficients are balls that
     hold the exponentials; dt and rest are rationals.
     """
-    from flint import arb, arb_mat, arb_poly, fmpq_mat
-
     direct = arb(rational(plant.D[0, 0]))
     n, memory = plant.order, whole + (1 if rest > 0 else 0)
     if n == 0:
@@ -162,8 +155,6 @@ def roots_of(system: Matrices) -> Roots:
     >>> found.zeros.real.tolist(), found.poles.real.tolist(), found.gain
     ([-2.0], [-1.0], 1.0)
     """
-    from flint import fmpq_poly
-
     exact = quotient(system)
     shift = fmpq_poly([1, 1] if system.dt else [0, 1])
     num, den = exact.num(shift), exact.den(shift)
@@ -260,8 +251,6 @@ def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
     >>> round(positive_on_half_line(fmpq_poly([fmpq(999999, 1000000), -2, 1])).violated_at, 3)
     1.0
     """
-    from flint import arb
-
     coefficients = p.coeffs()
     if not coefficients or not coefficients[0] > 0:
         below = not coefficients or bool(coefficients[0] <= 0)
@@ -294,8 +283,6 @@ def beyond(p: Any, low: float) -> list[Any]:
 
 def exactly(p: Any, x: float) -> Any:
     """A double as an exact number of the kind that p has."""
-    from flint import arb, fmpq, fmpq_poly
-
     return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
 
 

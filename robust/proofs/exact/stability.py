@@ -7,9 +7,11 @@ direction in which |D| - |N| changes sign there (Cooke & van den Driessche 1986;
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from flint import acb, acb_poly, arb, arb_poly, ctx
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import LoopClaim, Matrices
@@ -34,6 +36,7 @@ __all__ = [
     "Squares",
     "at_infinity",
     "axis_of",
+    "each_part",
     "hurwitz",
     "hurwitz_with_delay",
     "loop_axis",
@@ -44,6 +47,7 @@ __all__ = [
     "stable_loop",
     "stable_matrix",
     "stable_quotients",
+    "terms_of",
 ]
 
 
@@ -83,8 +87,6 @@ def hurwitz(p: Any, degree: int) -> Decision:
 
 def routh(p: Any, degree: int) -> Decision:
     """Routh's array in balls; for an exact polynomial in more and more digits, at last in rationals."""
-    from flint import arb_poly, ctx
-
     if isinstance(p, arb_poly):
         return hurwitz(p, degree)
     for bits in BITS:
@@ -105,8 +107,6 @@ def squared(p: Any) -> Any:
 
 def hurwitz_with_delay(den: Any, num: Any, degree: int, delay: Any) -> Decision:
     """Whether every root of den + num exp(-s delay) lies in the open left half plane; fmpq_poly and fmpq."""
-    from flint import arb, ctx
-
     total = den + num
     if total[0] == 0:
         return refuted("a pole at zero")
@@ -140,8 +140,6 @@ def roots_outside(p: Any) -> int | None:
 
 def crossed(den: Any, num: Any, delay: Any) -> int | None:
     """How many roots of den + num exp(-s tau) move out of the left half plane as tau grows from 0 to the delay."""
-    from flint import acb, arb
-
     balance = squared(den) - squared(num)
     if balance.degree() <= 0:
         return 0 if balance[0] != 0 else None
@@ -173,15 +171,11 @@ def crossed(den: Any, num: Any, delay: Any) -> int | None:
 
 def value_at(p: Any, s: Any) -> Any:
     """p(s) at a complex ball."""
-    from flint import acb_poly
-
     return acb_poly([acb_coefficient(c) for c in p.coeffs()])(s)
 
 
 def acb_coefficient(c: Any) -> Any:
     """A rational as a ball at the precision of the moment."""
-    from flint import acb, arb
-
     return acb(arb(c))
 
 
@@ -193,8 +187,6 @@ def whole_below(x: Any) -> int | None:
 
 def sign_of_slope(p: Any, y: Any, order: int) -> int | None:
     """The sign of the first derivative that does not vanish at a root of that multiplicity (odd)."""
-    from flint import arb_poly
-
     for _ in range(order):
         p = p.derivative()
     slope = arb_poly(p)(y)
@@ -326,8 +318,6 @@ class Squares:
 
 def squares(axis: Axis) -> Squares:
     """The squared magnitudes of what the loop is made of."""
-    from flint import arb_poly
-
     G_num, G_den, K_num, K_den = (arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den))
     N, D = G_num * K_num, G_den * K_den
     both = (N * arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(D.coeffs())])).coeffs()
@@ -350,45 +340,43 @@ def squares(axis: Axis) -> Squares:
     )
 
 
+Pair = tuple[Any, Any]
+
+
+def terms_of(G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cross: Any, closed: Any) -> Terms:
+    """The terms from numerator and denominator of each part."""
+    P, W = P or (None, None), W or (None, None)
+    return Terms(
+        G_num=G[0],
+        G_den=G[1],
+        K_num=K[0],
+        K_den=K[1],
+        cross=cross,
+        closed=closed,
+        w_num=w[0],
+        w_den=w[1],
+        P_num=P[0],
+        P_den=P[1],
+        W_num=W[0],
+        W_den=W[1],
+    )
+
+
+def each_part(found: Squares, pair: Callable[[tuple[Any, Any, int]], Pair]) -> list[Any]:
+    """What `pair` makes of plant, controller and weights; None where there is none."""
+    return [None if part is None else pair(part) for part in (found.G, found.K, found.w, found.P, found.W)]
+
+
 def polynomials(found: Squares) -> Terms:
     """The terms as polynomials in y, where everything is one."""
-    P_num, P_den = (None, None) if found.P is None else found.P[:2]
-    W_num, W_den = (None, None) if found.W is None else found.W[:2]
-    return Terms(
-        G_num=found.G[0],
-        G_den=found.G[1],
-        K_num=found.K[0],
-        K_den=found.K[1],
-        cross=found.even,
-        closed=found.closed,
-        w_num=found.w[0],
-        w_den=found.w[1],
-        P_num=P_num,
-        P_den=P_den,
-        W_num=W_num,
-        W_den=W_den,
-    )
+    return terms_of(*each_part(found, lambda part: part[:2]), cross=found.even, closed=found.closed)
 
 
 def at_infinity(found: Squares) -> Terms:
     """The same at the far end of the axis: coefficients at the formal degrees."""
-    n, m = found.G[2], found.K[2]
-    P_num, P_den = (None, None) if found.P is None else (found.P[0][found.P[2]], found.P[1][found.P[2]])
-    W_num, W_den = (None, None) if found.W is None else (found.W[0][found.W[2]], found.W[1][found.W[2]])
-    return Terms(
-        G_num=found.G[0][n],
-        G_den=found.G[1][n],
-        K_num=found.K[0][m],
-        K_den=found.K[1][m],
-        cross=found.even[n + m],
-        closed=found.closed[n + m],
-        w_num=found.w[0][found.w[2]],
-        w_den=found.w[1][found.w[2]],
-        P_num=P_num,
-        P_den=P_den,
-        W_num=W_num,
-        W_den=W_den,
-    )
+    n = found.G[2] + found.K[2]
+    ends = each_part(found, lambda part: (part[0][part[2]], part[1][part[2]]))
+    return terms_of(*ends, cross=found.even[n], closed=found.closed[n])
 
 
 # ---- Stability of a loop or of a matrix of doubles, decided where floating point cannot tell.
@@ -413,8 +401,6 @@ def stable_loop(plant: Matrices, controller: Matrices, *, delay: float = 0.0) ->
     >>> [stable_loop(lag, gain(k)).holds for k in (-1.0, np.nextafter(-1, 0))]
     [False, True]
     """
-    from flint import ctx
-
     found = undecided("not looked at", needs_digits=True)
     for bits in POLE_BITS:
         with ctx.workprec(bits):
@@ -441,8 +427,6 @@ def stable_matrix(A: np.ndarray, *, discrete: bool = False) -> Decision:
 
 def stable_quotients(G: Quotient, K: Quotient, delay: Any) -> Decision:
     """Whether the loop of two quotients on one axis, and a delay (fmpq), is stable, at the precision of the moment."""
-    from flint import arb_poly
-
     kind = type(G.num) if type(G.num) is type(K.num) else arb_poly
     N, D = kind(G.num) * kind(K.num), kind(G.den) * kind(K.den)
     if delay > 0:

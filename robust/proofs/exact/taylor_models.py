@@ -12,9 +12,11 @@ from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any
 
+from flint import arb, arb_poly
+
 from robust.proofs.exact.conditions import Terms
 from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
-from robust.proofs.exact.stability import Axis, Squares
+from robust.proofs.exact.stability import Axis, Squares, each_part, terms_of
 
 __all__ = [
     "LOWEST",
@@ -58,8 +60,6 @@ class Jet:
 
 def shortened(p: Any) -> Jet:
     """What lies beyond the order goes into the constant, as a ball."""
-    from flint import arb, arb_poly
-
     coefficients = p.coeffs()
     if len(coefficients) <= ORDER + 1:
         return Jet(p)
@@ -69,15 +69,11 @@ def shortened(p: Any) -> Jet:
 
 def line(middle: Any, half: Any) -> Jet:
     """The variable itself: middle + half x."""
-    from flint import arb_poly
-
     return Jet(arb_poly([middle, half]))
 
 
 def sine_and_cosine(middle: Any, half: Any) -> tuple[Jet, Jet]:
     """sin and cos of middle + half x: their Taylor polynomials and half^(n+1)/(n+1)! for the rest."""
-    from flint import arb, arb_poly
-
     at = (middle.sin(), middle.cos())
     cycle = (at[0], at[1], -at[0], -at[1], at[0])
     powers, factor = [], arb(1)
@@ -104,8 +100,6 @@ def cosine(middle: Any, half: Any) -> Jet:
 
 def of_polynomial(p: Any, argument: Jet) -> Jet:
     """p of a jet, by the Taylor coefficients of p at the middle; those beyond the order are bounded by their sum."""
-    from flint import arb, arb_poly
-
     middle = argument.p[0].mid()
     away = argument.p - middle
     reach = sum((abs(c) for c in away.coeffs()), arb(0)).abs_upper()
@@ -124,8 +118,6 @@ def of_polynomial(p: Any, argument: Jet) -> Jet:
 def lower_bound(jet: Jet) -> Any:
     """A number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
     from math import comb
-
-    from flint import arb, arb_poly
 
     n = max(jet.p.degree(), 0)
     unit = jet.p(arb_poly([-1, 2]))  # on [0, 1]
@@ -155,8 +147,6 @@ Asked = Callable[[Terms], list[Any]]
 
 def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: float) -> Decision:
     """Prove that all that is asked of the terms is positive from zero to Nyquist, or to infinity."""
-    from flint import arb
-
     if axis.dt:
         # a little beyond Nyquist, as pi is no double
         top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
@@ -192,18 +182,15 @@ def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: fl
 
 def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
     """Terms of a continuous loop with its delay on an interval of omega."""
-    from flint import arb
-
     tau = arb(axis.delay)
 
     def terms(middle: Any, half: Any) -> Terms:
         omega = line(middle, half)
         y = omega * omega
         phase = middle * tau, half * tau
-        G_num, G_den, K_num, K_den = (of_polynomial(p, y) for p in (*found.G[:2], *found.K[:2]))
+        G, K, *weights = each_part(found, lambda part: at(part, y))
         cross = of_polynomial(found.even, y) * cosine(*phase) + of_polynomial(found.odd, y) * omega * sine(*phase)
-        closed = G_num * K_num + G_den * K_den + cross * 2
-        return complete(found, G_num, G_den, K_num, K_den, cross, closed, y, y, y)
+        return terms_of(G, K, *weights, cross=cross, closed=G[0] * K[0] + G[1] * K[1] + cross * 2)
 
     return terms
 
@@ -214,32 +201,38 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[Any
     `samples` of delay that are not in the plant are taken as the phase that they are: as poles at zero they make
     polynomials of as many degrees.
     """
-    from flint import arb
-
     dt = arb(axis.dt)
-    (G0, G1, n), (K0, K1, m) = found.G, found.K
-    loop = [in_sine(p, d) for p, d in ((G0, n), (G1, n), (K0, m), (K1, m), (found.even, n + m), (found.closed, n + m))]
-    odd = in_sine(found.odd, max(n + m - 1, 0))
-    w = found.w if axis.w_timed else (*(in_sine(p, found.w[2]) for p in found.w[:2]), found.w[2])
-    P = found.P
-    if P is not None and not axis.P_timed:
-        P = (*(in_sine(p, P[2]) for p in P[:2]), P[2])
-    W = None if found.W is None else (*(in_sine(p, found.W[2]) for p in found.W[:2]), found.W[2])
-    weights = Squares(G=found.G, K=found.K, even=None, odd=None, closed=None, w=w, P=P, W=W)
+    timed = (False, False, axis.w_timed, axis.P_timed, False)  # those stay polynomials in omega^2
+    parts = (found.G, found.K, found.w, found.P, found.W)
+    known = [
+        part if part is None or own else (*(in_sine(p, part[2]) for p in part[:2]), part[2])
+        for part, own in zip(parts, timed, strict=True)
+    ]
+    n = found.G[2] + found.K[2]
+    even, whole, odd = in_sine(found.even, n), in_sine(found.closed, n), in_sine(found.odd, max(n - 1, 0))
 
     def terms(middle: Any, half: Any) -> Terms:
         omega = line(middle, half)
         u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
         y = omega * omega
-        a, b, c, d, cross, closed = (of_polynomial(p, u) for p in loop)
+        along: list[Any] = [
+            None if part is None else at(part, y if own else u) for part, own in zip(known, timed, strict=True)
+        ]
+        G, K, *weights = along
+        cross, closed = of_polynomial(even, u), of_polynomial(whole, u)
         if samples:
             # x (1 - u) = sin(omega dt)/2: what is odd in x = tan(omega dt/2) has one power of 1 - u less
             phase, turn = (middle * dt * samples, half * dt * samples), sine(middle * dt, half * dt)
             cross = cross * cosine(*phase) + of_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
-            closed = a * c + b * d + cross * 2
-        return complete(weights, a, b, c, d, cross, closed, y if axis.w_timed else u, y if axis.P_timed else u, u)
+            closed = G[0] * K[0] + G[1] * K[1] + cross * 2
+        return terms_of(G, K, *weights, cross=cross, closed=closed)
 
     return terms
+
+
+def at(part: tuple[Any, Any, int], argument: Jet) -> tuple[Jet, Jet]:
+    """Numerator and denominator along a jet."""
+    return of_polynomial(part[0], argument), of_polynomial(part[1], argument)
 
 
 def in_sine(p: Any, degree: int) -> Any:
@@ -249,41 +242,8 @@ def in_sine(p: Any, degree: int) -> Any:
     return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
 
 
-def complete(
-    found: Squares,
-    G_num: Any,
-    G_den: Any,
-    K_num: Any,
-    K_den: Any,
-    cross: Any,
-    closed: Any,
-    w_at: Any,
-    P_at: Any,
-    W_at: Any,
-) -> Terms:
-    """Terms with their weights."""
-    P_num, P_den = (None, None) if found.P is None else (of_polynomial(p, P_at) for p in found.P[:2])
-    W_num, W_den = (None, None) if found.W is None else (of_polynomial(p, W_at) for p in found.W[:2])
-    return Terms(
-        G_num=G_num,
-        G_den=G_den,
-        K_num=K_num,
-        K_den=K_den,
-        cross=cross,
-        closed=closed,
-        w_num=of_polynomial(found.w[0], w_at),
-        w_den=of_polynomial(found.w[1], w_at),
-        P_num=P_num,
-        P_den=P_den,
-        W_num=W_num,
-        W_den=W_den,
-    )
-
-
 def first_of_tail(found: Squares, asked: Asked) -> float:
     """A frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
-    from flint import arb
-
     omega = 1e-3
     while omega < FARTHEST:
         v = arb(0).union(1 / arb(omega) ** 2)
@@ -294,30 +254,10 @@ def first_of_tail(found: Squares, asked: Asked) -> float:
                 total = total * v + p[k]
             return total
 
-        n, m = found.G[2], found.K[2]
-        G_num, G_den, K_num, K_den = (
-            ratio(p, degree) for p, degree in ((found.G[0], n), (found.G[1], n), (found.K[0], m), (found.K[1], m))
-        )
-        N, D = G_num * K_num, G_den * K_den
-        bound = (N.abs_upper() * D.abs_upper()).sqrt().abs_upper()
-        cross = arb(0, bound)
-        P = (None, None) if found.P is None else [ratio(p, found.P[2]) for p in found.P[:2]]
-        w = [ratio(p, found.w[2]) for p in found.w[:2]]
-        W = (None, None) if found.W is None else [ratio(p, found.W[2]) for p in found.W[:2]]
-        terms = Terms(
-            G_num=G_num,
-            G_den=G_den,
-            K_num=K_num,
-            K_den=K_den,
-            cross=cross,
-            closed=N + D + cross * 2,
-            w_num=w[0],
-            w_den=w[1],
-            P_num=P[0],
-            P_den=P[1],
-            W_num=W[0],
-            W_den=W[1],
-        )
+        G, K, *weights = each_part(found, lambda part: (ratio(part[0], part[2]), ratio(part[1], part[2])))
+        N, D = G[0] * K[0], G[1] * K[1]
+        cross = arb(0, (N.abs_upper() * D.abs_upper()).sqrt().abs_upper())
+        terms = terms_of(G, K, *weights, cross=cross, closed=N + D + cross * 2)
         if all(x > 0 for x in asked(terms)):
             return omega
         omega *= 4

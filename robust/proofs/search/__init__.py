@@ -2,6 +2,6 @@
 
 bounded_real  one linear matrix inequality for a whole norm
 certificate   `Certificate`: what was proved, how, and if not, why not
-intervals     weights frozen on an interval, a Hamiltonian test on each
+intervals     scaling frozen on an interval, a Hamiltonian test on each
 stability     stable or not: floating point far from the boundary, exact arithmetic beside it
 """

@@ -1,8 +1,8 @@
 """Proofs that a norm bound holds at every frequency: bounded-real certificates, judged apart from the solver.
 
 A solver's status is never the verdict. Whatever cvxpy returns is a candidate matrix P; the bounded-real inequality
-is put together again in numpy with a bound on its rounding, and its eigenvalues decide. Where no candidate passes,
-the frequency axis is cut into intervals (`robust.enclosure`, `robust.intervals`).
+is put together again in numpy with a bound on its rounding, and its eigenvalues decide. It serves systems with several
+inputs and outputs; one loop is proved in exact arithmetic (`robust.proofs.exact`).
 """
 
 from __future__ import annotations

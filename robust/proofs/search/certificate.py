@@ -24,23 +24,22 @@ EXACT = "exact arithmetic"  # where nothing is left to floating point
 class Certificate:
     """What was proved, how, and if not, why not.
 
-    The outcome is judged in floating point, with slacks far above its rounding; `verify` proves the same again to the
-    last bit, from the matrices as they were given.
+    A loop with one input and one output is proved in exact arithmetic from the matrices as they were given; `verify`
+    repeats that. Any other outcome is judged in floating point, with slacks far above its rounding; of a norm (KYP)
+    `verify` proves the same again to the last bit.
 
     Fields
     ------
     subject : str
         What the bound is about.
     outcome : Outcome
-        "holds" only if the numbers were judged and passed; "violated" only if a frequency was found where what had to
-        be below the level is not; else "undecided".
+        "holds" only if the numbers were judged and passed; "violated" only if what had to be below the level was proved
+        not to be; else "undecided".
     level : float
         The norm is below this level at every frequency.
     method : str
-        "KYP" (P from cvxpy), "KYP, P from a Riccati equation", "interval by interval" (from the responses),
-        "Hamiltonian with one scaling, interval by interval" (operator perturbations), "periodic Riccati equation,
-        Bernstein" (friction), "exact arithmetic" (where those
-        failed: proved, rigorous), or "".
+        "exact arithmetic" (one loop: proved, rigorous), "KYP" (P from cvxpy), "KYP, P from a Riccati equation",
+        "Hamiltonian, interval by interval" (mu), "periodic Riccati equation, Bernstein" (friction), or "".
     intervals : (I, 2) ndarray
         Frequency intervals [rad/s] on which the proof was made; [0, inf] (or Nyquist) for a KYP certificate.
     reason : str
@@ -91,7 +90,7 @@ class Certificate:
         return "proved, rigorous" if self.method == EXACT else "judged in floating point"
 
     def verify(self, *, time_cap: float = 60.0) -> Verification:
-        """Prove it again with outward rounding, by code that knows nothing of how it was found.
+        """Prove it again with outward rounding, from the claim alone: nothing of what found it is used.
 
         Parameters
         ----------

@@ -1,8 +1,8 @@
-"""Norm bounds at every frequency, interval by interval: weights and scaling frozen, a Hamiltonian test on each.
+"""Norm bounds at every frequency, interval by interval: the scaling frozen, a Hamiltonian test on each.
 
-On an interval the weights are replaced by upper bounds, so the frozen loop is at least as large as the true one. If
-its largest singular value is below one at a point of the interval and no eigenvalue of the Hamiltonian at level one
-lies on the interval, it stays below one all over it. Intervals that fail are split until they pass, a violation is
+On an interval the loop has one scaling, any of which proves what it proves. If its largest singular value is below one
+at a point of the interval and no eigenvalue of the Hamiltonian at level one lies on the interval, it stays below one
+all over it. Intervals that fail are split until they pass, a violation is
 found, or the cap is reached.
 """
 
@@ -48,14 +48,8 @@ class Magnitude:
     poles: np.ndarray
     gain: float
 
-    def upper(self, low: float, high: float) -> float:
-        """A bound from above on [low, high]; high may be infinite. Tight as the interval shrinks."""
-        if np.isinf(high):
-            return self.upper_tail(low)
-        return float(self.upper_each(np.array([low]), np.array([high]))[0])
-
     def upper_each(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """(I,) the same on many finite intervals."""
+        """(I,) a bound from above on each finite interval, tight as it shrinks."""
         z, p = self.zeros / 1j, self.poles / 1j
         middle, half = (low + high) / 2, (high - low) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -65,22 +59,6 @@ class Magnitude:
             p_low, p_high = slope_range(p, low, high)
             fine = at + half * np.maximum(np.abs(z_high - p_low), np.abs(z_low - p_high))
             return self.gain * np.exp(np.fmin(crude, fine)) * (1 + 1e-9)
-
-    def upper_tail(self, low: float) -> float:
-        """A bound on [low, inf), in the variable 1/omega, where it is an ordinary interval."""
-        excess = self.poles.size - self.zeros.size
-        z, p = self.zeros[self.zeros != 0], self.poles[self.poles != 0]
-        if p.size < self.poles.size and low == 0:
-            return np.inf
-        # |j omega - z| = omega |z| |u - j/z| with u = 1/omega
-        end = 1 / low if low else np.inf
-        if np.isinf(end):
-            middle = 1.0
-            return max(self.upper(0.0, middle), self.upper_tail(middle))
-        span = np.zeros(1), np.array([end])
-        log = log_farthest(1j / z, *span)[0] + np.sum(np.log(np.abs(z)))
-        log -= log_nearest(1j / p, *span)[0] + np.sum(np.log(np.abs(p)))
-        return self.gain * float(np.exp(log)) * end**excess * (1 + 1e-9)
 
 
 def log_farthest(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -146,7 +124,7 @@ def prove(
 ) -> IntervalProof:
     """Prove that the loop stays below one on [0, top].
 
-    frozen(low, high) : the loop with its weights at their upper bounds on the interval; exact(x) : the true value
+    frozen(low, high) : the loop with the scaling of the interval; exact(x) : the true value
     at one frequency, computed in another way, which the frozen loop must not undercut. slack : what the frozen loop may
     be off, relative to the level. changes : where the frozen loop may pass the level, by another test than the
     Hamiltonian of its norm.

@@ -5,7 +5,6 @@ weight between grid points, unstable and discrete loops, sampled controllers wit
 """
 
 import control
-import cvxpy
 import numpy as np
 import pytest
 
@@ -126,22 +125,6 @@ def test_a_hidden_integrator_is_not_called_stable():
     report = check(UncertaintyModel(G, 0.1, "multiplicative", np.array([1.0]), np.array([0.05]), perturbation="LTI"), K)
     assert not report.nominally_stable
     assert report.verdict in ("not robust", "not certified")
-
-
-def test_a_solver_that_lies_cannot_make_a_loop_robust(monkeypatch):
-    def lie(self, *args, **kwargs):
-        for variable in self.variables():
-            variable.value = 1e3 * np.eye(variable.shape[0]) if variable.shape else np.array(1.0)
-        self._status = "optimal"
-        return 1.0
-
-    monkeypatch.setattr(cvxpy.Problem, "solve", lie)
-    rng = np.random.default_rng(9)
-    for _ in range(25):
-        case = random_case(rng)
-        report = check(model_of(case), case["K"], delay=case["delay"])
-        if case["unstable"] or case["target"] > 1:
-            assert report.verdict != "robust"
 
 
 def test_a_continuous_loop_with_delay_is_checked_with_the_delay_itself():

@@ -126,16 +126,12 @@ def test_magnitude_bounds_hold_on_random_intervals():
         control.tf(np.poly([-1, -50, -3 + 20j, -3 - 20j]).real, np.poly([-5, -0.1, -1 + 30j, -1 - 30j]).real)
     )
     bound = magnitude(system)
-    for _ in range(300):
-        low = 10 ** rng.uniform(-3, 3)
-        high = low * (1 + 10 ** rng.uniform(-5, 1))
-        truth = np.abs(response(system, np.geomspace(low, high, 300))).max()
-        assert bound.upper(low, high) >= truth * (1 - 1e-12)
-        if high < 1.01 * low:
-            assert bound.upper(low, high) <= truth * 1.02
-    for low, loose in ((4.0, 1e3), (1000.0, 1.2)):
-        tail = np.abs(response(system, np.geomspace(low, 1e7, 4000))).max()
-        assert tail <= bound.upper(low, np.inf) <= loose * tail
+    low = 10 ** rng.uniform(-3, 3, 300)
+    high = low * (1 + 10 ** rng.uniform(-5, 1, 300))
+    truth = np.abs(response(system, np.geomspace(low, high, 300).ravel())).reshape(300, -1).max(axis=0)
+    found = bound.upper_each(low, high)
+    assert np.all(found >= truth * (1 - 1e-12))
+    assert np.all((found <= truth * 1.02)[high < 1.01 * low])
 
 
 @pytest.mark.parametrize("level", [0.0, -1.0, np.nan])
