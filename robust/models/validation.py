@@ -53,6 +53,7 @@ FEWEST = 8  # lines below which no shape is told
 #: Lines: over their number, the variance of the log power of the residual of two records of one machine.
 LEVEL_LINES = 2.0
 SAME = 1e-9  # relative: one line
+ELSEWHERE = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
 
 
 def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> dict[str, float]:
@@ -468,10 +469,10 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) 
     """
     if isinstance(model, MatrixUncertainty | Frm):
         if not isinstance(bla, Frm):
-            raise ValueError(f"bla must be an nlfrf.Frm, as the model, got {shown(bla)}")
+            raise ValueError(f"bla must be an nlfrf.Frm, as the model, got {shown(bla)}{ELSEWHERE}")
         return validate_matrix(model, bla)
     if not isinstance(bla, Bla):
-        raise ValueError(f"bla must be an nlfrf.Bla, as the model, got {shown(bla)}")
+        raise ValueError(f"bla must be an nlfrf.Bla, as the model, got {shown(bla)}{ELSEWHERE}")
     of_kind("model", model, UncertaintyModel)
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():

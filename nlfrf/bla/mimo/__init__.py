@@ -4,6 +4,7 @@ channels      spectra of every channel, and their scatter over periods
 conditions    dead and dependent inputs, phases that are copies of one another
 counts        what two inputs together send to detection and to excited lines, exactly
 frm           `Frm`: the matrix, its covariances, its bounds
+from_frf      a `Bla` or `Frm` of an FRF that was measured elsewhere, by its standard deviation or coherence
 gains         singular values and relative gains of a measured matrix, with their bounds
 identify      the door: a record of one input and one output or of several, to its `Bla` or `Frm`
 local_matrix  the matrix fitted over its neighbouring lines, with one denominator for all entries
