@@ -9,6 +9,7 @@ from .bla.bla import DistortionLevels as DistortionLevels
 
 # Several inputs and outputs
 from .bla.bla import Frm as Frm
+from .bla.from_frf import bla_from_frf as bla_from_frf
 from .bla.mimo.gains import RelativeGains as RelativeGains
 from .bla.mimo.gains import SingularValues as SingularValues
 from .bla.mimo.gains import rga as rga

@@ -3,6 +3,7 @@
 bla               `Bla`: the FRF, its variances, its bound
 calibration       what a detection line tells about an excited line, grid by grid
 distortion        the variance of one realisation's FRF and the distribution of its error: one statistical model
+from_frf          a `Bla` of an FRF that was measured elsewhere, by its standard deviation or coherence
 frf               the FRF over realisations, its variance by noise and in total
 identify          the door: from a periodic record to its `Bla`
 localfit          rational fits of the FRF in windows of lines, and the scatter they leave

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, integer, one_of, positive, real_array
+from nlfrf._base.arguments import counted, data_warning, integer, one_of, positive, real_array
 from nlfrf._base.numbers import TINY, power
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.signals.lines import LineGrid
@@ -23,6 +23,8 @@ SIDE = 6  # DFT lines on either side that a local polynomial sees
 PARTS = 16  # of the record, over which the power of stationary noise stays
 BANDS = 8  # of the band that is excited
 UNSTEADY = 4.0  # how many times the scatter of noise that power may have from part to part
+OWN = 1e-3  # of the power of an input around a line: of noise a third and more is no transient, by chance a tenth
+ROUNDING = 1e-12  # of the largest line of an input, below which there is none
 FAR = 3.0  # in 95 % bounds: how far leakage takes a line at least; by chance some of 265 lines are 2 to 2.5 off
 
 
@@ -61,7 +63,8 @@ def identify_noise(
     Raises
     ------
     ValueError
-        A record that is too short, a band without lines, numbers out of range.
+        A record that is too short, a band without lines, numbers out of range; lines on which the input has no power
+        that can be told from a transient, as at the ends of a sweep: G is not determined there.
 
     Warns
     -----
@@ -84,12 +87,12 @@ def identify_noise(
     u, y = check_signals(u, y, n_samples, method)
     fs, n_samples = positive("fs", fs), integer("n_samples", n_samples, least=16)
     lines = band_of(positive("f_min", f_min), positive("f_max", f_max), fs, n_samples)
-    estimate = welch if method == "welch" else local
     u, y = u - u.mean(), y - y.mean()
-    G, variance, dof, coherence, power_y = estimate(u, y, n_samples, lines)
+    found = local(u, y, n_samples, lines, fs)
+    G, variance, dof, coherence, power_y = welch(u, y, n_samples, lines) if method == "welch" else found
     warn_of_other_signals(u)
     if method == "welch":
-        warn_of_coarse_segments(lines * fs / n_samples, G, variance, dof, local(u, y, n_samples, lines)[0])
+        warn_of_coarse_segments(lines * fs / n_samples, G, variance, dof, found[0])
     nan = np.full(lines.size, np.nan)
     return Bla(
         f=lines * fs / n_samples,
@@ -169,7 +172,7 @@ def welch(
 
 
 def local(
-    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray
+    u: np.ndarray, y: np.ndarray, n: int, lines: np.ndarray, fs: float
 ) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
     """The same from local polynomials over the lines of the whole record around each frequency."""
     ratio = u.size / n
@@ -186,12 +189,32 @@ def local(
     Q, R = np.linalg.qr(A / norm[:, None, :])
     projected = (np.swapaxes(Q, -1, -2).conj() @ Y[around][..., None])[..., 0]
     pivot = R[:, -1, -1] * norm[:, -1]
+    own = np.abs(pivot) ** 2 / np.maximum(norm[:, -1] ** 2, TINY)
+    refuse_undetermined(lines * fs / n, np.where(norm[:, -1] > ROUNDING * np.max(np.abs(U)), own, 0.0))
     rest = Y[around] - (Q @ projected[..., None])[..., 0]
     dof = A.shape[-2] - A.shape[-1]
     S_yy, S_rest = power(Y[around]) / around.shape[1], power(rest) / dof
     coherence = np.clip(1 - S_rest / np.maximum(S_yy, TINY), 0.0, 1.0)
     variance = S_rest / np.abs(pivot) ** 2
     return projected[:, -1] / pivot, variance, float(dof), coherence, 2 * S_yy / (u.size * n)
+
+
+def refuse_undetermined(f: np.ndarray, own: np.ndarray) -> None:
+    """Refuse lines on which the input is all but a transient, by the share (F,) of its power that is not.
+
+    At the ends of its band a sweep is smooth over frequency, as transients are: which of the two the output answers
+    cannot be told, and G there is anything, with a bound that looks narrow.
+    """
+    bad = own < OWN
+    if bad.any():
+        good = f[~bad]
+        cure = f", or ask for a band inside {good[0]:.4g} to {good[-1]:.4g} Hz" if good.size else ""
+        at = int(np.argmin(own))
+        raise ValueError(
+            f"u must have power of its own on every line, got {counted(int(bad.sum()), 'line')} of {f.size} without, "
+            f"worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a sweep, a line "
+            f"that was not played) and G is not determined; play noise or a multisine{cure}"
+        )
 
 
 def warn_of_other_signals(u: np.ndarray) -> None:

@@ -34,6 +34,7 @@ INPUTS = re.compile(
 OUTPUTS = re.compile(
     r"y\d*|out(put)?\d*|.*(pos|weg|angle|winkel|enc|acc|beschl|vel|speed|disp|response|meas|ist).*|x\d*|theta.*", re.I
 )
+FAR_SHORTER = 16  # times: a channel shorter by more is not looked at
 MOST = 12  # channels whose spectra are looked at
 WHOLE = 0.05  # how far a period may be from a whole number of samples, in samples
 
@@ -98,11 +99,12 @@ class FileContents:
     @property
     def command(self) -> str:
         """The command that identifies the BLA from this file."""
-        out = f"-o {shlex.quote(Path(self.path).stem + '-bla.npz')}"
-        words = ["nlfrf", "identify", shlex.quote(self.path)]
+        out = f"-o {shlex.quote(not_an_option(Path(self.path).stem + '-bla.npz'))}"
+        words = ["nlfrf", "identify", shlex.quote(not_an_option(self.path))]
         if self.schema:
             return " ".join([*words, out])
-        words += ["--input", shlex.quote(self.u or "INPUT"), "--output", shlex.quote(self.y or "OUTPUT")]
+        words += ["--input", shlex.quote(quoted(self.u or "INPUT"))]
+        words += ["--output", shlex.quote(quoted(self.y or "OUTPUT"))]
         fs = {channel.name: channel.fs for channel in self.channels}.get(self.u, np.nan)
         words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
         words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE else []
@@ -131,6 +133,21 @@ class FileContents:
             lines.append(f"guess: input {self.u or '?'}, output {self.y or '?'}; {self.lines}")
             lines.append("add:   --hold zoh where the input is a command, --hold band-limited where it was measured")
         return "\n".join([*lines, f"run:   {self.command}"])
+
+
+def quoted(name: str) -> str:
+    """A channel's name as `nlfrf identify` takes it: in quotes, as in a table, where commas would part it.
+
+    >>> print(quoted("Kraft"), quoted("Kraft, x"))
+    Kraft "Kraft, x"
+    """
+    plain = "," not in name and not name.startswith('"') and name == name.strip()
+    return name if plain else '"' + name.replace('"', '""') + '"'
+
+
+def not_an_option(path: str) -> str:
+    """A path that begins with a dash, told apart from an option."""
+    return f"./{path}" if path.startswith("-") else path
 
 
 def inspect_file(path: str | os.PathLike[str]) -> FileContents:
@@ -180,14 +197,18 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     filled = {
         name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
     }
-    u, period, lines = guessed_input(file, filled)
+    u, period, lines = "", 0.0, "no channel repeats"
+    for together in by_length(filled):
+        u, period, lines = guessed_input(file, together)
+        if u:
+            break
     lost = rows.get(u)
     return FileContents(
         path=str(path),
         channels=channels,
         notes=dict(file.notes),
         u=u,
-        y=guessed_output(u, candidates),
+        y=guessed_output(u, candidates if u else next(iter(by_length(candidates)), {})),
         period=period,
         lines=lines,
         schema="",
@@ -269,10 +290,27 @@ def in_numbers(name: str, unit: str, fs: float, stream: np.ndarray) -> Channel:
     return Channel(name, unit, stream.size, fs, *extremes)
 
 
+def by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    """The channels of one length each, as they were sampled together, the longest first.
+
+    What is far shorter than the longest is no measurement, but a state, a setting or a temperature noted now and then.
+    """
+    sizes = sorted({stream.size for stream in candidates.values()}, reverse=True)
+    return [
+        {name: stream for name, stream in candidates.items() if stream.size == size}
+        for size in sizes
+        if FAR_SHORTER * size >= sizes[0]
+    ]
+
+
 def guessed_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str]:
     """The input, its period in samples, and what is excited, in words."""
     found: dict[str, tuple[float, float, str]] = {}
-    for name, stream in list(candidates.items())[:MOST]:
+    likely = sorted(candidates, key=lambda name: not INPUTS.fullmatch(bare(name)))[:MOST]
+    for name in candidates:
+        if name not in likely:
+            continue
+        stream = candidates[name]
         x = np.asarray(stream, dtype=float)
         try:
             period = detect_period(x)

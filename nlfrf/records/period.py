@@ -7,6 +7,8 @@ samples at one end of it everywhere else. What is found so is held against the w
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from nlfrf._base.numbers import TINY, blocks, equal, fast_length
@@ -24,6 +26,7 @@ CANDIDATES = 64  # lags that are held against all of it
 PART = 1 << 21  # samples by which that is done
 MOVES = 8  # that a lag may take until it is known to less than a sample
 LIKE = 0.5  # correlation at the period, at least
+FINER = 4  # places to a sample at which a correlation is looked at
 
 
 def detect_period(u: np.ndarray) -> float:
@@ -51,33 +54,50 @@ def by_autocorrelation(u: np.ndarray) -> float:
     u = u - u.mean()
     n = u.size
     n_padded = fast_length(2 * n)
-    correlation = np.fft.irfft(np.abs(np.fft.rfft(u, n_padded)) ** 2, n_padded)[: n // 2 + 1]
+    spectrum = np.abs(np.fft.rfft(u, n_padded)) ** 2
     # normalised by the energy of the two overlapping pieces, so that a repetition gives 1 at any lag
     energy = np.concatenate(([0.0], np.cumsum(u**2)))
-    lag = np.arange(correlation.size)
-    overlap = np.sqrt(energy[n - lag] * (energy[-1] - energy[lag]))
-    rho = correlation / np.maximum(overlap, TINY)
+    lag = np.arange(n // 2 + 1)
+    overlap = np.maximum(np.sqrt(energy[n - lag] * (energy[-1] - energy[lag])), TINY)
+    rho = np.fft.irfft(spectrum, n_padded)[: lag.size] / overlap
     negative = np.flatnonzero(rho < 0)  # past the main lobe around lag 0
     if negative.size:
         rho[: negative[0]] = 0.0
-        if rho.max() > 0.5:
-            top = tops(rho)
-            best = top.max()
-            peak = int(np.argmax(top > best - 0.1 * (1 - best) - 0.02))
-            reach = slice(peak, min(peak + max(3, peak // 100), rho.size))
+        if rho.max() > LIKE:
+            top, place = tops_between(spectrum, n_padded, overlap)
+            top[: negative[0] + 1] = 0.0
+            highest = (top[1:-1] >= top[:-2]) & (top[1:-1] >= top[2:])
+            as_good = is_as_good(top, top.max()) & np.concatenate(([False], highest, [True]))
+            peak = int(np.argmax(as_good))
+            reach = slice(peak, min(peak + max(3, peak // 100), top.size))
             peak += int(np.argmax(top[reach]))
-            return peak + vertex(rho, peak)
+            return float(place[peak])
     raise ValueError(f"u must repeat at least once within its {n} samples for its period to be found; give n_samples")
 
 
-def tops(rho: np.ndarray) -> np.ndarray:
-    """The same, with each peak as high as the parabola through it: one between two samples is no lower than others."""
-    left, middle, right = rho[:-2], rho[1:-1], rho[2:]
-    peak = (middle > 0) & (middle >= left) & (middle > right)
-    raised = rho.copy()
-    left, middle, right = left[peak], middle[peak], right[peak]
-    raised[1:-1][peak] += (left - right) ** 2 / (8 * (2 * middle - left - right))
-    return raised
+def tops_between(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(L,) the largest correlation within half a sample of each lag, over its norm (L,), and where it stands.
+
+    Between its samples a correlation is known by its spectrum (n // 2 + 1,). A parabola through three samples would be
+    too low for signals of a wide band, and a period of 399.75 samples would seem to be one of 1599.
+    """
+    n_lags = norm.size
+    fine = FINER * np.fft.irfft(spectrum, FINER * n)
+    fine = np.concatenate((fine[-FINER // 2 - 1 :], fine[: FINER * n_lags + 1]))
+    norm = np.append(norm, 2 * norm[-1] - norm[-2])  # half a sample behind the last one as well
+    fine /= np.interp((np.arange(fine.size) - FINER // 2 - 1) / FINER, np.arange(n_lags + 1), norm)
+    left, middle, right = fine[:-2], fine[1:-1], fine[2:]
+    bend = 2 * middle - left - right
+    peak = (middle >= left) & (middle >= right) & (bend > 0)
+    slope = np.where(peak, left - right, 0.0)
+    bend = np.where(peak, bend, 1.0)
+    raised, offset = middle + slope**2 / (8 * bend), -slope / (2 * bend)
+    # from half a sample before each lag to half a sample behind it, both ends with it
+    around = np.lib.stride_tricks.sliding_window_view(raised, FINER + 1)[::FINER][:n_lags]
+    best = np.argmax(around, axis=1)
+    rows = np.arange(n_lags)
+    place = rows + (best - FINER // 2 + offset[FINER * rows + best]) / FINER
+    return around[rows, best], place
 
 
 def vertex(rho: np.ndarray, peak: int) -> float:
@@ -124,8 +144,8 @@ def long_period(u: np.ndarray) -> float:
     return 0.0
 
 
-def is_as_good(like: float, best: float) -> bool:
-    """Whether a correlation is as good as the best one: the first lag that is, is the period."""
+def is_as_good(like: Any, best: float) -> Any:
+    """Whether a correlation, or each of an array, is as good as the best one: the first lag that is, is the period."""
     return like > best - 0.1 * (1 - best) - 0.02
 
 
@@ -140,16 +160,18 @@ def template_lags(u: np.ndarray) -> dict[int, float]:
     negative = False  # past the main lobe around lag 0
     for first in range(0, n // 2, size - length - 1):  # the lags of two neighbours overlap, so that each has its own
         part = u[first : first + size]
-        rho = np.fft.irfft(np.fft.rfft(part, size) * template, size)[: min(part.size - length, n // 2 + 1 - first) + 1]
+        spectrum = np.fft.rfft(part, size) * template
+        n_lags = min(part.size - length, n // 2 + 1 - first) + 1
         sums = np.concatenate(([0.0], np.cumsum(part**2)))
-        sums = (sums[length:] - sums[:-length])[: rho.size]
-        rho /= np.sqrt(np.maximum(energy * sums, TINY))
+        sums = (sums[length:] - sums[:-length])[:n_lags]
+        norm = np.sqrt(np.maximum(energy * sums, TINY))
+        rho, top = np.fft.irfft(spectrum, size)[:n_lags] / norm, tops_between(spectrum, size, norm)[0]
         if not negative:
             below = np.flatnonzero(rho < 0)
             negative = below.size > 0
             rho[: below[0] if negative else rho.size] = 0.0
         peaks = np.flatnonzero((rho[1:-1] > LIKE) & (rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
-        found |= dict(zip((first + peaks).tolist(), tops(rho)[peaks].tolist(), strict=True))
+        found |= dict(zip((first + peaks).tolist(), top[peaks].tolist(), strict=True))
         best = max(found.values(), default=0.0)
         kept = [lag for lag, like in found.items() if is_as_good(like, best - LESS)]
         found = {lag: found[lag] for lag in kept[:CANDIDATES]}

@@ -49,7 +49,7 @@ def things():
     sound |= {"machine": robust.sliding_machine(1.0, 1e4, 10.0), "records": [record], "delay": 0.01}
     sound |= {"v": np.zeros(10), "omega_bc": 10.0, "content": model, "gain": 2.0, "phase": 30.0, "kp": 1.0, "Fs": 1.0}
     sound |= {"signals": robust.LoopSignals(disturbance=robust.SineSignal(0.1, 10.0))}
-    sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record)}
+    sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record), "f": np.array([1.0, 2.0])}
     return sound, (object(), None, [object()], "nothing.here", several, multi, frm, nominal, record)
 
 

@@ -10,9 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from nlfrf._base.numbers import TINY, power, rfft, squared
+from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared
 
-__all__ = ["gaps_inside", "torn_periods"]
+__all__ = ["gaps_inside", "likeliest_lag", "torn_periods"]
 
 
 SURE = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
@@ -58,7 +58,50 @@ def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
     if not found[-2]:
         backwards = apart[-1][-1] - apart[-1][::-1]
         found[-1] = -shift_before_gap(y[-1, ::-1], y[-2, ::-1], backwards, noise, last)
-    return found
+    return drop_contradicted(y, found, last)
+
+
+def drop_contradicted(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
+    """(P,) gaps, without those that the periods around them contradict.
+
+    What is lost stays lost: behind a gap of k samples every later period stands k samples early. Friction and backlash
+    also delay a part of a period against the next one, but then the periods before and after stand where they should.
+    A gap before the first whole period, or behind the last one, is held against nothing and stays.
+    """
+    whole = np.flatnonzero(gaps == 0)
+    if whole.size < 2 or whole.size == gaps.size:
+        return gaps
+    lines = np.arange(1, min(last, (y.shape[1] - 1) // 2) + 1)
+    spectra = [rfft_at(y[j], lines) for j in whole]
+    steps = np.array([delay_between(one, later, lines, y.shape[1]) for one, later in pairwise(spectra)])
+    apart = np.diff(whole)
+    pace = float(np.median(steps[apart == 1])) if (apart == 1).any() else 0.0
+    kept = gaps.copy()
+    for first, end, step in zip(whole[:-1], whole[1:], steps - pace * apart, strict=True):
+        total = gaps[first:end].sum()
+        if total and abs(step - total) >= abs(step):
+            kept[first:end] = 0.0
+    return kept
+
+
+def delay_between(one: np.ndarray, later: np.ndarray, lines: np.ndarray, n_samples: int) -> float:
+    """Samples by which a period stands later than another, by their spectra (F,)."""
+    cross, slope = later * one.conj(), 2 * np.pi * lines / n_samples
+    weight = float(np.sum(slope**2 * np.abs(cross)))
+    delay = float(likeliest_lag(cross, lines, n_samples))
+    for _ in range(3):
+        delay -= float(np.sum(slope * (cross * np.exp(1j * slope * delay)).imag)) / max(weight, TINY)
+    return delay
+
+
+def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
+    """The shift of one period (in samples, an eighth of it at most) against another, by their cross spectrum (F,)."""
+    spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
+    spectrum[lines] = cross
+    correlation = np.fft.irfft(spectrum, n_samples)
+    reach = max(2, n_samples // 8)
+    late, early = int(np.argmax(correlation[:reach])), int(np.argmax(correlation[-reach:]))
+    return late if correlation[late] >= correlation[early - reach] else early - reach
 
 
 def torn_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +192,11 @@ def two_gaps(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: f
         by_parts = np.diff(apart[parts] - left[shift, parts])
         told = rest <= max(LEFT * whole, 2 * (end - begin) * size * noise)
         told &= by_parts.min() > SPIKE * by_parts.sum()
-        return told and is_that_shift(parts, apart, left[shift], step, noise * blur)
+        if not (told and is_that_shift(parts, apart, left[shift], step, noise * blur)):
+            return False
+        noise_there = one[begin * stride : end * stride]
+        noise_there = noise_there - np.roll(following, -tried[shift])[begin * stride : end * stride]
+        return bool(whole - rest > SURE * correlated_samples(noise_there) * power(noise_there) / noise_there.size)
 
     # one shift up to the first gap, another up to the second: the pair that leaves least
     tells = (apart - left[1:]).max(axis=1)
@@ -217,7 +264,9 @@ def shift_before_gap(one: np.ndarray, following: np.ndarray, apart: np.ndarray, 
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
         whole = is_that_shift(np.arange(5) * end // 4, apart, left, step, noise * blur)
         if whole and explained > most and not rings(one - following, 0, gap):
-            found, most = shift, explained
+            rest = (one - there)[:end]
+            if explained > SURE * correlated_samples(rest) * power(rest) / end:
+                found, most = shift, explained
     return found
 
 
@@ -234,6 +283,17 @@ def rings(apart: np.ndarray, begin: int, gap: int) -> bool:
     spectrum = squared(rfft(apart[gap:] * np.hanning(apart.size - gap)))
     peak = int(np.argmax(spectrum))
     return bool(spectrum[max(peak - 2, 0) : peak + 3].sum() > PEAKED * spectrum.sum())
+
+
+def correlated_samples(noise: np.ndarray) -> float:
+    """Samples of a noise (n,) that say one thing about its power: sum of its squared autocorrelation, at least 1.
+
+    Noise that a resonance made varies from place to place as one with hundreds of times fewer samples would.
+    """
+    spectrum = squared(rfft(noise))[1:]
+    total = float(spectrum.sum())
+    # white noise gives 2, because each line of a periodogram has a chi-square distribution of its own
+    return max(float(spectrum.size * power(spectrum) / total**2 - 1), 1.0) if total > 0 else 1.0
 
 
 def summed(x: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import BLOCK, blocks, equal, rfft, rfft_at, squared
 from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import coarse, common_step
-from nlfrf.records.screening.gaps import gaps_inside, torn_periods
+from nlfrf.records.screening.gaps import gaps_inside, likeliest_lag, torn_periods
 
 __all__ = [
     "MOST",
@@ -26,7 +26,6 @@ __all__ = [
     "between",
     "clipped",
     "held_over",
-    "likeliest_lag",
     "longest_standstill",
     "nonzero",
     "recut",
@@ -41,6 +40,7 @@ HALF_WIDTH = 24  # samples on either side that the band-limited interpolation lo
 MOST = 1 << 14  # lines that tell delays well enough
 FEW = 8  # steps of which one or two may be jumps, and the median halfway into them
 CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+PILE = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
 PART, FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
 SLOW = 0.02  # how much a pace of one sample counts against one of none that explains as much
 DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
@@ -248,16 +248,6 @@ def track_periods(periods: np.ndarray) -> Track:
     )
 
 
-def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
-    """The shift of one period (in samples, an eighth of it at most) against another, by their cross spectrum (F,)."""
-    spectrum = np.zeros(n_samples // 2 + 1, dtype=complex)
-    spectrum[lines] = cross
-    correlation = np.fft.irfft(spectrum, n_samples)
-    reach = max(2, n_samples // 8)
-    late, early = int(np.argmax(correlation[:reach])), int(np.argmax(correlation[-reach:]))
-    return late if correlation[late] >= correlation[early - reach] else early - reach
-
-
 def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
     """The sound periods (P, N) of a stream, each cut where it stands, between the samples where need be, and which.
 
@@ -332,15 +322,27 @@ def kaiser_windows() -> np.ndarray:
 
 
 def clipped(x: np.ndarray) -> float:
-    """Share of the samples at the largest or smallest value, where they stand there three or more in a row."""
+    """Share of the samples at the largest or smallest value, where they stand there in runs because they were cut off.
+
+    A signal of few levels, as of integers, stands at its extremes in runs, too, but there no longer than at the next
+    level: smooth peaks are at most `PILE` times as long in the highest one.
+
+    >>> x = np.sin(np.arange(1000) / 50)
+    >>> clipped(np.round(10 * x)), clipped(np.clip(np.round(10 * x), -7, 7)) > 0.2
+    (0.0, True)
+    """
     n = 0
-    for extreme in (x.max(), x.min()):
-        some_in_a_row, flat_ones = False, 0
+    for signed, extreme in ((1.0, float(x.max())), (-1.0, float(x.min()))):
+        some_in_a_row, flat_ones, following = False, 0, -np.inf
         for some in blocks(x.size):
-            flat = x[max(0, some.start - 2) : some.stop] == extreme  # a row may begin in the block before
+            part = x[max(0, some.start - 2) : some.stop]
+            flat = part == extreme  # a row may begin in the block before
             some_in_a_row |= bool(np.any(flat[2:] & flat[1:-1] & flat[:-2]))
             flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
-        n += flat_ones if some_in_a_row else 0
+            following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
+        if some_in_a_row:
+            beside = sum(int(np.count_nonzero(x[some] == signed * following)) for some in blocks(x.size))
+            n += flat_ones if flat_ones > PILE * beside else 0
     return n / x.size
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from nlfrf._base.numbers import BLOCK, TINY, equal, power, rfft_at
 from nlfrf._base.values import value
 from nlfrf.records.screening.decimation import coarse, common_step
-from nlfrf.records.screening.gaps import gaps_inside, torn_periods
-from nlfrf.records.screening.input import MOST, SEVERE, between, likeliest_lag, nonzero
+from nlfrf.records.screening.gaps import gaps_inside, likeliest_lag, torn_periods
+from nlfrf.records.screening.input import MOST, SEVERE, between, nonzero
 from nlfrf.signals.lines import in_common
 
 __all__ = [
@@ -220,13 +220,18 @@ class Lag:
         if self.broken:
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
             return f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
-        if self.clock and self.misplaced > VISIBLE:
+        if self.clock and self.misplaced > VISIBLE and self.outweighs_noise:
             ppm = 1e6 * self.clock / self.n_samples
             return (
                 f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a period); "
                 "resample=True puts y on the clock of u"
             )
         return ""
+
+    @property
+    def outweighs_noise(self) -> bool:
+        """Whether what the delays put out of place is more than the noise that the mean of the periods has."""
+        return bool(self.explained * np.count_nonzero(self.sound) > 1 - self.explained)
 
     @property
     def turns(self) -> np.ndarray:
@@ -350,7 +355,10 @@ def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: n
     if lines.size > MOST:
         lines = np.sort(np.random.default_rng(0).choice(lines, MOST, replace=False))
     input_side, output = aligned(u, lines), aligned(y, lines)
-    if np.count_nonzero(output.placed) <= len(y) / 2:
+    whole = (gaps == 0) & ~torn
+    # one whole period has nothing to repeat, and the gap in the other was found because both sides of it do
+    answers = np.count_nonzero(whole) < 2 or np.mean(is_answer(output, lines, y.shape[1], whole)) > 0.5
+    if not answers or np.count_nonzero(output.placed) <= len(y) / 2:
         return nothing_told(len(y), n_samples)
     delay = step * (output.delay - input_side.delay)
     delay = held(delay, output.placed)
@@ -367,7 +375,6 @@ def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: n
     sound &= np.abs(size / np.median(size) - 1) < LEVEL + SURE * gain_noise
     if len(y) == 2:
         sound = np.ones(2, dtype=bool)
-    whole = (gaps == 0) & ~torn
     if whole.any():
         sound &= whole
     sound, jumps = gaps_in(delay, sound, noise, n_samples)
@@ -453,7 +460,7 @@ def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> t
 class Aligned:
     """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,).
 
-    Whether each has more in common with the others than noise has (P,), and the spectra (P, F) as they were.
+    Whether each has more in common with the others than white noise has (P,), and the spectra (P, F) as they were.
     """
 
     delay: np.ndarray
@@ -492,3 +499,51 @@ def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     least = in_common(BY_CHANCE / n_samples, lines.size) if lines.size > 1 else 0.0
     placed = shared >= least * power(turned) * power(others)
     return Aligned(delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)
+
+
+def is_answer(output: Aligned, lines: np.ndarray, n_samples: int, whole: np.ndarray) -> np.ndarray:
+    """Whether each period without a gap has a part in common with the others that noise of no colour has."""
+    delay = output.delay[whole]
+    X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)
+    # a delay was looked for in all places, or none was needed
+    return has_common_part(X, BY_CHANCE / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
+
+
+def has_common_part(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
+    """(P,) whether each period has more in common with the others than noise has, but for so small a chance.
+
+    Noise of any colour: each line counts by its power over that around it, or over the noise around it, because either
+    many lines tell a little or a few tell much. A drift leaks into all lines, and is smooth over them where the answer
+    to random phases is rough, so that what is smooth is left out.
+
+    Parameters
+    ----------
+    X : (P, F) complex ndarray
+        Periods laid over each other, on the excited lines.
+    chance : (P,) ndarray
+        Probability with which noise may pass for each.
+    """
+    n_periods, n_lines = X.shape
+    if n_lines < 2:
+        return np.ones(n_periods, dtype=bool)
+    size = min(WINDOW, n_lines)
+    windows = X[:, : n_lines // size * size].reshape(n_periods, -1, size)
+    free = 1.0
+    if size == WINDOW:
+        smooth = smooth_part()
+        windows = windows - (windows @ smooth) @ smooth.T
+        free -= N_POLYNOMIAL / WINDOW
+    total = np.maximum(np.mean(np.abs(windows) ** 2, axis=(0, 2)), TINY)
+    noise = np.mean(np.abs(windows - windows.mean(axis=0)) ** 2, axis=(0, 2))
+    placed = np.zeros(n_periods, dtype=bool)
+    noise = np.maximum(noise, 1e-12 * total)
+    for scale in (total, np.sqrt(total * noise), noise):
+        one = (windows / np.sqrt(scale)[:, None]).reshape(n_periods, -1)
+        cross = one * (one.mean(axis=0) - one / n_periods).conj()  # with itself a period has all in common
+        weight = np.abs(cross)
+        whole = weight.sum(axis=1) ** 2
+        # so many lines of one power would have as much in common by chance
+        n = free * whole / np.maximum(power(weight), TINY)
+        least = np.array([in_common(p, lines) for p, lines in zip(chance, np.maximum(n, 1 + 1e-9), strict=True)])
+        placed |= np.abs(cross.sum(axis=1)) ** 2 >= least * whole
+    return placed

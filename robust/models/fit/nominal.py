@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import control
 import numpy as np
 
-from nlfrf import Bla, Frm
+from nlfrf import Bla, Frm, bla_from_frf
 from nlfrf._base.arguments import integer, nonnegative, real_array, shown
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
@@ -41,6 +41,7 @@ __all__ = [
     "fit_matrix",
     "fit_nominal",
     "frd",
+    "of_own_fit",
     "refuse_other_channels",
     "suspected",
     "warn_of_fit",
@@ -493,9 +494,10 @@ def fit_nominal(
         0 for a continuous model, otherwise the sampling time [s] of a discrete one.
     stable : bool
         Keep every pole strictly stable. Set to False for a plant measured in closed loop that is not.
-    std : (F,) ndarray, optional
-        Standard deviation of each line of a FrequencyResponseData (a Bla brings its own). Without it, lines
-        are weighted by 1/|G| and no cost is expected.
+    std : (F,) ndarray, or (n_y, n_u, F), optional
+        Standard deviation of each line of a FrequencyResponseData, sqrt(E|.|^2) as in `nlfrf.bla_from_frf` (a Bla
+        brings its own); `uncertainty` of the same FRF around the fit takes it. Without it, lines are weighted by 1/|G|
+        and no cost is expected; with several channels it must be given.
     rank : int
         Rank of the residues of an Frm: 2 for the equal modes of a symmetric machine.
 
@@ -522,6 +524,8 @@ def fit_nominal(
     [50.0, 50.0]
     """
     dt = nonnegative("dt", dt)
+    if isinstance(bla, control.FrequencyResponseData) and (bla.ninputs, bla.noutputs) != (1, 1):
+        bla, std = with_deviation(bla, std), None
     if frms := as_matrices(bla):
         return NominalFit(**fit_matrix([behind_hold(b, dt) for b in frms], n_poles, n_zeros, delay, dt, stable, rank))
     lines = measured_lines(bla, std, dt)
@@ -561,6 +565,31 @@ def fit_nominal(
         hold=lines.hold,
         unit=getattr(bla[0] if isinstance(bla, Sequence) else bla, "unit", ""),
     )
+
+
+def with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
+    """The `Bla` or `Frm` of an FRF with the standard deviation of its entries."""
+    if std is None:
+        raise ValueError(
+            f"std must be given with an FRF of {frf.ninputs} inputs and {frf.noutputs} outputs; or give "
+            "nlfrf.bla_from_frf of it, which takes coherence, too"
+        )
+    G = np.asarray(frf.frdata, dtype=complex)
+    one = G.shape[:2] == (1, 1)
+    named: dict[str, Any] = {} if one else {"inputs": tuple(frf.input_labels), "outputs": tuple(frf.output_labels)}
+    return bla_from_frf(np.asarray(frf.omega, dtype=float) / (2 * np.pi), G[0, 0] if one else G, std=std, **named)
+
+
+def of_own_fit(bla: Any, nominal: Any) -> Any:
+    """An FRF as a `Bla` or `Frm` by the standard deviation that its fit was given; anything else as it is."""
+    if not (isinstance(bla, control.FrequencyResponseData) and isinstance(nominal, NominalFit)):
+        return bla
+    std, fitted = np.asarray(nominal.std), np.asarray(nominal.response + nominal.residual)
+    G = np.asarray(bla.frdata) if fitted.ndim == 3 else np.asarray(bla.frdata[0, 0])
+    same = fitted.shape == G.shape and np.allclose(nominal.omega, bla.omega, rtol=1e-9)
+    if not (same and np.isfinite(std).all() and np.allclose(fitted, G, rtol=1e-9, atol=0.0)):
+        return bla
+    return with_deviation(bla, std)
 
 
 def checked_orders(

@@ -98,6 +98,9 @@ def matrix_uncertainty(
 
 def matrix_measured_as(frm: Frm) -> str:
     """What a matrix was measured with, in words."""
+    if frm.grid == "given":
+        lines = f"{frm.f.size} lines {frm.f[0]:g} to {frm.f[-1]:g} Hz"
+        return f"a matrix of FRFs that was given, {lines}, variance from its {frm.level_source}"
     return (
         f"{frm.design} {frm.grid} multisine, {frm.f.size} lines {frm.f[0]:g} to {frm.f[-1]:g} Hz, "
         f"{frm.n_realizations} sets of {frm.n_inputs} experiments x {frm.n_periods} periods, level from "

@@ -27,7 +27,7 @@ from robust.lti.connections import in_series
 from robust.lti.lti import finite, response, timebase
 from robust.lti.realisation import frequency_response, least_stable, state_space
 from robust.lti.stability import stable
-from robust.models.fit.nominal import as_matrices, behind_hold, suspected
+from robust.models.fit.nominal import as_matrices, behind_hold, of_own_fit, suspected
 from robust.models.fit.weights import fit_weight
 from robust.models.sets.coprime import as_shaping, refuse_everything
 from robust.models.sets.evidence import Evidence
@@ -309,8 +309,10 @@ def uncertainty(
     ----------
     bla : nlfrf.Bla or list of them
         What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or
-        nlfrf.Frm, one or a list: the set is a `MatrixUncertainty`. Or a radius of your own: arrays (omega, radius), in
-        rad/s and the unit of the form, or a list of plants (FRFs, systems) that the set has to hold.
+        nlfrf.Frm, one or a list: the set is a `MatrixUncertainty`. An FRF from elsewhere is a Bla by
+        `nlfrf.bla_from_frf`, or by the `std` that `fit_nominal` was given with it. Or a radius of your own: arrays
+        (omega, radius), in rad/s and the unit of the form, or a list of plants (FRFs, systems) that the set has to
+        hold.
     nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
@@ -358,6 +360,7 @@ def uncertainty(
     ('multiplicative', 'statistical', True)
     """
     asked: dict[str, Any] = {"order": order, "simultaneous": bool(simultaneous), "perturbation": perturbation}
+    bla = of_own_fit(bla, nominal)
     if frms := as_matrices(bla):
         asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
         return matrix_uncertainty(frms, nominal, below=below, above=above, **asked)

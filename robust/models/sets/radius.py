@@ -247,8 +247,11 @@ def as_nominal(nominal: Any) -> tuple[Any, float, float]:
 
 def measured_as(bla: Bla) -> str:
     """A record in words."""
+    lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
+    if bla.grid == "given":
+        return f"an FRF that was given, {lines}, variance from its {bla.level_source}"
     return (
-        f"{bla.grid} multisine, {bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz, {bla.n_realizations} realisations "
+        f"{bla.grid} multisine, {lines}, {bla.n_realizations} realisations "
         f"x {bla.n_periods} periods, level from {bla.level_source}"
     )
 

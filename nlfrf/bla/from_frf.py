@@ -1,0 +1,199 @@
+"""A `Bla` of an FRF that was measured elsewhere: by an analyser, a stepped sine, another program."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import data_warning, one_of, positive, real, real_array
+from nlfrf.bla.bla import Bla, DistortionLevels
+from nlfrf.signals.lines import LineGrid
+
+__all__ = ["bla_from_frf"]
+
+
+#: Complex degrees of freedom of a variance that is known: its F quantile is then that of a chi-square to 1e-6.
+KNOWN = 1e6
+RAISED = 2.0  # times that a standard deviation of an entry may be raised without a word
+
+
+def bla_from_frf(
+    f: np.ndarray,
+    G: np.ndarray,
+    *,
+    std: Any = None,
+    coherence: Any = None,
+    n_averages: float | None = None,
+    fs: float | None = None,
+    hold: str = "unknown",
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+) -> Bla:
+    """Make a `Bla` of an FRF measured elsewhere, so that a set made of it has a probability.
+
+    The variance holds whatever scattered while it was measured, noise and distortion together: nobody can part them
+    afterwards. So `bound` holds the FRF that the same measurement would give if it were averaged for ever, and
+    `bound(of="realization")`, on which `robust.uncertainty` builds, another FRF measured in the same way. What repeats
+    in every average is in neither: distortion of a stepped sine or of one multisine, a sensor that is wrong.
+
+    Parameters
+    ----------
+    f : (F,) ndarray
+        Frequencies [Hz], positive and increasing, equally spaced or not.
+    G : (F,) or (n_y, n_u, F) complex ndarray
+        The FRF, of one channel or of several.
+    std : float, or (F,) or (n_y, n_u, F) ndarray, optional
+        Standard deviation of G as a complex number, sqrt(E|G - E G|^2), in the unit of G: sqrt(2) times that of its
+        real part. Of averaged measurements that of the average. Known exactly, or estimated from `n_averages`.
+    coherence : float, or (F,) or (n_y, n_u, F) ndarray, optional
+        Ordinary coherence, above 0 and up to 1, of G = S_yu / S_uu over `n_averages`; several inputs are then excited
+        one after the other. The variance is (1 - coherence) / coherence |G|^2 / (n_averages - 1), with n_averages - 1
+        complex degrees of freedom, for which the F(2, 2 n_averages - 2) law of the bound is exact.
+    n_averages : float, optional
+        Independent averages: half-overlapping Hann segments count as 0.95 each. With `coherence` at least 2.
+    fs : float, optional
+        Sampling frequency [Hz], where `hold` is "zoh".
+    hold : str
+        How the input ran between its samples, as of a `Record`: "zoh", "band-limited" or "unknown".
+    inputs, outputs : sequence of str
+        Names of the channels.
+
+    Returns
+    -------
+    Bla
+        With `grid` "given" and `level_source` "std" or "coherence". What nobody can know is nan: `var_noise`,
+        `var_even`, the amplitudes in `levels`, `fs`; `n_samples` is 0. With several channels the variances of the
+        entries are those of outputs times inputs: where the given ones are no such product the next larger ones are
+        taken, and the entries count as independent.
+
+    Raises
+    ------
+    ValueError
+        Neither or both of `std` and `coherence`, shapes that do not fit, frequencies that do not increase, `coherence`
+        without `n_averages`.
+
+    Warns
+    -----
+    DataWarning
+        Standard deviations of several channels that are no product, of which one counts more than twice as large.
+
+    References
+    ----------
+    Bendat & Piersol, *Random Data*, 4th ed., 9.2; Pintelon & Schoukens, 2nd ed., 2.5.
+
+    Examples
+    --------
+    >>> f = np.geomspace(1, 100, 30)
+    >>> G = 1 / (1 + 0.1j * f)
+    >>> bla = bla_from_frf(f, G, std=0.01 * np.abs(G))
+    >>> round(float(bla.bound()[0] / np.abs(G[0])), 4)                  # sqrt(3) times 1 %
+    0.0173
+    >>> bla = bla_from_frf(f, G, coherence=0.99, n_averages=20)
+    >>> round(float(bla.bound()[0] / np.abs(G[0])), 4)
+    0.0415
+    """
+    f, G = real_array("f", f, ndim=1), np.asarray(G)
+    if G.dtype.kind not in "fiuc" or not np.isfinite(G).all():
+        raise ValueError("G must hold finite complex numbers; leave out the lines where nothing was measured")
+    if f.size == 0 or f[0] <= 0 or np.any(np.diff(f) <= 0):
+        raise ValueError("f must be positive and increasing frequencies [Hz]; sort the lines by frequency")
+    if G.ndim not in (1, 3) or G.shape[-1] != f.size:
+        raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}), as f has it, got {G.shape}")
+    variance, dof = variance_of(G.astype(complex), std, coherence, n_averages)
+    one_of("hold", hold, ("zoh", "band-limited", "unknown"))
+    if hold == "zoh" and fs is None:
+        raise ValueError('fs must be given where hold is "zoh": the hold of 1/fs is in G')
+    rate = np.nan if fs is None else positive("fs", fs)
+    source = "std" if coherence is None else "coherence"
+    several = G.ndim == 3
+    n_y, n_u = G.shape[:2] if several else (1, 1)
+    of_output, of_input = as_product(variance.reshape(n_y, n_u, f.size))
+    cov = np.einsum("jf,jk->jkf", of_output, np.eye(n_y)).astype(complex)
+    nan = np.full(cov.shape, np.nan, dtype=complex)
+    return Bla(
+        f=f,
+        G=G.astype(complex),
+        lines=LineGrid(excited=np.arange(1, f.size + 1), odd=[], even=[]),
+        grid="given",
+        design="FRF",
+        fs=rate,
+        n_samples=0,
+        n_realizations=1,
+        n_experiments=n_u,
+        n_periods=1,
+        transient="unknown",
+        level_source=source,
+        gamma=np.einsum("if,ij->ijf", of_input, np.eye(n_u)).astype(complex),
+        cov_noise=nan,
+        cov_total=cov,
+        cov_distortion=cov,
+        cov_even=nan,
+        cov_bound=cov,
+        dof=np.full(f.size, dof),
+        grid_factor=np.ones(f.size),
+        levels=(unknown_levels(f),) * n_y if several else unknown_levels(f),
+        coherence=None if coherence is None or several else np.broadcast_to(coherence, f.shape).astype(float),
+        hold=hold,
+        inputs=inputs,
+        outputs=outputs,
+    )
+
+
+def variance_of(G: np.ndarray, std: Any, coherence: Any, n_averages: float | None) -> tuple[np.ndarray, float]:
+    """E|.|^2 of each entry, of the shape of G, and the complex degrees of freedom behind it."""
+    if (std is None) == (coherence is None):
+        got = "neither" if std is None else "both"
+        raise ValueError(f"std or coherence must be given, got {got}: without a variance the bound has no probability")
+    n = None if n_averages is None else real("n_averages", n_averages)
+    if n is not None and n < 2:
+        raise ValueError(f"n_averages must be at least 2, got {n:g}: one average has no scatter")
+    name, given = ("std", std) if coherence is None else ("coherence", coherence)
+    numbers = real_array(name, given, ndim=np.ndim(given))
+    try:
+        numbers = np.broadcast_to(numbers, G.shape)
+    except ValueError:
+        raise ValueError(f"{name} must be one number or have the shape of G, {G.shape}, got {numbers.shape}") from None
+    if coherence is None:
+        if np.any(numbers <= 0):
+            raise ValueError(f"std must be positive on every line, got {numbers.min():g}")
+        return numbers**2, KNOWN if n is None else n - 1
+    if n is None:
+        raise ValueError("n_averages must be given with coherence: how far G scatters depends on it")
+    if np.any((numbers <= 0) | (numbers > 1)):
+        bad = numbers[(numbers <= 0) | (numbers > 1)].flat[0]
+        raise ValueError(f"coherence must be above 0 and at most 1, got {bad:g}; leave lines without any out")
+    return (1 - numbers) / numbers * np.abs(G) ** 2 / (n - 1), n - 1
+
+
+def unknown_levels(f: np.ndarray) -> DistortionLevels:
+    """Amplitudes of the output that nobody noted."""
+    none = np.zeros(0)
+    nan = np.full(f.size, np.nan)
+    return DistortionLevels(
+        f_excited=f,
+        f_odd=none,
+        f_even=none,
+        excited=nan[None].astype(complex),
+        odd=none[None].astype(complex),
+        even=none[None].astype(complex),
+        noise_excited=nan,
+        noise_odd=none,
+        noise_even=none,
+    )
+
+
+def as_product(variance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(n_y, F) and (n_u, F) whose products are the variances (n_y, n_u, F), or the next larger that are one."""
+    # rank one in the logarithm: exact where every input meets the same residual of an output
+    of_output = np.exp(np.mean(np.log(np.maximum(variance, np.finfo(float).tiny)), axis=1))
+    of_input = np.max(variance / of_output[:, None], axis=0)
+    raised = np.sqrt(np.max(of_output[:, None] * of_input / np.maximum(variance, np.finfo(float).tiny), axis=2))
+    if raised.max() > RAISED:
+        j, i = np.unravel_index(int(np.argmax(raised)), raised.shape)
+        data_warning(
+            f"std of output {j + 1} by input {i + 1} counts up to {raised.max():.3g} times as large as given: with "
+            "several channels the variances are those of outputs times inputs; judge such entries one by one"
+        )
+    return of_output, of_input
