@@ -21,8 +21,8 @@ __all__ = ["Bla", "DistortionLevels", "Frm", "excess", "in_own_units"]
 
 
 #: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
-#: smoothly: none of a saturation, up to a half of a fifth power. Half of it costs 2 % more of the loss than a quarter.
-#: With fewer than 27 lines the peaks of the input show it (`read_peaks`), and it is in the covariance behind the bound.
+#: smoothly: none of a saturation, up to a half of a fifth power. A half costs 7 % more of the loss than a quarter.
+#: With fewer than 27 lines the peaks of the input show it (`read_peaks`), and it is in `var_bound`.
 UNSEEN = {"roughness": 0.25}
 KINDS = ("noise", "total", "distortion", "even", "bound")
 COVARIANCES = tuple(f"cov_{kind}" for kind in KINDS)

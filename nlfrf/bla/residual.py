@@ -68,7 +68,7 @@ def nonlinear_residual(spectra: Spectra, measured: np.ndarray, smooth: np.ndarra
     return NonlinearResidual(
         G=G,
         gain=gain,
-        uneven=is_uneven(gain.take(where.excited)),
+        uneven=is_uneven(squared(smooth)),  # one realisation scatters more than a static gain changes
         Y=spectra.Y - G * spectra.U,
         noise=np.add.reduce(noise) / len(noise),
     )
