@@ -32,6 +32,7 @@ COMMANDS = (
     "bench_quasi_linear --loops 60 --kicks 5",
     "bench_verification 200",
     "soundness 100",
+    "near_limit 10",
     "soundness_matrix 100 300",
     "faults",
     "sound_records --records 15",

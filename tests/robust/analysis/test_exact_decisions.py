@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from robust import UncertaintyModel, check
+from robust import UncertaintyModel, check, performance_weight
 from robust.proofs.exact.claim import as_given
 from robust.proofs.exact.stability import stable_loop
 from tests.support.hard_loops import boundary_gain, hard_loop, margin, with_gain
@@ -50,3 +50,30 @@ def test_a_peak_that_floating_point_leaves_open_is_decided():
     assert below.certificates[0].method == "exact arithmetic"
     assert "exact arithmetic, proved, rigorous" in " ".join(str(below).split())
     assert check(model_of(G, 1.0), K).verdict == "not robust"
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02])
+@pytest.mark.parametrize("dt", [0.0, 0.05])
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+def test_the_one_scaling_of_an_operator_is_found_in_any_units(unit, dt, delay):
+    """The best scaling goes as the unit of the plant; |w T| and |w_P S| are what they are in every unit."""
+    G, K = control.ss(control.tf([unit], [1, 1])), control.ss([], [], [], [[2 / unit]], dt)
+    w, w_P = control.tf([0.3], [0.05, 1]), performance_weight(0.1, M_S=3, A=0.6)
+    model = UncertaintyModel(G, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="operator")
+    report = check(model, K, w_P=w_P, delay=delay)
+    assert [certificate.method for certificate in report.certificates] == ["exact arithmetic"] * 2
+    assert report.certificates[1].verify().verified
+    assert report.robust_performance
+    assert not check(model, K, w_P=w_P * 3, delay=delay).robust_performance
+
+
+def test_performance_that_is_missed_on_the_grid_is_not_looked_for_with_aliases():
+    w, K = control.tf([0.3], [0.05, 1]), control.ss([], [], [], [[2.0]], 0.05)
+    model = UncertaintyModel(
+        control.tf([1], [1, 1]), w, "additive", np.array([1.0]), np.array([0.1]), perturbation="LTI"
+    )
+    stability, performance = check(model, K, w_P=control.tf([2.0], [1])).certificates
+    assert stability.holds
+    assert not performance.holds
+    assert not performance.violated
+    assert "rp reaches" in performance.reason
