@@ -14,7 +14,7 @@ from nlfrf._base.arguments import real, shown
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.friction.classes import AnyFriction, any_maxwell_slip
-from robust.friction.passivity import port_responses
+from robust.friction.passivity import port_responses, refuse_unknown_amplitude
 from robust.friction.plant import SlidingMachine, sliding_machine, with_port_impedance
 from robust.friction.prove import error_of_nominal, machines_of_nominal
 from robust.lti.sampling import hold_between
@@ -468,6 +468,7 @@ def friction_class(
         raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {shown(blas)}")
     for bla in blas:
         require_si("blas", bla.unit)
+        refuse_unknown_amplitude("blas", bla)
     if len(blas) < 3:
         raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
     if (fewest := min(bla.f.size for bla in blas)) < FEWEST_LINES:

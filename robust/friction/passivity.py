@@ -24,7 +24,7 @@ from robust.proofs.exact.claim import Matrices, as_given
 from robust.proofs.exact.polynomials import behind_samples, mapped, positive_on_half_line, quotient, rational
 from robust.proofs.exact.stability import squared, stable_loop
 
-__all__ = ["Levels", "levels_of", "passive_verdict", "port_responses"]
+__all__ = ["Levels", "levels_of", "passive_verdict", "port_responses", "refuse_unknown_amplitude"]
 
 
 #: What is said to be left, below the least that was found: of the size of the damping.
@@ -215,6 +215,15 @@ class Levels:
         return np.interp(*where, self.stiffness) * beyond, np.interp(*where, self.damping) * beyond
 
 
+def refuse_unknown_amplitude(name: str, bla: Bla) -> None:
+    """Refuse a BLA whose amplitudes nobody noted: friction depends on how far it moved."""
+    if not np.isfinite(bla.levels.excited).all():
+        raise ValueError(
+            f"{name} must know the amplitude of the output, which an FRF from elsewhere (nlfrf.bla_from_frf) does not: "
+            "take BLAs that nlfrf.identify made of records"
+        )
+
+
 def levels_of(blas: Sequence[Bla], machine: SlidingMachine) -> Levels:
     """What is left of measured levels once the machine is taken off, as a spring and a damper at each.
 
@@ -225,6 +234,7 @@ def levels_of(blas: Sequence[Bla], machine: SlidingMachine) -> Levels:
     for bla in blas:
         if not is_single(bla):
             raise ValueError(f"friction must be a law or BLAs from nlfrf.identify, got {shown(bla)}")
+        refuse_unknown_amplitude("friction", bla)
         peak = bla.omega[int(np.argmax(np.abs(bla.G)))]
         chosen = (bla.omega > AROUND[0] * peak) & (bla.omega < AROUND[1] * peak)
         if np.count_nonzero(chosen) < FEWEST_LINES:

@@ -77,3 +77,11 @@ def test_a_matrix_of_frfs_is_an_frm_by_its_std():
     assert fit.std == pytest.approx(deviation)
     with pytest.raises(ValueError, match=r"std must be given with an FRF of 2 inputs and 2 outputs; .*bla_from_frf"):
         robust.fit_nominal(frf, n_poles=4)
+
+
+def test_friction_needs_amplitudes_that_nobody_noted():
+    G, std = measured(1)
+    with pytest.raises(
+        ValueError, match=r"blas must know the amplitude of the output, .*take BLAs that nlfrf.identify"
+    ):
+        robust.friction_class([nlfrf.bla_from_frf(F, G, std=std)] * 3)
