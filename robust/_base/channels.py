@@ -10,6 +10,9 @@ from nlfrf._base.arguments import shown
 __all__ = ["is_matrix", "is_single", "require_matrix", "require_single"]
 
 
+ELSEWHERE = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
+
+
 def is_single(thing: Any) -> TypeGuard[Bla]:
     """Whether it is a `Bla` of one input and one output."""
     return isinstance(thing, Bla) and thing.is_single
@@ -35,5 +38,5 @@ def require_single(name: str, thing: Any) -> None:
 def described(thing: Any) -> str:
     """A value in a refusal: of a `Bla` how many channels it has."""
     if not isinstance(thing, Bla):
-        return shown(thing)
+        return shown(thing) + ELSEWHERE * hasattr(thing, "frdata")
     return "one of one input and output" if thing.is_single else f"one of {thing.n_outputs} x {thing.n_inputs}"

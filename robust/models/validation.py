@@ -54,7 +54,6 @@ FEWEST = 8  # lines below which no shape is told
 #: Lines: over their number, the variance of the log power of the residual of two records of one machine.
 LEVEL_LINES = 2.0
 SAME = 1e-9  # relative: one line
-ELSEWHERE = "; of an FRF from elsewhere nlfrf.bla_from_frf makes one, by its std or coherence"
 
 
 def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> dict[str, float]:

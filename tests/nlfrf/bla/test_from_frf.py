@@ -90,7 +90,7 @@ def test_several_channels_hold_every_entry_and_the_whole_matrix():
 
 def test_deviations_that_are_no_product_are_raised_and_said():
     std = np.array([[1.0, 0.1], [0.2, 2.0]])[:, :, None] * np.ones(5)
-    with pytest.warns(nlfrf.DataWarning, match=r"std of y\d by u\d counts up to .* times as large as given"):
+    with pytest.warns(nlfrf.DataWarning, match=r"std of output \d by input \d counts up to .* times as large as given"):
         frm = nlfrf.bla_from_frf(np.arange(1.0, 6), np.ones((2, 2, 5)), std=std)
     assert np.all(np.sqrt(frm.var_total) >= std * (1 - 1e-9))
     assert np.min(np.sqrt(frm.var_total) / std, axis=(0, 1)) == pytest.approx(np.ones(5))
@@ -132,8 +132,8 @@ def test_a_known_variance_has_the_law_of_a_chi_square():
         (dict(std=1.0, G=np.where(F > 3, G, np.nan)), r"G must hold finite complex numbers"),
         (dict(std=1.0, hold="zoh"), r"fs must be given where hold is .zoh."),
         (dict(std=object()), r"std must hold real numbers"),
-        (dict(std=1.0, outputs="y"), r"outputs must be 1 name, one for each channel of G"),
-        (dict(std=1.0, inputs=["a", "b"]), r"inputs must be 1 name, one for each channel of G"),
+        (dict(std=1.0, outputs=["y", "z"]), r"outputs must be one name, got "),
+        (dict(std=1.0, inputs=["a", "b"]), r"inputs must be one name, got "),
     ],
 )
 def test_refusals(change, message):

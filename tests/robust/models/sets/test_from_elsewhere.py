@@ -60,7 +60,7 @@ def test_orders_validation_and_files_take_it(tmp_path):
     robust.save_model(model, tmp_path / "model.json")
     assert robust.load_model(tmp_path / "model.json").radius == pytest.approx(model.radius)
     with pytest.raises(
-        ValueError, match=r"bla must be an nlfrf.Bla, as the model, got .* nlfrf.bla_from_frf makes one"
+        ValueError, match=r"bla must be an nlfrf.Bla of one input and output, got .* nlfrf.bla_from_frf makes one"
     ):
         robust.validate(model, control.FrequencyResponseData(again, OMEGA))
 

@@ -55,7 +55,7 @@ def test_at_the_rate_of_the_controller_a_discrete_fit_is_what_it_sees():
     fit = robust.fit_nominal(bla, n_poles=2, n_zeros=1, dt=1 / FS)
     assert fit.hold == "zoh"
     assert phase_error(fit.G, OMEGA) < 0.05
-    model = robust.uncertainty(bla, fit, order=1)
+    model = robust.uncertainty(bla, fit, order=2)
     assert (model.hold, model.fs, model.unit) == ("zoh", FS, "mm/N")
     assert model.radius.max() < 1e-2
 

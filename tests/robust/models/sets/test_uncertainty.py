@@ -27,14 +27,11 @@ def exact(**sigmas):
 
 
 def test_radius_is_f_quantile_times_the_scatter_of_a_new_realisation():
-    """sqrt(F_p (var_total + 1.25 var_distortion)), F_0.95 = 1.97^2 at six degrees of freedom; no misfit, by making.
-
-    What detection lines do not show of a new realisation counts a quarter.
-    """
+    """sqrt(F_p (var_total + var_distortion)), F_0.95 = 1.97^2 at six degrees of freedom; no misfit, by making."""
     bla = exact(sigma_distortion=0.1 * SIZE)
     model = uncertainty(bla, NOMINAL, even=False)
     quantile = 6 * (0.05 ** (-1 / 6) - 1)
-    assert model.radius == pytest.approx(np.sqrt(quantile * 2.25) * 0.1, rel=1e-6)
+    assert model.radius == pytest.approx(np.sqrt(quantile * 2) * 0.1, rel=1e-6)
     assert np.sqrt(quantile) == pytest.approx(1.97, abs=0.005)
 
 
@@ -43,7 +40,7 @@ def test_budget_adds_up_and_shares_by_variance():
     model = uncertainty(bla, NOMINAL)
     assert np.sum(list(model.budget().values()), axis=0) == pytest.approx(model.radius, rel=1e-9)
     # noise once (in G), distortion in G and in the new realisation, even once; the split is told to a percent
-    variances = np.array([0.02**2, 2.25 * 0.1**2, 0.05**2])
+    variances = np.array([0.02**2, 2 * 0.1**2, 0.05**2])
     for name, share in zip(("noise", "odd", "even"), variances / variances.sum(), strict=True):
         assert model.budget()[name] / model.radius == pytest.approx(share, rel=0.015)
     assert np.all(uncertainty(bla, NOMINAL, even=False).radius < model.radius)
