@@ -204,8 +204,13 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
 def told_gains(K: Any, unit: str, *, plc: bool = False) -> str:
     """The gains of a PID, a row each, for the end of a text, also by the names of a PLC; nothing of what is no PID."""
     with suppress(ValueError):
-        gains = pid_gains(K, unit=unit)
-        return "".join(f"\nPID {row}" for row in [*str(gains).splitlines(), *gains.plc_parameters() * plc])
+        found = pid_gains(K, unit=unit)
+        loops = found if isinstance(found, tuple) else (found,)
+        return "".join(
+            f"\nPID{f' {k + 1}' * (len(loops) > 1)} {row}"
+            for k, gains in enumerate(loops)
+            for row in [*str(gains).splitlines(), *gains.plc_parameters() * plc]
+        )
     return ""
 
 
@@ -218,11 +223,12 @@ def unusual_gains(K: Any) -> str:
     ''
     """
     with suppress(ValueError):
-        gains = pid_gains(K)
-        named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
-        if len({gain > 0 for gain in named.values() if gain}) > 1:
-            said = listed([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
-            return f"the PID has {said}: no PLC takes gains of different signs"
+        found = pid_gains(K)
+        for gains in found if isinstance(found, tuple) else (found,):
+            named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
+            if len({gain > 0 for gain in named.values() if gain}) > 1:
+                said = listed([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
+                return f"the PID has {said}: no PLC takes gains of different signs"
     return ""
 
 

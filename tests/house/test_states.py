@@ -29,7 +29,6 @@ REVIEWED = {
     "nlfrf._base.values:plain": "white space made even in what is only printed",
     "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_apart": "the name of the exception that ended another process",
-    "nlfrf.bla.bla:bound": "how the level was read, a token that files keep",
     "nlfrf.bla.bla:covariance_of": "how the level was read, a token that files keep",
     "nlfrf.records.excited_lines:played_lines": "the name of a grid",
     "robust.synthesis.fixed.structures:structure_of": "the name of a structure that a user gave",

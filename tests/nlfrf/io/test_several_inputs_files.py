@@ -109,7 +109,7 @@ def test_what_is_asked_of_a_record_that_was_saved(tmp_path):
     assert "r must be left out" in refusal(r=["x"])
     assert "n_samples must be that of the record, 256, got 128" in refusal(n_samples=128)
     assert "n_discard must be less than the 2 periods" in refusal(n_discard=2)
-    assert "path must be a record of one input" in refusal(load=nlfrf.load_record)
+    assert "path must be a record of one input" in refusal(load=nlfrf.load_record, u="µ/2")
     assert "nlfrf-multirecord" in refusal(load=nlfrf.load_bla)
     whole = dict(np.load(path))
     for missing in ("u", "shape", "odd", "outputs"):
