@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
 from robust.models.sets.forms import FORMS, relative
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_one_channel
 
 __all__ = ["loop_bounds"]
 
@@ -49,14 +48,14 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel
+    >>> from robust import UncertaintyModel, require_one_channel
     >>> lag, w, omega = control.tf([1], [1, 1]), control.tf([0.2], [1]), np.array([1.0, 2.0])
     >>> model = UncertaintyModel(lag, w, "multiplicative", omega, omega / 10)
     >>> low, high = loop_bounds(model, control.tf([4], [1, 1]))     # |w_P| > 1 up to 3.9 rad/s, |w| < 1: a lower bound
     >>> bool(np.allclose(low, (1 + 4 / np.sqrt(1 + model.omega**2)) / 0.8)), high.tolist()
     (True, [inf, inf])
     """
-    of_kind("model", model, UncertaintyModel)
+    require_one_channel(model, "loop_gains has its singular values", "to be shaped by |L|", parametric=False)
     omega = model.omega
     p = np.abs(response(state_space("w_P", w_P), omega))
     w, size = np.abs(response(model.weight, omega)), np.abs(model.at(omega))

@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf._base.arguments import integer
 from nlfrf._base.values import value
 from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_one_channel
 
 __all__ = ["LoopFamily", "sample_loops"]
 
@@ -40,7 +40,7 @@ class LoopFamily:
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel
+    >>> from robust import UncertaintyModel, require_one_channel
     >>> w = control.tf([0.2], [1])
     >>> model = UncertaintyModel(control.tf([1], [1, 1]), w, "multiplicative", np.array([1.0]), np.array([0.1]))
     >>> family = sample_loops(model, 2.0, 5, rng=0)
@@ -86,14 +86,13 @@ def sample_loops(
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel
+    >>> from robust import UncertaintyModel, require_one_channel
     >>> at, radius = np.array([1.0, 2.0]), np.array([0.1, 0.2])
     >>> model = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", at, radius)
     >>> sample_loops(model, 2.0, 5, rng=0).stable.tolist()
     [True, True, True, True, True]
     """
-    if not isinstance(model, UncertaintyModel) or model.measured_only:
-        raise ValueError("model must be an UncertaintyModel with a parametric nominal to make plants of")
+    require_one_channel(model, "model.perturbed(Delta) makes the plants of such a set", "to make plants of")
     loop = assemble(model, K, None, delay)
     plants = model.sample(integer("n", n, least=1), rng)
     omega = loop.grid(model.omega)

@@ -33,7 +33,7 @@ from robust.lti.realisation import state_space
 from robust.lti.stability import stable
 from robust.models.sets.evidence import rms_levels
 from robust.models.sets.forms import numerator
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_one_channel
 
 __all__ = [
     "Density",
@@ -659,10 +659,7 @@ def predict_level(
 
 def require_parametric(model: Any) -> None:
     """Refuse a plant whose loop has no response between lines, or more than one port."""
-    if not isinstance(model, UncertaintyModel) or model.measured_only:
-        raise ValueError(
-            f"model must be an UncertaintyModel with a parametric nominal for its level in a loop, got {shown(model)}"
-        )
+    require_one_channel(model, "simulate its loop (nlfrf.simulate_loop)", "for its level in a loop")
 
 
 def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) -> np.ndarray:

@@ -17,7 +17,7 @@ from robust.lti.lti import along, response, timebase
 from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.perturbations import perturbed, with_phase, with_phases, within
 from robust.mu.lower import mu_lower
 from robust.mu.upper import refined
@@ -54,7 +54,7 @@ class WorstCase:
 
     Examples
     --------
-    >>> from robust import UncertaintyModel
+    >>> from robust import UncertaintyModel, require_one_channel
     >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> worst = worst_case(model, 2.0)
@@ -100,15 +100,14 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
 
     Examples
     --------
-    >>> from robust import UncertaintyModel
+    >>> from robust import UncertaintyModel, require_one_channel
     >>> at, radius = np.array([1.0, 2.0]), np.array([0.1, 0.2])
     >>> model = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", at, radius)
     >>> worst = worst_case(model, 2.0)
     >>> bool(np.all(model.distance(worst.plant) <= 1 + 1e-9))             # a plant of the set
     True
     """
-    if not isinstance(model, UncertaintyModel) or model.measured_only:
-        raise ValueError("model must be an UncertaintyModel with a parametric nominal to make plants of")
+    require_one_channel(model, "take breaking_perturbation, or worst_gain", "to make plants of")
     loop = assemble(model, K, w_P, delay)
     nominal = nominal_instability(loop)
     if not nominal.stable:

@@ -14,7 +14,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import nonnegative, positive, shown
+from nlfrf._base.arguments import nonnegative, positive
 from nlfrf._base.values import value
 from robust.analysis.loop import Loop, assemble, nominal_instability
 from robust.lti.connections import in_series
@@ -24,7 +24,7 @@ from robust.lti.realisation import least_stable, stable_weight
 from robust.lti.sampling import discretize
 from robust.lti.stability import stable
 from robust.models.sets.forms import numerator
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import require_one_channel
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import hinfsyn
 from robust.synthesis.reduction import balanced
@@ -143,8 +143,8 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
 
 def following(model: Any, K: Any, delay: float) -> Loop:
     """The loop that is to follow a reference, or a refusal where it is not stable."""
-    if not isinstance(model, UncertaintyModel) or model.measured_only:
-        raise ValueError(f"model must be an UncertaintyModel with a parametric nominal, got {shown(model)}")
+    instead = "take dk_iteration or hinfsyn with the reference among the inputs of K"
+    require_one_channel(model, instead, "to follow a reference model")
     loop = assemble(model, K, None, nonnegative("delay", delay))
     nominal = nominal_instability(loop)
     if not nominal.stable:
@@ -232,7 +232,7 @@ class Feedforward:
 
     Examples
     --------
-    >>> from robust import UncertaintyModel
+    >>> from robust import UncertaintyModel, require_one_channel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))
@@ -281,7 +281,7 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
 
     Examples
     --------
-    >>> from robust import UncertaintyModel
+    >>> from robust import UncertaintyModel, require_one_channel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))     # F = (s + 1)/(s/2 + 1): sqrt(5/2) at 2 rad/s

@@ -21,7 +21,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla, Frm
-from nlfrf._base.arguments import generator, one_of, probability, real, real_array
+from nlfrf._base.arguments import generator, one_of, probability, real, real_array, shown
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import finite, response, timebase
@@ -49,7 +49,7 @@ from robust.models.sets.radius import (
     worded,
 )
 
-__all__ = ["UncertaintyModel", "uncertainty"]
+__all__ = ["UncertaintyModel", "require_one_channel", "uncertainty"]
 
 
 @value(kw_only=False)
@@ -400,3 +400,14 @@ def uncertainty(
         W2=W2,
     )
     return known_jointly(made, many, recorded)
+
+
+def require_one_channel(model: Any, instead: str, purpose: str, *, parametric: bool = True) -> None:
+    """Refuse what is no set of one input and one output, and for several channels name what to take instead."""
+    if isinstance(model, MatrixUncertainty):
+        raise ValueError(
+            f"model must be of one input and one output {purpose}, got {model.n_outputs} x {model.n_inputs}: {instead}"
+        )
+    if not isinstance(model, UncertaintyModel) or (parametric and model.measured_only):
+        kind = "an UncertaintyModel with a parametric nominal" if parametric else "an UncertaintyModel"
+        raise ValueError(f"model must be {kind} {purpose}, got {shown(model)}")

@@ -83,3 +83,20 @@ def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
     assert tuple(found.K.input_labels) == OUTPUTS
     with pytest.raises(ValueError, match="order must be below the"):
         robust.reduce_controller(larger, model, order=larger.nstates)
+
+
+def test_what_takes_one_loop_names_what_several_channels_take(model):
+    w = robust.performance_weight(1.0)
+    for call, cure in (
+        (lambda: robust.worst_case(model, 0.1 * np.eye(2)), "take breaking_perturbation, or worst_gain"),
+        (lambda: robust.sample_loops(model, 0.1 * np.eye(2)), r"model.perturbed\(Delta\) makes the plants"),
+        (lambda: robust.prefilter(model, 0.1 * np.eye(2), w), "take dk_iteration or hinfsyn with the reference"),
+        (lambda: robust.feedforward(model, 0.1 * np.eye(2), w), "take dk_iteration or hinfsyn with the reference"),
+        (lambda: robust.loop_bounds(model, w), "loop_gains has its singular values"),
+        (
+            lambda: robust.predict_level(model, 0.1, robust.LoopSignals(reference=robust.StepSignal(1.0))),
+            "simulate its loop",
+        ),
+    ):
+        with pytest.raises(ValueError, match=f"model must be of one input and one output .*, got 2 x 2: .*{cure}"):
+            call()
