@@ -48,7 +48,7 @@ def loop_bounds(model: UncertaintyModel, w_P: Any) -> tuple[np.ndarray, np.ndarr
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel, require_one_channel
+    >>> from robust import UncertaintyModel
     >>> lag, w, omega = control.tf([1], [1, 1]), control.tf([0.2], [1]), np.array([1.0, 2.0])
     >>> model = UncertaintyModel(lag, w, "multiplicative", omega, omega / 10)
     >>> low, high = loop_bounds(model, control.tf([4], [1, 1]))     # |w_P| > 1 up to 3.9 rad/s, |w| < 1: a lower bound

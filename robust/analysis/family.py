@@ -40,7 +40,7 @@ class LoopFamily:
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel, require_one_channel
+    >>> from robust import UncertaintyModel
     >>> w = control.tf([0.2], [1])
     >>> model = UncertaintyModel(control.tf([1], [1, 1]), w, "multiplicative", np.array([1.0]), np.array([0.1]))
     >>> family = sample_loops(model, 2.0, 5, rng=0)
@@ -86,7 +86,7 @@ def sample_loops(
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel, require_one_channel
+    >>> from robust import UncertaintyModel
     >>> at, radius = np.array([1.0, 2.0]), np.array([0.1, 0.2])
     >>> model = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", at, radius)
     >>> sample_loops(model, 2.0, 5, rng=0).stable.tolist()

@@ -54,7 +54,7 @@ class WorstCase:
 
     Examples
     --------
-    >>> from robust import UncertaintyModel, require_one_channel
+    >>> from robust import UncertaintyModel
     >>> G, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> worst = worst_case(model, 2.0)
@@ -100,7 +100,7 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
 
     Examples
     --------
-    >>> from robust import UncertaintyModel, require_one_channel
+    >>> from robust import UncertaintyModel
     >>> at, radius = np.array([1.0, 2.0]), np.array([0.1, 0.2])
     >>> model = UncertaintyModel(control.tf([1], [1, 1]), control.tf([0.2], [1]), "multiplicative", at, radius)
     >>> worst = worst_case(model, 2.0)

@@ -232,7 +232,7 @@ class Feedforward:
 
     Examples
     --------
-    >>> from robust import UncertaintyModel, require_one_channel
+    >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))
@@ -281,7 +281,7 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
 
     Examples
     --------
-    >>> from robust import UncertaintyModel, require_one_channel
+    >>> from robust import UncertaintyModel
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     >>> found = feedforward(model, 2.0, control.tf([1], [0.5, 1]))     # F = (s + 1)/(s/2 + 1): sqrt(5/2) at 2 rad/s
