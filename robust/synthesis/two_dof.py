@@ -68,6 +68,7 @@ class Prefilter:
     Examples
     --------
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    >>> from robust import UncertaintyModel
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     >>> found = prefilter(model, control.tf([2, 2], [1, 0]), control.tf([1], [1, 1]))          # T = 2/(s + 2)
     >>> round(float(found.F.dcgain()), 3), bool(found.error.max() < 0.03 < found.error_worst.max())
@@ -116,6 +117,7 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     Examples
     --------
     >>> lag, w = control.tf([1], [1, 1]), control.tf([0.1], [1])
+    >>> from robust import UncertaintyModel
     >>> model = UncertaintyModel(lag, w, "multiplicative", np.array([1.0]), np.array([0.1]), perturbation="LTI")
     >>> found = prefilter(model, control.tf([2, 2], [1, 0]), control.tf([2], [1, 2]))          # T as it is
     >>> found.F.nstates, round(float(found.F.D[0, 0]), 2)
