@@ -209,7 +209,7 @@ def check(
     peak: Annotated[float, typer.Option(help="Performance: largest |S| allowed.")] = 2.0,
     error: Annotated[float, typer.Option(help="Performance: |S| allowed at zero frequency.")] = 1e-2,
     no_certify: Annotated[bool, typer.Option("--no-certify", help="Look at a grid only; proves nothing.")] = False,
-    solver: Annotated[str, typer.Option(help="CLARABEL or SCS.")] = "CLARABEL",
+    solver: Annotated[str, typer.Option(help="CLARABEL or SCS; without effect on the proof of one loop.")] = "CLARABEL",
     reference_step: StepHeight = None,
     disturbance: DisturbanceRms = None,
     noise: NoiseRms = None,

@@ -59,7 +59,7 @@ def line(thing: Any) -> str:
 def short(thing: Any) -> str:
     """Anything in a few characters."""
     if isinstance(thing, np.ndarray):
-        if thing.ndim <= 1 and thing.size <= FEW and thing.dtype.kind in "fiub":
+        if is_written_out(thing):
             return np.array2string(thing, separator=", ", precision=5, max_line_width=10**6)
         return f"array{thing.shape}" if thing.ndim != 1 else f"array({thing.size})"
     if is_dataclass(thing) and not isinstance(thing, type):
@@ -78,6 +78,11 @@ def short(thing: Any) -> str:
         return "{" + ", ".join(f"{key}: {short(held)}" for key, held in list(thing.items())[:FEW]) + "}"
     said = " ".join(repr(thing).split())
     return said if len(said) <= 60 else said[:57] + "..."
+
+
+def is_written_out(array: np.ndarray) -> bool:
+    """Whether `short` shows the numbers of an array, not its shape."""
+    return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
 
 
 def card(thing: Any) -> str:
@@ -105,7 +110,7 @@ def card(thing: Any) -> str:
 def held(thing: Any) -> str:
     """What a field holds: of real numbers between what and what, too."""
     said = short(thing)
-    if isinstance(thing, np.ndarray) and said.startswith("array") and thing.dtype.kind in "fiu":
+    if isinstance(thing, np.ndarray) and not is_written_out(thing) and thing.dtype.kind in "fiu":
         finite = thing[np.isfinite(thing)]
         said += f" from {finite.min():.4g} to {finite.max():.4g}" if finite.size else " of nan"
     return said

@@ -619,14 +619,14 @@ def describe_matrix(bla: Bla) -> str:
         relative = middle(bla.bound() / gain)
         distortion = 10 * np.log10(middle(bla.var_distortion / gain**2))
         noise = 10 * np.log10(middle(bla.n_realizations * bla.var_noise / gain**2))
-    told = np.isfinite(bla.var_noise).any()  # not off a single period
+    has_noise = np.isfinite(bla.var_noise).any()  # which a single period does not show
     for j, out in enumerate(bla.outputs):
         for i, name in enumerate(bla.inputs):
             k = int(gain[j, i].argmax())
             rows.append(
                 f"  {out} by {name}: largest |G| {gain[j, i, k]:.4g} at {bla.f[k]:g} Hz; 95 % "
                 f"bound {100 * relative[j, i]:.2g} % of |G|; "
-                + (f"noise {noise[j, i]:.0f} dB, distortion" if told else "distortion and noise")
+                + (f"noise {noise[j, i]:.0f} dB, distortion" if has_noise else "distortion and noise")
                 + f" {distortion[j, i]:.0f} dB"
             )
     rows.append(f"  medians over lines, of one set; transient: {bla.transient}; level from {bla.level_source}")

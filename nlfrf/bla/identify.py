@@ -34,7 +34,7 @@ from nlfrf.records.record import Record
 __all__ = ["identify_single"]
 
 
-def identify_single(record: Any, transient: str, level_from: str, n_detection: int) -> Any:
+def identify_single(record: Any, transient: str, level_from: str, n_detection: int) -> Bla | list[Bla]:
     """`identify` for a record of one input and one output, or a list of them, whose outputs share the input."""
     if isinstance(record, Record):
         return identify_one(record, None, transient, level_from, n_detection)

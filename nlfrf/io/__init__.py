@@ -7,7 +7,7 @@ moments         whether channels were sampled at the same moments
 npz             arrays of NPZ files, read to where they stay
 readers         readers of file formats
 records         records, from any measurement file
-results         `Bla`, `Frm` and tables
+results         `Bla` and tables
 stored_records  records written to a file, and read back
 stored_values   any value of this package, field by field, with its schema and version
 """

@@ -21,7 +21,8 @@ from nlfrf.signals.lines import LineGrid
 __all__ = ["AXES", "load_value", "names_of", "refuse_newer", "save_value", "value_of"]
 
 
-PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}  # values inside a Bla; of an Frm one an output
+#: Values inside a Bla; of several channels one an output.
+PARTS: dict[str, Any] = {"lines": LineGrid, "levels": DistortionLevels}
 NAMES = ("inputs", "outputs", "input_units", "output_units")
 #: What the axes of signals are; of several inputs and outputs there is a channel axis in front.
 AXES = "realization period sample"

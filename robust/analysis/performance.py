@@ -275,6 +275,8 @@ class StepResponse:
         From 10 to 90 % of `final` [s].
     settling_time : float
         From when on y stays within 2 % of `final` [s]; nan where it does not within the horizon.
+    reference : int
+        Of several outputs the one whose reference steps, from 0.
 
     References
     ----------
@@ -294,6 +296,7 @@ class StepResponse:
     overshoot: float
     rise_time: float
     settling_time: float
+    reference: int = 0
 
     def __str__(self) -> str:
         settled = (
@@ -358,13 +361,13 @@ def step_response(
         G = delayed(G, delay, order=DELAY_ORDER)
     A, B, C, D = closed_loop(G, K, ("y", "u"), ("r",))
     loop = control.StateSpace(A, B[:, [j]], C, D[:, [j]], dt)
-    if not stable(control.StateSpace(A, B, C, D, dt)):
+    if not stable(loop):
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
     final = float(evaluate(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(loop, None if duration is None else positive("duration", duration))
     step = judged(t, out[j], out[n_y], final, cut=duration is None)
     kept = step.t.size
-    return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept])
+    return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)
 
 
 def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ import control
 import numpy as np
 from scipy.special import gammaincc, ndtr
 
-from nlfrf import Bla, Frm
+from nlfrf import Bla
 from nlfrf._base.arguments import hertz, of_kind
 from nlfrf._base.numbers import roy_quantile
 from nlfrf._base.values import value
@@ -149,7 +149,7 @@ class MatrixValidation:
 
     References
     ----------
-    As `Validation`; Khatri 1964 for whole matrices, as `Frm.block`.
+    As `Validation`; Khatri 1964 for whole matrices, as `Bla.block`.
 
     Examples
     --------
@@ -207,7 +207,7 @@ class MatrixValidation:
         return "\n".join(rows)
 
 
-def validate_matrix(model: MatrixUncertainty | Frm, frm: Frm) -> MatrixValidation:
+def validate_matrix(model: MatrixUncertainty | Bla, frm: Bla) -> MatrixValidation:
     """`validate` of several inputs and outputs."""
     shape = (model.n_outputs, model.n_inputs)
     if (frm.n_outputs, frm.n_inputs) != shape:
@@ -421,10 +421,10 @@ def validate(model: UncertaintyModel, bla: Bla) -> Validation: ...
 
 
 @overload
-def validate(model: MatrixUncertainty | Frm, bla: Frm) -> MatrixValidation: ...
+def validate(model: MatrixUncertainty | Bla, bla: Bla) -> MatrixValidation: ...
 
 
-def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) -> Validation | MatrixValidation:
+def validate(model: UncertaintyModel | MatrixUncertainty | Bla, bla: Bla) -> Validation | MatrixValidation:
     """Hold a second record (another day, another level, closed loop) against a model.
 
     The record is compared with the one that the model was made of, line by line (of other lines those of the one that
@@ -435,14 +435,14 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Frm, bla: Bla | Frm) 
 
     Parameters
     ----------
-    model : UncertaintyModel, MatrixUncertainty or nlfrf.Frm
+    model : UncertaintyModel, MatrixUncertainty or nlfrf.Bla
         The model; of several inputs and outputs also the first record alone.
-    bla : nlfrf.Bla or nlfrf.Frm
+    bla : nlfrf.Bla
         What was measured later; lines outside the band of the model are left out.
 
     Returns
     -------
-    Validation, or MatrixValidation of an Frm
+    Validation, or MatrixValidation of several channels
 
     Raises
     ------

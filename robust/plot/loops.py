@@ -196,6 +196,8 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
 def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None) -> Axes:
     """The answer of the loop to a step of its reference, with the nominal and with the worst plant.
 
+    Of several outputs the one whose reference steps is a thick line, the others are thin.
+
     Parameters
     ----------
     step : StepResponse
@@ -215,10 +217,10 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     for one, label, color, style in drawn:
         if one is not None:
             t, rows = np.append(one.t, end), np.atleast_2d(one.y)
-            moved = int(np.argmin(np.abs(rows[:, -1] - one.final)))  # of several outputs the one that was asked to step
             for j, row in enumerate(rows):
-                said = f"{label}: overshoot {100 * one.overshoot:.0f} %" if j == moved else None
-                ax.plot(t, np.append(row, row[-1]), style, lw=1.6 if said else 0.8, color=color, label=said)
+                steps = j == one.reference
+                legend = f"{label}: overshoot {100 * one.overshoot:.0f} %" if steps else None
+                ax.plot(t, np.append(row, row[-1]), style, lw=1.6 if steps else 0.8, color=color, label=legend)
     ax.set(xlabel="time [s]", ylabel=in_unit("y", unit, "unit of y"), title="A step of the reference by one unit of y")
     return finished(ax)
 

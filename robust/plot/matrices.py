@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf import Frm
+from nlfrf import Bla
 from nlfrf._base.arguments import of_kind
 from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, lower_edge, matrix_axes
 from robust._base.channels import require_matrix
@@ -30,13 +30,13 @@ FLAT = 5.0  # dB above and below a weight that is a number
 FEW = 300  # measured lines that are drawn with their bounds
 
 
-def plot_matrix_set(model: MatrixUncertainty, frm: Frm | Sequence[Frm] | None = None, *, ax: Axes | None = None) -> Any:
+def plot_matrix_set(model: MatrixUncertainty, frm: Bla | Sequence[Bla] | None = None, *, ax: Axes | None = None) -> Any:
     """Every entry of the nominal with the gains that the set gives it, and what was measured.
 
     Parameters
     ----------
     model : MatrixUncertainty
-    frm : nlfrf.Frm or list of them, optional
+    frm : nlfrf.Bla or list of them, optional
         What was measured, drawn as points with their 95 % bounds.
     ax : matplotlib Axes, optional
         Where to draw: it gives its place to the matrix of axes that is returned; a new figure when not given.
@@ -47,7 +47,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Frm | Sequence[Frm] | None = 
     """
     of_kind("model", model, MatrixUncertainty)
     omega = outside_too(model)
-    frms = [] if frm is None else [frm] if isinstance(frm, Frm) else list(frm)
+    frms = [] if frm is None else [frm] if isinstance(frm, Bla) else list(frm)
     for one in frms:
         require_matrix("frm", one)
     frms = [behind_hold(one, timebase(model.nominal)) for one in frms]

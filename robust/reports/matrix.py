@@ -8,7 +8,7 @@ from typing import Any
 import control
 
 import nlfrf
-from nlfrf import Frm
+from nlfrf import Bla
 from nlfrf._base.arguments import counted
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.performance import loop_gains
@@ -21,7 +21,7 @@ __all__ = ["matrix_sections"]
 
 
 def matrix_sections(
-    report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace, frms: Sequence[Frm], nominal: Any
+    report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace, frms: Sequence[Bla], nominal: Any
 ) -> list[Section]:
     """What was found, what was measured, the set, the loop, the check and its proofs."""
     return [verdict(report), measured(frms), the_set(model, frms, nominal), the_loop(model, K, report), proofs(report)]
@@ -37,7 +37,7 @@ def verdict(report: StructuredReport) -> Section:
     )
 
 
-def measured(frms: Sequence[Frm]) -> Section:
+def measured(frms: Sequence[Bla]) -> Section:
     """The measured matrix: entries, what limits them, directions."""
     from nlfrf import plot
 
@@ -64,7 +64,7 @@ def measured(frms: Sequence[Frm]) -> Section:
     )
 
 
-def the_set(model: MatrixUncertainty, frms: Sequence[Frm], nominal: Any) -> Section:
+def the_set(model: MatrixUncertainty, frms: Sequence[Bla], nominal: Any) -> Section:
     """The nominal and the set around it."""
     from robust import plot
 

@@ -25,7 +25,6 @@ REVIEWED = {
     "nlfrf.io.readers.layout:head_of": "the beginning of a file",
     "nlfrf.io.readers.lvm:contents": "a file",
     "nlfrf._base.values:meanings": "a docstring, for a table in a notebook",
-    "nlfrf._base.values:held": "the repr of an array, for a table in a notebook",
     "nlfrf._base.values:plain": "white space made even in what is only printed",
     "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
     "nlfrf._base.own_process:read_apart": "the name of the exception that ended another process",

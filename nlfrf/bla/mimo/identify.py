@@ -10,7 +10,7 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning, integer, one_of
 from nlfrf._base.numbers import power
-from nlfrf.bla.bla import Bla, DistortionLevels, Frm, excess
+from nlfrf.bla.bla import Bla, DistortionLevels, excess
 from nlfrf.bla.frf import ROUNDING, warn_of_jumps, warn_of_lines_apart
 from nlfrf.bla.identify import identify_single
 from nlfrf.bla.mimo.channels import ChannelSpectra, channel_spectra
@@ -58,7 +58,7 @@ def identify(
     transient: str = "auto",
     level_from: str = "auto",
     n_detection: int = 6,
-) -> Any:
+) -> Bla | list[Bla]:
     """Best linear approximation, noise and distortion of a system from one periodic record.
 
     Parameters
@@ -80,7 +80,7 @@ def identify(
 
     Returns
     -------
-    Bla, Frm for several inputs or outputs, or a list of Bla for a list of records
+    Bla, or a list of them for a list of records
 
     Raises
     ------
@@ -120,7 +120,7 @@ def identify(
     return identify_matrix(record, transient, level_from, n_detection)
 
 
-def identify_matrix(record: Record, transient: str, level_from: str, n_detection: int) -> Frm:
+def identify_matrix(record: Record, transient: str, level_from: str, n_detection: int) -> Bla:
     """`identify` for several channels."""
     grid = record.lines
     spectra, treatment = channel_spectra(record, transient)
@@ -155,7 +155,7 @@ def identify_matrix(record: Record, transient: str, level_from: str, n_detection
     dof = level.dof + per_set * (R - 1)
     pooled = level.cov if R == 1 else (per_set * (R - 1) * total + level.dof * level.cov) / dof
     gamma, pooled = (frf.gamma, pooled) if between is None else spread_between(between, frf.gamma, pooled, R)
-    return Frm(
+    return Bla(
         f=grid.excited * record.f0,
         G=frf.G,
         inputs=record.inputs,

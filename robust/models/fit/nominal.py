@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf import Bla, Frm, bla_from_frf
+from nlfrf import Bla, bla_from_frf
 from nlfrf._base.arguments import integer, nonnegative, real_array, shown
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
@@ -90,7 +90,7 @@ class Sought:
         return improve(points, G, left, right, model, self.kind["direct"], self.kind["stable"])
 
 
-def as_matrices(bla: Any) -> list[Frm]:
+def as_matrices(bla: Any) -> list[Bla]:
     """The matrices that were given, one or at several levels, of the same inputs and outputs; none of anything else."""
     many = list(bla) if isinstance(bla, list | tuple) else [bla]
     if not any(map(is_matrix, many)):
@@ -106,7 +106,7 @@ def as_matrices(bla: Any) -> list[Frm]:
     return many
 
 
-def refuse_other_channels(frm: Frm, known: Any, of: str) -> None:
+def refuse_other_channels(frm: Bla, known: Any, of: str) -> None:
     """Refuse a record whose channels are called otherwise, or stand in another order; unnamed ones go with any."""
     for name, letter in (("inputs", "u"), ("outputs", "y")):
         first, second = tuple(getattr(known, name)), tuple(getattr(frm, name))
@@ -118,7 +118,7 @@ def refuse_other_channels(frm: Frm, known: Any, of: str) -> None:
 
 
 def fit_matrix(
-    frms: list[Frm], n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
+    frms: list[Bla], n_poles: int, n_zeros: int | None, delay: Any, dt: float, stable: bool, rank: int
 ) -> dict[str, Any]:
     """The fields of the `NominalFit` of a matrix, measured once or at several levels: one model for all."""
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
@@ -130,7 +130,7 @@ def fit_matrix(
     if n_poles > MAX_POLES:
         raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
     if n_zeros not in (None, n_poles):
-        raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for an Frm, got {n_zeros}")
+        raise ValueError(f"n_zeros must be None or n_poles = {n_poles} for several channels, got {n_zeros}")
     if dt and omega.max() * dt >= np.pi:
         raise ValueError(
             f"dt must put the Nyquist frequency above the last line, {omega.max() / 2 / np.pi:g} Hz, got dt = {dt:g} s "
@@ -340,9 +340,6 @@ def suspected(weight: control.StateSpace, omega: np.ndarray, radius: np.ndarray)
     return weight
 
 
-Measured = TypeVar("Measured", Bla, Frm)
-
-
 @value
 class NominalFit:
     """A parametric model of a measured FRF, and how well it explains the lines.
@@ -430,12 +427,12 @@ class Lines:
     hold: str = "unknown"
 
 
-def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
+def frd(bla: Bla) -> control.FrequencyResponseData:
     """The best linear approximation as a python-control FRF, to plot, multiply and compare with models.
 
     Parameters
     ----------
-    bla : nlfrf.Bla or nlfrf.Frm
+    bla : nlfrf.Bla
         A measured BLA, or a matrix of them.
 
     Returns
@@ -446,7 +443,7 @@ def frd(bla: Bla | Frm) -> control.FrequencyResponseData:
     Raises
     ------
     ValueError
-        Anything that is neither a Bla nor an Frm.
+        Anything that is no Bla.
 
     Examples
     --------
@@ -481,15 +478,17 @@ def fit_nominal(
 
     Parameters
     ----------
-    bla : nlfrf.Bla, list of them, nlfrf.Frm or control.FrequencyResponseData
-        What was measured. A list, of Frm too, is a plant at several levels or days: one model for all. That of an Frm
+    bla : nlfrf.Bla, list of them or control.FrequencyResponseData
+        What was measured. A list is a plant at several levels or days: one model for all. That of several channels
         has poles that all entries share and residues of rank one, n_poles states in all, weighted by the covariance.
     n_poles : int
         Number of poles. `scan_orders` helps to choose.
     n_zeros : int, optional
-        Number of zeros, n_poles - 1 when not given. Of an Frm either none is given, or n_poles for a direct term.
+        Number of zeros, n_poles - 1 when not given. Of several channels none is given, or
+        n_poles for a direct term.
     delay : float or "estimate"
-        Delay [s] in series; in discrete time a whole number of samples. Of an Frm also (n_u,), one for each input.
+        Delay [s] in series; in discrete time a whole number of samples. Of several channels also (n_u,),
+        one for each input.
     dt : float
         0 for a continuous model, otherwise the sampling time [s] of a discrete one.
     stable : bool
@@ -499,7 +498,7 @@ def fit_nominal(
         brings its own); `uncertainty` of the same FRF around the fit takes it. Without it, lines are weighted by 1/|G|
         and no cost is expected; with several channels it must be given.
     rank : int
-        Rank of the residues of an Frm: 2 for the equal modes of a symmetric machine.
+        Rank of the residues of several channels: 2 for the equal modes of a symmetric machine.
 
     Returns
     -------
@@ -568,7 +567,7 @@ def fit_nominal(
 
 
 def with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
-    """The `Bla` or `Frm` of an FRF with the standard deviation of its entries."""
+    """The `Bla` of an FRF with the standard deviation of its entries."""
     if std is None:
         raise ValueError(
             f"std must be given with an FRF of {frf.ninputs} inputs and {frf.noutputs} outputs; or give "
@@ -581,7 +580,7 @@ def with_deviation(frf: control.FrequencyResponseData, std: Any) -> Any:
 
 
 def of_own_fit(bla: Any, nominal: Any) -> Any:
-    """An FRF as a `Bla` or `Frm` by the standard deviation that its fit was given; anything else as it is."""
+    """An FRF as a `Bla` by the standard deviation that its fit was given; anything else as it is."""
     if not (isinstance(bla, control.FrequencyResponseData) and isinstance(nominal, NominalFit)):
         return bla
     std, fitted = np.asarray(nominal.std), np.asarray(nominal.response + nominal.residual)
@@ -662,7 +661,7 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
     return Lines(omega=omega, G=G, var=np.maximum(var, floor), dof=np.where(np.isinf(dof), 1e12, dof), hold=hold)
 
 
-def behind_hold(bla: Measured, dt: float) -> Measured:
+def behind_hold(bla: Bla, dt: float) -> Bla:
     """The same BLA or matrix as a model of sampling time dt describes it: without a hold (dt = 0), or behind one of dt.
 
     What the record's hold was is said by `hold`; where nobody said it, nothing is changed.

@@ -100,7 +100,7 @@ def scan_orders(
     n_poles : iterable of int
         Orders to try.
     relative_degree : int
-        Poles more than zeros. The model of an Frm takes 1 (residues) or 0 (with a direct term).
+        Poles more than zeros. The model of several channels takes 1 (residues) or 0 (with a direct term).
     delay : float or str
         As in `fit_nominal` [s], or "auto": none, and beside each order a fit with "estimate" where the phase asks for a
         delay, which it does when no order without one explains the data by poles and zeros that they carry.
@@ -132,7 +132,7 @@ def scan_orders(
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
     several = bool(as_matrices(bla))
     if several and excess > 1:
-        raise ValueError(f"relative_degree must be 0 or 1 for an Frm, got {excess}")
+        raise ValueError(f"relative_degree must be 0 or 1 for several channels, got {excess}")
 
     def fitted(n: int, tau: float | str) -> NominalFit:
         zeros = (n if not excess else None) if several else n - excess

@@ -16,7 +16,7 @@ import control
 import numpy as np
 from scipy.linalg import block_diag
 
-from nlfrf import Frm
+from nlfrf import Bla
 from nlfrf._base.values import value
 from robust.lti.realisation import in_order
 from robust.models.fit.rational import partial_fractions, relocated, stacked, starting_poles
@@ -87,7 +87,7 @@ class SharedPoles:
         return control.StateSpace(block_diag(*A), np.vstack(B), np.hstack(C), self.direct, 0)
 
 
-def whitening(frm: Frm) -> tuple[np.ndarray, np.ndarray]:
+def whitening(frm: Bla) -> tuple[np.ndarray, np.ndarray]:
     """(F, n_y, n_y) and (F, n_u, n_u) roots that whiten the error of a measured matrix.
 
     Directions in which hardly anything scatters are held to a thirtieth of the largest scatter, and to a millionth of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf import Bla, Frm
+from nlfrf import Bla
 from nlfrf._base.values import value
 
 __all__ = [
@@ -104,7 +104,7 @@ class MatrixEvidence:
     dof: np.ndarray
 
 
-def matrix_evidence_of(frm: Frm) -> MatrixEvidence:
+def matrix_evidence_of(frm: Bla) -> MatrixEvidence:
     """What a record of several inputs and outputs says of its lines."""
     G, C, gamma = (np.moveaxis(x, 2, 0) for x in (frm.G, frm.cov_bound, frm.gamma))
     return MatrixEvidence(omega=frm.omega, G=G, C=C, gamma=gamma, dof=np.minimum(frm.dof, 1e6))

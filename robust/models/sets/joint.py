@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf import Bla, Frm
+from nlfrf import Bla
 from robust.lti.lti import response
 from robust.models.sets.evidence import FEW_LINES, LEVEL_DOF, WINDOW, Evidence, evidence_of
 from robust.models.sets.radius import misfit, nominal_response
@@ -72,7 +72,7 @@ def chance(model: Any, evidence: Evidence, missed: np.ndarray) -> tuple[float, f
     return held((s * common + around) / g), held(around / g)
 
 
-def matrix_chance(model: Any, frm: Frm, G0: np.ndarray, missed: np.ndarray) -> tuple[float, float]:
+def matrix_chance(model: Any, frm: Bla, G0: np.ndarray, missed: np.ndarray) -> tuple[float, float]:
     """`chance` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white.
 
     G0, missed : (n_y, n_u, F) nominal on the lines, and its misfit entry by entry.

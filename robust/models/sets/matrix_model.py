@@ -1,4 +1,4 @@
-"""``MatrixUncertainty``: a nominal of several inputs and outputs, and what a measured `Frm` leaves open about it.
+"""``MatrixUncertainty``: a nominal of several inputs and outputs, and what a measured `Bla` leaves open about it.
 
     form       set, gain of every Delta at most one              blocks
     elements   G_ji + w_ji Delta_ji                              n_y n_u numbers
@@ -46,7 +46,7 @@ ROUNDED = 1 + 1e-9  # a Delta of size one, but for rounding
 
 @value
 class MatrixUncertainty:
-    """A set of plants of several inputs and outputs around a nominal, as wide as a measured `Frm` asks for.
+    """A set of plants of several inputs and outputs around a nominal, as wide as a measured `Bla` asks for.
 
     Fields
     ------
@@ -287,9 +287,9 @@ class MatrixUncertainty:
             )
         P = self.open_loop()
         n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
-        if w_P is not None:
+        if dt and w_P is not None:
             w_P = multivariable("w_P", w_P)
-            if dt and w_P.nstates and not timebase(w_P) and (w_P.ninputs, w_P.noutputs) == (1, 1):
+            if w_P.nstates and not timebase(w_P) and (w_P.ninputs, w_P.noutputs) == (1, 1):
                 w_P = cover_sampled(w_P, dt)
         weights = [] if w_P is None else [("e", over_channels("w_P", w_P, n_y))]
         for _, weight in weights:

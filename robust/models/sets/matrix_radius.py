@@ -8,7 +8,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf import Frm
+from nlfrf import Bla
 from nlfrf._base.arguments import integer, one_of, probability
 from robust.lti.connections import in_series, joined
 from robust.lti.lti import timebase
@@ -31,7 +31,7 @@ FLAT = 1.06  # largest over smallest radius up to which a weight is a number
 
 
 def matrix_uncertainty(
-    frms: list[Frm],
+    frms: list[Bla],
     nominal: Any,
     *,
     form: str,
@@ -96,7 +96,7 @@ def matrix_uncertainty(
     return replace(made, joint=float(joint), joint_bla=float(joint_bla))
 
 
-def matrix_measured_as(frm: Frm) -> str:
+def matrix_measured_as(frm: Bla) -> str:
     """What a matrix was measured with, in words."""
     if frm.grid == "given":
         lines = f"{frm.f.size} lines {frm.f[0]:g} to {frm.f[-1]:g} Hz"
@@ -108,7 +108,7 @@ def matrix_measured_as(frm: Frm) -> str:
     )
 
 
-def asked_radii(frm: Frm, model: np.ndarray, p: float, simultaneous: bool, even: bool, form: str) -> np.ndarray:
+def asked_radii(frm: Bla, model: np.ndarray, p: float, simultaneous: bool, even: bool, form: str) -> np.ndarray:
     """(n, F) radii that one record asks for: of the elements, or those of W_l before those of W_r."""
     if form == ELEMENTS:
         discs = entry_discs(frm, model, p, simultaneous, even)
@@ -116,7 +116,7 @@ def asked_radii(frm: Frm, model: np.ndarray, p: float, simultaneous: bool, even:
     return np.concatenate(full_block(frm, model, misfits(frm, model), p, simultaneous, even, form))
 
 
-def widest(frms: list[Frm], each: list[np.ndarray], split: int) -> tuple[np.ndarray, np.ndarray]:
+def widest(frms: list[Bla], each: list[np.ndarray], split: int) -> tuple[np.ndarray, np.ndarray]:
     """All frequencies, and (n, W) the largest radius of all records there.
 
     A block W_l D W_r lies in every one of larger diagonals. What stands left and what right of it is a matter of scale,
@@ -141,7 +141,7 @@ def behind_delays(G: control.StateSpace, delays: np.ndarray | None) -> control.S
     return in_series(joined([delayed(through, float(tau), order=PADE_ORDER) for tau in delays], G.dt), G)
 
 
-def entry_discs(frm: Frm, model: np.ndarray, p: float, simultaneous: bool, even: bool) -> np.ndarray:
+def entry_discs(frm: Bla, model: np.ndarray, p: float, simultaneous: bool, even: bool) -> np.ndarray:
     """(n_y, n_u, F) radii of the entries about the nominal that hold all of them together with probability p."""
     each = p ** (1 / (frm.n_outputs * frm.n_inputs))
     discs = np.empty(model.shape)
@@ -151,7 +151,7 @@ def entry_discs(frm: Frm, model: np.ndarray, p: float, simultaneous: bool, even:
     return discs
 
 
-def misfits(frm: Frm, model: np.ndarray) -> np.ndarray:
+def misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
     """(n_y, n_u, F) what the nominal misses beyond scatter, entry by entry."""
     out = np.empty(model.shape)
     for j, i in np.ndindex(model.shape[:2]):
@@ -161,7 +161,7 @@ def misfits(frm: Frm, model: np.ndarray) -> np.ndarray:
 
 
 def full_block(
-    frm: Frm, model: np.ndarray, misfit: np.ndarray, p: float, simultaneous: bool, even: bool, form: str
+    frm: Bla, model: np.ndarray, misfit: np.ndarray, p: float, simultaneous: bool, even: bool, form: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Radii (n, F) of diagonal W_l and W_r whose full block holds the matrix of a new set.
 
@@ -186,8 +186,8 @@ def full_block(
     return diagonal_over(X), diagonal_over(gamma)
 
 
-def quantiles(frm: Frm, p: float, simultaneous: bool) -> np.ndarray:
-    """(F,) the quantile of Roy's root: the block of an `Frm` over its root of the covariance."""
+def quantiles(frm: Bla, p: float, simultaneous: bool) -> np.ndarray:
+    """(F,) the quantile of Roy's root: the block of a `Bla` over its root of the covariance."""
     left, _ = frm.block(p, simultaneous=simultaneous)
     size = np.einsum("jkf,jkf->f", left, left.conj()).real
     return size / np.einsum("jjf->f", frm.cov_bound).real

@@ -20,7 +20,7 @@ from typing import Any, overload
 import control
 import numpy as np
 
-from nlfrf import Bla, Frm
+from nlfrf import Bla
 from nlfrf._base.arguments import generator, one_of, probability, real, real_array, shown
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
@@ -248,7 +248,7 @@ class UncertaintyModel:
 
 @overload
 def uncertainty(
-    bla: Frm | Sequence[Frm],
+    bla: Bla | Sequence[Bla],
     nominal: Any,
     *,
     form: str = ...,
@@ -283,7 +283,7 @@ def uncertainty(
 
 
 def uncertainty(
-    bla: Bla | Sequence[Any] | Frm,
+    bla: Bla | Sequence[Any],
     nominal: Any,
     *,
     form: str = RELATIVE,
@@ -309,15 +309,16 @@ def uncertainty(
     ----------
     bla : nlfrf.Bla or list of them
         What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or
-        nlfrf.Frm, one or a list: the set is a `MatrixUncertainty`. An FRF from elsewhere is a Bla by
+        Of several channels, one or a list, the set is a `MatrixUncertainty`. An FRF from elsewhere is a Bla by
         `nlfrf.bla_from_frf`, or by the `std` that `fit_nominal` was given with it. Or a radius of your own: arrays
         (omega, radius), in rad/s and the unit of the form, or a list of plants (FRFs, systems) that the set has to
         hold.
     nominal : NominalFit, control system or control.FrequencyResponseData
         The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of an Frm "elements"
-        (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at a price of 10 %.
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of several
+        channels "elements" (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at
+        a price of 10 %.
     order : int
         Order of the weight, or of each of them.
     confidence : float
@@ -339,7 +340,7 @@ def uncertainty(
 
     Returns
     -------
-    UncertaintyModel, or MatrixUncertainty of an Frm
+    UncertaintyModel, or MatrixUncertainty of several channels
 
     Raises
     ------

@@ -104,7 +104,7 @@ def test_a_step_of_one_of_several_references_is_that_of_the_closed_loop(dt):
     loop = control.feedback(seen * K, np.eye(3))
     for j in range(3):
         step = step_response(G, K, duration=3.0, reference=j)
-        assert (step.y.shape[0], step.u.shape[0]) == (3, 2)
+        assert (step.y.shape[0], step.u.shape[0], step.reference) == (3, 2, j)
         even = np.linspace(0, 3, 1501) if not dt else step.t
         wanted = control.forced_response(loop, even, np.outer(np.eye(3)[j], np.ones(even.size))).outputs
         for found, one in zip(step.y, wanted, strict=True):

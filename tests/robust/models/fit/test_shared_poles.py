@@ -162,7 +162,7 @@ def test_from_a_record_to_a_nominal_in_discrete_and_in_continuous_time():
     scan = scan_orders(frm, n_poles=(2, 4, 6), dt=1 / 1024)
     assert scan.best == 4
     assert scan.fit.cost == fit.cost
-    with pytest.raises(ValueError, match="relative_degree must be 0 or 1 for an Frm, got 2"):
+    with pytest.raises(ValueError, match="relative_degree must be 0 or 1 for several channels, got 2"):
         scan_orders(frm, n_poles=(2, 4), relative_degree=2)
 
 
@@ -170,7 +170,7 @@ def test_refusals():
     ms = nlfrf.multisine("random-odd", fs=512, n_samples=512, f_min=2, f_max=100, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
     frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u, fs=512, lines=ms.lines))
-    with pytest.raises(ValueError, match="n_zeros must be None or n_poles = 4 for an Frm, got 2"):
+    with pytest.raises(ValueError, match="n_zeros must be None or n_poles = 4 for several channels, got 2"):
         fit_nominal(frm, n_poles=4, n_zeros=2)
     with pytest.raises(ValueError, match="dt must put the Nyquist frequency above the last line"):
         fit_nominal(frm, n_poles=4, dt=0.01)

@@ -147,7 +147,7 @@ def test_refusals(G, options, message):
 def test_a_list_of_matrices_is_refused_as_one():
     """An Frm in a list was said to be no plant, which an Frm alone is."""
     one = set_of(STAGE, "input", (0.1, 0.1), (1.0, 1.0))
-    with pytest.raises(ValueError, match=r"plant must be one Frm .* got a list of matrices"):
+    with pytest.raises(ValueError, match=r"plant must be one Bla of several channels .* got a list of matrices"):
         design_frf([one, one], "PI", M_S=2.0)
 
 
