@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import robust
-from robust.friction.plant import SlidingMachine, sliding_loop
+from robust.friction.plant import FrictionPlant, friction_loop
 
 T = 1e-3
 SLOW = 0.01  # the clock of the fast machines [s]
@@ -68,7 +68,7 @@ def worst_member(numbers: tuple[float, float, float], K: Any, delay: float, omeg
     mass, stiffness, damping = numbers
     worst = -np.inf
     for more in (0.0, 3.0):
-        loop = sliding_loop(robust.sliding_machine(mass + more, stiffness, damping), K, delay)
+        loop = friction_loop(robust.friction_plant(mass + more, stiffness, damping), K, delay)
         beside = omega + width * np.sinh(np.linspace(-6, 6, 61))
         springs = (mass + more) * beside**2 - stiffness
         worst = max(worst, max((loop.growth(spring) for spring in springs[springs > 0]), default=-np.inf))
@@ -81,7 +81,7 @@ def passive_attack(n: int, rng: np.random.Generator) -> tuple[Counter, list]:
     broken = []
     for _ in range(n):
         numbers, K, delay, omega, width = passive_loop(rng)
-        proof = robust.prove_friction(robust.sliding_machine(*numbers), K, robust.any_passive(), delay=delay)
+        proof = robust.prove_friction(robust.friction_plant(*numbers), K, robust.any_passive(), delay=delay)
         verdicts[proof.verdict] += 1
         if proof.verdict != "proved":
             continue
@@ -98,15 +98,15 @@ def bang_bang(zeta: float) -> float:
     return float(1 / np.tanh(np.pi * zeta / 2 / np.sqrt(1 - zeta**2)))
 
 
-def fast_machine(swings: float, zeta: float) -> tuple[SlidingMachine, float]:
+def fast_machine(swings: float, zeta: float) -> tuple[FrictionPlant, float]:
     """1 kg that swings so often in a sample, and its stiffness [N/m]."""
     omega = 2 * np.pi * swings / SLOW
-    return robust.sliding_machine(1.0, omega**2, 2 * zeta * omega), omega**2
+    return robust.friction_plant(1.0, omega**2, 2 * zeta * omega), omega**2
 
 
-def steps(machine: SlidingMachine, K: Any, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def steps(machine: FrictionPlant, K: Any, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Flow of an nth of a sample, what 1 N in it makes, and the jump."""
-    loop = sliding_loop(machine, K)
+    loop = friction_loop(machine, K)
     size = loop.B.size
     block = np.zeros((size + 1, size + 1))
     block[:size, :size], block[:size, size] = loop.F, loop.B
@@ -114,7 +114,7 @@ def steps(machine: SlidingMachine, K: Any, n: int) -> tuple[np.ndarray, np.ndarr
     return both[:size, :size], both[:size, size], loop.jumps[0]
 
 
-def hunted(machine: SlidingMachine, K: Any, samples: int, n: int = 512) -> float:
+def hunted(machine: FrictionPlant, K: Any, samples: int, n: int = 512) -> float:
     """[m] reached by a friction of 1 N along the motion."""
     flow, push, jump = steps(machine, K, n)
     state, reached = np.zeros(push.size), 0.0
@@ -126,7 +126,7 @@ def hunted(machine: SlidingMachine, K: Any, samples: int, n: int = 512) -> float
     return reached
 
 
-def stopping_kick(machine: SlidingMachine, K: Any, n: int) -> float:
+def stopping_kick(machine: FrictionPlant, K: Any, n: int) -> float:
     """[m/s] from which the friction of 1 N that takes most off a real unstable mode just stops it."""
     flow, push, jump = steps(machine, K, n)
     poles, left = np.linalg.eig((np.linalg.matrix_power(flow, n) @ jump).T)

@@ -28,9 +28,9 @@ from benchmarks.friction_loops import T, bla_of_level, of_example_14, random_loo
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, Leuven, LuGre, VaryingSliders
 from robust.friction.classes import AnyFriction
-from robust.friction.plant import sliding_loop
+from robust.friction.plant import friction_loop
 
-MACHINE = robust.sliding_machine(1.0, 80e3, 0.4)
+MACHINE = robust.friction_plant(1.0, 80e3, 0.4)
 K0 = 64e3
 MICRODAMPING = 13.0  # of the paper's rig [Ns/m]
 LONGEST = 60_000  # samples of one run
@@ -72,7 +72,7 @@ def disturbed(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]
 
 def samples_needed(K: object, delay: float) -> int:
     """Samples of 20 slowest time constants, of the sliding loop and of the loop on its whole presliding spring."""
-    loop = sliding_loop(MACHINE, K, delay)
+    loop = friction_loop(MACHINE, K, delay)
     slowest = max(max(np.abs(p)[np.abs(p) < 1 - 1e-9]) for p in (loop.poles(), loop.poles(K0)))
     return int(np.clip(np.ceil(-20 / np.log(slowest)), 1500, LONGEST))
 
@@ -123,7 +123,7 @@ def attacked(
 
 def spring_oscillates(K: object, delay: float, kappa: float) -> bool:
     """One element of that stiffness with a finite slider, released off rest: its growth simulated out."""
-    loop = sliding_loop(MACHINE, K, delay)
+    loop = friction_loop(MACHINE, K, delay)
     growth = np.log1p(loop.growth(kappa))
     n = int(np.clip(np.ceil(12 / growth), 2000, 400_000))
     friction = VaryingSliders(stiffness=[kappa], strength=[1.0], stiction=1.0)

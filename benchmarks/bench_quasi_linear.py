@@ -20,7 +20,7 @@ import nlfrf
 import robust
 from benchmarks.friction_loops import T, bla_of_level, of_example_14
 
-MACHINE = robust.sliding_machine(1.0, 80e3, 0.4)
+MACHINE = robust.friction_plant(1.0, 80e3, 0.4)
 BURSTS = (0.5, 2.0, 20.0)  # rms [N]
 CALM, SILENCE = 300, 2700  # samples
 

@@ -30,7 +30,7 @@ import nlfrf
 import robust
 from nlfrf import hysteresis
 from nlfrf.friction import Dahl, GeneralizedMaxwellSlip, Leuven, LuGre, VaryingSliders
-from robust.friction.plant import sliding_loop, unstable_spring
+from robust.friction.plant import destabilizing_stiffness, friction_loop
 
 __all__ = ["Case", "Tally", "draw_case", "draw_loops", "measure", "read", "tally_case"]
 
@@ -51,7 +51,7 @@ class Case:
     mass: float
     stiffness: float
     K0: float
-    truth: Any  # SlidingMachine
+    truth: Any  # FrictionPlant
     delay: float
     noise: float  # relative to the rms of the output
     levels: tuple[float, ...]
@@ -122,9 +122,9 @@ def draw_case(number: int, seed: int = 0) -> Case:
         C = np.array([[damping + light, -light], [-light, light]])
         rig = nlfrf.Rig(M, K, [friction, None], C, actuators=[[1.0], [0.0]], sensors=[[1.0, 0.0]])
         A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-        truth = robust.sliding_machine(control.StateSpace(A, [[0], [0], [1 / mass], [0]], [[1, 0, 0, 0]], 0))
+        truth = robust.friction_plant(control.StateSpace(A, [[0], [0], [1 / mass], [0]], [[1, 0, 0, 0]], 0))
     else:
-        rig, truth = nlfrf.Rig(mass, stiffness, friction, damping), robust.sliding_machine(mass, stiffness, damping)
+        rig, truth = nlfrf.Rig(mass, stiffness, friction, damping), robust.friction_plant(mass, stiffness, damping)
     if good:
         levels = tuple(Fs * 10 ** rng.uniform(*np.log10(pair)) for pair in GOOD)
     else:
@@ -201,7 +201,7 @@ def prove_read(found: Any, K: Any, delay: float) -> bool:
 
 def is_refuted(machine: Any, K: Any, delay: float, K0: float) -> bool:
     """Whether a spring up to K0 makes the loop unstable."""
-    return unstable_spring(sliding_loop(machine, K, delay), K0) is not None
+    return destabilizing_stiffness(friction_loop(machine, K, delay), K0) is not None
 
 
 def port_stiffness(machine: Any) -> float:

@@ -50,6 +50,7 @@ from .friction.linear_uncertainty import FrequencyTest as FrequencyTest
 from .friction.linear_uncertainty import friction_frequency_test as friction_frequency_test
 
 # Sliding: machines with friction
+from .friction.plant import friction_plant as friction_plant
 from .friction.plant import sliding_machine as sliding_machine
 from .friction.prove import FrictionProof as FrictionProof
 from .friction.prove import prove_friction as prove_friction

@@ -105,7 +105,7 @@ def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0
     return AnyFriction(
         kind="Maxwell slip",
         K0=positive("K0", K0),
-        stiction=at_least_one(stiction),
+        stiction=require_ratio(stiction),
         bristle_time=nonnegative("bristle_time", bristle_time),
     )
 
@@ -147,7 +147,7 @@ def any_bristle(K0: float, stiction: float = 1.5, microdamping: float = 0.0) -> 
     return AnyFriction(
         kind="bristle",
         K0=positive("K0", K0),
-        stiction=at_least_one(stiction),
+        stiction=require_ratio(stiction),
         microdamping=nonnegative("microdamping", microdamping),
     )
 
@@ -207,8 +207,8 @@ def any_passive() -> AnyFriction:
     return AnyFriction(kind="passive")
 
 
-def at_least_one(stiction: float) -> float:
-    """The ratio, or a refusal."""
+def require_ratio(stiction: float) -> float:
+    """Return a ratio of at least one, or refuse it."""
     stiction = real("stiction", stiction)
     if stiction < 1:
         raise ValueError(f"stiction must be at least 1, largest over smallest force of a slider, got {stiction:g}")

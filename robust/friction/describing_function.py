@@ -10,8 +10,8 @@ from scipy.linalg import expm
 import nlfrf
 from nlfrf._base.arguments import real_array, shown
 from nlfrf._base.values import value
-from robust.friction.passivity import Levels, levels_of
-from robust.friction.plant import SlidingLoop, SlidingMachine, frequencies, mobility, sliding_loop
+from robust.friction.passivity import MeasuredImpedances, measured_impedances
+from robust.friction.plant import FrictionLoop, FrictionPlant, friction_loop, loop_frequencies, mobility
 from robust.lti.lti import poles
 from robust.lti.realisation import state_space
 
@@ -21,7 +21,7 @@ __all__ = ["QuasiLinear", "describing_function", "quasi_linear"]
 # ---- A friction law at an amplitude as a spring and a damper: what it answers to a sine.
 
 POINTS, PERIODS = 256, 3  # of a sine that friction is driven by
-FINEST = 4096  # integration steps a point
+MAX_STEPS_PER_SAMPLE = 4096  # integration steps a point
 
 
 def describing_function(friction: Any, amplitude: float, omega: float) -> complex:
@@ -43,7 +43,7 @@ def describing_function(friction: Any, amplitude: float, omega: float) -> comple
             motion = nlfrf.drive(friction, amplitude * omega * np.cos(phase), fs=fs, oversampling=steps)
             break
         except ValueError:  # steps too long for the law; what else is wrong is so at the finest too
-            if steps >= FINEST:
+            if steps >= MAX_STEPS_PER_SAMPLE:
                 raise
             steps *= 4
     last = slice(-POINTS, None)
@@ -54,13 +54,15 @@ def describing_function(friction: Any, amplitude: float, omega: float) -> comple
 
 #: Where a law is looked at unless told otherwise: from a nanometre to a metre, ten to a decade [m].
 AMPLITUDES = np.geomspace(1e-9, 1.0, 91)
-BEYOND = 1e4  # times the largest level: as far as levels are followed
-FORGETS = 0.2  # of the frequency: how fast the envelope of a disturbed motion falls
+MAX_LEVEL_RATIO = 1e4  # times the largest level: as far as levels are followed
+MAX_DECAY_RATIO = 0.2  # of the frequency: how fast the envelope of a disturbed motion falls
 ROUNDS, SAME = 6, 1e-3  # of the frequency at an amplitude, until it moves by less than that
-ROUNDING = 1e-14  # of the fastest pole
-FLAT = 0.01  # of a friction that only slides: spring over damper, and how far its force still grows with log a
+POLE_ROUNDING = 1e-14  # of the fastest pole
+SLIDING_TOLERANCE = (
+    0.01  # of a friction that only slides: spring over damper, and how far its force still grows with log a
+)
 NOT_CLAIMED = "Predicted from one sine at a time, not proved: laws, levels and bursts of other kinds are not in it."
-BLIND = "K integrates: stick-slip between long rests (hunting) is not seen by it."
+NO_HUNTING = "K integrates: stick-slip between long rests (hunting) is not seen by it."
 
 
 @value
@@ -99,9 +101,9 @@ class QuasiLinear:
     --------
     >>> import control
     >>> import nlfrf
-    >>> from robust import quasi_linear, sliding_machine
+    >>> from robust import quasi_linear, friction_plant
     >>> K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)          # integral action alone
-    >>> found = quasi_linear(nlfrf.paper_rig().friction, sliding_machine(1.0, 80e3, 0.4), K)
+    >>> found = quasi_linear(nlfrf.paper_rig().friction, friction_plant(1.0, 80e3, 0.4), K)
     >>> bool(0.2 < found.kick < 0.5), "not proved" in str(found)
     (True, True)
     """
@@ -135,7 +137,7 @@ class QuasiLinear:
 
 def quasi_linear(
     friction: Any,
-    machine: SlidingMachine,
+    machine: FrictionPlant,
     K: Any,
     *,
     delay: float = 0.0,
@@ -149,7 +151,7 @@ def quasi_linear(
     friction : law of nlfrf.friction, or sequence of nlfrf.Bla
         The friction; or BLAs from force [N] to measured position [m] at several levels, which tell its spring and
         damper at their amplitudes.
-    machine : SlidingMachine
+    machine : FrictionPlant
         The linear part, with the viscous part of the friction.
     K : control.StateSpace, TransferFunction or float
         Controller, u = K (r - y).
@@ -176,18 +178,18 @@ def quasi_linear(
     Examples
     --------
     >>> import nlfrf
-    >>> from robust import sliding_machine
-    >>> found = quasi_linear(nlfrf.paper_rig().friction, sliding_machine(1.0, 80e3, 0.4), 1e3)
+    >>> from robust import friction_plant
+    >>> found = quasi_linear(nlfrf.paper_rig().friction, friction_plant(1.0, 80e3, 0.4), 1e3)
     >>> found.amplitude, found.outcome                             # a spring more, and nothing else
     (inf, '')
     """
-    if not isinstance(machine, SlidingMachine):
-        raise ValueError(f"machine must be a sliding_machine, got {shown(machine)}")
+    if not isinstance(machine, FrictionPlant):
+        raise ValueError(f"machine must be a friction_plant, got {shown(machine)}")
     K = state_space("K", K)
-    loop = sliding_loop(machine, K, delay)
-    levels = levels_of(friction, machine) if isinstance(friction, (list, tuple)) else None
-    a = looked_at(amplitudes, levels)
-    stiffness, damping, pole, swings = equivalents(loop, friction, levels, a)
+    loop = friction_loop(machine, K, delay)
+    levels = measured_impedances(friction, machine) if isinstance(friction, (list, tuple)) else None
+    a = amplitude_grid(amplitudes, levels)
+    stiffness, damping, pole, swings = equivalent_impedances(loop, friction, levels, a)
     growth = pole.real
     rises = np.flatnonzero((growth[:-1] <= 0) & (growth[1:] > 0))
     falls = np.flatnonzero((growth[:-1] > 0) & (growth[1:] <= 0))
@@ -196,10 +198,17 @@ def quasi_linear(
         first, omega = 0.0, float(pole[0].imag)
     elif rises.size:
         pair = slice(rises[0], rises[0] + 2)
-        first, omega = crossing(a, growth, int(rises[0])), float(np.interp(0, growth[pair], pole.imag[pair]))
-    cycles = np.array([crossing(a, growth, int(i)) for i in falls])
-    outcome = "" if burst is None else after(driven(loop, machine, burst, (a, stiffness, damping)), a, growth)
-    grid = frequencies(loop)
+        first, omega = (
+            zero_growth_amplitude(a, growth, int(rises[0])),
+            float(np.interp(0, growth[pair], pole.imag[pair])),
+        )
+    cycles = np.array([zero_growth_amplitude(a, growth, int(i)) for i in falls])
+    outcome = (
+        ""
+        if burst is None
+        else final_amplitude(amplitude_after_burst(loop, machine, burst, (a, stiffness, damping)), a, growth)
+    )
+    grid = loop_frequencies(loop)
     integrates = np.any(np.abs(poles(K) - (1 if loop.T else 0)) < 1e-9)
     return QuasiLinear(
         amplitude=first,
@@ -214,16 +223,16 @@ def quasi_linear(
         frequencies=swings,
         boundary_omega=grid,
         boundary=1j * grid / mobility(loop, grid),
-        not_claimed=f"{NOT_CLAIMED} {BLIND}" if integrates else NOT_CLAIMED,
+        not_claimed=f"{NOT_CLAIMED} {NO_HUNTING}" if integrates else NOT_CLAIMED,
     )
 
 
-def looked_at(amplitudes: Any, levels: Levels | None) -> np.ndarray:
-    """The amplitudes to look at [m]."""
+def amplitude_grid(amplitudes: Any, levels: MeasuredImpedances | None) -> np.ndarray:
+    """Return the amplitudes [m] at which the loop is evaluated."""
     if amplitudes is None:
         if levels is None:
             return AMPLITUDES
-        low, high = levels.amplitude[0] / 10, levels.amplitude[-1] * BEYOND
+        low, high = levels.amplitude[0] / 10, levels.amplitude[-1] * MAX_LEVEL_RATIO
         return np.geomspace(low, high, int(10 * np.log10(high / low)) + 1)
     a = real_array("amplitudes", amplitudes, ndim=1)
     if a.size < 2 or not (a[0] > 0 and np.all(np.diff(a) > 0)):
@@ -231,17 +240,17 @@ def looked_at(amplitudes: Any, levels: Levels | None) -> np.ndarray:
     return a
 
 
-def equivalents(
-    loop: SlidingLoop, friction: Any, levels: Levels | None, a: np.ndarray
+def equivalent_impedances(
+    loop: FrictionLoop, friction: Any, levels: MeasuredImpedances | None, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """k_eq, c_eq, the least damped pole of the loop with them and where it swings [rad/s], at each amplitude."""
+    """Return k_eq, c_eq, the real part of the least damped loop pole and its frequency [rad/s] at each amplitude."""
     if levels is not None:
         stiffness, damping = levels.at(a)
         both = list(zip(stiffness, damping, strict=True))
-        pole = np.array([ringing(loop, k, c) for k, c in both])
-        return stiffness, damping, pole, np.array([swings_at(loop, k, c) for k, c in both])
+        pole = np.array([least_damped_pole(loop, k, c) for k, c in both])
+        return stiffness, damping, pole, np.array([oscillation_frequency(loop, k, c) for k, c in both])
     N, pole, omega = np.zeros(a.size, complex), np.zeros(a.size, complex), np.zeros(a.size)
-    start, slides = swings_at(loop, 0.0, 0.0), False
+    start, slides = oscillation_frequency(loop, 0.0, 0.0), False
     for i in range(a.size):
         omega[i] = omega[i - 1] if i else start
         if slides:
@@ -249,54 +258,56 @@ def equivalents(
         for _ in range(ROUNDS):  # the frequency at which the friction is driven is that of the loop with it
             if not slides:
                 N[i] = describing_function(friction, float(a[i]), float(omega[i]))
-            pole[i] = ringing(loop, N[i].real, N[i].imag / omega[i])
-            swings = swings_at(loop, N[i].real, N[i].imag / omega[i])
+            pole[i] = least_damped_pole(loop, N[i].real, N[i].imag / omega[i])
+            swings = oscillation_frequency(loop, N[i].real, N[i].imag / omega[i])
             if abs(swings / omega[i] - 1) < SAME:
                 break
             omega[i] = swings
-        slides = slides or (i > 0 and saturated(N.real, N.imag, a, i))
+        slides = slides or (i > 0 and only_slides(N.real, N.imag, a, i))
     return N.real, N.imag / omega, pole, omega
 
 
-def saturated(stiffness: np.ndarray, reaction: np.ndarray, a: np.ndarray, i: int) -> bool:
-    """Whether the force no longer grows from an amplitude to the next: all that is left is to slide, further."""
+def only_slides(stiffness: np.ndarray, reaction: np.ndarray, a: np.ndarray, i: int) -> bool:
+    """Whether the friction force no longer grows from an amplitude to the next, so that all elements slide."""
     grows = reaction[i] * a[i] / max(reaction[i - 1] * a[i - 1], 1e-300) - 1
-    return bool(abs(stiffness[i]) < FLAT * reaction[i] and abs(grows) < FLAT * np.log(a[i] / a[i - 1]))
+    return bool(
+        abs(stiffness[i]) < SLIDING_TOLERANCE * reaction[i] and abs(grows) < SLIDING_TOLERANCE * np.log(a[i] / a[i - 1])
+    )
 
 
-def ringing(loop: SlidingLoop, stiffness: float, damping: float) -> complex:
-    """The least damped pole with a spring and a damper at the port, in the upper half of the s-plane."""
+def least_damped_pole(loop: FrictionLoop, stiffness: float, damping: float) -> complex:
+    """Return the least damped pole with a spring and a damper at the port, in the upper half of the s-plane."""
     found = np.linalg.eigvals(loop.period(stiffness, damping))
     if loop.T:
         found = np.log(found[np.abs(found) > 1e-12].astype(complex)) / loop.T
     # a friction that holds leaves a slow pole that is below the rounding of the fast one, of either sign
-    found = found[(found.imag >= 0) & (np.abs(found) > ROUNDING * np.abs(found).max())]
+    found = found[(found.imag >= 0) & (np.abs(found) > POLE_ROUNDING * np.abs(found).max())]
     return complex(found[np.argmax(found.real / np.maximum(np.abs(found), 1e-9))])
 
 
-def swings_at(loop: SlidingLoop, stiffness: float, damping: float) -> float:
-    """A frequency [rad/s] to drive a friction at: where the loop swings with its spring and its damper.
+def oscillation_frequency(loop: FrictionLoop, stiffness: float, damping: float) -> float:
+    """Return the frequency [rad/s] at which the loop oscillates with a spring and a damper at the port.
 
     A loop that does not swing with both is taken with the spring alone: a friction that holds it does so at the
     frequency at which it would swing, and the slow pole that creeps back has no amplitude of its own.
     """
     top = np.pi / loop.T if loop.T else np.inf
-    for pole in (ringing(loop, stiffness, damping), ringing(loop, stiffness, 0.0)):
+    for pole in (least_damped_pole(loop, stiffness, damping), least_damped_pole(loop, stiffness, 0.0)):
         if pole.imag > 1e-3 * abs(pole):
             break
     return float(np.clip(pole.imag if pole.imag > 1e-3 * abs(pole) else abs(pole), 1e-2, top))
 
 
-def crossing(a: np.ndarray, growth: np.ndarray, i: int) -> float:
-    """The amplitude between a[i] and a[i + 1] at which the growth passes zero; straight over 1/a, as in sliding."""
+def zero_growth_amplitude(a: np.ndarray, growth: np.ndarray, i: int) -> float:
+    """Return the amplitude between a[i] and a[i + 1] of zero growth, linear in 1/a as for sliding friction."""
     share = growth[i] / (growth[i] - growth[i + 1])
     return float(1 / ((1 - share) / a[i] + share / a[i + 1]))
 
 
-def driven(
-    loop: SlidingLoop, machine: SlidingMachine, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray]
+def amplitude_after_burst(
+    loop: FrictionLoop, machine: FrictionPlant, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> float:
-    """The amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
+    """Return the amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
     burst = real_array("burst", burst, ndim=1)
     if not loop.T:
         raise ValueError("burst must be left out with a continuous controller, got one. Sample it first")
@@ -308,17 +319,24 @@ def driven(
     for force in burst:
         i = min(int(np.searchsorted(a, envelope)), a.size - 1)
         if i not in steps:
-            steps[i] = *pushed(loop, stiffness[i], damping[i], push), swings_at(loop, stiffness[i], damping[i])
+            steps[i] = (
+                *step_with_impedance(loop, stiffness[i], damping[i], push),
+                oscillation_frequency(loop, stiffness[i], damping[i]),
+            )
         xi = steps[i][0] @ xi + steps[i][1] * force
         omega = steps[i][2]
-        envelope = max(np.hypot(loop.x @ xi, (loop.v @ xi) / omega), envelope * np.exp(-FORGETS * omega * loop.T), a[0])
+        envelope = max(
+            np.hypot(loop.x @ xi, (loop.v @ xi) / omega), envelope * np.exp(-MAX_DECAY_RATIO * omega * loop.T), a[0]
+        )
         if envelope >= a[-1]:
             break
     return float(envelope)
 
 
-def pushed(loop: SlidingLoop, stiffness: float, damping: float, push: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One sample on with a spring and a damper at the port, and what a force held over it adds."""
+def step_with_impedance(
+    loop: FrictionLoop, stiffness: float, damping: float, push: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the state map of one sample with a spring and a damper at the port, and the effect of a held force."""
     n = push.size
     block = np.zeros((n + 1, n + 1))
     block[:n, :n] = loop.F + np.outer(loop.B, stiffness * loop.x + damping * loop.v)
@@ -330,8 +348,8 @@ def pushed(loop: SlidingLoop, stiffness: float, damping: float, push: np.ndarray
     return total, added
 
 
-def after(envelope: float, a: np.ndarray, growth: np.ndarray) -> str:
-    """Where an amplitude goes by itself: up where it grows, down where it does not, to the next change of sign."""
+def final_amplitude(envelope: float, a: np.ndarray, growth: np.ndarray) -> str:
+    """Return the amplitude a free motion tends to: the next one of zero growth, upwards or downwards."""
     i = min(int(np.searchsorted(a, envelope)), a.size - 1)
     if growth[i] > 0:
         return "limit cycle" if np.any(growth[i:] <= 0) else "ran away"

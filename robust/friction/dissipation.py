@@ -16,23 +16,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from robust.friction.multipliers import BristleWeights
-from robust.friction.plant import SlidingLoop
+from robust.friction.multipliers import BristleMultipliers
+from robust.friction.plant import FrictionLoop
 from robust.friction.storage import Dissipation
 
-__all__ = ["SLIGHTLY", "bristle_dissipation", "maxwell_slip_dissipation"]
+__all__ = ["ROUNDED_UP", "bristle_dissipation", "maxwell_slip_dissipation"]
 
 
 #: rho = 1 as it is taken, a larger class: at one itself the stored energy is not strictly positive. With integral
 #: action K0 (rho - 1) < k + K_p limits what is provable; 1.001 left a PID of 200 N/m undecided from K0 = 1e5 N/m on.
-SLIGHTLY = 1 + 1e-6
+ROUNDED_UP = 1 + 1e-6
 
 
 def maxwell_slip_dissipation(
-    loop: SlidingLoop, rates: np.ndarray, mu: np.ndarray, K0: float, rho: float
+    loop: FrictionLoop, rates: np.ndarray, mu: np.ndarray, K0: float, rho: float
 ) -> Dissipation:
     """The inequality for a loop with weights mu = (mu_0, mu_1, ...); filters without weight are left out."""
-    rho = max(rho, SLIGHTLY)
+    rho = max(rho, ROUNDED_UP)
     used = np.concatenate([[True], mu[2:] > 0])
     a, weight, free = rates[used], np.where(mu[1:] > 0, mu[1:], 0.0)[used], float(mu[0])
     n, extra = loop.F.shape[0], a.size - 1
@@ -103,7 +103,7 @@ def maxwell_slip_dissipation(
 
 
 def bristle_dissipation(
-    loop: SlidingLoop, rates: np.ndarray, weights: BristleWeights, K0: float, microdamping: float
+    loop: FrictionLoop, rates: np.ndarray, weights: BristleMultipliers, K0: float, microdamping: float
 ) -> Dissipation:
     """The inequality for a loop with weights of its forms; filters without weight are left out."""
     used = weights.nu > 0

@@ -15,7 +15,7 @@ from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.passivity import port_responses, refuse_unknown_amplitude
-from robust.friction.plant import SlidingMachine, sliding_machine, with_port_impedance
+from robust.friction.plant import FrictionPlant, friction_plant, with_port_impedance
 from robust.friction.prove import error_of_nominal, machines_of_nominal
 from robust.lti.sampling import hold_between
 
@@ -157,7 +157,7 @@ def one_mass_reaction(bla: Bla) -> Reaction:
     return Reaction(omega=omega, H=1 / G, std=relative / np.abs(G), delayed=delayed, dof=bla.dof)
 
 
-def nominal_reaction(bla: Bla, machine: SlidingMachine, nominal_error: np.ndarray | float = 0.0) -> Reaction:
+def nominal_reaction(bla: Bla, machine: FrictionPlant, nominal_error: np.ndarray | float = 0.0) -> Reaction:
     """The friction N at the port of a machine: G = G_ym - G_yp N G_xm/(1 + N G_xp), times its delay, solved for N.
 
     nominal_error : (W,) standard deviation of the machine's own response, relative to it.
@@ -192,7 +192,7 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
     spread = variance_inflation(best, misfit)
     tau, tau_std, left = fit_delay(reaction, best)
     softening, softening_std = fit_softening(reaction, best)
-    slow_low, slow_high = profile(solutions, 0, best.chi, spread)
+    slow_low, slow_high = profile_interval(solutions, 0, best.chi, spread)
     too_slow = best.rate <= reaction.omega[0] and plain.chi - best.chi > SIGMAS**2 * spread
     return LevelFit(
         force=float(np.sqrt((np.abs(bla.levels.excited / bla.G) ** 2).sum(axis=1).mean() / 2)),
@@ -217,13 +217,13 @@ def fit_level(bla: Bla, reaction: Reaction) -> LevelFit:
 
 def fit_rates(omega: np.ndarray, H: np.ndarray, std: np.ndarray) -> tuple[Solution, list[Solution]]:
     """The fit without a slipping element, and all that count: that one, and one for each rate with a >= 0."""
-    plain = least_squares(columns_of(omega, np.nan), H, std, np.nan)
-    slipping = (least_squares(columns_of(omega, b), H, std, b) for b in np.geomspace(omega[0], omega[-1], N_RATES))
+    plain = least_squares(regressors(omega, np.nan), H, std, np.nan)
+    slipping = (least_squares(regressors(omega, b), H, std, b) for b in np.geomspace(omega[0], omega[-1], N_RATES))
     return plain, [plain, *(one for one in slipping if one.found[3] >= 0)]
 
 
-def columns_of(omega: np.ndarray, rate: float) -> np.ndarray:
-    """(W, 3 or 4) columns of k, m, c, and of a where the element has a rate."""
+def regressors(omega: np.ndarray, rate: float) -> np.ndarray:
+    """Return the (W, 3 or 4) columns of k, m, c, and of a where the slipping element has a rate."""
     columns = [np.ones(omega.size), -(omega**2), 1j * omega]
     if np.isfinite(rate):
         columns.append(1j * omega / (1j * omega + rate))
@@ -263,7 +263,7 @@ def variance_inflation(solution: Solution, misfit: float) -> float:
     return max(1.0, misfit) * (1 + alike) / (1 - alike)
 
 
-def profile(solutions: list[Solution], i: int, least: float, spread: float) -> tuple[float, float]:
+def profile_interval(solutions: list[Solution], i: int, least: float, spread: float) -> tuple[float, float]:
     """Profile-likelihood interval of parameter i over all rates of the slipping element."""
     low, high = np.inf, -np.inf
     for one in solutions:
@@ -287,7 +287,7 @@ def misfit_limit(dof: np.ndarray, free: int) -> float:
 
 def fit_delay(reaction: Reaction, best: Solution) -> tuple[float, float, float]:
     """Delay [s] that is left in the data, its standard deviation, and the misfit once it is taken off."""
-    omega, tau, base = reaction.omega, 0.0, columns_of(reaction.omega, best.rate)
+    omega, tau, base = reaction.omega, 0.0, regressors(reaction.omega, best.rate)
     for _ in range(DELAY_STEPS):
         H, slope = reaction.delayed(tau)
         solution = least_squares(np.column_stack([base, -slope]), H, reaction.std, best.rate)
@@ -307,7 +307,7 @@ def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
     raise by 1 % where that line has a few per cent of noise.
     """
     omega, H, std = reaction.omega, reaction.H, reaction.std
-    columns = np.column_stack([columns_of(omega, best.rate), -(omega**4)])
+    columns = np.column_stack([regressors(omega, best.rate), -(omega**4)])
     solution = least_squares(columns, H, std, best.rate)
     misfit = solution.chi / (2 * omega.size - columns.shape[1] - 1)
     variance = float(solution.covariance[-1, -1]) * variance_inflation(solution, misfit)
@@ -319,13 +319,13 @@ def fit_softening(reaction: Reaction, best: Solution) -> tuple[float, float]:
 #: Share of the stiffness of the friction that may be missing at the second lowest level, and that the extrapolation to
 #: rest may add to the lowest. Friction that slides loses at least the power 3/2 of its stiffness in amplitude: two
 #: levels that slide fail one of the two conditions, whatever their ratio.
-AGREE = 0.2
+STIFFNESS_AGREEMENT = 0.2
 #: Units of length, angle, force and torque that carry a prefix; a unit that is not known is left to the user.
-SCALED = {
+SCALED_UNITS = {
     *("nm", "um", "µm", "μm", "mm", "cm", "km", "nrad", "urad", "µrad", "μrad", "mrad", "deg", "°"),
     *("mN", "kN", "MN", "mNm", "Nmm", "Ncm", "kNm"),
 }
-SUPPORT = (
+ASSUMPTION_NOTE = (
     "The levels support this class, they do not prove it: friction that creeps below break-away looks the same, what "
     "sticks even at the highest level is read as a spring of the machine, what slips even at the lowest is not seen."
 )
@@ -337,7 +337,7 @@ class FrictionClass:
 
     Fields
     ------
-    machine : SlidingMachine
+    machine : FrictionPlant
         Mass, and the least stiffness that the highest level allows, without damping. A stiffer machine is in the class:
         the difference is a spring that does not slip.
     friction : AnyFriction
@@ -351,7 +351,7 @@ class FrictionClass:
         The same [Ns/m]; most of it is the friction's.
     mass_std, stiffness_std : float
         Standard deviation of the mass over all levels [kg] and of the stiffness at the highest [N/m].
-    machines : tuple of SlidingMachine
+    machines : tuple of FrictionPlant
         The same machine with each damping that is to be proved: without any, and as it was fitted around a nominal.
         With a nominal `mass` is what a force at the friction port feels, `stiffness` and `damping` are what the
         friction adds to the nominal at each level. A delay of the nominal is kept in them.
@@ -378,7 +378,7 @@ class FrictionClass:
     True
     """
 
-    machine: SlidingMachine
+    machine: FrictionPlant
     friction: AnyFriction
     evidence: str
     mass: np.ndarray
@@ -386,7 +386,7 @@ class FrictionClass:
     damping: np.ndarray
     mass_std: float
     stiffness_std: float
-    machines: tuple[SlidingMachine, ...] = ()
+    machines: tuple[FrictionPlant, ...] = ()
     stiffness_low: float = np.nan
     misfit: Any = None
 
@@ -395,7 +395,7 @@ class FrictionClass:
 
 
 @value
-class Reading:
+class LevelSummary:
     """What the levels give together: mass, the least stiffness at the highest level, the largest at rest."""
 
     mass: float
@@ -408,7 +408,7 @@ class Reading:
 def require_si(name: str, unit: str) -> None:
     """Refuse an FRF whose unit is known to be a multiple of m/N: mass and stiffness would be off by that factor."""
     parts = {part.strip("() ") for part in unit.split("/")}
-    if wrong := sorted(parts & SCALED):
+    if wrong := sorted(parts & SCALED_UNITS):
         raise ValueError(
             f"{name} must be in m/N (rad/Nm where it turns), got {unit}: mass and stiffness are read in kg and N/m, "
             f"and {' and '.join(wrong)} would be taken without the prefix. Scale the channel before identify"
@@ -434,7 +434,7 @@ def friction_class(
     ----------
     blas : sequence of Bla
         From force [N] to position [m], of one machine, at levels from sticking to sliding.
-    nominal : NominalFit, control.StateSpace or SlidingMachine, optional
+    nominal : NominalFit, control.StateSpace or FrictionPlant, optional
         From force to position where friction acts, at least two poles more than zeros (``fit_nominal(blas[0],
         n_poles=4, n_zeros=2)``); or a machine with a friction port of its own. The delay of a fit is kept.
     stiction : float
@@ -476,7 +476,7 @@ def friction_class(
     if real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
     blas = [bla.times(hold_between(bla.omega, bla.hold, bla.fs, 0.0)) for bla in blas]
-    machines: tuple[SlidingMachine, ...] = ()
+    machines: tuple[FrictionPlant, ...] = ()
     description, fits = "", []
     if nominal is None:
         fits = [fit_level(bla, one_mass_reaction(bla)) for bla in blas]
@@ -490,12 +490,12 @@ def friction_class(
         machines = tuple(with_port_impedance(one, reading.stiffness_low, reading.mass) for one in machines)
         mass = np.full(len(fits), 1 / float(machines[-1].velocity @ machines[-1].B_port))
     else:
-        machines = (sliding_machine(reading.mass, reading.stiffness_low),)
+        machines = (friction_plant(reading.mass, reading.stiffness_low),)
         mass = np.array([fit.mass for fit in fits])
     return FrictionClass(
         machine=machines[0],
         friction=friction,
-        evidence=describe(fits, reading, margin, friction, description, band(blas)),
+        evidence=describe_class(fits, reading, margin, friction, description, common_band(blas)),
         mass=mass,
         stiffness=np.array([fit.stiffness for fit in fits]),
         damping=np.array([fit.damping for fit in fits]),
@@ -507,11 +507,11 @@ def friction_class(
     )
 
 
-def fit_around(blas: list[Bla], nominal: Any) -> tuple[tuple[SlidingMachine, ...], str, list[LevelFit]]:
+def fit_around(blas: list[Bla], nominal: Any) -> tuple[tuple[FrictionPlant, ...], str, list[LevelFit]]:
     """Fit what a nominal leaves of every level: (its machines, their description, the fits)."""
     machines, description = machines_of_nominal(nominal)
 
-    def fitted(machine: SlidingMachine) -> list[LevelFit]:
+    def fitted(machine: FrictionPlant) -> list[LevelFit]:
         return [fit_level(bla, nominal_reaction(bla, machine, error_of_nominal(nominal, bla.omega))) for bla in blas]
 
     fits = fitted(machines[-1])
@@ -524,7 +524,7 @@ def fit_around(blas: list[Bla], nominal: Any) -> tuple[tuple[SlidingMachine, ...
     return machines, description, fits
 
 
-def read_levels(fits: list[LevelFit], *, around: bool) -> Reading:
+def read_levels(fits: list[LevelFit], *, around: bool) -> LevelSummary:
     """Put the levels together, the highest first; refuse what they do not give."""
     require_model(fits, around=around)
     mass, mass_std = weighted_mean([fit.mass for fit in fits], [fit.mass_std for fit in fits])
@@ -553,7 +553,7 @@ def read_levels(fits: list[LevelFit], *, around: bool) -> Reading:
             f"known to {(top.slow - low) / 1e3:.4g} kN/m only, as much as was lost to it ({lost / 1e3:.4g} kN/m). "
             "Measure at a higher level, or for longer"
         )
-    return Reading(
+    return LevelSummary(
         mass=mass,
         mass_std=mass_std,
         stiffness_low=low,
@@ -606,7 +606,7 @@ def stiffness_at_rest(fits: list[LevelFit], lost: float) -> float:
     ratio is that of the forces: at a sharp resonance the displacement hardly grows once elements slip.
     """
     lowest = fits[-1]
-    allowed, extrapolations = AGREE * lost, []
+    allowed, extrapolations = STIFFNESS_AGREEMENT * lost, []
     for other in fits[-2::-1]:
         difference = max(0.0, lowest.stiffness - other.stiffness)
         spread = SIGMAS * float(np.hypot(lowest.stiffness_std, other.stiffness_std))
@@ -621,13 +621,13 @@ def stiffness_at_rest(fits: list[LevelFit], lost: float) -> float:
         raise ValueError(
             f"blas must reach so low that the stiffness no longer rises: it is {other.stiffness / 1e3:.4g} and "
             f"{lowest.stiffness / 1e3:.4g} kN/m at the two lowest levels, {100 * difference / lost:.3g} % of what the "
-            f"friction adds, more than {100 * AGREE:g} %. Measure at a lower level"
+            f"friction adds, more than {100 * STIFFNESS_AGREEMENT:g} %. Measure at a lower level"
         )
     raise ValueError(
         f"blas must hold two low levels that differ enough to show that both stick: at {ratio:.3g} times the force the "
         f"stiffness falls by {difference / 1e3:.3g} +- {spread / SIGMAS / 1e3:.1g} kN/m, so that it may be "
-        f"{added / 1e3:.3g} kN/m more at rest, over {100 * AGREE:g} % of what the friction adds. Measure at a third of "
-        "the lowest level"
+        f"{added / 1e3:.3g} kN/m more at rest, over {100 * STIFFNESS_AGREEMENT:g} % of what the friction adds. "
+        "Measure at a third of the lowest level"
     )
 
 
@@ -639,14 +639,14 @@ def weighted_mean(values: list[float], stds: list[float]) -> tuple[float, float]
     return mean, float(np.sqrt(max(1.0, excess) / weight.sum()))
 
 
-def band(blas: list[Bla]) -> str:
-    """Where all levels have lines; the machine is assumed to be the same beyond."""
+def common_band(blas: list[Bla]) -> str:
+    """Return the band in which all levels have lines; the machine is assumed to be the same beyond."""
     low, high = max(bla.f[0] for bla in blas), min(bla.f[-1] for bla in blas)
     return f"from {low:.3g} to {high:.4g} Hz (a mode beyond is not in it)"
 
 
-def describe(
-    fits: list[LevelFit], reading: Reading, margin: float, friction: AnyFriction, around: str, band: str
+def describe_class(
+    fits: list[LevelFit], reading: LevelSummary, margin: float, friction: AnyFriction, around: str, band: str
 ) -> str:
     """Say what was read, what is assumed, and what the data cannot show."""
     low, rest = reading.stiffness_low / 1e3, reading.stiffness_rest / 1e3
@@ -663,5 +663,5 @@ def describe(
         f"Assumed, read from {len(fits)} levels {band}: {machine}; K0 = {friction.K0 / 1e3:.4g} kN/m, {margin:g} times "
         f"what is between the highest level and {rest:.4g} kN/m at rest, and what is below it down to k; misfit at "
         f"most {misfit:.2g} times the variance of the lines; stiction {friction.stiction:g}, which no level shows. "
-        f"{SUPPORT}"
+        f"{ASSUMPTION_NOTE}"
     )

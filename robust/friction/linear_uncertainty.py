@@ -19,17 +19,17 @@ from nlfrf._base.arguments import nonnegative, shown
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
 from robust.friction.multipliers import filter_rates
-from robust.friction.plant import SlidingMachine, frequencies, mobility, sliding_loop
+from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies, mobility
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import attempt
 
 __all__ = ["FrequencyTest", "friction_frequency_test", "uncertain_rows"]
 
 N_POINTS = 200
-LEAST = 1e-7
-SECONDS = 20.0
-STEP = 1.5  # of the margin
-LARGEST = 16.0
+MIN_SHARE = 1e-7
+TIME_CAP = 20.0
+MARGIN_STEP = 1.5  # of the margin
+MAX_MARGIN = 16.0
 
 
 @value
@@ -54,9 +54,9 @@ class FrequencyTest:
     Examples
     --------
     >>> import control
-    >>> from robust import any_maxwell_slip, sliding_machine, friction_frequency_test
+    >>> from robust import any_maxwell_slip, friction_plant, friction_frequency_test
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
-    >>> rig, slip = sliding_machine(1.0, 80e3, 0.4), any_maxwell_slip(64e3)
+    >>> rig, slip = friction_plant(1.0, 80e3, 0.4), any_maxwell_slip(64e3)
     >>> friction_frequency_test(rig, PD, slip, mass=0.02, stiffness=800.0).holds
     True
     """
@@ -72,7 +72,7 @@ class FrequencyTest:
 
 
 def friction_frequency_test(
-    machine: SlidingMachine,
+    machine: FrictionPlant,
     K: Any,
     friction: AnyFriction,
     *,
@@ -85,8 +85,8 @@ def friction_frequency_test(
 
     Parameters
     ----------
-    machine : SlidingMachine
-        The linear part, from `sliding_machine`.
+    machine : FrictionPlant
+        The linear part, from `friction_plant`.
     K : control.StateSpace, TransferFunction or float
         Controller, u = K (r - y); sampled, or continuous and proper.
     friction : AnyFriction
@@ -114,13 +114,13 @@ def friction_frequency_test(
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, sliding_machine
-    >>> rig = sliding_machine(1.0, 80e3, 0.4)
+    >>> from robust import any_maxwell_slip, friction_plant
+    >>> rig = friction_plant(1.0, 80e3, 0.4)
     >>> friction_frequency_test(rig, 1e3, any_maxwell_slip(64e3), mass=0.0, stiffness=90e3).holds   # no spring left
     False
     """
-    if not isinstance(machine, SlidingMachine):
-        raise ValueError(f"machine must be a sliding_machine, got {shown(machine)}")
+    if not isinstance(machine, FrictionPlant):
+        raise ValueError(f"machine must be a friction_plant, got {shown(machine)}")
     if not (isinstance(friction, AnyFriction) and friction.kind == "Maxwell slip"):
         raise ValueError(f"friction must be any_maxwell_slip(...), got {shown(friction)}")
     mass, stiffness = nonnegative("mass", mass), nonnegative("stiffness", stiffness)
@@ -128,23 +128,27 @@ def friction_frequency_test(
         raise ValueError(
             "mass and stiffness must not both be zero: `prove_friction` knows the linear part, got 0 and 0"
         )
-    loop = sliding_loop(machine, state_space("K", K), delay)
-    omega = frequencies(loop, N_POINTS)
+    loop = friction_loop(machine, state_space("K", K), delay)
+    omega = loop_frequencies(loop, N_POINTS)
     M, error = mobility(loop, omega), stiffness + mass * omega**2
     fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
     rates = filter_rates(1.5 * machine.resonance or 100.0, fastest)[0]
 
     def holds(times: float) -> bool:
         table, q = uncertain_rows(M, omega, rates, friction.K0, friction.stiction, times * error)
-        return loop.growth() < 0 and weights_exist(table, q)
+        return loop.growth() < 0 and find_multipliers(table, q)
 
     found, times = holds(1.0), np.nan
     if found:
         times = 1.0
-        while margin and times < LARGEST and holds(times * STEP):
-            times *= STEP
+        while margin and times < MAX_MARGIN and holds(times * MARGIN_STEP):
+            times *= MARGIN_STEP
     return FrequencyTest(
-        holds=found, mass=mass, stiffness=stiffness, margin=times, words=told(found, mass, stiffness, times, friction)
+        holds=found,
+        mass=mass,
+        stiffness=stiffness,
+        margin=times,
+        words=describe_test(found, mass, stiffness, times, friction),
     )
 
 
@@ -167,7 +171,7 @@ def uncertain_rows(
     return table, q
 
 
-def weights_exist(table: np.ndarray, q: np.ndarray) -> bool:
+def find_multipliers(table: np.ndarray, q: np.ndarray) -> bool:
     """Whether weights mu >= 0 and D(w) >= 0 make every matrix negative, by a cone program."""
     import cvxpy as cp
 
@@ -183,12 +187,12 @@ def weights_exist(table: np.ndarray, q: np.ndarray) -> bool:
     d = cp.multiply(q[:, 1, 1], D)
     re, im = table[..., 0, 1].real @ mu + cp.multiply(q[:, 0, 1], D), table[..., 0, 1].imag @ mu
     constraints = [cp.SOC(-(a + d) - 2 * share, cp.vstack([2 * re, 2 * im, a - d])), cp.sum(mu) <= 1]
-    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", SECONDS)
-    return mu.value is not None and share.value is not None and bool(share.value > LEAST)
+    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", TIME_CAP)
+    return mu.value is not None and share.value is not None and bool(share.value > MIN_SHARE)
 
 
-def told(holds: bool, mass: float, stiffness: float, times: float, friction: AnyFriction) -> str:
-    """What was tested, and that it is no proof."""
+def describe_test(holds: bool, mass: float, stiffness: float, times: float, friction: AnyFriction) -> str:
+    """Describe what was tested, and that it is no proof."""
     off = f"a linear part off by up to {mass:.2g} kg and {stiffness / 1e3:.3g} kN/m at the friction port"
     more = f", up to {times:.2g} times that" if holds and times > 1 else ""
     verdict = "holds" if holds else "was not found to hold"

@@ -16,30 +16,30 @@ import numpy as np
 from scipy.optimize import linprog, minimize_scalar
 
 from nlfrf._base.values import value
-from robust.friction.plant import SlidingLoop, frequencies, mobility
+from robust.friction.plant import FrictionLoop, loop_frequencies, mobility
 from robust.proofs.search.certificate import attempt
 
 __all__ = [
-    "BristleWeights",
-    "bristle_rows",
-    "bristle_weights",
+    "BristleMultipliers",
+    "bristle_multipliers",
+    "bristle_terms",
     "filter_rates",
     "largest_share",
     "largest_stiffness",
-    "rows",
-    "weights",
+    "maxwell_slip_multipliers",
+    "multiplier_terms",
 ]
 
 
 N_FILTERS = 24
 #: Where filters are tried, one set after another [rad/s].
-RANGES = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))
+FREQUENCY_RATIOS = ((0.5, 3000.0), (15.0, 3000.0), (30.0, 1500.0), (5.0, 1200.0))
 
 
 def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
     """Sets of rates a_j [rad/s], each with the reference first; all below `fastest` = 1/bristle time."""
     sets = []
-    for low, high in RANGES:
+    for low, high in FREQUENCY_RATIOS:
         top = min(high, 0.9 * fastest)
         rates = np.geomspace(min(low, top / 10), top, N_FILTERS)
         first = np.argmin(np.abs(np.log(rates / reference)))
@@ -47,16 +47,19 @@ def filter_rates(reference: float, fastest: float) -> list[np.ndarray]:
     return sets
 
 
-def rows(mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float) -> np.ndarray:
-    """(W, 1 + J) the integrand of each weight at each frequency: that of f v first, then one a filter."""
+def multiplier_terms(mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float) -> np.ndarray:
+    """Return the (W, 1 + J) integrand of each multiplier at each frequency: that of f v first, then one a filter."""
     s = 1j * omega[:, None]
     bent = (1 - rates / (rho * (rates - s))) * mobility[:, None]
     lost = rates * omega[:, None] ** 2 / (rho * K0 * (rates**2 + omega[:, None] ** 2))
     return np.column_stack([mobility.real, bent.real - lost])
 
 
-def weights(table: np.ndarray) -> tuple[np.ndarray, float]:
-    """(1 + J,) weights that make every row negative by the largest share of its largest entry, and that share."""
+def maxwell_slip_multipliers(table: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the (1 + J,) multipliers that make every row negative by the largest share of its largest entry.
+
+    And that share.
+    """
     scaled = table / np.abs(table).max(axis=1, keepdims=True)
     columns = np.abs(scaled).max(axis=0)
     scaled = scaled / columns
@@ -77,13 +80,13 @@ def weights(table: np.ndarray) -> tuple[np.ndarray, float]:
     return mu / columns, float(-(A[:, :-1] @ mu).max())
 
 
-def largest_stiffness(loop: SlidingLoop, rates: np.ndarray, rho: float, top: float = 1e8) -> float:
+def largest_stiffness(loop: FrictionLoop, rates: np.ndarray, rho: float, top: float = 1e8) -> float:
     """Largest K0 [N/m] at which weights exist at every frequency of a grid, by bisection; 0 where none."""
-    omega = frequencies(loop)
+    omega = loop_frequencies(loop)
     response = mobility(loop, omega)
 
     def exist(K0: float) -> bool:
-        return weights(rows(response, omega, rates, K0, rho))[1] > 1e-9
+        return maxwell_slip_multipliers(multiplier_terms(response, omega, rates, K0, rho))[1] > 1e-9
 
     low, high = 1.0, top
     if not exist(low):
@@ -106,15 +109,15 @@ def largest_stiffness(loop: SlidingLoop, rates: np.ndarray, rho: float, top: flo
 #
 # and the loop turns them into one hermitian matrix a frequency. Nothing here is a proof.
 
-PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
-LEAST = 1e-7  # share of a row that the solver has to leave
-SECONDS = 10.0
-VALID = 1e-9  # of M, added where it makes the form larger: what the solver may have left open
-SMALL = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
+BLOCK_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of M
+MIN_SHARE = 1e-7  # share of a row that the solver has to leave
+TIME_CAP = 10.0
+SOLVER_TOLERANCE = 1e-9  # of M, added where it makes the form larger: what the solver may have left open
+NEGLIGIBLE_WEIGHTS = (1e-2, 1e-4, 1e-6)  # of the largest weight: filters left out
 
 
 @value
-class BristleWeights:
+class BristleMultipliers:
     """Weights of the forms of creeping bristles.
 
     Fields
@@ -135,65 +138,70 @@ class BristleWeights:
     bounds: np.ndarray
 
 
-def bristle_rows(
+def bristle_terms(
     mobility: np.ndarray, omega: np.ndarray, rates: np.ndarray, K0: float, microdamping: float
 ) -> np.ndarray:
-    """(W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q) of F v, of each filter and of each entry of M."""
+    """Return (W, 1 + J + 6, 2, 2) hermitian forms in (gamma, q) of F v, of each filter and of each entry of M."""
     s = 1j * omega
     zero, one = np.zeros_like(s), np.ones_like(s)
     F, q, gamma = (np.stack(pair, axis=1) for pair in ((K0 / s, zero), (zero, one), (one, zero)))
     v = mobility[:, None] * (F + microdamping * q)
-    columns = [product(F, v)]
+    columns = [hermitian_product(F, v)]
     for a in rates:
         e = -K0 / (a + s)[:, None] * gamma
-        columns.append(-product(e, q) - a / K0 * product(e, e))
+        columns.append(-hermitian_product(e, q) - a / K0 * hermitian_product(e, e))
     y = v, q, gamma
-    columns += [product(y[i], y[j]) * (1 if i == j else 2) for i, j in PAIRS]
+    columns += [hermitian_product(y[i], y[j]) * (1 if i == j else 2) for i, j in BLOCK_ENTRIES]
     return np.stack(columns, axis=1)
 
 
-def product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(W, 2, 2) the form Re(conj(x) y) of two linear ones (W, 2)."""
+def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return (W, 2, 2), the form Re(conj(x) y) of two linear forms (W, 2)."""
     full = np.conj(x)[:, :, None] * y[:, None, :]
     return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
 
 
-def bristle_weights(table: np.ndarray, rho: float) -> BristleWeights | None:
-    """Weights that make every matrix negative by the largest share of its entries; None where there are none.
+def bristle_multipliers(table: np.ndarray, rho: float) -> BristleMultipliers | None:
+    """Return multipliers that make every matrix negative by the largest share of its entries.
+
+    None where there are none.
 
     Asked once more with the filters alone that matter: a solver that walks through the interior leaves none at zero.
     """
-    theta = solved(table, rho)
+    theta = solve_multipliers(table, rho)
     if theta is None:
         return None
     n = theta.size
     kept = np.arange(n) >= n - 6
-    for small in SMALL:
+    for small in NEGLIGIBLE_WEIGHTS:
         kept[: n - 6] = theta[: n - 6] > small * np.abs(theta).max()
-        again = solved(table[:, kept], rho)
+        again = solve_multipliers(table[:, kept], rho)
         if again is not None:
             break
     else:
         return None
     found = np.zeros(n)
-    found[kept] = again / size_of(table[:, kept])[1]
-    block, bounds = valid_block(found[n - 6 :], rho)
-    return BristleWeights(
+    found[kept] = again / term_sizes(table[:, kept])[1]
+    block, bounds = enlarge_block(found[n - 6 :], rho)
+    return BristleMultipliers(
         mu=max(float(found[0]), 0.0), nu=np.maximum(found[1 : n - 6], 0.0), block=block, bounds=bounds
     )
 
 
-def size_of(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(W, 2) units of gamma and q at each frequency, (C,) size of each form over all of them in these."""
+def term_sizes(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (W, 2) units of gamma and q at each frequency.
+
+    And (C,) sizes of each form over all of them in these units.
+    """
     unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
     return unit, np.abs(table * unit[:, None, :, None] * unit[:, None, None, :]).max(axis=(0, 2, 3))
 
 
-def solved(table: np.ndarray, rho: float) -> np.ndarray | None:
-    """(C,) weights of the forms over their size, as a solver says."""
+def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
+    """Return the (C,) multipliers that the cone solver finds, relative to the sizes of the forms."""
     import cvxpy as cp
 
-    unit, scale = size_of(table)
+    unit, scale = term_sizes(table)
     table = table * unit[:, None, :, None] * unit[:, None, None, :] / scale[:, None, None]
     a, d, b = table[..., 0, 0].real, table[..., 1, 1].real, table[..., 0, 1]
     n = scale.size
@@ -205,53 +213,53 @@ def solved(table: np.ndarray, rho: float) -> np.ndarray | None:
         cp.norm(theta, 1) <= 1,
         *([theta[: n - 6] >= 0] if n > 6 else []),
     ]
-    for i, form in enumerate(ends_of(M)):
-        p, cross, r = (x - bounds[i] * y for x, y in zip(form, sector(rho), strict=True))
+    for i, form in enumerate(block_at_ends(M)):
+        p, cross, r = (x - bounds[i] * y for x, y in zip(form, sector_form(rho), strict=True))
         constraints.append(cp.SOC(p + r, cp.hstack([2 * cross, p - r])))
-    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", SECONDS)
-    if theta.value is None or share.value is None or not share.value > LEAST:
+    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", TIME_CAP)
+    if theta.value is None or share.value is None or not share.value > MIN_SHARE:
         return None
     return np.asarray(theta.value)
 
 
-def largest_share(table: np.ndarray, weights: BristleWeights) -> np.ndarray:
+def largest_share(table: np.ndarray, weights: BristleMultipliers) -> np.ndarray:
     """(W,) the largest eigenvalue over frequency with these weights, of the largest entry there."""
     unit = 1 / np.sqrt(np.abs(np.diagonal(table, axis1=2, axis2=3)).max(axis=1))
-    found = np.concatenate([[weights.mu], weights.nu, [weights.block[i, j] for i, j in PAIRS]])
+    found = np.concatenate([[weights.mu], weights.nu, [weights.block[i, j] for i, j in BLOCK_ENTRIES]])
     parts = table * unit[:, None, :, None] * unit[:, None, None, :] * found[:, None, None]
     return np.asarray(np.linalg.eigvalsh(parts.sum(axis=1))[:, -1] / np.abs(parts).max(axis=(1, 2, 3)))
 
 
-def ends_of(M: Any) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
-    """The form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q), (q, q)."""
+def block_at_ends(M: Any) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
+    """Return the form of M in (v, q) at gamma = 0 and at gamma = q: entries (v, v), (v, q), (q, q)."""
     return (M[0], M[1], M[3]), (M[0], M[1] + M[2], M[3] + 2 * M[4] + M[5])
 
 
-def sector(rho: float) -> tuple[float, float, float]:
-    """(q - (1 - rho) v)((1 + rho) v - q), entry by entry."""
+def sector_form(rho: float) -> tuple[float, float, float]:
+    """Return the form (q - (1 - rho) v)((1 + rho) v - q), entry by entry."""
     return rho**2 - 1, 1.0, -1.0
 
 
-def valid_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
-    """M made larger by what a solver left open, so that its form is never negative where q and gamma can be."""
+def enlarge_block(entries: np.ndarray, rho: float) -> tuple[np.ndarray, np.ndarray]:
+    """Enlarge M by the tolerance of the solver, so that its form is never negative where q and gamma can be."""
     M = np.array(entries)
     M[5] = min(M[5], 0.0)
     bounds, left = np.zeros(2), 0.0
-    for i, form in enumerate(ends_of(M)):
-        bounds[i], below = bound_of(form, rho)
+    for i, form in enumerate(block_at_ends(M)):
+        bounds[i], below = sector_multiple(form, rho)
         left = max(left, below)
-    M[[0, 3]] += left + VALID * np.abs(M).max()
+    M[[0, 3]] += left + SOLVER_TOLERANCE * np.abs(M).max()
     block = np.zeros((3, 3))
-    for (i, j), entry in zip(PAIRS, M, strict=True):
+    for (i, j), entry in zip(BLOCK_ENTRIES, M, strict=True):
         block[i, j] = block[j, i] = entry
     return block, bounds
 
 
-def bound_of(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
-    """The multiple of the sector that a form in (v, q) is most above, and how far below it still is."""
+def sector_multiple(form: tuple[float, float, float], rho: float) -> tuple[float, float]:
+    """Return the largest multiple of the sector below a form in (v, q), and how far below it still is."""
 
     def below(multiple: float) -> float:
-        p, cross, r = (x - multiple * y for x, y in zip(form, sector(rho), strict=True))
+        p, cross, r = (x - multiple * y for x, y in zip(form, sector_form(rho), strict=True))
         return float(np.hypot((p - r) / 2, cross) - (p + r) / 2)  # less the least eigenvalue, a convex function
 
     top = 1.0 + 8 * np.abs(form).max()

@@ -18,23 +18,23 @@ from nlfrf._base.arguments import hertz, shown
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust._base.states import FrictionVerdict
-from robust.friction.plant import SlidingLoop, SlidingMachine
+from robust.friction.plant import FrictionLoop, FrictionPlant
 from robust.lti.lti import timebase
 from robust.proofs.exact.claim import Matrices, as_given
 from robust.proofs.exact.polynomials import behind_samples, mapped, positive_on_half_line, quotient, rational
 from robust.proofs.exact.stability import squared, stable_loop
 
-__all__ = ["Levels", "levels_of", "passive_verdict", "port_responses", "refuse_unknown_amplitude"]
+__all__ = ["MeasuredImpedances", "measured_impedances", "passive_verdict", "port_responses", "refuse_unknown_amplitude"]
 
 
 #: What is said to be left, below the least that was found: of the size of the damping.
-BELOW = 1e-6
+MIN_DAMPING_SHARE = 1e-6
 #: Damping this small against that at high frequencies is none.
 ROUNDING = 1e-9
 #: More than this times the damping is missing without bound, as with integral action.
-BOUNDLESS = 1e12
-SECONDS = 20.0
-MOST_STATES = 40
+INFINITE_DAMPING = 1e12
+TIME_CAP = 20.0
+MAX_STATES = 40
 
 
 @value
@@ -48,19 +48,19 @@ class Damping:
     @property
     def end(self) -> float:
         """At the far end of the axis."""
-        return ratio(self.top[self.degree], self.bottom[self.degree])
+        return quotient_as_float(self.top[self.degree], self.bottom[self.degree])
 
     def at(self, y: float) -> float:
         """At one place of the axis."""
-        return ratio(self.top(rational(y)), self.bottom(rational(y))) if np.isfinite(y) else self.end
+        return quotient_as_float(self.top(rational(y)), self.bottom(rational(y))) if np.isfinite(y) else self.end
 
 
-def passive_verdict(machine: SlidingMachine, K: Any, delay: float, loop: SlidingLoop) -> tuple[FrictionVerdict, str]:
+def passive_verdict(machine: FrictionPlant, K: Any, delay: float, loop: FrictionLoop) -> tuple[FrictionVerdict, str]:
     """Verdict and reason: "proved" where the loop is stable and leaves damping at the port at every frequency."""
-    if loop.F.shape[0] > MOST_STATES:
+    if loop.F.shape[0] > MAX_STATES:
         return (
             FrictionVerdict.NOT_DECIDED,
-            f"the loop has {loop.F.shape[0]} states, and at most {MOST_STATES} are decided exactly",
+            f"the loop has {loop.F.shape[0]} states, and at most {MAX_STATES} are decided exactly",
         )
     seen = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
     if not stable_loop(seen, as_given(K), delay=delay).holds:
@@ -69,35 +69,35 @@ def passive_verdict(machine: SlidingMachine, K: Any, delay: float, loop: Sliding
             "the sliding loop, with all states of its controller, is not strictly stable: one may drift at rest",
         )
     if loop.T:
-        why = not_one_mass(machine, delay / loop.T)
+        why = not_single_mass(machine, delay / loop.T)
         if why:
             return FrictionVerdict.NOT_DECIDED, why
-        c, _ = mass_and_damper(machine)
+        c, _ = mass_and_damping(machine)
         left = sampled_damping(c, K, delay)
     else:
         c, left = np.nan, continuous_damping(loop)
-    return judged(left, c, loop.T)
+    return decide_damping(left, c, loop.T)
 
 
-def not_one_mass(machine: SlidingMachine, samples: float) -> str:
-    """Why the criterion of Colgate and Schenkel does not speak of this loop; empty where it does."""
+def not_single_mass(machine: FrictionPlant, samples: float) -> str:
+    """Return why the criterion of Colgate and Schenkel does not apply to this loop; empty where it does."""
     collocated = np.array_equal(machine.B_force, machine.B_port)
     collocated &= np.array_equal(machine.C_measured, machine.C_port)
-    if not collocated or machine.A.shape[0] != 2 or not mass_and_damper(machine)[1] > 0:
+    if not collocated or machine.A.shape[0] != 2 or not mass_and_damping(machine)[1] > 0:
         return "a sampled loop is decided for one mass with force, friction and sensor at one place only"
     if np.abs(samples - np.round(samples)) > 1e-9:
         return "a delay of part of a sample is not in the criterion"
     return ""
 
 
-def mass_and_damper(machine: SlidingMachine) -> tuple[float, float]:
-    """Damping [Ns/m] and 1/mass [1/kg] of a machine of two states, in whatever coordinates."""
+def mass_and_damping(machine: FrictionPlant) -> tuple[float, float]:
+    """Return damping [Ns/m] and 1/mass [1/kg] of a machine of two states, in whatever coordinates."""
     mobility = float(machine.velocity @ machine.B_port)
     return float(-np.trace(machine.A) / mobility) if mobility else np.nan, mobility
 
 
-def parts(num: Any, den: Any) -> tuple[Any, Any]:
-    """(even, odd) of num den* = even(x^2) + j x odd(x^2) on s = j x."""
+def even_and_odd_part(num: Any, den: Any) -> tuple[Any, Any]:
+    """Return (even, odd) of num den* = even(x^2) + j x odd(x^2) on s = j x."""
     kind = type(num)
     both = (num * kind([c if k % 2 == 0 else -c for k, c in enumerate(den.coeffs())])).coeffs()
 
@@ -107,12 +107,12 @@ def parts(num: Any, den: Any) -> tuple[Any, Any]:
     return signed(both[::2]), signed(both[1::2])
 
 
-def continuous_damping(loop: SlidingLoop) -> Damping:
+def continuous_damping(loop: FrictionLoop) -> Damping:
     """Real part of the impedance 1/(s X) at the port, X = num/den from a force to the displacement there."""
     n = loop.F.shape[0]
     X = quotient(Matrices(A=loop.F, B=-loop.B[:, None], C=loop.x[None], D=np.zeros((1, 1))))
     num = type(X.num)(X.num.coeffs()[: n - 1])  # a force does not move what has mass at once: what is left is rounding
-    _, odd = parts(num, X.den)
+    _, odd = even_and_odd_part(num, X.den)
     return Damping(top=-odd, bottom=squared(num), degree=n - 2)
 
 
@@ -123,26 +123,26 @@ def sampled_damping(c: float, K: Any, delay: float) -> Damping:
     """
     T = timebase(K)
     late = mapped(behind_samples(quotient(as_given(K)), round(delay / T)))
-    even, odd = parts(late.num, late.den)
+    even, odd = even_and_odd_part(late.num, late.den)
     size = squared(late.den)
     return Damping(
         top=size * rational(c) - (even - odd) * (rational(T) / rational(2.0)), bottom=size, degree=late.degree
     )
 
 
-def judged(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, str]:
-    """The verdict on what is left: more than nothing at every frequency, as is proved over the rationals."""
-    y, least = smallest(left)
-    where = place(y, T)
+def decide_damping(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, str]:
+    """Return the verdict on the damping that remains: positive at every frequency, proved over the rationals."""
+    y, least = least_damping(left)
+    where = frequency_of(y, T)
     size = np.abs(c) if T else np.abs(left.end)
     if not least > ROUNDING * size:
         words = f"c = {c:.4g} Ns/m, and {c - least:.4g} Ns/m are needed" if T else f"{-least:.4g} Ns/m are missing"
-        if -least > BOUNDLESS * size:
+        if -least > INFINITE_DAMPING * size:
             words = "no damping is enough"
         return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
-    claimed = least - BELOW * max(least, size) if least > 2 * BELOW * size else least / 2
+    claimed = least - MIN_DAMPING_SHARE * max(least, size) if least > 2 * MIN_DAMPING_SHARE * size else least / 2
     rest = left.top - left.bottom * rational(claimed)
-    found = positive_on_half_line(rest, deadline=time.thread_time() + SECONDS)
+    found = positive_on_half_line(rest, deadline=time.thread_time() + TIME_CAP)
     if not (found.holds and rest[left.degree] > 0):
         return (
             FrictionVerdict.NOT_DECIDED,
@@ -153,8 +153,8 @@ def judged(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, str]:
     return FrictionVerdict.PROVED, f"{words} (most critical {where}; proved for all frequencies)"
 
 
-def smallest(left: Damping) -> tuple[float, float]:
-    """About where it is least, and what it is there; nothing rests on it, as it is proved afterwards."""
+def least_damping(left: Damping) -> tuple[float, float]:
+    """Return the least damping and its frequency approximately, for the report; the proof does not use it."""
     slope = left.top.derivative() * left.bottom - left.top * left.bottom.derivative()
     roots = slope.numer().complex_roots() if slope.degree() > 0 else []
     places = [0.0, np.inf, *(float(root.real.mid()) for root, _ in roots)]
@@ -163,8 +163,8 @@ def smallest(left: Damping) -> tuple[float, float]:
     return y, least
 
 
-def ratio(top: Any, bottom: Any) -> float:
-    """A quotient of rationals as a double; minus infinity where there is nothing but nothing below."""
+def quotient_as_float(top: Any, bottom: Any) -> float:
+    """Return a quotient of rationals as a double; minus infinity for a zero denominator."""
     if bottom == 0:
         return np.inf if top > 0 else -np.inf
     found = top / bottom
@@ -174,8 +174,8 @@ def ratio(top: Any, bottom: Any) -> float:
         return np.inf if found > 0 else -np.inf
 
 
-def place(y: float, T: float) -> str:
-    """A place on the axis, to be read."""
+def frequency_of(y: float, T: float) -> str:
+    """Return the frequency [rad/s] of a point on the axis, for the report."""
     omega = 2 / T * np.arctan(np.sqrt(y)) if T else np.sqrt(y)
     return f"at {hertz(float(omega))}" if np.isfinite(omega) else "towards high frequencies"
 
@@ -185,12 +185,12 @@ def place(y: float, T: float) -> str:
 # At an amplitude a and a frequency w the first harmonic of the friction is (k_eq + j w c_eq) times that of the motion.
 # Friction is the force without its viscous part, which belongs to the machine.
 
-AROUND = (0.3, 2.0)  # of the resonance: the lines that are fitted
-FEWEST_LINES = 8
+FIT_BAND = (0.3, 2.0)  # of the resonance: the lines that are fitted
+MIN_LINES = 8
 
 
 @value
-class Levels:
+class MeasuredImpedances:
     """Spring and damper of the friction at the amplitudes that were measured, smallest first.
 
     Fields
@@ -224,8 +224,8 @@ def refuse_unknown_amplitude(name: str, bla: Bla) -> None:
         )
 
 
-def levels_of(blas: Sequence[Bla], machine: SlidingMachine) -> Levels:
-    """What is left of measured levels once the machine is taken off, as a spring and a damper at each.
+def measured_impedances(blas: Sequence[Bla], machine: FrictionPlant) -> MeasuredImpedances:
+    """Return spring and damper of the friction at each measured level, the machine taken off.
 
     With the friction N at its port the FRF is G_l = G_ym - G_yp N G_xm / (1 + N G_xp), m the force and p the friction
     port: solved for N on each line, fitted by k_eq + j w c_eq around the resonance, weighted by what it does to G_l.
@@ -236,10 +236,10 @@ def levels_of(blas: Sequence[Bla], machine: SlidingMachine) -> Levels:
             raise ValueError(f"friction must be a law or BLAs from nlfrf.identify, got {shown(bla)}")
         refuse_unknown_amplitude("friction", bla)
         peak = bla.omega[int(np.argmax(np.abs(bla.G)))]
-        chosen = (bla.omega > AROUND[0] * peak) & (bla.omega < AROUND[1] * peak)
-        if np.count_nonzero(chosen) < FEWEST_LINES:
+        chosen = (bla.omega > FIT_BAND[0] * peak) & (bla.omega < FIT_BAND[1] * peak)
+        if np.count_nonzero(chosen) < MIN_LINES:
             raise ValueError(
-                f"friction must be BLAs with at least {FEWEST_LINES} lines around the resonance, got "
+                f"friction must be BLAs with at least {MIN_LINES} lines around the resonance, got "
                 f"{np.count_nonzero(chosen)}"
             )
         omega, measured = bla.omega[chosen], bla.G[chosen]
@@ -254,20 +254,20 @@ def levels_of(blas: Sequence[Bla], machine: SlidingMachine) -> Levels:
         left = np.linalg.norm(wanted - table @ [k, c]) / np.sqrt(wanted.size - 2)
         swing = np.sqrt((np.abs(bla.levels.excited) ** 2).sum(axis=1).mean())
         std = left / np.linalg.norm(table[:, 0])
-        rows.append((float(swing * at_port(xm, ym, peak, omega)), float(k), float(c), float(std)))
+        rows.append((float(swing * port_ratio(xm, ym, peak, omega)), float(k), float(c), float(std)))
     if not rows:
         raise ValueError("friction must be a law or at least one BLA, got none")
     amplitude, k, c, std = np.array(sorted(rows)).T
-    return Levels(amplitude=amplitude, stiffness=k, damping=c, stiffness_std=float(std[-1]))
+    return MeasuredImpedances(amplitude=amplitude, stiffness=k, damping=c, stiffness_std=float(std[-1]))
 
 
-def at_port(port: np.ndarray, measured: np.ndarray, peak: float, omega: np.ndarray) -> float:
-    """Displacement at the port over the measured one, where they swing most."""
+def port_ratio(port: np.ndarray, measured: np.ndarray, peak: float, omega: np.ndarray) -> float:
+    """Return the displacement at the port over the measured one, at the peak of the response."""
     i = int(np.argmin(np.abs(omega - peak)))
     return float(np.abs(port[i] / measured[i]))
 
 
-def port_responses(machine: SlidingMachine, omega: np.ndarray) -> tuple[np.ndarray, ...]:
+def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarray, ...]:
     """(W,) each: measured over force, measured over port force, port displacement over force, over port force."""
     n = machine.A.shape[0]
     pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A

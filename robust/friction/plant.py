@@ -16,17 +16,19 @@ from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import without_pade
 
 __all__ = [
-    "SlidingLoop",
+    "FrictionLoop",
+    "FrictionPlant",
     "SlidingMachine",
-    "driven",
-    "frequencies",
-    "hunting_bound",
+    "destabilizing_stiffness",
+    "divergence_velocity",
+    "driven_states",
+    "friction_loop",
+    "friction_plant",
+    "loop_frequencies",
     "mobility",
     "separate_delay",
-    "sliding_loop",
     "sliding_machine",
-    "sure_kick",
-    "unstable_spring",
+    "steady_error_bound",
     "with_port_impedance",
 ]
 
@@ -36,7 +38,7 @@ ROUNDING = 1e-9
 
 
 @value
-class SlidingMachine:
+class FrictionPlant:
     """A machine without its friction: p' = A p + B_force u - B_port f, with f the friction at its port.
 
     Fields
@@ -78,9 +80,9 @@ class SlidingMachine:
         return float(np.abs(poles[np.argmax(size)])) if np.isfinite(size).all() and size.any() else 0.0
 
 
-def sliding_machine(
+def friction_plant(
     mass: Any, stiffness: float | None = None, damping: float = 0.0, *, port: Any = None
-) -> SlidingMachine:
+) -> FrictionPlant:
     """The machine without its friction, from mass, stiffness and damping or from a model.
 
     Parameters
@@ -99,7 +101,7 @@ def sliding_machine(
 
     Returns
     -------
-    SlidingMachine
+    FrictionPlant
 
     Raises
     ------
@@ -113,14 +115,14 @@ def sliding_machine(
 
     Examples
     --------
-    >>> machine = sliding_machine(1.0, 80e3)
+    >>> machine = friction_plant(1.0, 80e3)
     >>> round(machine.resonance / 2 / np.pi, 1)                    # the sliding rig of the paper resonates at 45 Hz
     45.0
     """
     if isinstance(mass, (control.StateSpace, control.TransferFunction)):
         if stiffness is not None or damping != 0.0:
             raise ValueError("stiffness must be left out with a model, which has its own, got one")
-        return from_model(mass, bool(port))
+        return plant_from_model(mass, bool(port))
     if port:
         raise ValueError(f"port must be left out with a mass, whose friction acts where the force acts, got {port}")
     mass = positive("mass", mass)
@@ -130,10 +132,14 @@ def sliding_machine(
     push, place = np.array([0.0, 1 / mass]), np.array([1.0, 0.0])
     A = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
     words = f"m = {mass:.4g} kg, k = {stiffness / 1e3:.4g} kN/m, c = {damping:.3g} Ns/m"
-    return SlidingMachine(A=A, B_force=push, B_port=push, C_measured=place, C_port=place, words=words)
+    return FrictionPlant(A=A, B_force=push, B_port=push, C_measured=place, C_port=place, words=words)
 
 
-def from_model(model: Any, port: bool) -> SlidingMachine:
+# The names of version 0.1, which scripts and pickles use.
+SlidingMachine, sliding_machine = FrictionPlant, friction_plant
+
+
+def plant_from_model(model: Any, port: bool) -> FrictionPlant:
     """A state space with one force and one position, or with those of its friction port beside them."""
     G = multivariable("mass", model)
     wanted = 2 if port else 1
@@ -159,7 +165,7 @@ def from_model(model: Any, port: bool) -> SlidingMachine:
             f"{np.abs(C[-1] @ B).max():.3g} m/s per N of force. Fit it with at least two poles more than zeros"
         )
     words = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
-    return SlidingMachine(
+    return FrictionPlant(
         A=np.asarray(G.A, float),
         B_force=B[:, 0],
         B_port=B[:, -1],
@@ -170,15 +176,15 @@ def from_model(model: Any, port: bool) -> SlidingMachine:
     )
 
 
-def separate_delay(machine: SlidingMachine, delay: float) -> tuple[SlidingMachine, float]:
+def separate_delay(machine: FrictionPlant, delay: float) -> tuple[FrictionPlant, float]:
     """The machine without its delay, and the delay of the whole loop [s]."""
     return replace(machine, delay=0.0), nonnegative("delay", delay) + machine.delay
 
 
-def with_port_impedance(machine: SlidingMachine, stiffness: float, mass: float = 0.0) -> SlidingMachine:
+def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 0.0) -> FrictionPlant:
     """The machine with a spring [N/m] and a mass [kg] more at its friction port; either may be negative.
 
-    >>> machine = with_port_impedance(sliding_machine(1.0, 80e3), -30e3, 0.25)
+    >>> machine = with_port_impedance(friction_plant(1.0, 80e3), -30e3, 0.25)
     >>> round(machine.resonance**2 * 1.25)
     50000
     """
@@ -204,7 +210,7 @@ LONGEST_DELAY = 20  # samples
 
 
 @value
-class SlidingLoop:
+class FrictionLoop:
     """A loop around a machine without friction, and how a friction f at its port would drive it.
 
     Fields
@@ -269,13 +275,13 @@ class SlidingLoop:
         return there, 2 * np.abs(inverse) @ left
 
 
-def sliding_loop(machine: SlidingMachine, K: Any, delay: float = 0.0) -> SlidingLoop:
+def friction_loop(machine: FrictionPlant, K: Any, delay: float = 0.0) -> FrictionLoop:
     """The loop u = -K y around a machine, through sampler, delay [s] and hold where K is sampled.
 
     The delay of the machine itself is added to it.
 
-    >>> from robust.friction.plant import sliding_machine
-    >>> loop = sliding_loop(sliding_machine(1.0, 80e3, 0.4), 0.0)
+    >>> from robust.friction.plant import friction_plant
+    >>> loop = friction_loop(friction_plant(1.0, 80e3, 0.4), 0.0)
     >>> round(loop.growth(), 3)                                    # -c / 2m: nothing but the damping of the rig
     -0.2
     """
@@ -311,19 +317,19 @@ def sliding_loop(machine: SlidingMachine, K: Any, delay: float = 0.0) -> Sliding
         jumps, spans = [jump, late], [part, T - part]
     else:
         jump[held] = line[waiting]
-    return SlidingLoop(
+    return FrictionLoop(
         F=F,
-        B=padded(-machine.B_port, size),
-        x=padded(machine.C_port, size),
-        v=padded(machine.velocity, size),
+        B=pad_vector(-machine.B_port, size),
+        x=pad_vector(machine.C_port, size),
+        v=pad_vector(machine.velocity, size),
         T=T,
         spans=np.array(spans),
         jumps=np.array(jumps),
-        measured=padded(machine.C_measured, size),
+        measured=pad_vector(machine.C_measured, size),
     )
 
 
-def continuous_loop(machine: SlidingMachine, K: Any) -> SlidingLoop:
+def continuous_loop(machine: FrictionPlant, K: Any) -> FrictionLoop:
     """The loop with a continuous controller: one flow, no jump."""
     n, s = machine.A.shape[0], K.nstates
     F = np.zeros((n + s, n + s))
@@ -331,20 +337,20 @@ def continuous_loop(machine: SlidingMachine, K: Any) -> SlidingLoop:
     if s:
         F[:n, n:] = np.outer(machine.B_force, K.C[0])
         F[n:, :n], F[n:, n:] = -np.outer(K.B[:, 0], machine.C_measured), K.A
-    return SlidingLoop(
+    return FrictionLoop(
         F=F,
-        B=padded(-machine.B_port, n + s),
-        x=padded(machine.C_port, n + s),
-        v=padded(machine.velocity, n + s),
+        B=pad_vector(-machine.B_port, n + s),
+        x=pad_vector(machine.C_port, n + s),
+        v=pad_vector(machine.velocity, n + s),
         T=0.0,
         spans=np.zeros(0),
         jumps=np.zeros((0, n + s, n + s)),
-        measured=padded(machine.C_measured, n + s),
+        measured=pad_vector(machine.C_measured, n + s),
     )
 
 
-def padded(part: np.ndarray, size: int) -> np.ndarray:
-    """A vector of the machine as one of the loop."""
+def pad_vector(part: np.ndarray, size: int) -> np.ndarray:
+    """Pad a vector of the machine with zeros to the states of the loop."""
     return np.concatenate([part, np.zeros(size - part.size)])
 
 
@@ -359,17 +365,17 @@ def padded(part: np.ndarray, size: int) -> np.ndarray:
 # g^2 is a quadratic form that a matrix exponential gives exactly, however often g turns its sign. The rest of a series
 # is bounded by a Lyapunov function. Pieces only make the bound tight.
 
-PIECES = 32  # of a sampling period, or of half a swing of the fastest mode
-MOST_PIECES = 4096  # of a period
-MOST_PERIODS = 200_000
-MOST_WORK = 1e10  # multiplications
-TAIL = 1e-4
+PIECES_PER_CYCLE = 32  # of a sampling period, or of half a swing of the fastest mode
+MAX_PIECES = 4096  # of a period
+MAX_PERIODS = 200_000
+MAX_OPERATIONS = 1e10  # multiplications
+TAIL_SHARE = 1e-4
 ROUNDED_UP = 1 + 1e-6  # outward
-BEYOND = 1e-9  # a pole closer to the unit circle may lie on either side
+CIRCLE_MARGIN = 1e-9  # a pole closer to the unit circle may lie on either side
 
 
 @value
-class Pieces:
+class PeriodPieces:
     """A period of a loop cut into pieces.
 
     Fields
@@ -398,34 +404,34 @@ class Pieces:
     longest: float
 
 
-def sure_kick(loop: SlidingLoop, direction: np.ndarray, Fs: float) -> float:
-    """Least multiple of a state from which the motion surely diverges with every |f| <= Fs; inf where none does.
+def divergence_velocity(loop: FrictionLoop, direction: np.ndarray, Fs: float) -> float:
+    """Return the least multiple of a state from which the motion diverges with every |f| <= Fs; inf where none does.
 
     Also inf where it would take too many pieces to tell.
     """
-    cut = pieces(loop)
+    cut = cut_period(loop)
     if cut is None:
         return np.inf
     poles, left = eig(cut.map.T)
     least = np.inf
     for pole, w in zip(poles, left.T, strict=True):
-        if np.abs(pole) <= 1 + BEYOND or pole.imag < 0:
+        if np.abs(pole) <= 1 + CIRCLE_MARGIN or pole.imag < 0:
             continue
         reach = w @ direction
         if not np.abs(reach) > 1e-14 * np.linalg.norm(w) * np.linalg.norm(direction):
             continue
         parts = (w @ cut.kernel / pole).reshape(-1, loop.F.shape[0])
         phases = -np.angle(reach) + (np.linspace(-0.6, 0.6, 31) if pole.imag else np.zeros(1))
-        taken = support(np.exp(1j * phases), pole, parts)
+        taken = support_function(np.exp(1j * phases), pole, parts)
         least = min(least, float((taken / np.cos(phases + np.angle(reach))).min() / np.abs(reach)))
     return Fs * least * ROUNDED_UP
 
 
-def support(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
-    """(P,) not less than sum over samples k and pieces of |Re(turn pole^-k parts)|, the rest of the series bounded."""
+def support_function(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
+    """Return an upper bound (P,) of the sum over samples k and pieces of |Re(turn pole^-k parts)|, tail included."""
     total = np.zeros(turn.size)
-    affordable = MOST_WORK / (40 * turn.size * parts.size)
-    periods = int(max(1, min(MOST_PERIODS, affordable, np.ceil(np.log(1 / TAIL) / np.log(np.abs(pole))))))
+    affordable = MAX_OPERATIONS / (40 * turn.size * parts.size)
+    periods = int(max(1, min(MAX_PERIODS, affordable, np.ceil(np.log(1 / TAIL_SHARE) / np.log(np.abs(pole))))))
     at_once = max(1, int(4e6 / (turn.size * parts.size)))
     for first in range(0, periods, at_once):
         powers = complex(pole) ** -np.arange(first, min(first + at_once, periods), dtype=float)
@@ -435,26 +441,26 @@ def support(turn: np.ndarray, pole: complex, parts: np.ndarray) -> np.ndarray:
     return np.asarray(total + rest * np.linalg.norm(parts, axis=-1).sum())
 
 
-def hunting_bound(loop: SlidingLoop) -> float:
-    """[m/N] how far from rest any friction of at most 1 N keeps a stable loop, in the end.
+def steady_error_bound(loop: FrictionLoop) -> float:
+    """Return the largest distance from rest [m/N] that a friction of at most 1 N can sustain around a stable loop.
 
     inf where the loop is not stable by more than its rounding, or where it would take too many pieces or periods.
     """
-    cut = pieces(loop)
+    cut = cut_period(loop)
     if cut is None:
         return np.inf
-    positions = absolute_sum(cut, cut.reads, cut.within)
+    positions = absolute_kernel_integral(cut, cut.reads, cut.within)
     if not loop.T:  # nothing tells one instant from another
         return float(positions.max() * ROUNDED_UP)
     if not np.isfinite(positions).all():
         return np.inf
     # between two readings the position leaves its chord by at most h^2/8 times the acceleration: twice the most read
-    bend = 2 * (absolute_sum(cut, cut.bends, cut.bends_within).max() + np.abs(loop.v @ loop.B))
+    bend = 2 * (absolute_kernel_integral(cut, cut.bends, cut.bends_within).max() + np.abs(loop.v @ loop.B))
     return float((positions.max() + cut.longest**2 / 8 * bend) * ROUNDED_UP)
 
 
-def absolute_sum(cut: Pieces, rows: np.ndarray, within: np.ndarray) -> np.ndarray:
-    """(R,) not less than the integral of |kernel| from the friction, of all the past, to each reading."""
+def absolute_kernel_integral(cut: PeriodPieces, rows: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """Return an upper bound (R,) of the integral of |kernel| from the past friction to each reading."""
     state, norm = cut.kernel, lyapunov_norm(cut.map)
     if norm is None:
         return np.full(rows.shape[0], np.inf)
@@ -462,18 +468,18 @@ def absolute_sum(cut: Pieces, rows: np.ndarray, within: np.ndarray) -> np.ndarra
     n = cut.map.shape[0]
     weight = np.linalg.norm(rows @ inverse, axis=1) / (1 - rate)
     total = within
-    for k in range(int(min(MOST_PERIODS, MOST_WORK / (rows.shape[0] * state.size)))):
+    for k in range(int(min(MAX_PERIODS, MAX_OPERATIONS / (rows.shape[0] * state.size)))):
         if k % 8 == 0:  # what is left: |r Phi^k x| <= |r| rate^k |x| in the norm in which the map shrinks
             rest = weight * np.linalg.norm((factor @ state).reshape(n, -1, n), axis=(0, 2)).sum()
-            if (rest <= TAIL * total.max()).all():
+            if (rest <= TAIL_SHARE * total.max()).all():
                 return np.asarray(total + rest)
-        total = total + over_pieces(rows, state)
+        total = total + kernel_norms(rows, state)
         state = cut.map @ state
     return np.full(rows.shape[0], np.inf)
 
 
-def over_pieces(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """(R,) sums of the norms of (rows kernel) over the columns of each piece."""
+def kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """Return (R,) sums of the norms of (rows kernel) over the columns of each piece."""
     n = kernel.shape[0]
     blocks = np.array_split(rows, 1 + rows.shape[0] * kernel.shape[1] // 4_000_000)
     return np.concatenate(
@@ -485,7 +491,7 @@ def lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | 
     """A norm |L x| in which a stable map shrinks by a rate below one: L, its inverse, the rate; None where none is."""
     scaled, weights = evened(period)
     goal = 1 - 0.75 * (1 - np.abs(np.linalg.eigvals(scaled)).max(initial=0.0))
-    if not 0 < goal < 1 or MOST_PERIODS * (1 - goal) < 1:
+    if not 0 < goal < 1 or MAX_PERIODS * (1 - goal) < 1:
         return None
     try:
         P = solve_discrete_lyapunov((scaled / goal).T, np.eye(scaled.shape[0]))
@@ -498,8 +504,10 @@ def lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | 
     return (L / weights, weights[:, None] * back, rate) if rounding < 1e-3 * (1 - rate) else None
 
 
-def pieces(loop: SlidingLoop) -> Pieces | None:
-    """A period cut so that neither the clock nor the fastest mode gets far in a piece; None where they are too many.
+def cut_period(loop: FrictionLoop) -> PeriodPieces | None:
+    """Cut a period so finely that neither the clock nor the fastest mode gets far in a piece.
+
+    None where that takes too many.
 
     The period of a continuous loop is half a swing of its fastest mode.
     """
@@ -510,21 +518,21 @@ def pieces(loop: SlidingLoop) -> Pieces | None:
         spans, jumps = np.array([T]), np.eye(n)[None]
     else:
         T, spans, jumps = loop.T, loop.spans, loop.jumps
-    counts = np.maximum(2, np.ceil(PIECES * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12)))
-    if not counts.sum() <= MOST_PIECES:
+    counts = np.maximum(2, np.ceil(PIECES_PER_CYCLE * spans * max(1 / T, fastest / np.pi) * (1 - 1e-12)))
+    if not counts.sum() <= MAX_PIECES:
         return None
     read = np.array([loop.x, loop.v @ loop.F])  # position and acceleration
     map_, kernel, ends, within = np.eye(n), np.zeros((n, 0)), [], []
     for span, jump, count in zip(spans, jumps, counts.astype(int), strict=True):
-        flow, push = flow_and_push(loop.F, loop.B, span / count)
+        flow, push = flow_and_gramian_root(loop.F, loop.B, span / count)
         map_, kernel = jump @ map_, jump @ kernel
         for _ in range(count):
             map_, kernel = flow @ map_, np.hstack([flow @ kernel, push])
             ends.append(read @ map_)
-            within.append(over_pieces(read, kernel))
+            within.append(kernel_norms(read, kernel))
     kept = slice(None) if loop.T else slice(-1, None)
     reads, sums = np.array(ends)[kept], np.array(within)[kept]
-    return Pieces(
+    return PeriodPieces(
         map=map_,
         kernel=kernel,
         reads=reads[:, 0],
@@ -535,8 +543,8 @@ def pieces(loop: SlidingLoop) -> Pieces | None:
     )
 
 
-def flow_and_push(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
-    """exp(F h), and a matrix G with h int_0^h exp(F s) B B' exp(F s)' ds = G G' (Van Loan 1978)."""
+def flow_and_gramian_root(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return exp(F h) and G with h int_0^h exp(F s) B B' exp(F s)' ds = G G' (Van Loan 1978)."""
     n = F.shape[0]
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -F, np.outer(B, B), F.T
@@ -553,8 +561,8 @@ def flow_and_push(F: np.ndarray, B: np.ndarray, h: float) -> tuple[np.ndarray, n
 # ---- The sliding loop over frequency: what the friction at its port makes of the velocity there.
 
 
-def frequencies(loop: SlidingLoop, n: int = 900) -> np.ndarray:
-    """(W,) frequencies [rad/s] up to Nyquist: log, linear, and in clusters at the poles of the sliding loop."""
+def loop_frequencies(loop: FrictionLoop, n: int = 900) -> np.ndarray:
+    """Return (W,) frequencies [rad/s] up to Nyquist: logarithmic, linear, and clustered at the poles of the loop."""
     poles = loop.poles()
     if loop.T:
         poles = np.log(np.where(poles == 0, 1e-300, poles).astype(complex)) / loop.T
@@ -569,13 +577,15 @@ def frequencies(loop: SlidingLoop, n: int = 900) -> np.ndarray:
     return omega[(omega > 1e-6 * top) & (omega <= top)]
 
 
-def mobility(loop: SlidingLoop, omega: np.ndarray) -> np.ndarray:
+def mobility(loop: FrictionLoop, omega: np.ndarray) -> np.ndarray:
     """(W,) velocity at the port over friction at the same frequency; what the sampler folds elsewhere is left out."""
-    return np.asarray(driven(loop, omega, loop.B, np.zeros(loop.B.size))[0] @ loop.v)
+    return np.asarray(driven_states(loop, omega, loop.B, np.zeros(loop.B.size))[0] @ loop.v)
 
 
-def driven(loop: SlidingLoop, omega: np.ndarray, flow: np.ndarray, struck: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(W, n) state at the frequency at which it is driven, and (W, n) state just before a sample, over its phase there.
+def driven_states(
+    loop: FrictionLoop, omega: np.ndarray, flow: np.ndarray, struck: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the (W, n) state at the frequency of the force, and the (W, n) state just before a sample.
 
     flow, struck : (n,) how exp(j w t) enters the flow, and how it enters at the first jump of a period (sampled only).
 
@@ -613,15 +623,15 @@ def driven(loop: SlidingLoop, omega: np.ndarray, flow: np.ndarray, struck: np.nd
 #: A pole this close to the boundary is on neither side.
 
 
-def unstable_spring(loop: SlidingLoop, K0: float, damper: float = 0.0) -> tuple[float, complex] | None:
-    """A stiffness [N/m] in [0, K0] with which the loop is unstable, and its pole; the most unstable one found.
+def destabilizing_stiffness(loop: FrictionLoop, K0: float, damper: float = 0.0) -> tuple[float, complex] | None:
+    """Return a stiffness [N/m] in [0, K0] that makes the loop unstable, and its pole; the most unstable one found.
 
     With each stiffness but zero goes a damper [Ns/m], that of a bristle. None where none was found: of the 60 tried
     and the refinement around the worst of them.
     """
-    beyond = BEYOND * (1.0 if loop.T else np.abs(loop.poles()).max())
+    beyond = CIRCLE_MARGIN * (1.0 if loop.T else np.abs(loop.poles()).max())
     if loop.growth() > beyond:
-        return 0.0, worst_pole(loop, 0.0)
+        return 0.0, rightmost_pole(loop, 0.0)
     if not K0:
         return None
     kappas = np.unique(np.concatenate([np.linspace(0, K0, 31)[1:], np.geomspace(1e-3 * K0, K0, 30)]))
@@ -632,10 +642,10 @@ def unstable_spring(loop: SlidingLoop, K0: float, damper: float = 0.0) -> tuple[
         found = loop.growth(kappa, damper)
         if found > growth[i]:
             kappas[i], growth[i] = kappa, found
-    return (float(kappas[i]), worst_pole(loop, float(kappas[i]), damper)) if growth[i] > beyond else None
+    return (float(kappas[i]), rightmost_pole(loop, float(kappas[i]), damper)) if growth[i] > beyond else None
 
 
-def worst_pole(loop: SlidingLoop, kappa: float, damper: float = 0.0) -> complex:
-    """The pole furthest out."""
+def rightmost_pole(loop: FrictionLoop, kappa: float, damper: float = 0.0) -> complex:
+    """Return the pole furthest outside of the stability region."""
     poles = loop.poles(kappa, damper)
     return complex(poles[np.argmax(np.abs(poles) if loop.T else poles.real)])

@@ -13,24 +13,31 @@ from nlfrf._base.arguments import hertz, positive, shown
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust.friction.classes import AnyFriction
-from robust.friction.dissipation import SLIGHTLY, bristle_dissipation, maxwell_slip_dissipation
+from robust.friction.dissipation import ROUNDED_UP, bristle_dissipation, maxwell_slip_dissipation
 from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.multipliers import bristle_rows, bristle_weights, filter_rates, largest_share, rows, weights
+from robust.friction.multipliers import (
+    bristle_multipliers,
+    bristle_terms,
+    filter_rates,
+    largest_share,
+    maxwell_slip_multipliers,
+    multiplier_terms,
+)
 from robust.friction.passivity import passive_verdict
 from robust.friction.plant import (
-    SlidingLoop,
-    SlidingMachine,
-    frequencies,
-    hunting_bound,
+    FrictionLoop,
+    FrictionPlant,
+    destabilizing_stiffness,
+    divergence_velocity,
+    friction_loop,
+    friction_plant,
+    loop_frequencies,
     mobility,
     separate_delay,
-    sliding_loop,
-    sliding_machine,
-    sure_kick,
-    unstable_spring,
+    steady_error_bound,
 )
-from robust.friction.storage import METHOD, Energy, certified_dissipation
+from robust.friction.storage import METHOD, JudgedStorage, certified_dissipation
 from robust.lti.lti import poles, response, timebase, zeros
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
@@ -38,20 +45,20 @@ from robust.proofs.exact.claim import Matrices, as_given
 from robust.proofs.search.certificate import Certificate, refused
 
 __all__ = [
-    "OTHER",
+    "NOT_IN_CLASS",
     "FrictionCertificate",
     "FrictionProof",
-    "certify",
+    "build_claim",
+    "certify_friction",
     "certify_maxwell_slip",
-    "claimed",
+    "describe_modal_damping",
+    "describe_scope",
     "error_of_nominal",
     "machines_of_nominal",
-    "matrices_of",
-    "modal_damping",
+    "plant_matrices",
     "prove_friction",
     "proved_limits",
     "reference_rate",
-    "scope",
     "undamped",
 ]
 
@@ -61,8 +68,8 @@ __all__ = [
 SUBJECT = "the stored energy falls"
 N_POINTS = 300  # of the frequencies of a cone program
 
-WITHIN = 1.02  # ratio of the two ends where a bisection stops
-LARGEST = 64.0  # times what was asked
+BISECTION_RATIO = 1.02  # ratio of the two ends where a bisection stops
+MAX_RATIO = 64.0  # times what was asked
 
 
 @value
@@ -86,10 +93,12 @@ class FrictionCertificate:
     omega: np.ndarray
     form: np.ndarray
     numbers: dict[str, Any] | None
-    energy: Energy | None
+    energy: JudgedStorage | None
 
 
-def certify(loop: SlidingLoop, friction: AnyFriction, reference: float, *, quick: bool = False) -> FrictionCertificate:
+def certify_friction(
+    loop: FrictionLoop, friction: AnyFriction, reference: float, *, quick: bool = False
+) -> FrictionCertificate:
     """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
 
     reference : rate of the filter that the others of Maxwell slip are measured against [rad/s]. Quick: with the first
@@ -101,21 +110,21 @@ def certify(loop: SlidingLoop, friction: AnyFriction, reference: float, *, quick
 
 
 def certify_maxwell_slip(
-    loop: SlidingLoop, K0: float, rho: float, bristle_time: float, reference: float, *, quick: bool = False
+    loop: FrictionLoop, K0: float, rho: float, bristle_time: float, reference: float, *, quick: bool = False
 ) -> FrictionCertificate:
     """Prove that the energy of the loop falls with every friction of the class, or say what failed last.
 
     Quick: with the first set of filters only, and without the finest intervals.
     """
-    omega = frequencies(loop)
+    omega = loop_frequencies(loop)
     response = mobility(loop, omega)
     reason = "no weights of the filters make every frequency dissipate"
     fastest = 1 / bristle_time if bristle_time else np.inf
     found = np.zeros((2, 0))
     form = np.full(omega.size, np.nan)
     for rates in filter_rates(reference, fastest)[: 1 if quick else None]:
-        table = rows(response, omega, rates, K0, rho)
-        mu, share = weights(table)
+        table = multiplier_terms(response, omega, rates, K0, rho)
+        mu, share = maxwell_slip_multipliers(table)
         if not share > 0 or not (mu[1:] > 0).any():
             continue
         mu[mu < 1e-9 * mu.max()] = 0
@@ -124,21 +133,21 @@ def certify_maxwell_slip(
         reason, energy = certified_dissipation(maxwell_slip_dissipation(loop, rates, mu, K0, rho), quick)
         if not reason:
             used = np.append(True, mu[2:] > 0)
-            numbers = {"rates": rates[used], "weights": mu[1:][used], "free": float(mu[0]), **nothing_of_bristles()}
-            return outcome("", found, omega, form, numbers, energy)
-    return outcome(reason, found, omega, form)
+            numbers = {"rates": rates[used], "weights": mu[1:][used], "free": float(mu[0]), **no_bristle_multipliers()}
+            return friction_certificate("", found, omega, form, numbers, energy)
+    return friction_certificate(reason, found, omega, form)
 
 
 def certify_bristle(
-    loop: SlidingLoop, K0: float, rho: float, microdamping: float, reference: float, *, quick: bool = False
+    loop: FrictionLoop, K0: float, rho: float, microdamping: float, reference: float, *, quick: bool = False
 ) -> FrictionCertificate:
     """The same of bristles that creep."""
-    omega = frequencies(loop, N_POINTS)
+    omega = loop_frequencies(loop, N_POINTS)
     response = mobility(loop, omega)
     reason, found, form = "no weights make every frequency dissipate", np.zeros((2, 0)), np.full(omega.size, np.nan)
     for rates in filter_rates(reference, np.inf)[: 1 if quick else 2]:
-        table = bristle_rows(response, omega, rates, K0, microdamping)
-        weights = bristle_weights(table, rho)
+        table = bristle_terms(response, omega, rates, K0, microdamping)
+        weights = bristle_multipliers(table, rho)
         if weights is None:
             continue
         chosen = np.concatenate([[weights.mu], weights.nu])
@@ -149,24 +158,24 @@ def certify_bristle(
             used = weights.nu > 0
             numbers = {"rates": rates[used], "weights": weights.nu[used], "free": weights.mu}
             numbers |= {"block": weights.block, "bounds": weights.bounds}
-            return outcome("", found, omega, form, numbers, energy)
-    return outcome(reason, found, omega, form)
+            return friction_certificate("", found, omega, form, numbers, energy)
+    return friction_certificate(reason, found, omega, form)
 
 
-def nothing_of_bristles() -> dict[str, np.ndarray]:
-    """What Maxwell slip leaves empty."""
+def no_bristle_multipliers() -> dict[str, np.ndarray]:
+    """Return the fields of a certificate that only bristles fill, empty for Maxwell slip."""
     return {"block": np.zeros((0, 0)), "bounds": np.zeros(0)}
 
 
-def outcome(
+def friction_certificate(
     reason: str,
     found: np.ndarray,
     omega: np.ndarray,
     form: np.ndarray,
     numbers: dict[str, Any] | None = None,
-    energy: Energy | None = None,
+    energy: JudgedStorage | None = None,
 ) -> FrictionCertificate:
-    """What was proved, where no reason speaks against it."""
+    """Return the certificate of what was proved, or of the reason why not."""
     intervals = np.array([[0.0, np.inf]])
     proof = Certificate(
         subject=SUBJECT, outcome=Outcome.HOLDS, level=0.0, method=METHOD, intervals=intervals, reason=""
@@ -177,40 +186,40 @@ def outcome(
     )
 
 
-def proved_limits(loop: SlidingLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:
+def proved_limits(loop: FrictionLoop, friction: AnyFriction, reference: float) -> tuple[float, float]:
     """Largest K0 at this rho, and largest rho at this K0, that a proof was found for; both are proved as they stand."""
 
     def proved(**changed: float) -> bool:
         other = replace(friction, **changed)  # type: ignore[arg-type]
-        if unstable_spring(loop, other.K0, other.damper) is not None:
+        if destabilizing_stiffness(loop, other.K0, other.damper) is not None:
             return False
-        return certify(loop, other, reference, quick=True).certificate.holds
+        return certify_friction(loop, other, reference, quick=True).certificate.holds
 
     return (
-        friction.K0 * largest(lambda ratio: proved(K0=ratio * friction.K0)),
-        friction.stiction * largest(lambda ratio: proved(stiction=ratio * friction.stiction)),
+        friction.K0 * largest_ratio(lambda ratio: proved(K0=ratio * friction.K0)),
+        friction.stiction * largest_ratio(lambda ratio: proved(stiction=ratio * friction.stiction)),
     )
 
 
-def largest(holds: Callable[[float], bool]) -> float:
-    """Largest ratio from one on that holds, as a bisection finds it; at most `LARGEST`."""
+def largest_ratio(holds: Callable[[float], bool]) -> float:
+    """Return the largest ratio from one on that holds, found by bisection; at most `MAX_RATIO`."""
     low = 1.0
     high = 2.0
-    while high <= LARGEST and holds(high):
+    while high <= MAX_RATIO and holds(high):
         low, high = high, 2 * high
-    if high > LARGEST:
+    if high > MAX_RATIO:
         return low
-    while high / low > WITHIN:
+    while high / low > BISECTION_RATIO:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low
 
 
-CLASS = ("K0", "stiction", "bristle_time", "microdamping")
+CLASS_PARAMETERS = ("K0", "stiction", "bristle_time", "microdamping")
 #: A pole this close to the stability boundary, in 1/s or of |z|, is said to be on it.
 ROUNDING = 1e-9
 NOT_CLAIMED = "Not claimed: {other}a saturated actuator, quantisation, another linear part."
-OTHER = {
+NOT_IN_CLASS = {
     "bristle": "rigid stiction, another damping of the bristles, ",
     "Maxwell slip": "a law that creeps below break-away (LuGre, Dahl, Leuven), rigid stiction, ",
     "bounded": "a viscous part of the friction, ",
@@ -230,7 +239,7 @@ class FrictionProof:
         member makes the loop unstable; yours may be another. "not decided": neither.
     claim, not_claimed, reason : str
         What is proved, in one sentence; what is not; why the verdict is what it is.
-    machine : SlidingMachine
+    machine : FrictionPlant
         The linear part.
     friction : AnyFriction
         The class.
@@ -260,9 +269,9 @@ class FrictionProof:
     Examples
     --------
     >>> import control
-    >>> from robust import any_maxwell_slip, prove_friction, sliding_machine
+    >>> from robust import any_maxwell_slip, prove_friction, friction_plant
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
-    >>> proof = prove_friction(sliding_machine(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3))
+    >>> proof = prove_friction(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3))
     >>> proof.verdict, proof.counterexample
     ('proved', None)
     """
@@ -271,7 +280,7 @@ class FrictionProof:
     claim: str
     not_claimed: str
     reason: str
-    machine: SlidingMachine
+    machine: FrictionPlant
     friction: AnyFriction
     counterexample: Any
     K0_max: float
@@ -302,7 +311,7 @@ class FrictionProof:
 
 
 def prove_friction(
-    machine: SlidingMachine,
+    machine: FrictionPlant,
     K: Any,
     friction: AnyFriction,
     *,
@@ -314,8 +323,8 @@ def prove_friction(
 
     Parameters
     ----------
-    machine : SlidingMachine
-        The linear part, from `sliding_machine`.
+    machine : FrictionPlant
+        The linear part, from `friction_plant`.
     K : control.StateSpace, TransferFunction or float
         Controller, u = K (r - y); sampled, or continuous and proper. Used as it is: nothing is cancelled.
     friction : AnyFriction
@@ -344,40 +353,40 @@ def prove_friction(
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, sliding_machine
-    >>> rig = sliding_machine(1.0, 80e3, 0.4)
+    >>> from robust import any_maxwell_slip, friction_plant
+    >>> rig = friction_plant(1.0, 80e3, 0.4)
     >>> prove_friction(rig, 1e3, any_maxwell_slip(64e3)).verdict             # a spring more, and nothing else
     'proved'
     """
-    if not isinstance(machine, SlidingMachine):
-        raise ValueError(f"machine must be a sliding_machine, got {shown(machine)}")
+    if not isinstance(machine, FrictionPlant):
+        raise ValueError(f"machine must be a friction_plant, got {shown(machine)}")
     if not isinstance(friction, AnyFriction):
         raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)
-    loop = sliding_loop(machine, K, delay)
+    loop = friction_loop(machine, K, delay)
     Fs = np.nan if Fs is None else positive("Fs", Fs)
     if friction.kind == "bounded":
         if np.isfinite(Fs) and Fs != friction.Fs:
             raise ValueError(f"Fs must be that of the class, {friction.Fs:g} N, or left out, got {Fs:g}")
         Fs = friction.Fs
-    spring = unstable_spring(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
+    spring = destabilizing_stiffness(loop, friction.K0 if np.isfinite(friction.K0) else 0.0, friction.damper)
     found: dict[str, Any] = {"K0_max": np.nan, "stiction_max": np.nan, **no_certificate()}
-    found |= bounded_words(machine, loop, Fs)
+    found |= describe_bounded(machine, loop, Fs)
     if spring is not None:
-        found |= {"verdict": FrictionVerdict.REFUTED, "reason": refutation(spring, loop, friction)}
+        found |= {"verdict": FrictionVerdict.REFUTED, "reason": describe_counterexample(spring, loop, friction)}
     elif friction.kind in ("Maxwell slip", "bristle"):
-        found |= certified(machine, K, delay, loop, friction, limits)
+        found |= certified_verdict(machine, K, delay, loop, friction, limits)
     elif friction.kind == "bounded":
         found |= bounded_verdict(loop, found["error_bound"])
     else:
         found |= dict(zip(("verdict", "reason"), passive_verdict(machine, K, delay, loop), strict=True))
-    found["claim"] = claim(machine, friction, K, delay, found) if found["verdict"].is_proved else ""
+    found["claim"] = describe_claim(machine, friction, K, delay, found) if found["verdict"].is_proved else ""
     return FrictionProof(
         machine=machine,
         friction=friction,
         counterexample=spring,
-        not_claimed=NOT_CLAIMED.format(other=OTHER[friction.kind]),
+        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind]),
         **found,
     )
 
@@ -387,24 +396,24 @@ def no_certificate() -> dict[str, Any]:
     return {"certificate": None, "multipliers": np.zeros((2, 0)), "omega": np.zeros(0), "form": np.zeros(0)}
 
 
-def bounded_words(machine: SlidingMachine, loop: SlidingLoop, Fs: float) -> dict[str, float]:
-    """Hunting bound and sure kick, whichever there is."""
+def describe_bounded(machine: FrictionPlant, loop: FrictionLoop, Fs: float) -> dict[str, float]:
+    """Return the steady error bound and the divergence velocity, whichever exist, as text."""
     stable, kick = loop.growth() < 0, np.nan
     if np.isfinite(Fs) and not stable and machine.velocity @ machine.B_port > 0:
         hit = np.zeros(loop.F.shape[0])
         hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
-        least = sure_kick(loop, hit, Fs)
+        least = divergence_velocity(loop, hit, Fs)
         kick = least if np.isfinite(least) else np.nan
-    bound = Fs * hunting_bound(loop) if np.isfinite(Fs) and stable else np.nan
+    bound = Fs * steady_error_bound(loop) if np.isfinite(Fs) and stable else np.nan
     return {"kick_sure": kick, "error_bound": bound if np.isfinite(bound) else np.nan}
 
 
-def bounded_verdict(loop: SlidingLoop, error_bound: float) -> dict[str, Any]:
+def bounded_verdict(loop: FrictionLoop, error_bound: float) -> dict[str, Any]:
     """Proved where there is a bound; nothing is said at the stability boundary, or where it takes too long."""
     if np.isfinite(error_bound):
         return {"verdict": FrictionVerdict.PROVED, "reason": ""}
     growth = loop.growth() + 0.0
-    size = f"|z| = {beside_one(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
+    size = f"|z| = {format_pole_modulus(1 + growth)}" if loop.T else f"real part {growth:.4g} rad/s"
     what = (
         "is on the stability boundary" if growth >= -ROUNDING else "takes too long to follow, as far as its modes lie"
     )
@@ -415,18 +424,18 @@ def bounded_verdict(loop: SlidingLoop, error_bound: float) -> dict[str, Any]:
     }
 
 
-def certified(
-    machine: SlidingMachine,
+def certified_verdict(
+    machine: FrictionPlant,
     K: Any,
     delay: float,
-    loop: SlidingLoop,
+    loop: FrictionLoop,
     friction: AnyFriction,
     limits: bool,
 ) -> dict[str, Any]:
-    """The verdict on a loop that no spring refutes."""
+    """Return the verdict on a loop that no spring of the class makes unstable."""
     reference = reference_rate(machine, loop)
     try:
-        proof = certify(loop, friction, reference)
+        proof = certify_friction(loop, friction, reference)
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
         return {"verdict": FrictionVerdict.NOT_DECIDED, "reason": f"numerical failure: {error}"}
     holds = proof.certificate.holds
@@ -435,22 +444,22 @@ def certified(
     found |= {name: getattr(proof, name) for name in ("certificate", "multipliers", "omega", "form")}
     if proof.numbers is not None and proof.energy is not None:
         energy = {name: getattr(proof.energy, name) for name in ("V", "P", "counts")}
-        exact = claimed(machine, K, delay, friction, proof.numbers | energy)
+        exact = build_claim(machine, K, delay, friction, proof.numbers | energy)
         found["certificate"] = replace(proof.certificate, claim=exact, again=verify_friction)
     if holds and limits:
         found["K0_max"], found["stiction_max"] = proved_limits(loop, friction, reference)
     return found
 
 
-def claimed(
-    machine: SlidingMachine, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
+def build_claim(
+    machine: FrictionPlant, K: Any, delay: float, friction: AnyFriction, numbers: dict[str, Any]
 ) -> FrictionClaim:
-    """What the certificate claims, with every number as given."""
-    known = {name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS}
+    """Return the claim of the certificate, with every number as given."""
+    known = {name: float(np.nan_to_num(getattr(friction, name))) for name in CLASS_PARAMETERS}
     if friction.kind == "Maxwell slip":
-        known["stiction"] = max(known["stiction"], SLIGHTLY)
+        known["stiction"] = max(known["stiction"], ROUNDED_UP)
     return FrictionClaim(
-        machine=matrices_of(machine),
+        machine=plant_matrices(machine),
         controller=as_given(K),
         delay=float(delay),
         kind=friction.kind,
@@ -458,14 +467,14 @@ def claimed(
     )
 
 
-def matrices_of(machine: SlidingMachine) -> Matrices:
-    """The machine as a system: (force, force at the port) to (measured, displacement at the port)."""
+def plant_matrices(machine: FrictionPlant) -> Matrices:
+    """Return the machine as a system from (force, force at the port) to (measured, displacement at the port)."""
     inputs = np.column_stack([machine.B_force, machine.B_port])
     outputs = np.vstack([machine.C_measured, machine.C_port])
     return Matrices(A=machine.A, B=inputs, C=outputs, D=np.zeros((2, 2)))
 
 
-def reference_rate(machine: SlidingMachine, loop: SlidingLoop) -> float:
+def reference_rate(machine: FrictionPlant, loop: FrictionLoop) -> float:
     """[rad/s] of the filter that the others are measured against: 1.5 times the resonance, or a pole of the loop."""
     if machine.resonance:
         return 1.5 * machine.resonance
@@ -475,10 +484,10 @@ def reference_rate(machine: SlidingMachine, loop: SlidingLoop) -> float:
     return float(np.clip(np.median(rates), 1.0, 1e3))
 
 
-def refutation(spring: tuple[float, complex], loop: SlidingLoop, friction: AnyFriction) -> str:
-    """Which member of the class makes the loop unstable."""
+def describe_counterexample(spring: tuple[float, complex], loop: FrictionLoop, friction: AnyFriction) -> str:
+    """Describe the member of the class that makes the loop unstable."""
     kappa, pole = spring
-    size = f"|z| = {beside_one(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
+    size = f"|z| = {format_pole_modulus(abs(pole))}" if loop.T else f"real part {pole.real:.4g} rad/s"
     if kappa == 0:
         return f"the sliding loop is unstable: without friction it has a pole of {size}"
     still = "a bristle" if friction.kind == "bristle" else "a spring"
@@ -488,24 +497,24 @@ def refutation(spring: tuple[float, complex], loop: SlidingLoop, friction: AnyFr
     )
 
 
-def beside_one(size: float) -> str:
-    """The size of a pole, with as many digits as tell it from one."""
+def format_pole_modulus(size: float) -> str:
+    """Format the modulus of a pole with as many digits as tell it from one."""
     digits = 6 if size == 1 else int(np.clip(np.ceil(3 - np.log10(abs(size - 1))), 6, 16))
     return f"{size:.{digits}g}"
 
 
-def claim(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any]) -> str:
-    """What is proved, in one sentence."""
+def describe_claim(machine: FrictionPlant, friction: AnyFriction, K: Any, delay: float, found: dict[str, Any]) -> str:
+    """State what is proved in one sentence."""
     rest = (
         f"Stays within {found['error_bound']:.3g} m of rest in the end"
         if friction.kind == "bounded"
         else "Comes to rest from every state"
     )
-    return f"{rest} {scope(machine, friction, K, delay)}."
+    return f"{rest} {describe_scope(machine, friction, K, delay)}."
 
 
-def scope(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float) -> str:
-    """With which friction, machine and clock a claim is made, in words."""
+def describe_scope(machine: FrictionPlant, friction: AnyFriction, K: Any, delay: float) -> str:
+    """State for which friction, machine and sampling time a claim holds."""
     dt = timebase(K)
     clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
     late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""
@@ -519,22 +528,22 @@ def scope(machine: SlidingMachine, friction: AnyFriction, K: Any, delay: float) 
 # its poles and zeros turned onto the imaginary axis is a machine of its own.
 
 #: Of the largest root: nearer to the real axis than this a pair of roots does not swing.
-SWINGS = 1e-9
+OSCILLATORY_TOLERANCE = 1e-9
 
 
-def machines_of_nominal(nominal: Any) -> tuple[tuple[SlidingMachine, ...], str]:
+def machines_of_nominal(nominal: Any) -> tuple[tuple[FrictionPlant, ...], str]:
     """(machines, description): the nominal as a machine without and with its damping, each with its delay.
 
-    `nominal` is a fit or a model from force to position with at least two poles more than zeros, or a `sliding_machine`
+    `nominal` is a fit or a model from force to position with at least two poles more than zeros, or a `friction_plant`
     with a friction port of its own, which is taken as it is.
     """
     G = getattr(nominal, "G", nominal)
-    if isinstance(G, SlidingMachine):
+    if isinstance(G, FrictionPlant):
         return (G,), f"the machine that was given ({G.words})"
     G, approximated = without_pade(state_space("nominal", G))
     delay = approximated + float(getattr(nominal, "delay", 0.0))
-    description = f"a nominal of order {G.nstates}, {modal_damping(G)}"
-    return tuple(replace(machine, delay=delay) for machine in (undamped(G), sliding_machine(G))), description
+    description = f"a nominal of order {G.nstates}, {describe_modal_damping(G)}"
+    return tuple(replace(machine, delay=delay) for machine in (undamped(G), friction_plant(G))), description
 
 
 def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:
@@ -550,7 +559,7 @@ def error_of_nominal(nominal: Any, omega: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(taken) * np.interp(omega, nominal.omega[order], relative))
 
 
-def undamped(G: control.StateSpace) -> SlidingMachine:
+def undamped(G: control.StateSpace) -> FrictionPlant:
     """The same machine without damping: every s^2 + d s + k of its poles and zeros loses its d; its mass is kept.
 
     >>> machine = undamped(control.ss(control.tf([1], [1, 4, 80e3])))
@@ -558,25 +567,27 @@ def undamped(G: control.StateSpace) -> SlidingMachine:
     (True, 282.843)
     """
     G, delay = without_pade(G)
-    p, z = turned(poles(G)), turned(zeros(G))
+    p, z = undamped_roots(poles(G)), undamped_roots(zeros(G))
     omega = 1e3 * np.abs(p).max()  # far above every root both behave as gain/s^excess
     far = 1j * omega
     gain = response(G, np.array([omega]))[0] * np.prod(far - poles(G)) / np.prod(far - zeros(G))
-    machine = sliding_machine(from_roots(z, p, float(np.real(gain)), 0.0))
-    return SlidingMachine(
+    machine = friction_plant(from_roots(z, p, float(np.real(gain)), 0.0))
+    return FrictionPlant(
         **{name: getattr(machine, name) for name in ("A", "B_force", "B_port", "C_measured", "C_port")},
         words=f"{machine.words} without damping",
         delay=delay,
     )
 
 
-def turned(roots: np.ndarray) -> np.ndarray:
-    """Roots of the modes without damping: pairs that swing on the imaginary axis, and real ones by two, small to large.
+def undamped_roots(roots: np.ndarray) -> np.ndarray:
+    """Return the roots without damping: pairs that oscillate on the imaginary axis, real roots in pairs.
+
+    Small to large.
 
     Two real roots are a mode with so much damping that it does not swing, as a free mass whose friction slides. An odd
     one is left as it is: that of an amplifier.
     """
-    swings = np.abs(roots.imag) > SWINGS * np.abs(roots).max(initial=0.0)
+    swings = np.abs(roots.imag) > OSCILLATORY_TOLERANCE * np.abs(roots).max(initial=0.0)
     real = np.sort(roots[~swings].real)[::-1]
     real = real[np.argsort(np.abs(real), kind="stable")]
     pairs = [sign * np.sqrt(complex(-p * q)) for p, q in zip(real[:-1:2], real[1::2], strict=True) for sign in (1, -1)]
@@ -584,10 +595,10 @@ def turned(roots: np.ndarray) -> np.ndarray:
     return np.concatenate([1j * np.sign(roots[swings].imag) * np.abs(roots[swings]), pairs, left])
 
 
-def modal_damping(G: control.StateSpace) -> str:
-    """The damping of its modes in words: it contains that of the friction at the level of the fit."""
+def describe_modal_damping(G: control.StateSpace) -> str:
+    """Describe the damping of the modes; it contains that of the friction at the level of the fit."""
     found = poles(G)
-    found = found[found.imag > SWINGS * np.abs(found).max()]
+    found = found[found.imag > OSCILLATORY_TOLERANCE * np.abs(found).max()]
     if not found.size:
         return "no mode that swings"
     modes = sorted(found, key=abs)

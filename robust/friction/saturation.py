@@ -14,26 +14,40 @@ from robust.friction.classes import AnyFriction
 from robust.friction.dissipation import maxwell_slip_dissipation
 from robust.friction.exact.claim import Actuator, FrictionClaim
 from robust.friction.exact.verify import verify_friction
-from robust.friction.multipliers import filter_rates, weights
-from robust.friction.plant import SlidingLoop, SlidingMachine, driven, frequencies, separate_delay, sliding_loop
-from robust.friction.prove import OTHER, certify, claimed, prove_friction, reference_rate, scope
-from robust.friction.storage import METHOD, Block, Dissipation, Energy, certified_dissipation
+from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers
+from robust.friction.plant import (
+    FrictionLoop,
+    FrictionPlant,
+    driven_states,
+    friction_loop,
+    loop_frequencies,
+    separate_delay,
+)
+from robust.friction.prove import (
+    NOT_IN_CLASS,
+    build_claim,
+    certify_friction,
+    describe_scope,
+    prove_friction,
+    reference_rate,
+)
+from robust.friction.storage import METHOD, Block, Dissipation, JudgedStorage, certified_dissipation
 from robust.lti.realisation import state_space
 from robust.proofs.search.certificate import Certificate
 
 __all__ = [
-    "CutLoop",
-    "Reach",
+    "LureLoop",
+    "RegionOfAttraction",
     "SaturatedProof",
-    "SaturationWeights",
-    "cut_open",
-    "kick_of",
-    "kick_within",
+    "SaturationMultipliers",
+    "largest_region",
+    "largest_velocity",
+    "open_at_actuator",
     "prove_saturated",
-    "reaches",
-    "saturated",
-    "saturation_rows",
-    "saturation_weights",
+    "saturation_multipliers",
+    "saturation_terms",
+    "velocity_within_reach",
+    "with_saturation",
 ]
 
 
@@ -42,11 +56,13 @@ __all__ = [
 # At rest and relaxed, a kick e v0 puts in v0^2 e'P e at most, at whatever instant. The force that is asked for is
 # asked'y + h, with h what holds the friction, and |asked'y| <= sqrt(c asked'E^-1 asked) where the energy E <= c.
 
-INWARD = 0.99  # far more than the rounding in E^-1
+ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
 
 
-def kick_within(energy: Energy, asked: np.ndarray, hit: np.ndarray, reach: float) -> float:
-    """[m/s] up to which a kick leaves |asked'y| below a reach [N]; hit : (n,) what 1 m/s is of the states.
+def velocity_within_reach(energy: JudgedStorage, asked: np.ndarray, hit: np.ndarray, reach: float) -> float:
+    """Return the initial velocity [m/s] up to which |c'y| stays below a reach [N]; hit .
+
+    (n,) the state change of 1 m/s.
 
     Infinite where nothing is asked for, whatever the state.
     """
@@ -61,7 +77,7 @@ def kick_within(energy: Energy, asked: np.ndarray, hit: np.ndarray, reach: float
     asked_for = (unit * read) @ np.linalg.solve(whole * np.outer(unit, unit), unit * read)
     start = np.linalg.solve(energy.V, hit)
     put_in = float(np.einsum("i,...ij,j", start, energy.P, start).max())
-    return float(INWARD * reach / np.sqrt(asked_for * put_in))
+    return float(ROUNDED_DOWN * reach / np.sqrt(asked_for * put_in))
 
 
 # ---- The loop cut open at an actuator that saturates: what it is asked for, and where what it does not give is
@@ -75,12 +91,12 @@ def kick_within(energy: Energy, asked: np.ndarray, hit: np.ndarray, reach: float
 
 
 @value
-class CutLoop:
+class LureLoop:
     """A sliding loop with its actuator cut open, and filters beside it.
 
     Fields
     ------
-    loop : SlidingLoop
+    loop : FrictionLoop
         With the filters as its last states.
     asked : (n,) ndarray
         The force that is asked for, of the state before a sample.
@@ -90,7 +106,7 @@ class CutLoop:
         How fast the filters forget: a share of each sample, or a rate [1/s].
     """
 
-    loop: SlidingLoop
+    loop: FrictionLoop
     asked: np.ndarray
     enters: np.ndarray
     forgets: np.ndarray
@@ -102,19 +118,19 @@ class CutLoop:
 
     def open_growth(self) -> float:
         """How the loop grows with its actuator cut off, nothing of what is asked for given; negative where it dies."""
-        return without_actuator(self).growth()
+        return with_zero_input(self).growth()
 
 
-def cut_open(machine: SlidingMachine, K: Any, delay: float, forgets: np.ndarray | None = None) -> CutLoop:
-    """The loop u = -K y cut open at its actuator, with filters that forget as fast as said.
+def open_at_actuator(machine: FrictionPlant, K: Any, delay: float, forgets: np.ndarray | None = None) -> LureLoop:
+    """Open the loop u = -K y at its actuator, with filters that forget at the given rates.
 
-    >>> from robust.friction.plant import sliding_machine
-    >>> cut = cut_open(sliding_machine(1.0, 80e3, 0.4), 2e3, 0.0)
+    >>> from robust.friction.plant import friction_plant
+    >>> cut = open_at_actuator(friction_plant(1.0, 80e3, 0.4), 2e3, 0.0)
     >>> (0 + cut.asked).tolist(), cut.enters.tolist()  # of displacement and velocity
     ([-2000.0, 0.0], [0.0, 1.0])
     """
     K = state_space("K", K)
-    loop = sliding_loop(machine, K, delay)
+    loop = friction_loop(machine, K, delay)
     forgets = np.zeros(0) if forgets is None else forgets
     n, m, s = machine.A.shape[0], loop.F.shape[0], K.nstates
     size = m + forgets.size
@@ -126,7 +142,10 @@ def cut_open(machine: SlidingMachine, K: Any, delay: float, forgets: np.ndarray 
     else:
         enters[:n] = machine.B_force
     enters[m:] = forgets
-    F, jumps = widened(loop.F, size), np.array([widened(J, size, 1.0) for J in loop.jumps]).reshape(-1, size, size)
+    F, jumps = (
+        embed_matrix(loop.F, size),
+        np.array([embed_matrix(J, size, 1.0) for J in loop.jumps]).reshape(-1, size, size),
+    )
     rows = np.outer(forgets, asked)  # of u = asked - w
     rows[:, m:] -= np.diag(forgets)
     if loop.T:
@@ -134,20 +153,20 @@ def cut_open(machine: SlidingMachine, K: Any, delay: float, forgets: np.ndarray 
     else:
         F[m:] = rows
     parts = {name: np.pad(getattr(loop, name), (0, size - m)) for name in ("B", "x", "v", "measured")}
-    wider = SlidingLoop(F=F, T=loop.T, spans=loop.spans, jumps=jumps, **parts)
-    return CutLoop(loop=wider, asked=asked, enters=enters, forgets=forgets)
+    wider = FrictionLoop(F=F, T=loop.T, spans=loop.spans, jumps=jumps, **parts)
+    return LureLoop(loop=wider, asked=asked, enters=enters, forgets=forgets)
 
 
-def without_actuator(cut: CutLoop) -> SlidingLoop:
-    """The same with u = 0."""
+def with_zero_input(cut: LureLoop) -> FrictionLoop:
+    """Return the loop with u = 0."""
     loop, missing = cut.loop, np.outer(cut.enters, cut.asked)
     if not loop.T:
         return replace(loop, F=loop.F - missing)
     return replace(loop, jumps=np.concatenate([loop.jumps[:1] - missing, loop.jumps[1:]]))
 
 
-def widened(M: np.ndarray, size: int, diagonal: float = 0.0) -> np.ndarray:
-    """A square matrix as the first part of a larger one, the rest on the diagonal."""
+def embed_matrix(M: np.ndarray, size: int, diagonal: float = 0.0) -> np.ndarray:
+    """Return a square matrix as the leading part of a larger one, with the rest on the diagonal."""
     n = M.shape[0]
     larger = np.diag(np.concatenate([np.zeros(n), np.full(size - n, diagonal)]))
     larger[:n, :n] = M
@@ -163,8 +182,11 @@ def widened(M: np.ndarray, size: int, diagonal: float = 0.0) -> np.ndarray:
 # at every sample, or in the flow with w as one input more: what an actuator never makes negative.
 
 
-def saturated(form: Dissipation, cut: CutLoop, share: float, sector: float, given: np.ndarray) -> Dissipation:
-    """The inequality with its actuator; form : that of the friction, whose first states are those of the cut loop."""
+def with_saturation(form: Dissipation, cut: LureLoop, share: float, sector: float, given: np.ndarray) -> Dissipation:
+    """Add the dead zone to the dissipation inequality; form.
+
+    That of the friction, whose first states are those of the open loop.
+    """
     n = form.A.shape[0]
     asked, enters = (np.pad(row, (0, n - row.size)) for row in (cut.asked, cut.enters))
     seen = (share * sector + given.sum()) / 2 * asked
@@ -195,14 +217,14 @@ def saturated(form: Dissipation, cut: CutLoop, share: float, sector: float, give
 # a
 # frequency. Nothing here is a proof.
 
-LEAST = 1e-9  # share of a row that has to be left
-SMALL = 1e-12  # of the largest weight: what is left out
-ROUNDS = 60
+MIN_SHARE = 1e-9  # share of a row that has to be left
+NEGLIGIBLE_WEIGHT = 1e-12  # of the largest weight: what is left out
+MAX_ROUNDS = 60
 COUPLINGS = (0.7, 0.9, 0.97, 0.99)  # of f and w, of what a definite matrix allows: slack for what the sampler folds
 
 
 @value
-class SaturationWeights:
+class SaturationMultipliers:
     """Weights of friction and actuator.
 
     Fields
@@ -220,48 +242,54 @@ class SaturationWeights:
     given: np.ndarray
 
 
-def saturation_rows(
-    cut: CutLoop, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
+def saturation_terms(
+    cut: LureLoop, omega: np.ndarray, rates: np.ndarray, K0: float, rho: float, forgets: np.ndarray, share: float
 ) -> np.ndarray:
-    """(W, 1 + R + 1 + J, 2, 2) hermitian forms in (f, w): friction, its filters, sector, filters of the actuator."""
+    """Return (W, 1 + R + 1 + J, 2, 2) hermitian forms in (f, w).
+
+    Friction, its filters, sector, filters of the actuator.
+    """
     loop, s = cut.loop, 1j * omega
     none = np.zeros(loop.B.size)
-    by_f, before_f = driven(loop, omega, loop.B, none)
-    by_w, before_w = driven(loop, omega, none, -cut.enters) if loop.T else driven(loop, omega, -cut.enters, none)
+    by_f, before_f = driven_states(loop, omega, loop.B, none)
+    by_w, before_w = (
+        driven_states(loop, omega, none, -cut.enters) if loop.T else driven_states(loop, omega, -cut.enters, none)
+    )
     v, asked = np.stack([by_f, by_w], axis=1) @ loop.v, np.stack([before_f, before_w], axis=1) @ cut.asked
     f, w = np.broadcast_to([1.0, 0.0], v.shape), np.broadcast_to([0.0, 1.0], v.shape)
     rest = float(cut.asked @ loop.rest()[0]) * (rates[0] / (rates[0] + s))[:, None] * f
-    columns = [product(f, v)]
+    columns = [hermitian_product(f, v)]
     for a in rates:
         bent = (1 - a / (rho * (a - s)))[:, None] * v
         columns.append(
-            product(f, bent) - (a * omega**2 / (rho * K0 * (a**2 + omega**2)))[:, None, None] * product(f, f)
+            hermitian_product(f, bent)
+            - (a * omega**2 / (rho * K0 * (a**2 + omega**2)))[:, None, None] * hermitian_product(f, f)
         )
     each = 1 / loop.T if loop.T else 1.0  # samples a second
-    columns.append(each * product(w, share * (asked - rest) - w))
+    columns.append(each * hermitian_product(w, share * (asked - rest) - w))
     step = np.exp(s * loop.T) - 1 if loop.T else s
-    columns += [each * product(w, (step / (step + phi))[:, None] * (asked - w)) for phi in forgets]
+    columns += [each * hermitian_product(w, (step / (step + phi))[:, None] * (asked - w)) for phi in forgets]
     return np.stack(columns, axis=1)
 
 
-def product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(W, 2, 2) the form Re(conj(x) y) of two linear ones (W, 2)."""
+def hermitian_product(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return (W, 2, 2), the form Re(conj(x) y) of two linear forms (W, 2)."""
     full = np.conj(x)[:, :, None] * y[:, None, :]
     return np.asarray((full + np.conj(np.swapaxes(full, 1, 2))) / 2)
 
 
-def saturation_weights(table: np.ndarray, n_rates: int) -> SaturationWeights | None:
-    """Weights that make every matrix negative, few of them; None where none were found."""
+def saturation_multipliers(table: np.ndarray, n_rates: int) -> SaturationMultipliers | None:
+    """Return few multipliers that make every matrix negative; None where none were found."""
     for coupling in COUPLINGS:
-        found = solved(table, coupling)
+        found = solve_multipliers(table, coupling)
         if found is not None:
             mu, sector, given = found[: n_rates + 1], float(found[n_rates + 1]), found[n_rates + 2 :]
-            return SaturationWeights(mu=mu, sector=sector, given=given)
+            return SaturationMultipliers(mu=mu, sector=sector, given=given)
     return None
 
 
-def solved(table: np.ndarray, coupling: float) -> np.ndarray | None:
-    """(C,) weights of the forms, what couples f and w taken larger by 1/coupling.
+def solve_multipliers(table: np.ndarray, coupling: float) -> np.ndarray | None:
+    """Return the (C,) multipliers, with the terms that couple f and w enlarged by 1/coupling.
 
     A matrix is negative where its form is, for every (f, w): a linear program over the (f, w) that were worst so far,
     again and again until none is worse.
@@ -270,11 +298,11 @@ def solved(table: np.ndarray, coupling: float) -> np.ndarray | None:
     table[..., 0, 1] /= coupling
     table[..., 1, 0] /= coupling
     rows = [table[..., 0, 0].real, table[..., 1, 1].real]
-    for _ in range(ROUNDS):
-        theta, share = weights(np.concatenate(rows))
-        if not share > LEAST:
+    for _ in range(MAX_ROUNDS):
+        theta, share = maxwell_slip_multipliers(np.concatenate(rows))
+        if not share > MIN_SHARE:
             return None
-        theta[theta < SMALL * theta.max()] = 0.0
+        theta[theta < NEGLIGIBLE_WEIGHT * theta.max()] = 0.0
         both = np.einsum("wcij,c->wij", table, theta)
         a, d, b = both[:, 0, 0].real, both[:, 1, 1].real, both[:, 0, 1]
         if not max(a.max(), d.max()) < 0:
@@ -291,15 +319,15 @@ def solved(table: np.ndarray, coupling: float) -> np.ndarray | None:
 
 N_POINTS = 200
 N_SETS = 2  # of filters of the friction
-FORGETS = np.geomspace(1e-3, 1.0, 10)  # of a sample
-RATES = np.geomspace(1e-2, 30.0, 10)  # over the reference, where nothing is sampled
+FILTER_SHARES = np.geomspace(1e-3, 1.0, 10)  # of a sample
+FILTER_RATES = np.geomspace(1e-2, 30.0, 10)  # over the reference, where nothing is sampled
 #: What of asked - h an actuator may miss, at most: the larger, the further it reaches, and the harder to prove.
-SHARES = (0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
-MISSES = 2  # in a row, after which larger shares are left
+SECTOR_GAINS = (0.02, 0.1, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98)
+MAX_FAILURES = 2  # in a row, after which larger shares are left
 
 
 @value(copy=False)
-class Reach:
+class RegionOfAttraction:
     """A kick that is proved, and the numbers it is proved with.
 
     Fields
@@ -320,63 +348,65 @@ class Reach:
     numbers: dict[str, Any]
 
 
-def reaches(machine: SlidingMachine, K: Any, friction: AnyFriction, delay: float, left: float) -> Reach | None:
-    """The furthest that was found; from every state where that is proved. left : limit less friction [N]."""
-    cut = cut_open(machine, K, delay)
+def largest_region(
+    machine: FrictionPlant, K: Any, friction: AnyFriction, delay: float, left: float
+) -> RegionOfAttraction | None:
+    """Return the largest region of attraction that was found. left : limit less friction [N]."""
+    cut = open_at_actuator(machine, K, delay)
     if cut.open_growth() < 0:
-        everywhere = reach_of(machine, K, friction, delay, cut, 1.0, np.inf)
+        everywhere = region_for_sector(machine, K, friction, delay, cut, 1.0, np.inf)
         if everywhere is not None:
             return everywhere
     best, missed = None, 0
-    for share in SHARES:
-        found = reach_of(machine, K, friction, delay, cut, share, left / (1 - share))
+    for share in SECTOR_GAINS:
+        found = region_for_sector(machine, K, friction, delay, cut, share, left / (1 - share))
         missed = missed + 1 if found is None else 0
         if found is not None and (best is None or found.kick > best.kick):
             best = found
-        if missed == MISSES and share > SHARES[MISSES]:
+        if missed == MAX_FAILURES and share > SECTOR_GAINS[MAX_FAILURES]:
             break
     return best
 
 
-def reach_of(
-    machine: SlidingMachine, K: Any, friction: AnyFriction, delay: float, cut: CutLoop, share: float, reach: float
-) -> Reach | None:
-    """What is proved with one share, where anything is."""
-    omega, reference = frequencies(cut.loop, N_POINTS), reference_rate(machine, cut.loop)
+def region_for_sector(
+    machine: FrictionPlant, K: Any, friction: AnyFriction, delay: float, cut: LureLoop, share: float, reach: float
+) -> RegionOfAttraction | None:
+    """Return the region that is proved with one sector gain, or None."""
+    omega, reference = loop_frequencies(cut.loop, N_POINTS), reference_rate(machine, cut.loop)
     fastest = 1 / friction.bristle_time if friction.bristle_time else np.inf
-    forgets = FORGETS if cut.loop.T else RATES * reference
+    forgets = FILTER_SHARES if cut.loop.T else FILTER_RATES * reference
     for rates in filter_rates(reference, fastest)[:N_SETS]:
-        table = saturation_rows(cut, omega, rates, friction.K0, friction.stiction, forgets, share)
-        weights = saturation_weights(table, rates.size)
+        table = saturation_terms(cut, omega, rates, friction.K0, friction.stiction, forgets, share)
+        weights = saturation_multipliers(table, rates.size)
         if weights is None or not weights.mu[1:].any():
             continue
         own = weights.given > 0
-        wider = cut_open(machine, K, delay, forgets[own])
+        wider = open_at_actuator(machine, K, delay, forgets[own])
         form = maxwell_slip_dissipation(wider.loop, rates, weights.mu, friction.K0, friction.stiction)
-        form = saturated(form, wider, share, weights.sector, weights.given[own])
+        form = with_saturation(form, wider, share, weights.sector, weights.given[own])
         failed, energy = certified_dissipation(form)
         if energy is not None and not failed:
-            kick = kick_of(machine, wider, energy, reach) if np.isfinite(reach) else np.inf
-            numbers = friction_numbers(rates, weights, energy)
+            kick = largest_velocity(machine, wider, energy, reach) if np.isfinite(reach) else np.inf
+            numbers = claim_numbers(rates, weights, energy)
             filters = {"forgets": forgets[own], "weights": weights.given[own]}
-            return Reach(kick=kick, share=share, sector=weights.sector, numbers=numbers, **filters)
+            return RegionOfAttraction(kick=kick, share=share, sector=weights.sector, numbers=numbers, **filters)
     return None
 
 
-def friction_numbers(rates: np.ndarray, weights: SaturationWeights, energy: Energy) -> dict[str, Any]:
-    """What a claim keeps of weights and energy."""
+def claim_numbers(rates: np.ndarray, weights: SaturationMultipliers, energy: JudgedStorage) -> dict[str, Any]:
+    """Return what a claim keeps of the multipliers and the storage."""
     used = np.append(True, weights.mu[2:] > 0)
     found = {"rates": rates[used], "weights": weights.mu[1:][used], "free": float(weights.mu[0])}
     nothing = {"block": np.zeros((0, 0)), "bounds": np.zeros(0)}  # of bristles
     return found | nothing | {name: getattr(energy, name) for name in ("V", "P", "counts")}
 
 
-def kick_of(machine: SlidingMachine, cut: CutLoop, energy: Energy, reach: float) -> float:
-    """The kick [m/s] up to which an energy keeps what is asked for within reach [N]."""
+def largest_velocity(machine: FrictionPlant, cut: LureLoop, energy: JudgedStorage, reach: float) -> float:
+    """Return the initial velocity [m/s] up to which a storage keeps the commanded force within reach [N]."""
     size = energy.V.shape[0]
     hit = np.zeros(size)
     hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
-    return kick_within(energy, np.pad(cut.asked, (0, size - cut.asked.size)), hit, reach)
+    return velocity_within_reach(energy, np.pad(cut.asked, (0, size - cut.asked.size)), hit, reach)
 
 
 SUBJECT = "the stored energy falls, the actuator saturated or not"
@@ -384,7 +414,7 @@ NOT_CLAIMED = (
     "Not claimed: {other}friction above {Fs:g} N, an actuator of less than {limit:g} N, quantisation, another linear "
     "part."
 )
-NOTHING = "Not claimed: anything with an actuator that saturates."
+NO_ACTUATOR_CLAIM = "Not claimed: anything with an actuator that saturates."
 
 
 @value
@@ -421,8 +451,8 @@ class SaturatedProof:
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, sliding_machine
-    >>> rig = sliding_machine(1.0, 80e3, 40.0)
+    >>> from robust import any_maxwell_slip, friction_plant
+    >>> rig = friction_plant(1.0, 80e3, 40.0)
     >>> prove_saturated(rig, 1e3, any_maxwell_slip(64e3), Fs=1.0, limit=20.0).verdict
     'proved'
     """
@@ -446,14 +476,14 @@ class SaturatedProof:
 
 
 def prove_saturated(
-    machine: SlidingMachine, K: Any, friction: AnyFriction, *, Fs: float, limit: float, delay: float = 0.0
+    machine: FrictionPlant, K: Any, friction: AnyFriction, *, Fs: float, limit: float, delay: float = 0.0
 ) -> SaturatedProof:
     """Prove that a loop comes to rest with every friction of a class though its actuator saturates, or up to a kick.
 
     Parameters
     ----------
-    machine : SlidingMachine
-        The linear part, from `sliding_machine`.
+    machine : FrictionPlant
+        The linear part, from `friction_plant`.
     K : control.StateSpace, TransferFunction or float
         Controller, u = K (r - y), without anti-windup; sampled, or continuous and proper.
     friction : AnyFriction
@@ -483,9 +513,9 @@ def prove_saturated(
     Examples
     --------
     >>> import control
-    >>> from robust import any_maxwell_slip, sliding_machine
+    >>> from robust import any_maxwell_slip, friction_plant
     >>> PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)         # 20 kN/m and 60 Ns/m at 1 kHz
-    >>> proof = prove_saturated(sliding_machine(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3), Fs=1.0, limit=20.0)
+    >>> proof = prove_saturated(friction_plant(1.0, 80e3, 0.4), PD, any_maxwell_slip(64e3), Fs=1.0, limit=20.0)
     >>> proof.verdict, proof.kick > 2 * proof.kick_linear
     ('proved up to a kick', True)
     """
@@ -498,31 +528,33 @@ def prove_saturated(
         raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.words}")
     known: dict[str, Any] = {"friction": friction, "Fs": Fs, "limit": limit}
     if plain.verdict is not FrictionVerdict.PROVED:
-        return nothing(plain.verdict, f"without saturation: {plain.reason}", known)
+        return no_saturated_proof(plain.verdict, f"without saturation: {plain.reason}", known)
     K = state_space("K", K)
-    cut = cut_open(machine, K, delay)
+    cut = open_at_actuator(machine, K, delay)
     rest, offset = cut.loop.rest()
     left = limit - Fs * float(abs(cut.asked @ rest) + np.abs(cut.asked) @ offset)
     if left <= 0:
-        return nothing(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit", known)
+        return no_saturated_proof(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit", known)
     if not machine.velocity @ machine.B_port > 0:
-        return nothing(FrictionVerdict.NOT_DECIDED, "a kick at the friction port moves no velocity at once", known)
+        return no_saturated_proof(
+            FrictionVerdict.NOT_DECIDED, "a kick at the friction port moves no velocity at once", known
+        )
     try:
-        linear = certify(cut.loop, friction, reference_rate(machine, cut.loop)).energy
-        kick_linear = 0.0 if linear is None else kick_of(machine, cut, linear, left)
-        reach = reaches(machine, K, friction, delay, left) if friction.kind == "Maxwell slip" else None
+        linear = certify_friction(cut.loop, friction, reference_rate(machine, cut.loop)).energy
+        kick_linear = 0.0 if linear is None else largest_velocity(machine, cut, linear, left)
+        reach = largest_region(machine, K, friction, delay, left) if friction.kind == "Maxwell slip" else None
     except (np.linalg.LinAlgError, ValueError, FloatingPointError) as error:
-        return nothing(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}", known)
+        return no_saturated_proof(FrictionVerdict.NOT_DECIDED, f"numerical failure: {error}", known)
     everywhere = np.isinf(kick_linear) or (reach is not None and reach.share == 1)
     certificate, kick, share = plain.certificate, kick_linear, 0.0
     if reach is not None and reach.kick > kick_linear:
-        exact = claimed(machine, K, delay, friction, reach.numbers)
-        certificate, kick, share = certificate_of(exact, reach, known), reach.kick, reach.share
+        exact = build_claim(machine, K, delay, friction, reach.numbers)
+        certificate, kick, share = saturation_certificate(exact, reach, known), reach.kick, reach.share
     return SaturatedProof(
         verdict=FrictionVerdict.PROVED if everywhere else FrictionVerdict.PROVED_LOCALLY,
-        claim=claim(np.inf if everywhere else kick, scope(machine, friction, K, delay), Fs, limit),
-        reason="" if everywhere else why_local(cut, friction),
-        not_claimed=NOT_CLAIMED.format(other=OTHER[friction.kind], Fs=Fs, limit=limit),
+        claim=describe_claim(np.inf if everywhere else kick, describe_scope(machine, friction, K, delay), Fs, limit),
+        reason="" if everywhere else describe_why_local(cut, friction),
+        not_claimed=NOT_CLAIMED.format(other=NOT_IN_CLASS[friction.kind], Fs=Fs, limit=limit),
         kick=kick,
         kick_linear=kick_linear,
         share=share,
@@ -531,14 +563,14 @@ def prove_saturated(
     )
 
 
-def nothing(verdict: FrictionVerdict, reason: str, known: dict[str, Any]) -> SaturatedProof:
-    """Nothing is proved with the actuator."""
+def no_saturated_proof(verdict: FrictionVerdict, reason: str, known: dict[str, Any]) -> SaturatedProof:
+    """Return the result where nothing is proved with the actuator."""
     numbers: dict[str, Any] = {"kick": 0.0, "kick_linear": 0.0, "share": 0.0, "certificate": None}
-    return SaturatedProof(verdict=verdict, claim="", not_claimed=NOTHING, reason=reason, **numbers, **known)
+    return SaturatedProof(verdict=verdict, claim="", not_claimed=NO_ACTUATOR_CLAIM, reason=reason, **numbers, **known)
 
 
-def certificate_of(claim: FrictionClaim, reach: Reach, known: dict[str, Any]) -> Certificate:
-    """What was judged, with the actuator in it."""
+def saturation_certificate(claim: FrictionClaim, reach: RegionOfAttraction, known: dict[str, Any]) -> Certificate:
+    """Return the certificate of what was decided, with the actuator in it."""
     kick = reach.kick if np.isfinite(reach.kick) else 0.0
     limits: dict[str, float] = {"limit": known["limit"], "Fs": known["Fs"], "kick": kick, "share": reach.share}
     actuator = Actuator(sector=reach.sector, forgets=reach.forgets, weights=reach.weights, **limits)
@@ -554,8 +586,11 @@ def certificate_of(claim: FrictionClaim, reach: Reach, known: dict[str, Any]) ->
     )
 
 
-def claim(kick: float, scope: str, Fs: float, limit: float) -> str:
-    """What is proved, in one sentence: from every state where the kick is infinite, else up to that kick."""
+def describe_claim(kick: float, scope: str, Fs: float, limit: float) -> str:
+    """State what is proved in one sentence: from every state where the velocity is infinite.
+
+    Else up to that velocity.
+    """
     rest = "Comes to rest from every state"
     if np.isfinite(kick):
         hit = f"a kick of at most {1e3 * kick:.3g} mm/s at the friction port"
@@ -563,8 +598,8 @@ def claim(kick: float, scope: str, Fs: float, limit: float) -> str:
     return f"{rest} {scope}, with an actuator of {limit:g} N and friction of at most {Fs:g} N."
 
 
-def why_local(cut: CutLoop, friction: AnyFriction) -> str:
-    """Why it is not proved from every state."""
+def describe_why_local(cut: LureLoop, friction: AnyFriction) -> str:
+    """Say why it is not proved from every state."""
     if friction.kind != "Maxwell slip":
         return f"From every state: not tried for a {friction.kind}; the kick is one that never saturates the actuator."
     if cut.open_growth() < 0:

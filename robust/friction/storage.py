@@ -12,19 +12,19 @@ from nlfrf._base.values import value
 __all__ = [
     "METHOD",
     "Block",
+    "BoundedForm",
     "Dissipation",
-    "Energy",
-    "Judged",
-    "Storage",
-    "back_over",
+    "JudgedStorage",
+    "StorageFunction",
+    "balancing_coordinates",
+    "build_storage",
     "certified_dissipation",
-    "coordinates",
-    "in_coordinates",
-    "judge",
-    "judge_constant",
+    "in_balanced_coordinates",
+    "judge_constant_storage",
+    "judge_storage",
     "jump_stretch",
+    "propagate_back",
     "proposed_storage",
-    "storage_function",
     "supply_with_slack",
 ]
 
@@ -98,7 +98,7 @@ NEWTON_STEPS = 2
 Stretch = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def coordinates(form: Dissipation) -> np.ndarray:
+def balancing_coordinates(form: Dissipation) -> np.ndarray:
     """(n, n) V with z = V z~ in which the input reaches every state alike: a root of the closed-loop Gramian.
 
     Summed over the ends of all spans: just after a delay the force that waited and the one that is held are the same.
@@ -152,8 +152,8 @@ def supply_with_slack(form: Dissipation, slack: float) -> tuple[np.ndarray, np.n
     return A, -form.B @ gain[:, n:], form.Q + slack * np.eye(n) - form.N @ gain[:, :n]
 
 
-def joined(first: Stretch, second: Stretch) -> Stretch:
-    """Two stretches of time as one."""
+def join_stretches(first: Stretch, second: Stretch) -> Stretch:
+    """Compose two stretches of time into one."""
     (A1, G1, H1), (A2, G2, H2) = first, second
     M = np.linalg.inv(np.eye(A1.shape[0]) - G1 @ H2)
     return A2 @ M @ A1, G2 + A2 @ M @ G1 @ A2.T, H1 + A1.T @ H2 @ M @ A1
@@ -169,8 +169,8 @@ def jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
     return jump - np.outer(b, c) / weight, np.outer(b, b) / weight, left + np.outer(c, c) / weight
 
 
-def back_over(stretch: Stretch, W: np.ndarray) -> np.ndarray:
-    """H + A'W (I - G W)^-1 A."""
+def propagate_back(stretch: Stretch, W: np.ndarray) -> np.ndarray:
+    """Return H + A'W (I - G W)^-1 A."""
     A, G, H = stretch
     return np.asarray(H + A.T @ W @ np.linalg.solve(np.eye(A.shape[0]) - G @ W, A))
 
@@ -188,25 +188,25 @@ def proposed_storage(form: Dissipation, slack: float) -> np.ndarray | None:
     if np.any(np.linalg.eigvalsh(form.R + slack * np.eye(form.R.shape[0])) >= 0):
         return None
     with np.errstate(over="ignore", invalid="ignore"):  # what runs over is no storage function
-        return stabilising(form, slack)
+        return stabilising_solution(form, slack)
 
 
-def stabilising(form: Dissipation, slack: float) -> np.ndarray | None:
-    """The same, of an equation that exists."""
+def stabilising_solution(form: Dissipation, slack: float) -> np.ndarray | None:
+    """Return the stabilising P of an equation that has a solution."""
     n = form.A.shape[0]
     A, G, Q = supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
     try:
         if not form.spans.size:
             _, Z, count = schur(hamiltonian, sort="lhp")
-            return solved(Z, n) if count == n else None
+            return solution_from_subspace(Z, n) if count == n else None
         period: Stretch | None = None
         total = form.spans.sum()
         turn = [*range(1, form.spans.size), 0]  # begin after the first jump
         for i, after in enumerate(turn):
             flow = flow_stretch(hamiltonian, form.spans[i])
-            stretch = joined(flow, jump_stretch(form, after, slack * total))
-            period = stretch if period is None else joined(period, stretch)
+            stretch = join_stretches(flow, jump_stretch(form, after, slack * total))
+            period = stretch if period is None else join_stretches(period, stretch)
         assert period is not None
         Ac, Gc, Hc = period
         left = np.block([[Ac, np.zeros((n, n))], [-Hc, np.eye(n)]])
@@ -214,25 +214,25 @@ def stabilising(form: Dissipation, slack: float) -> np.ndarray | None:
         *_, alpha, beta, _, Z = ordqz(left, right, sort="iuc")
         if np.count_nonzero(np.abs(alpha) < np.abs(beta)) != n:
             return None
-        P = solved(Z, n)
-        return P if form.block is None else corrected(period, P)
+        P = solution_from_subspace(Z, n)
+        return P if form.block is None else refine_by_newton(period, P)
     except (np.linalg.LinAlgError, ValueError):
         return None
 
 
-def corrected(period: Stretch, P: np.ndarray | None) -> np.ndarray | None:
-    """The solution after Newton steps: of a loop with a block the subspace alone gives few digits."""
+def refine_by_newton(period: Stretch, P: np.ndarray | None) -> np.ndarray | None:
+    """Refine P by Newton steps: for a loop with a block the subspace alone gives few digits."""
     if P is None:
         return None
     for _ in range(NEWTON_STEPS):
-        left = back_over(period, P) - P
+        left = propagate_back(period, P) - P
         closed = np.linalg.solve(np.eye(P.shape[0]) - period[1] @ P, period[0])
         P = P + solve_discrete_lyapunov(closed.T, (left + left.T) / 2)
     return (P + P.T) / 2 if np.isfinite(P).all() else None
 
 
-def solved(Z: np.ndarray, n: int) -> np.ndarray | None:
-    """P = U2 U1^-1 of a subspace."""
+def solution_from_subspace(Z: np.ndarray, n: int) -> np.ndarray | None:
+    """Return P = U2 U1^-1 of a subspace."""
     P = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T).T
     return (P + P.T) / 2 if np.isfinite(P).all() else None
 
@@ -248,7 +248,7 @@ EPS = np.finfo(float).eps
 
 
 @value(copy=False)
-class Judged:
+class BoundedForm:
     """A dissipation inequality in coordinates z = V z~, with how far each matrix may be off, entry by entry.
 
     Fields
@@ -276,7 +276,7 @@ class Judged:
 
 
 @value(copy=False)
-class Storage:
+class StorageFunction:
     """P over a period: Bernstein coefficients of cubics.
 
     Fields
@@ -294,12 +294,12 @@ class Storage:
     first: np.ndarray
 
 
-def in_coordinates(form: Dissipation) -> Judged:
+def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
     """The inequality in balanced coordinates."""
     unit = np.sqrt(np.maximum(-np.diag(form.R), 1e-300))  # of the inputs
     top = unit.max()
     heavy = form.block and replace(form.block, weight=form.block.weight / top**2)
-    V = coordinates(replace(form, B=form.B * (top / unit), block=heavy))
+    V = balancing_coordinates(replace(form, B=form.B * (top / unit), block=heavy))
     back = np.linalg.inv(V)
     n = form.B.shape[0]
     more = form.stored.shape[0] - n
@@ -337,7 +337,7 @@ def in_coordinates(form: Dissipation) -> Judged:
         stored_error=form.stored_error,
         block=block,
     )
-    return Judged(
+    return BoundedForm(
         form=new,
         A=A_off,
         B=B_off,
@@ -351,7 +351,7 @@ def in_coordinates(form: Dissipation) -> Judged:
     )
 
 
-def storage_function(form: Dissipation, P: np.ndarray, slack: float, n_intervals: int) -> Storage:
+def build_storage(form: Dissipation, P: np.ndarray, slack: float, n_intervals: int) -> StorageFunction:
     """Cubics through the solution of the Riccati equation that begins with P, with its slopes."""
     A, G, Q = supply_with_slack(form, slack)
     hamiltonian = np.block([[A, G], [-Q, -A.T]])
@@ -360,7 +360,7 @@ def storage_function(form: Dissipation, P: np.ndarray, slack: float, n_intervals
     total = spans.sum()
     later = P  # just after the jump that begins the next span
     for i in reversed(range(spans.size)):
-        W = back_over(jump_stretch(form, (i + 1) % spans.size, slack * total), later)
+        W = propagate_back(jump_stretch(form, (i + 1) % spans.size, slack * total), later)
         count = max(1, round(n_intervals * spans[i] / total))
         h = spans[i] / count
         E = expm(-h * hamiltonian)
@@ -377,11 +377,16 @@ def storage_function(form: Dissipation, P: np.ndarray, slack: float, n_intervals
         later = node[0]
     counts = [len(part) for part in parts[::-1]]
     begins = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(int)
-    return Storage(coefficients=np.concatenate(parts[::-1]), lengths=np.concatenate(lengths[::-1]), first=begins)
+    return StorageFunction(
+        coefficients=np.concatenate(parts[::-1]), lengths=np.concatenate(lengths[::-1]), first=begins
+    )
 
 
-def negative(matrices: np.ndarray, errors: np.ndarray) -> float:
-    """Largest scaled eigenvalue of symmetric matrices plus their rounding; below zero where all are negative."""
+def largest_scaled_eigenvalue(matrices: np.ndarray, errors: np.ndarray) -> float:
+    """Return the largest scaled eigenvalue of symmetric matrices plus their rounding.
+
+    Below zero where all are negative.
+    """
     diagonal = -np.diagonal(matrices, axis1=-2, axis2=-1)
     if not np.isfinite(matrices).all() or not np.all(diagonal > 0):
         return float("inf")
@@ -393,10 +398,10 @@ def negative(matrices: np.ndarray, errors: np.ndarray) -> float:
     return float((largest + slack).max())
 
 
-def inequality(
-    judged: Judged, P: np.ndarray, slope: np.ndarray, slope_size: np.ndarray
+def flow_inequality(
+    judged: BoundedForm, P: np.ndarray, slope: np.ndarray, slope_size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix of the inequality for P and P', many at once, and how far it may be off."""
+    """Return the matrix of the inequality for many P and P' at once, and its rounding error."""
     form = judged.form
     n, m = form.B.shape
     k = (2 * n + 8) * EPS
@@ -414,7 +419,7 @@ def inequality(
     return (M + np.swapaxes(M, -1, -2)) / 2, E
 
 
-def judge(judged: Judged, storage: Storage) -> tuple[str, float]:
+def judge_storage(judged: BoundedForm, storage: StorageFunction) -> tuple[str, float]:
     """Empty if the storage function proves the inequality, the jumps and the energy; else what fails, and by how much.
 
     The number is the largest scaled eigenvalue between samples where that fails, which finer intervals may mend, and
@@ -423,20 +428,22 @@ def judge(judged: Judged, storage: Storage) -> tuple[str, float]:
     b, h = storage.coefficients, storage.lengths[:, None, None, None]
     steps = 3 * (b[:, 1:] - b[:, :-1]) / h  # of P', a parabola; raised to a cubic
     sizes = 3 * (np.abs(b[:, 1:]) + np.abs(b[:, :-1])) / h
-    slope, size = raised(steps), raised(sizes)
-    worst = negative(*inequality(judged, b, slope, size))
+    slope, size = raise_degree(steps), raise_degree(sizes)
+    worst = largest_scaled_eigenvalue(*flow_inequality(judged, b, slope, size))
     if not worst < 0:
         return f"the inequality does not hold between samples: its largest scaled eigenvalue is {worst:.2g}", worst
     begins = b[storage.first, 0]
     ends = b[np.concatenate([storage.first[1:], [b.shape[0]]]) - 1, 3]
     for i in range(len(judged.form.jumps)):
-        worst = negative(*jump_inequality(judged, i, ends[i - 1], begins[i]))
+        worst = largest_scaled_eigenvalue(*jump_inequality(judged, i, ends[i - 1], begins[i]))
         if not worst < 0:
             return f"the energy may grow at a sample: its largest scaled eigenvalue is {worst:.2g}", np.inf
-    return positive_energy(judged, np.array([begins[0], ends[-1]])), np.inf
+    return check_positive(judged, np.array([begins[0], ends[-1]])), np.inf
 
 
-def jump_inequality(judged: Judged, i: int, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def jump_inequality(
+    judged: BoundedForm, i: int, before: np.ndarray, after: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The matrix of what the energy gains at a jump, a block there as one more state, and how far it may be off."""
     jump, unsure, block, n = judged.form.jumps[i], judged.jumps[i], judged.form.block, before.shape[0]
     lost, loose = before, np.zeros_like(before)
@@ -454,42 +461,42 @@ def jump_inequality(judged: Judged, i: int, before: np.ndarray, after: np.ndarra
     return jump.T @ after @ jump - lost, off + cross + cross.T
 
 
-def raised(parabola: np.ndarray) -> np.ndarray:
-    """(I, 4, ...) Bernstein coefficients of a parabola as those of a cubic."""
+def raise_degree(parabola: np.ndarray) -> np.ndarray:
+    """Return the (I, 4, ...) Bernstein coefficients of a parabola as those of a cubic."""
     first, second, third = parabola[:, 0], parabola[:, 1], parabola[:, 2]
     return np.stack([first, (first + 2 * second) / 3, (2 * second + third) / 3, third], axis=1)
 
 
-def judge_constant(judged: Judged, P: np.ndarray) -> str:
-    """The same of a loop without jumps and one P for all time."""
+def judge_constant_storage(judged: BoundedForm, P: np.ndarray) -> str:
+    """Judge one P for all time, for a loop without jumps."""
     still = np.zeros_like(P)
-    worst = negative(*inequality(judged, P, still, still))
+    worst = largest_scaled_eigenvalue(*flow_inequality(judged, P, still, still))
     if not worst < 0:
         return f"the inequality does not hold: its largest scaled eigenvalue is {worst:.2g}"
-    return positive_energy(judged, P[None])
+    return check_positive(judged, P[None])
 
 
-def positive_energy(judged: Judged, P: np.ndarray) -> str:
-    """Empty if the stored energy is positive, whatever its states."""
+def check_positive(judged: BoundedForm, P: np.ndarray) -> str:
+    """Return an empty string if the storage is positive for all states, else why not."""
     n = P.shape[-1]
     stored = judged.form.stored
     energy = np.broadcast_to(stored, (*P.shape[:-2], *stored.shape)).copy()
     energy[..., :n, :n] += P
     size = np.broadcast_to(judged.stored, energy.shape).copy() + 4 * EPS * np.abs(stored)
     size[..., :n, :n] += 4 * EPS * np.abs(P)
-    worst = negative(-energy, size)
+    worst = largest_scaled_eigenvalue(-energy, size)
     return "" if worst < 0 else f"the stored energy is not positive: its least scaled eigenvalue is {-worst:.2g}"
 
 
 METHOD = "periodic Riccati equation, Bernstein"
 SLACKS = 0.1 * 0.25 ** np.arange(4, 14)
-INTERVALS = (8, 32, 128)
-FINEST = 512
-NEAR = 1e-3  # a failure so small that the finest intervals are worth their time
+INTERVAL_COUNTS = (8, 32, 128)
+MAX_INTERVALS = 512
+NEAR_MISS = 1e-3  # a failure so small that the finest intervals are worth their time
 
 
 @value(copy=False)
-class Energy:
+class JudgedStorage:
     """A stored energy that was judged to prove its inequality: coordinates z = V z~ and P in them.
 
     Fields
@@ -509,41 +516,41 @@ class Energy:
     stored: np.ndarray
 
 
-def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, Energy | None]:
+def certified_dissipation(form: Dissipation, quick: bool = False) -> tuple[str, JudgedStorage | None]:
     """Empty and the energy, if a storage function was judged to prove the inequality; else what failed last."""
-    judged = in_coordinates(form)
+    judged = in_balanced_coordinates(form)
     failure = "no storage function was found"
-    nearest = NEAR, 0.0, np.zeros(0)
+    nearest = NEAR_MISS, 0.0, np.zeros(0)
     for slack in SLACKS:
         P = proposed_storage(judged.form, slack)
         if P is None:
             continue
         if not form.spans.size:
-            failure = judge_constant(judged, P)
+            failure = judge_constant_storage(judged, P)
             if not failure:
                 counts = np.zeros(0, dtype=int)
-                return "", Energy(V=judged.V, P=P[None, None], counts=counts, stored=judged.form.stored)
+                return "", JudgedStorage(V=judged.V, P=P[None, None], counts=counts, stored=judged.form.stored)
             continue
-        for n_intervals in INTERVALS:
-            storage = storage_function(judged.form, P, slack, n_intervals)
-            failure, worst = judge(judged, storage)
+        for n_intervals in INTERVAL_COUNTS:
+            storage = build_storage(judged.form, P, slack, n_intervals)
+            failure, worst = judge_storage(judged, storage)
             if not failure:
-                return "", energy_of(judged, storage)
-            if np.isinf(worst) and n_intervals > INTERVALS[0]:  # no solution of this slack: finer will not help
+                return "", keep_storage(judged, storage)
+            if np.isinf(worst) and n_intervals > INTERVAL_COUNTS[0]:  # no solution of this slack: finer will not help
                 break
         nearest = min(nearest, (worst, slack, P), key=lambda found: found[0])
     worst, slack, P = nearest
-    if worst < NEAR and not quick:
-        storage = storage_function(judged.form, P, slack, FINEST)
-        failure = judge(judged, storage)[0]
+    if worst < NEAR_MISS and not quick:
+        storage = build_storage(judged.form, P, slack, MAX_INTERVALS)
+        failure = judge_storage(judged, storage)[0]
         if not failure:
-            return "", energy_of(judged, storage)
+            return "", keep_storage(judged, storage)
     return failure, None
 
 
-def energy_of(judged: Judged, storage: Storage) -> Energy:
-    """What is kept of a storage function, symmetric to the bit."""
+def keep_storage(judged: BoundedForm, storage: StorageFunction) -> JudgedStorage:
+    """Return what is kept of a storage function, symmetric to the bit."""
     P = storage.coefficients
     counts = np.diff(np.append(storage.first, P.shape[0]))
     P = (P + np.swapaxes(P, -1, -2)) / 2
-    return Energy(V=judged.V, P=P, counts=counts, stored=judged.form.stored)
+    return JudgedStorage(V=judged.V, P=P, counts=counts, stored=judged.form.stored)

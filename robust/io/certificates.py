@@ -21,8 +21,8 @@ from robust.friction.exact.claim import FrictionClaim, read_friction_claim, writ
 from robust.friction.exact.verify import verify_friction
 from robust.friction.levels import friction_class, require_si
 from robust.friction.linear_uncertainty import friction_frequency_test
-from robust.friction.plant import SlidingMachine, sliding_machine
-from robust.friction.prove import FrictionProof, machines_of_nominal, matrices_of, prove_friction
+from robust.friction.plant import FrictionPlant, friction_plant
+from robust.friction.prove import FrictionProof, machines_of_nominal, plant_matrices, prove_friction
 from robust.friction.saturation import SaturatedProof
 from robust.io.models import PathLike, load_controller, load_model
 from robust.lti.realisation import state_space
@@ -107,7 +107,7 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
     ----------
     path : path
         A file that `save_certificate`, `robust check` or `robust prove` wrote.
-    model : UncertaintyModel or SlidingMachine, optional
+    model : UncertaintyModel or FrictionPlant, optional
         What the certificate is said to be about: nominal, weight, form and class are compared number by number; of a
         machine with friction its linear part.
     K : control.StateSpace, TransferFunction or float, optional
@@ -164,8 +164,8 @@ def verified_friction(claim: FrictionClaim, model: Any, K: Any, time_cap: float)
     """The claim on a machine with friction, proved again and compared."""
     wrong = []
     if model is not None:
-        machine = model if isinstance(model, SlidingMachine) else sliding_machine(getattr(model, "nominal", model))
-        if not same(claim.machine, matrices_of(machine)):
+        machine = model if isinstance(model, FrictionPlant) else friction_plant(getattr(model, "nominal", model))
+        if not same(claim.machine, plant_matrices(machine)):
             wrong.append(("the machine", "not the one of the certificate"))
     if K is not None and not same(claim.controller, given(K)):
         wrong.append(("the controller", "not the one of the certificate"))
@@ -184,7 +184,7 @@ def same(mine: Matrices, other: Matrices) -> bool:
 
 def class_from_files(
     files: Sequence[Path], controller: Path, nominal: Path | None, stiffness: float | None, stiction: float
-) -> tuple[tuple[SlidingMachine, ...], AnyFriction, str]:
+) -> tuple[tuple[FrictionPlant, ...], AnyFriction, str]:
     """From one model and a stiffness [N/m], or from BLAs at three levels or more and perhaps a model at the highest.
 
     Raises
@@ -234,7 +234,7 @@ def highest_level(blas: Sequence[nlfrf.Bla]) -> int:
 
 def from_model(
     models: Sequence[Path], controller: Path, stiffness: float | None, stiction: float
-) -> tuple[tuple[SlidingMachine, ...], AnyFriction, str]:
+) -> tuple[tuple[FrictionPlant, ...], AnyFriction, str]:
     """One model, and the stiffness of its friction, which no model shows."""
     model = models[0]
     if len(models) > 1:
@@ -308,7 +308,7 @@ def controller_of(path: Path, plant: Path) -> Any:
 
 
 def prove_all(
-    machines: Sequence[SlidingMachine], K: Any, friction: AnyFriction, **options: Any
+    machines: Sequence[FrictionPlant], K: Any, friction: AnyFriction, **options: Any
 ) -> tuple[FrictionProof, ...]:
     """A proof for each machine, the least proved first: what is claimed of a machine has to hold with each damping."""
     proofs = [prove_friction(machine, K, friction, **options) for machine in machines]

@@ -4,10 +4,10 @@ import control
 import numpy as np
 from scipy.linalg import expm
 
-from robust.friction.plant import sliding_loop, sliding_machine
+from robust.friction.plant import friction_loop, friction_plant
 
 T = 1e-3
-RIG = sliding_machine(1.0, 80e3, 0.4)
+RIG = friction_plant(1.0, 80e3, 0.4)
 #: (Kp, Ki, Kd, delay) and the largest K0 of the weights for stiction 1.05, 1/0.7 and 2, the lowest unstable spring.
 ORACLES = {
     "P1": ((20e3, 3e5, 60.0, 0.0), (1.826e6, 2.303e5, 9.88e4), 1.826e6),
@@ -29,7 +29,7 @@ def pd(Kp, Kd):
 
 def oracle_loop(name):
     (Kp, Ki, Kd, delay), _, _ = ORACLES[name]
-    return sliding_loop(RIG, pid(Kp, Ki, Kd), delay)
+    return friction_loop(RIG, pid(Kp, Ki, Kd), delay)
 
 
 class Element:

@@ -18,8 +18,8 @@ __all__ = [
     "SCHEMA",
     "Actuator",
     "FrictionClaim",
-    "content",
-    "from_content",
+    "claim_from_dict",
+    "claim_to_dict",
     "read_friction_claim",
     "write_friction_claim",
 ]
@@ -129,8 +129,8 @@ class FrictionClaim:
                 raise ValueError("actuator must have finite numbers and a weight for each filter, got something else")
 
 
-def content(claim: FrictionClaim) -> dict[str, Any]:
-    """The claim as plain numbers and words."""
+def claim_to_dict(claim: FrictionClaim) -> dict[str, Any]:
+    """Return the claim as plain numbers and strings."""
     found: dict[str, Any] = {}
     for field in fields(claim):
         part = getattr(claim, field.name)
@@ -143,8 +143,8 @@ def content(claim: FrictionClaim) -> dict[str, Any]:
     return found
 
 
-def from_content(given: Any) -> FrictionClaim:
-    """The claim back from `content`, or a ValueError that says what is wrong with it."""
+def claim_from_dict(given: Any) -> FrictionClaim:
+    """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
     names = {field.name for field in fields(FrictionClaim)}
     if not isinstance(given, dict) or set(given) | {"actuator"} != names:
         raise ValueError(f"claim must have the entries {', '.join(sorted(names))}, got something else")
@@ -177,7 +177,7 @@ def from_content(given: Any) -> FrictionClaim:
 
 SCHEMA = "robust-friction-certificate"
 VERSION = 2
-READ = (1, 2)  # the first without actuators
+READABLE_VERSIONS = (1, 2)  # the first without actuators
 
 
 def write_friction_claim(
@@ -190,7 +190,7 @@ def write_friction_claim(
         "units": {"dt": "s", "delay": "s", "K0": "N/m", "microdamping": "Ns/m", "bristle_time": "s", "rates": "rad/s"},
         "loop": ("u = sat(-K y)" if claim.actuator else "u = -K y")
         + ", sampled, delayed, held; p' = A p + B (u, -f), C p: measured, displacement at the port",
-        "claim": content(claim),
+        "claim": claim_to_dict(claim),
         "found": list(found),
     }
     entries["digest"] = digest(entries)
@@ -202,7 +202,7 @@ def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
     entries = parse_json(path)
     if not isinstance(entries, dict) or entries.get("schema") != SCHEMA:
         return None
-    if entries.get("version") not in READ:
+    if entries.get("version") not in READABLE_VERSIONS:
         raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
     if entries.get("digest") != digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
@@ -210,4 +210,4 @@ def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
             "Something in it was changed."
         )
     require_schema(entries, path, "robust", SCHEMA)
-    return from_content(entries["claim"])
+    return claim_from_dict(entries["claim"])

@@ -13,14 +13,14 @@ from robust.proofs.exact.polynomials import rational, rational_matrix
 __all__ = [
     "ExactBlock",
     "ExactLoop",
-    "actuator_fits",
-    "asked_of",
-    "exact_block",
+    "check_actuator",
+    "check_reach",
+    "commanded_force_row",
+    "dead_zone_block",
+    "equilibrium",
     "exact_loop",
     "identity",
-    "reach_fits",
-    "rest_of",
-    "with_filters",
+    "with_actuator_filters",
 ]
 
 
@@ -55,7 +55,7 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
         F += [[-K["B"][i][0] * C[0][j] for j in range(n)] + list(K["A"][i]) for i in range(s)]
         spans, jumps = [], []
     else:
-        whole, part = samples(rational(claim.delay), T)
+        whole, part = split_delay(rational(claim.delay), T)
         waiting = whole + (part > 0)
         size, own = n + 1 + waiting + s, n + 1 + waiting
         F = [list(A[i]) + [B[i][0]] + [0] * (size - n - 1) for i in range(n)] + [[0] * size for _ in range(size - n)]
@@ -84,8 +84,8 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
     )
 
 
-def samples(delay: Any, T: Any) -> tuple[int, Any]:
-    """Whole samples of a delay, and what is left [s]."""
+def split_delay(delay: Any, T: Any) -> tuple[int, Any]:
+    """Split a delay into whole samples and a remainder [s]."""
     near = fmpq(1, 10**9)
     whole = int((delay / T + near).floor())
     left = delay - whole * T
@@ -97,8 +97,8 @@ def identity(n: int) -> list[list[int]]:
     return [[int(i == j) for j in range(n)] for i in range(n)]
 
 
-def rest_of(loop: ExactLoop) -> Any:
-    """Where the loop rests under f = 1, exactly; a ValueError where there is no such place."""
+def equilibrium(loop: ExactLoop) -> Any:
+    """Return the equilibrium under f = 1 exactly, or raise a ValueError where there is none."""
     n = loop.F.nrows()
     rows, wanted = loop.F.tolist(), (-loop.B).tolist()
     unit = fmpq_mat(identity(n))
@@ -133,8 +133,11 @@ class ExactBlock:
     weight: Any
 
 
-def actuator_fits(claim: FrictionClaim) -> str:
-    """Empty if the weights of the actuator are such as any saturation allows; else what is wrong with them."""
+def check_actuator(claim: FrictionClaim) -> str:
+    """Return an empty string if the actuator weights are admissible for any saturation.
+
+    Else what is wrong with them.
+    """
     own = claim.actuator
     if own is None:
         return ""
@@ -148,8 +151,8 @@ def actuator_fits(claim: FrictionClaim) -> str:
     return ""
 
 
-def asked_of(claim: FrictionClaim, size: int) -> list[Any]:
-    """(size,) the force that is asked for, of the state."""
+def commanded_force_row(claim: FrictionClaim, size: int) -> list[Any]:
+    """Return the row (size,) of the commanded force in the states."""
     C, D = rational_matrix(claim.controller.C).tolist(), rational_matrix(claim.controller.D).tolist()[0][0]
     measured = rational_matrix(claim.machine.C).tolist()[0]
     n, s = claim.machine.order, claim.controller.order
@@ -160,12 +163,12 @@ def asked_of(claim: FrictionClaim, size: int) -> list[Any]:
     return row
 
 
-def with_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
-    """The loop with the filters of the force beside it, u_j+ = u_j + phi (asked - u_j), as its last states."""
+def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
+    """Append the filters u_j+ = u_j + phi (u_commanded - u_j) of the actuator to the loop, as its last states."""
     assert claim.actuator is not None
     forgets = [rational(phi) for phi in claim.actuator.forgets]
     n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
-    asked, zero, unit = asked_of(claim, size), rational(0.0), identity(size)
+    asked, zero, unit = commanded_force_row(claim, size), rational(0.0), identity(size)
 
     def wide(M: Any, still: bool) -> list[list[Any]]:
         rows = [list(row) + [zero] * (size - n) for row in M.tolist()]
@@ -189,15 +192,15 @@ def with_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     )
 
 
-def exact_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBlock:
-    """theta_0 w (share asked'y - w) + sum theta_j w (asked'y - w - u_j) of a loop with filters, among `size` states."""
+def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBlock:
+    """Return theta_0 w (share c'y - w) + sum theta_j w (c'y - w - u_j) of a loop with filters, among `size` states."""
     own = claim.actuator
     assert own is not None
     theta, sector, share = [rational(x) for x in own.weights], rational(own.sector), rational(own.share)
     n, m = claim.machine.order, loop.F.nrows()
     first = m - len(theta)
     total = sum(theta, start=rational(0.0))
-    seen = [(share * sector + total) / 2 * a for a in asked_of(claim, m)] + [rational(0.0)] * (size - m)
+    seen = [(share * sector + total) / 2 * a for a in commanded_force_row(claim, m)] + [rational(0.0)] * (size - m)
     enters = [rational(0.0)] * size
     for j, (weight, phi) in enumerate(zip(theta, own.forgets, strict=True)):
         seen[first + j] -= weight / 2
@@ -210,8 +213,8 @@ def exact_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBlock:
     return ExactBlock(enters=fmpq_mat([[e] for e in enters]), seen=fmpq_mat([[c] for c in seen]), weight=sector + total)
 
 
-def reach_fits(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], stored: Any) -> str:
-    """Empty if a kick of the claimed size keeps what is asked for within reach of the sector; else why not.
+def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], stored: Any) -> str:
+    """Return an empty string if the claimed initial velocity keeps the command in the sector, else why not.
 
     (1 - share)^2 kick^2 (e'Pe) (asked'E^-1 asked) <= (limit - Fs |asked'rest|)^2, all in the coordinates of the energy;
     stored : the whole energy just before a sample.
@@ -219,8 +222,8 @@ def reach_fits(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], s
     own = claim.actuator
     assert own is not None
     m, size = loop.F.nrows(), claim.V.shape[0]
-    asked = asked_of(claim, m)
-    rest = [row[0] for row in rest_of(loop).tolist()]
+    asked = commanded_force_row(claim, m)
+    rest = [row[0] for row in equilibrium(loop).tolist()]
     held = sum((a * r for a, r in zip(asked, rest, strict=True)), start=rational(0.0))
     left = rational(own.limit) - rational(own.Fs) * abs(held)
     if left <= 0:

@@ -18,18 +18,18 @@ from robust.friction.exact.claim import FrictionClaim
 from robust.friction.exact.loops import (
     ExactBlock,
     ExactLoop,
-    actuator_fits,
-    exact_block,
+    check_actuator,
+    check_reach,
+    dead_zone_block,
+    equilibrium,
     exact_loop,
-    reach_fits,
-    rest_of,
-    with_filters,
+    with_actuator_filters,
 )
 from robust.proofs.exact.loops import Verification
 from robust.proofs.exact.matrices import positive_definite
 from robust.proofs.exact.polynomials import rational, rational_matrix
 
-__all__ = ["ExactSupply", "exact_supply", "verify_friction", "weights_fit"]
+__all__ = ["ExactSupply", "check_weights", "exact_supply", "verify_friction"]
 
 
 # ---- The dissipation inequality of a class of friction over the rationals: supply z'Qz + 2 z'N d + d'R d, and storage.
@@ -60,8 +60,8 @@ class ExactSupply:
     block: ExactBlock | None = None
 
 
-def weights_fit(claim: FrictionClaim) -> str:
-    """Empty if the weights are such as the class allows; else what is wrong with them."""
+def check_weights(claim: FrictionClaim) -> str:
+    """Return an empty string if the weights are admissible for the class of friction, else what is wrong with them."""
     if min([claim.free, *claim.weights]) < 0 or min([1.0, *claim.rates]) <= 0:
         return "a weight is negative, or a rate not positive"
     if not (claim.K0 > 0 and claim.stiction >= 1):
@@ -69,7 +69,7 @@ def weights_fit(claim: FrictionClaim) -> str:
     if claim.kind == "Maxwell slip":
         tau = rational(claim.bristle_time)
         late = any(rational(a) * tau >= 1 for a in claim.rates)
-        return "a filter is faster than the bristles" if late or not claim.rates.size else actuator_fits(claim)
+        return "a filter is faster than the bristles" if late or not claim.rates.size else check_actuator(claim)
     M, rho = [[rational(x) for x in row] for row in claim.block], rational(claim.stiction)
     if M[2][2] > 0 or min(claim.bounds) < 0:
         return "the block is not concave in the slope, or a bound is negative"
@@ -79,17 +79,17 @@ def weights_fit(claim: FrictionClaim) -> str:
         left = fmpq_mat([[p - m * (rho * rho - 1), cross - m], [cross - m, r + m]])
         if not positive_definite(left):
             return "the block is negative somewhere in the sector"
-    return actuator_fits(claim)
+    return check_actuator(claim)
 
 
 def exact_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """The inequality of the class for this loop."""
-    form = maxwell_slip(claim, loop) if claim.kind == "Maxwell slip" else bristle(claim, loop)
-    return form if claim.actuator is None else with_actuator(form, exact_block(claim, loop, form.A.nrows()), loop)
+    form = maxwell_slip_supply(claim, loop) if claim.kind == "Maxwell slip" else bristle_supply(claim, loop)
+    return form if claim.actuator is None else with_dead_zone(form, dead_zone_block(claim, loop, form.A.nrows()), loop)
 
 
-def with_actuator(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
-    """A block at the first jump, or of the flow where nothing is sampled: what is missed is one input more."""
+def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> ExactSupply:
+    """Add the dead zone at the first jump, or in the flow of a continuous loop: its output is one more input."""
     if loop.spans:
         return replace(form, block=block)
 
@@ -103,23 +103,23 @@ def with_actuator(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exac
     return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
-def zeros(rows: int, columns: int) -> list[list[Any]]:
-    """A matrix to be filled."""
+def zero_matrix(rows: int, columns: int) -> list[list[Any]]:
+    """Return a matrix of rational zeros."""
     zero = rational(0.0)
     return [[zero] * columns for _ in range(rows)]
 
 
-def widened(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any]], list[Any]]:
-    """Rows of the flow with filters below, and the jumps."""
+def with_force_filters(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any]], list[Any]]:
+    """Append the filters of the friction force to the flow and to the jumps."""
     n, extra = loop.F.nrows(), len(rates)
-    A = zeros(n + extra, n + extra)
+    A = zero_matrix(n + extra, n + extra)
     for i, row in enumerate(loop.F.tolist()):
         A[i][:n] = row
     for j, a in enumerate(rates):
         A[n + j][n + j] = -a
     jumps = []
     for jump in loop.jumps:
-        J = zeros(n + extra, n + extra)
+        J = zero_matrix(n + extra, n + extra)
         for i, row in enumerate(jump.tolist()):
             J[i][:n] = row
         for j in range(extra):
@@ -128,21 +128,21 @@ def widened(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any]], list[An
     return A, jumps
 
 
-def maxwell_slip(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
-    """States (y, e_j), input d = f - fh_1; T1 and T2."""
+def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+    """Return the supply of Maxwell-slip friction: states (y, e_j), input d = f - fh_1; theorems T1 and T2."""
     a, mu, free = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
     # at one itself the energy is not positive; certificates of version 0.1 say one and were made with 1.001
     K0, rho = rational(claim.K0), rational(claim.stiction if claim.stiction > 1 else 1.001)
-    rest, n = [row[0] for row in rest_of(loop).tolist()], loop.F.nrows()
+    rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
     size = n + len(a) - 1
-    A, jumps = widened(loop, a[1:])
+    A, jumps = with_force_filters(loop, a[1:])
     B = [[b[0] - a[0] * r] for b, r in zip(loop.B.tolist(), rest, strict=True)] + [[aj - a[0]] for aj in a[1:]]
     x, v = (row.tolist()[0] + [rational(0.0)] * (size - n) for row in (loop.x, loop.v))
     total = sum(mu)
     s = free + (1 - 1 / rho) * total
     lost = [m * aj / (rho * K0) for m, aj in zip(mu, a, strict=True)]
-    Q, N = zeros(size, size), [[(free + total) / 2 * v[i] - s * a[0] / 2 * x[i]] for i in range(size)]
-    stored, h, F = zeros(size + 2, size + 2), size, size + 1
+    Q, N = zero_matrix(size, size), [[(free + total) / 2 * v[i] - s * a[0] / 2 * x[i]] for i in range(size)]
+    stored, h, F = zero_matrix(size + 2, size + 2), size, size + 1
     for i in range(size):
         stored[i][h] = stored[h][i] = -s / 2 * x[i]
     x_e = sum(c * r for c, r in zip(x, rest, strict=False))
@@ -166,21 +166,21 @@ def maxwell_slip(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     )
 
 
-def bristle(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
-    """States (y, e_j), inputs gamma = F'/K0 and q = z'; T3."""
+def bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
+    """Return the supply of bristles: states (y, e_j), inputs gamma = F'/K0 and q = z'; theorem T3."""
     a, nu, mu = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
     K0, sigma = rational(claim.K0), rational(claim.microdamping)
     M = [[rational(x) for x in row] for row in claim.block]
-    rest, n = [row[0] for row in rest_of(loop).tolist()], loop.F.nrows()
+    rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
     size = n + len(a)
-    A, jumps = widened(loop, a)
+    A, jumps = with_force_filters(loop, a)
     B = [[-K0 * r, sigma * b[0]] for b, r in zip(loop.B.tolist(), rest, strict=True)]
     B += [[-K0, rational(0.0)] for _ in a]
     x, v = (row.tolist()[0] + [rational(0.0)] * (size - n) for row in (loop.x, loop.v))
     Q = [[M[0][0] * v[i] * v[j] for j in range(size)] for i in range(size)]
     N = [[M[0][2] * v[i] - mu * K0 / 2 * x[i], M[0][1] * v[i]] for i in range(size)]
     kept = size + (mu > 0)
-    stored = zeros(kept, kept)
+    stored = zero_matrix(kept, kept)
     for j, (rate, weight) in enumerate(zip(a, nu, strict=True)):
         Q[n + j][n + j] -= weight * rate / K0
         N[n + j][1] -= weight / 2
@@ -202,7 +202,7 @@ PARTS = (
     "the energy falls at samples",
     "the energy is positive",
 )
-REACH = "the actuator stays within reach"
+ACTUATOR_CLAIM = "the actuator stays within reach"
 BITS = 512
 
 
@@ -212,22 +212,22 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
     Not verified is a result, not an error: each part with its reason.
     """
     deadline = time.monotonic() + time_cap
-    wrong = weights_fit(claim)
+    wrong = check_weights(claim)
     failed = {PARTS[0]: wrong} if wrong else {}
     try:
         loop = exact_loop(claim)
-        loop = loop if claim.actuator is None else with_filters(claim, loop)
+        loop = loop if claim.actuator is None else with_actuator_filters(claim, loop)
         form = in_coordinates(exact_supply(claim, loop), claim)
         energy = [[rational_matrix(P) for P in interval] for interval in claim.P]
-        failed |= falls(claim, loop, form, energy, deadline)
-        if not all(positive_definite(with_energy(form.stored, P)) for P in (energy[0][0], energy[-1][-1])):
+        failed |= check_decrease(claim, loop, form, energy, deadline)
+        if not all(positive_definite(full_storage(form.stored, P)) for P in (energy[0][0], energy[-1][-1])):
             failed[PARTS[3]] = "it is not"
         elif claim.actuator is not None:
-            beyond = reach_fits(claim, loop, energy, with_energy(form.stored, energy[-1][-1]))
-            failed |= {REACH: beyond} if beyond else {}
+            beyond = check_reach(claim, loop, energy, full_storage(form.stored, energy[-1][-1]))
+            failed |= {ACTUATOR_CLAIM: beyond} if beyond else {}
     except (ValueError, ZeroDivisionError) as error:
         failed |= {"the claim": str(error)}
-    parts = PARTS if claim.actuator is None else (*PARTS, REACH)
+    parts = PARTS if claim.actuator is None else (*PARTS, ACTUATOR_CLAIM)
     proved = tuple(part for part in parts if part not in failed) if "the claim" not in failed else ()
     return Verification(verified=not failed, proved=proved, failed=tuple(failed.items()), bits=BITS if proved else 0)
 
@@ -257,13 +257,13 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     )
 
 
-def falls(
+def check_decrease(
     claim: FrictionClaim, loop: ExactLoop, form: ExactSupply, energy: list[list[Any]], deadline: float
 ) -> dict[str, str]:
-    """What of the fall of the energy is not proved, and why."""
+    """Return what is not proved about the decrease of the storage, and why."""
     if not loop.spans:
         P = energy[0][0]
-        held = len(energy) == 1 and positive_definite(-inequality(form, P, P - P))
+        held = len(energy) == 1 and positive_definite(-flow_inequality(form, P, P - P))
         return {} if held else {PARTS[1]: "it does not"}
     counts = [int(count) for count in claim.counts]
     if len(counts) != len(loop.spans) or min(counts) < 1 or sum(counts) != len(energy) or claim.P.shape[1] != 4:
@@ -277,19 +277,19 @@ def falls(
             s0, s1, s2 = ((b[k + 1] - b[k]) * rate for k in range(3))
             third = fmpq(1, 3)
             slopes = (s0, (s0 + s1 * 2) * third, (s1 * 2 + s2) * third, s2)
-            if not all(positive_definite(-inequality(form, P, slope)) for P, slope in zip(b, slopes, strict=True)):
+            if not all(positive_definite(-flow_inequality(form, P, slope)) for P, slope in zip(b, slopes, strict=True)):
                 return {PARTS[1]: "it does not"}
             if time.monotonic() > deadline:
                 return {PARTS[1]: "undecided, as time was up"}
     for i, jump in enumerate(form.jumps):
         before, after = energy[starts[i] - 1][3], energy[starts[i]][0]
-        if not positive_definite(lost(form, i, before, after, jump)):
+        if not positive_definite(jump_inequality(form, i, before, after, jump)):
             return {PARTS[2]: "it may grow"}
     return {}
 
 
-def lost(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
-    """What of the energy is lost at a jump, with a block at the first one more unknown."""
+def jump_inequality(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
+    """Return the decrease of the storage at a jump as a matrix, with one more unknown for a block at the first jump."""
     plain = before - jump.transpose() * after * jump
     if i or form.block is None:
         return plain
@@ -300,8 +300,8 @@ def lost(form: ExactSupply, i: int, before: Any, after: Any, jump: Any) -> Any:
     return fmpq_mat([*rows, [row[0] for row in side] + [corner]])
 
 
-def inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
-    """[P' + A'P + PA + Q, PB + N; ., R] as one matrix."""
+def flow_inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
+    """Return [P' + A'P + PA + Q, PB + N; ., R] as one matrix."""
     across = P * form.A
     top = slope + across + across.transpose() + form.Q
     side = P * form.B + form.N
@@ -310,8 +310,8 @@ def inequality(form: ExactSupply, P: Any, slope: Any) -> Any:
     return fmpq_mat(rows + below)
 
 
-def with_energy(stored: Any, P: Any) -> Any:
-    """The whole stored energy, a form in the states and in the forces that rest."""
+def full_storage(stored: Any, P: Any) -> Any:
+    """Return the whole storage, a form in the states and in the forces at rest."""
     rows = stored.tolist()
     for i, row in enumerate(P.tolist()):
         for j, x in enumerate(row):

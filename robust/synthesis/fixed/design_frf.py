@@ -98,7 +98,7 @@ def design_frf(
         How many of the controllers found to begin with are followed; more take longer and may end in a better optimum.
     n_unstable : int
         Unstable poles of a plant that is an FRF.
-    prove : FrictionClass or (SlidingMachine, AnyFriction), optional
+    prove : FrictionClass or (FrictionPlant, AnyFriction), optional
         Whose friction, every one of the class, the loop must be proved to come to rest with: the gain is lowered until
         it is, and all else is judged again there.
     n_iterations, time_cap : int, float

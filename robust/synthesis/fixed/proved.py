@@ -11,7 +11,7 @@ from scipy.optimize import minimize
 from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, positive, shown
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
-from robust.friction.plant import SlidingMachine
+from robust.friction.plant import FrictionPlant
 from robust.friction.prove import FrictionProof, prove_friction
 from robust.lti.connections import in_series
 from robust.lti.lti import response
@@ -51,8 +51,8 @@ class ProvedDesign:
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, design_proved, sliding_machine
-    >>> machine, friction = sliding_machine(1.0, 80e3), any_maxwell_slip(64e3)
+    >>> from robust import any_maxwell_slip, design_proved, friction_plant
+    >>> machine, friction = friction_plant(1.0, 80e3), any_maxwell_slip(64e3)
     >>> found = design_proved(machine, friction, dt=1e-3, structure="PD", n_iterations=0)
     >>> found.proofs[0].verdict, bool(found.bandwidth >= 0)
     ('proved', True)
@@ -93,7 +93,7 @@ def design_proved(
 
     Parameters
     ----------
-    machine : SlidingMachine, or FrictionClass
+    machine : FrictionPlant, or FrictionClass
         The linear part; a class read from levels brings its machines, each of which is proved, and its friction.
     friction : AnyFriction, optional
         `any_maxwell_slip`; not given with a FrictionClass.
@@ -127,8 +127,8 @@ def design_proved(
 
     Examples
     --------
-    >>> from robust import any_maxwell_slip, sliding_machine
-    >>> rig = sliding_machine(1.0, 80e3)
+    >>> from robust import any_maxwell_slip, friction_plant
+    >>> rig = friction_plant(1.0, 80e3)
     >>> found = design_proved(rig, any_maxwell_slip(64e3), dt=1e-3, n_iterations=0)     # the gain alone
     >>> bool(1.5 < found.bandwidth < 2.0), bool(1.9 < found.peak < 2)
     (True, True)
@@ -164,7 +164,7 @@ def design_proved(
 class Search:
     """What every candidate is held against."""
 
-    machines: tuple[SlidingMachine, ...]
+    machines: tuple[FrictionPlant, ...]
     friction: AnyFriction
     dt: float
     delay: float
@@ -229,7 +229,7 @@ def first_above(omega: np.ndarray, S: np.ndarray, level: float) -> float:
 
 
 def largest_proved_gain(
-    K: control.StateSpace, machines: tuple[SlidingMachine, ...], friction: AnyFriction, delay: float
+    K: control.StateSpace, machines: tuple[FrictionPlant, ...], friction: AnyFriction, delay: float
 ) -> tuple[float, tuple[FrictionProof, ...] | None]:
     """Up to one: the largest gain of a controller that is proved, with its proofs; 0 and None where none is."""
     whole = all_proved(K, machines, friction, delay)
@@ -239,7 +239,7 @@ def largest_proved_gain(
 
 
 def all_proved(
-    K: control.StateSpace, machines: tuple[SlidingMachine, ...], friction: AnyFriction, delay: float
+    K: control.StateSpace, machines: tuple[FrictionPlant, ...], friction: AnyFriction, delay: float
 ) -> tuple[FrictionProof, ...] | None:
     """The proofs, one a machine; None as soon as one fails."""
     proofs = []
@@ -274,19 +274,19 @@ def largest(allowed: Any, gain: float) -> tuple[float, Any]:
     return low, found
 
 
-def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[SlidingMachine, ...], AnyFriction]:
+def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[FrictionPlant, ...], AnyFriction]:
     """The machines to prove, and the class; from a class read from levels both."""
     own = getattr(machine, "machines", ())
     if own and friction is None:
         return tuple(own), machine.friction
-    if not isinstance(machine, SlidingMachine):
-        raise ValueError(f"machine must be a sliding_machine, or a FrictionClass alone, got {shown(machine)}")
+    if not isinstance(machine, FrictionPlant):
+        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {shown(machine)}")
     if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
         raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
     return (machine,), friction
 
 
-def first_shape(machine: SlidingMachine, K0: float) -> np.ndarray:
+def first_shape(machine: FrictionPlant, K0: float) -> np.ndarray:
     """Kp, Ki, Kd around the resonance of a mass m: stiffness m w^2, damping m w, integration within ten swings."""
     mass = 1 / float(machine.velocity @ machine.B_port)
     omega = machine.resonance or np.sqrt(K0 / mass)

@@ -10,9 +10,9 @@ from robust import (
     UncertaintyModel,
     any_maxwell_slip,
     check,
+    friction_plant,
     performance_weight,
     prove_friction,
-    sliding_machine,
     worst_case,
     write_report,
 )
@@ -112,7 +112,7 @@ def test_both_verdicts_stand_side_by_side(tmp_path):
     )
     K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)
     report = check(stuck, K)
-    proof = prove_friction(sliding_machine(rig), K, any_maxwell_slip(64e3), Fs=1.0)
+    proof = prove_friction(friction_plant(rig), K, any_maxwell_slip(64e3), Fs=1.0)
     assert (report.verdict, proof.verdict) == ("robust", "refuted")
     write_report(tmp_path / "r.html", stuck, K, report=report, friction=proof)
     text = plain(tmp_path / "r.html")

@@ -80,7 +80,7 @@ def values_of_robust():
     yield from (robust.sample_loops(MODEL, K, 3, rng=0), robust.ncfsyn(FIT.G, 1.0))
     yield from (robust.hinfsyn(P, 1, 1), robust.dk_iteration(P, DELTA, 1, 1, n_rounds=1))
     PD = control.ss([[0.0]], [[1.0]], [[-60e3]], [[80e3]], 1e-3)
-    machine, slip = robust.sliding_machine(1.0, 80e3, 0.4), robust.any_maxwell_slip(64e3)
+    machine, slip = robust.friction_plant(1.0, 80e3, 0.4), robust.any_maxwell_slip(64e3)
     levels = {"mass": np.ones(3), "stiffness": np.full(3, 80e3), "damping": np.zeros(3)}
     known = {"mass_std": 0.01, "stiffness_std": 100.0, "evidence": "three levels"}
     yield from (

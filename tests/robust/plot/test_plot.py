@@ -154,10 +154,10 @@ def test_family_orders_fit_nominal_bounds(ax):
 def test_friction_crosses_the_boundary_where_the_motion_begins_to_grow(ax):
     """An integrator alone on the rig grows from a kick that the proof is sure of, and the picture names both."""
     from nlfrf.friction import Coulomb
-    from robust import quasi_linear, sliding_machine
+    from robust import friction_plant, quasi_linear
 
     K = control.ss([[1.0]], [[1.0]], [[400.0]], [[0.0]], 1e-3)
-    machine = sliding_machine(1.0, 80e3, 0.4)
+    machine = friction_plant(1.0, 80e3, 0.4)
     q = quasi_linear(Coulomb(Fc=1.0), machine, K, amplitudes=np.geomspace(1e-5, 1e-1, 21))
     pictures.plot_quasi_linear(q, kick_sure=0.288, ax=ax)
     falls, grows = curve(ax, "friction: the motion falls"), curve(ax, "friction: the motion grows")

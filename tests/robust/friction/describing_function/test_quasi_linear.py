@@ -8,10 +8,10 @@ import pytest
 
 import nlfrf
 from nlfrf.friction import Coulomb, VaryingSliders
-from robust import prove_friction, quasi_linear, sliding_machine
+from robust import friction_plant, prove_friction, quasi_linear
 from robust.friction.classes import any_maxwell_slip
 from robust.friction.describing_function import describing_function
-from robust.friction.passivity import levels_of
+from robust.friction.passivity import measured_impedances
 from tests.support.friction_loops import ORACLES, RIG, T, pid
 
 FRICTION = nlfrf.paper_rig().friction
@@ -40,7 +40,7 @@ def test_coulomb_friction_is_a_damper_alone():
 
 def test_coulomb_friction_on_negative_damping_runs_away_from_4_fc_over_pi_w_c():
     """O5: c = -4 Ns/m, k = 80 kN/m, Fc = 0.7 N, continuous."""
-    machine = sliding_machine(control.ss([[0, 1], [-8e4, 4]], [[0], [1]], [[1, 0]], 0))
+    machine = friction_plant(control.ss([[0, 1], [-8e4, 4]], [[0], [1]], [[1, 0]], 0))
     found = quasi_linear(Coulomb(Fc=0.7), machine, 0.0, amplitudes=A)
     assert found.amplitude == pytest.approx(7.87777e-4, rel=2e-3)
     assert found.kick == pytest.approx(found.amplitude * found.omega)
@@ -56,7 +56,7 @@ def test_rigid_friction_on_negative_damping_has_its_closed_form_at_the_default_a
     of a motion: driven there, the friction came out as a damper some ten times too strong, and the limit 66 % too high.
     """
     A = [[0, 1], [-(omega**2), 2 * zeta * omega]]
-    machine = sliding_machine(control.ss(A, [[0], [1]], [[1, 0]], 0))
+    machine = friction_plant(control.ss(A, [[0], [1]], [[1, 0]], 0))
     exact = Fc / np.tanh(np.pi * zeta / 2 / np.sqrt(1 - zeta**2)) / omega**2
     found = quasi_linear(Coulomb(Fc=Fc), machine, 0.0)
     assert 1 - 1.2 * (np.pi * zeta / 2) ** 2 / 3 - 1e-3 < found.amplitude / exact < 1 + 1e-3
@@ -86,7 +86,7 @@ def test_levels_give_back_the_spring_and_damper_they_were_made_with():
     springs = {1e-6: (60e3, 20.0), 1e-4: (3e3, 9.0)}
     for swing, (k, c) in springs.items():
         bla = make_bla(lambda s, k=k, c=c: 1 / (s**2 + (0.4 + c) * s + 80e3 + k), f, f0=0.5)
-        (level,) = [levels_of([bla], RIG)]
+        (level,) = [measured_impedances([bla], RIG)]
         assert level.stiffness[0] == pytest.approx(k, rel=1e-3), swing
         assert level.damping[0] == pytest.approx(c, rel=1e-3)
 
@@ -114,7 +114,7 @@ def test_outcomes_are_those_of_the_bench(rms, least):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((FRICTION, 3.0, 1.0), "machine must be a sliding_machine, got 3.0"),
+        ((FRICTION, 3.0, 1.0), "machine must be a friction_plant, got 3.0"),
         (([], RIG, 1.0), "friction must be a law or at least one BLA, got none"),
         (([3.0], RIG, 1.0), "friction must be a law or BLAs from nlfrf.identify, got 3.0"),
     ],

@@ -6,11 +6,11 @@ import control
 import numpy as np
 import pytest
 
-from robust import any_bristle, any_maxwell_slip, prove_friction, save_certificate, sliding_machine, verify_certificate
-from robust.friction.exact.claim import content, from_content
-from robust.friction.exact.loops import exact_loop, rest_of
+from robust import any_bristle, any_maxwell_slip, friction_plant, prove_friction, save_certificate, verify_certificate
+from robust.friction.exact.claim import claim_from_dict, claim_to_dict
+from robust.friction.exact.loops import equilibrium, exact_loop
 from robust.friction.exact.verify import verify_friction
-from robust.friction.plant import sliding_loop
+from robust.friction.plant import friction_loop
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 
 SLIP = any_maxwell_slip(64e3, 1.05)
@@ -29,10 +29,10 @@ def floats(matrix):
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3])
 def test_the_loop_is_built_anew_and_is_the_same(proof, delay):
     exact = exact_loop(replace(proof.certificate.claim, delay=delay))
-    mine = sliding_loop(RIG, pid(KP, KI, KD), delay)
+    mine = friction_loop(RIG, pid(KP, KI, KD), delay)
     assert np.allclose(floats(exact.F), mine.F, rtol=1e-14)
     assert np.allclose([floats(jump) for jump in exact.jumps], mine.jumps, rtol=1e-14)
-    assert np.allclose(floats(rest_of(exact))[:, 0], mine.rest()[0], rtol=1e-9, atol=1e-18)
+    assert np.allclose(floats(equilibrium(exact))[:, 0], mine.rest()[0], rtol=1e-9, atol=1e-18)
     assert sum(float(span.p) / float(span.q) for span in exact.spans) == pytest.approx(T)
 
 
@@ -92,7 +92,7 @@ def test_files(proof, tmp_path):
     path = tmp_path / "proof.json"
     save_certificate(proof, path)
     assert verify_certificate(path, model=RIG, K=pid(KP, KI, KD)).verified
-    other = verify_certificate(path, model=sliding_machine(1.0, 80e3), K=pid(KP, KI, 1.01 * KD))
+    other = verify_certificate(path, model=friction_plant(1.0, 80e3), K=pid(KP, KI, 1.01 * KD))
     assert not other.verified
     assert {name for name, _ in other.failed} == {"the machine", "the controller"}
     path.write_text(path.read_text().replace('"stiction": 1.05', '"stiction": 1.06'))
@@ -101,11 +101,11 @@ def test_files(proof, tmp_path):
     with pytest.raises(ValueError, match="report must hold a proof"):
         save_certificate(prove_friction(RIG, pid(KP, KI, KD), any_maxwell_slip(64e5, 1.05)), path)
     with pytest.raises(ValueError, match="claim must have the entries"):
-        from_content({"K0": 1.0})
+        claim_from_dict({"K0": 1.0})
 
 
 def test_content_gives_every_number_back(proof):
     claim = proof.certificate.claim
-    again = from_content(content(claim))
-    assert content(again) == content(claim)
+    again = claim_from_dict(claim_to_dict(claim))
+    assert claim_to_dict(again) == claim_to_dict(claim)
     assert np.array_equal(again.P, claim.P)

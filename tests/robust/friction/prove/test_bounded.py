@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from benchmarks.bench_friction_attack import bang_bang, fast_machine, hunted, stopping_kick
-from robust import any_bounded, any_maxwell_slip, prove_friction, sliding_machine
-from robust.friction.plant import hunting_bound, sliding_loop
+from robust import any_bounded, any_maxwell_slip, friction_plant, prove_friction
+from robust.friction.plant import friction_loop, steady_error_bound
 from tests.support.friction_loops import T
 
 BOUNDED = any_bounded(1.0)
@@ -20,7 +20,7 @@ def test_a_mode_faster_than_the_clock_hunts_as_in_closed_form(swings):
     machine, k = fast_machine(swings, zeta)
     K = control.StateSpace([], [], [], [[1e-9 * k]], 0.01)
     right = bang_bang(zeta) / k
-    assert right <= hunting_bound(sliding_loop(machine, K)) <= 1.006 * right
+    assert right <= steady_error_bound(friction_loop(machine, K)) <= 1.006 * right
 
 
 def test_a_bang_bang_friction_stays_within_the_bound():
@@ -47,26 +47,26 @@ def test_a_sure_kick_is_sure_and_little_more(swings):
 )
 def test_at_the_stability_boundary_nothing_is_proved(numbers, K):
     """f = -sign(v) pumps an undamped spring without end; a constant f pushes a free mass away."""
-    proof = prove_friction(sliding_machine(*numbers), K, BOUNDED)
+    proof = prove_friction(friction_plant(*numbers), K, BOUNDED)
     assert proof.verdict != "proved"
     assert np.isnan(proof.error_bound)
 
 
 def test_a_free_mass_without_control_is_answered():
     """Its poles are all zero: a period of no length ended in a traceback."""
-    assert prove_friction(sliding_machine(1.0, 0.0, 0.0), 0.0, BOUNDED).verdict != "proved"
+    assert prove_friction(friction_plant(1.0, 0.0, 0.0), 0.0, BOUNDED).verdict != "proved"
 
 
 def test_what_takes_too_long_to_follow_is_not_decided():
     machine, k = fast_machine(1e4, 0.01)
     proof = prove_friction(machine, control.StateSpace([], [], [], [[1e-9 * k]], 0.01), BOUNDED)
     assert (proof.verdict, "too long to follow" in proof.reason) == ("not decided", True)
-    proof = prove_friction(sliding_machine(1.0, 1e4, 1e-4), STILL, BOUNDED)
+    proof = prove_friction(friction_plant(1.0, 1e4, 1e-4), STILL, BOUNDED)
     assert (proof.verdict, "too long to follow" in proof.reason) == ("not decided", True)
 
 
 def test_a_pole_beside_one_is_told_from_it():
-    machine = sliding_machine(control.ss([[0, 1], [-1e4, 5e-4]], [[0], [1]], [[1, 0]], 0))
+    machine = friction_plant(control.ss([[0, 1], [-1e4, 5e-4]], [[0], [1]], [[1, 0]], 0))
     proof = prove_friction(machine, STILL, any_maxwell_slip(1e3))
     assert proof.verdict == "refuted"
     assert "|z| = 1.00000025" in proof.reason
@@ -74,4 +74,4 @@ def test_a_pole_beside_one_is_told_from_it():
 
 def test_a_gain_is_no_machine():
     with pytest.raises(ValueError, match="mass must be a model that moves, from force to position, got a gain"):
-        sliding_machine(control.StateSpace([], [], [], [[0.0]]))
+        friction_plant(control.StateSpace([], [], [], [[0.0]]))

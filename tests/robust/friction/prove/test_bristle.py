@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from robust import any_bristle, prove_friction, sliding_machine
+from robust import any_bristle, friction_plant, prove_friction
 from robust.friction.dissipation import bristle_dissipation
-from robust.friction.multipliers import bristle_rows, bristle_weights, filter_rates, largest_share, valid_block
-from robust.friction.plant import frequencies, mobility, sliding_loop
-from robust.friction.storage import SLACKS, in_coordinates, judge, proposed_storage, storage_function
+from robust.friction.multipliers import bristle_multipliers, bristle_terms, enlarge_block, filter_rates, largest_share
+from robust.friction.plant import friction_loop, loop_frequencies, mobility
+from robust.friction.storage import SLACKS, build_storage, in_balanced_coordinates, judge_storage, proposed_storage
 from tests.support.friction_loops import RIG, T, pd, pid
 
 NODES, GAUSS = np.polynomial.legendre.leggauss(12)
@@ -69,7 +69,7 @@ def test_the_inequality_notices_a_bristle_that_is_stiffer():
 def test_what_a_solver_leaves_open_of_the_block_is_closed(rho, seed):
     """Whatever numbers come in, the form is nowhere negative where q and gamma can be."""
     rng = np.random.default_rng(seed)
-    M, _ = valid_block(rng.normal(size=6), rho)
+    M, _ = enlarge_block(rng.normal(size=6), rho)
     t, s = np.linspace(1 - rho, 1 + rho, 41)[:, None], np.linspace(0, 1, 21)
     y = np.stack(np.broadcast_arrays(np.ones_like(t), t, s * t), axis=-1)
     assert np.einsum("...i,ij,...j", y, M, y).min() >= 0
@@ -78,7 +78,7 @@ def test_what_a_solver_leaves_open_of_the_block_is_closed(rho, seed):
 @pytest.mark.parametrize(("c", "verdict"), [(5.8, "proved"), (5.5, "not decided")])
 def test_where_the_microdamping_must_be_outweighed(c, verdict):
     """z' = (1 - rho) v at its worst: only a viscous friction above sigma1 (rho - 1) = 5.571 Ns/m outweighs it."""
-    assert prove_friction(sliding_machine(1.0, 80e3, c), 0.0, RIG_FRICTION).verdict == verdict
+    assert prove_friction(friction_plant(1.0, 80e3, c), 0.0, RIG_FRICTION).verdict == verdict
 
 
 def test_the_friction_of_the_paper_lies_only_here():
@@ -96,7 +96,7 @@ def test_the_friction_of_the_paper_lies_only_here():
 
 def test_limits_of_a_bristle():
     """A spring alone as controller: stiction until what the microdamping gives back takes all of c = 20 Ns/m."""
-    machine = sliding_machine(1.0, 80e3, 20.0)
+    machine = friction_plant(1.0, 80e3, 20.0)
     proof = prove_friction(machine, 0.0, RIG_FRICTION, limits=True)
     assert proof.K0_max >= 64e3
     assert 1 / 0.7 < proof.stiction_max < 1 + 20 / 13
@@ -106,16 +106,16 @@ def test_limits_of_a_bristle():
 def test_energy_falls_along_a_motion_with_lugre():
     """The judged energy just before every sample, along the loop with LuGre integrated by another hand."""
     K0, rho, sigma = 64e3, 1 / 0.7, 13.0
-    loop = sliding_loop(RIG, pd(20e3, 60.0))
-    omega, rates = frequencies(loop, 300), filter_rates(1.5 * RIG.resonance, np.inf)[0]
-    table = bristle_rows(mobility(loop, omega), omega, rates, K0, sigma)
-    weights = bristle_weights(table, rho)
+    loop = friction_loop(RIG, pd(20e3, 60.0))
+    omega, rates = loop_frequencies(loop, 300), filter_rates(1.5 * RIG.resonance, np.inf)[0]
+    table = bristle_terms(mobility(loop, omega), omega, rates, K0, sigma)
+    weights = bristle_multipliers(table, rho)
     assert (largest_share(table, weights) < 0).all()
     form = bristle_dissipation(loop, rates, weights, K0, sigma)
-    judged = in_coordinates(form)
+    judged = in_balanced_coordinates(form)
     found = ((slack, proposed_storage(judged.form, slack)) for slack in SLACKS)
-    storages = (storage_function(judged.form, P, slack, N) for slack, P in found if P is not None for N in (8, 128))
-    storage = next(storage for storage in storages if not judge(judged, storage)[0])
+    storages = (build_storage(judged.form, P, slack, N) for slack, P in found if P is not None for N in (8, 128))
+    storage = next(storage for storage in storages if not judge_storage(judged, storage)[0])
     back, used = np.linalg.inv(judged.V), rates[weights.nu > 0]
     P, n, rest = back.T @ storage.coefficients[-1, 3] @ back, loop.F.shape[0], loop.rest()[0]
 

@@ -12,7 +12,7 @@ import robust
 from nlfrf import save_bla
 from robust import cli
 from robust.friction.levels import fit_level, one_mass_reaction, require_si
-from robust.friction.plant import sliding_loop
+from robust.friction.plant import friction_loop
 from tests.support.bla import make_bla
 from tests.support.friction_loops import RIG, Element, motion, pid
 
@@ -277,7 +277,7 @@ def test_a_flexible_machine_is_proved_with_each_damping_and_comes_to_rest(flexib
     K = control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[3e5 * clock, -60 / clock]], [[20e3 + 60 / clock]], clock)
     proofs = [robust.prove_friction(machine, K, found.friction) for machine in found.machines]
     assert [proof.verdict for proof in proofs] == ["proved", "proved"]
-    loop = sliding_loop(robust.sliding_machine(truth()), K)
+    loop = friction_loop(robust.friction_plant(truth()), K)
     rng = np.random.default_rng(0)
     for _ in range(3):
         elements = [

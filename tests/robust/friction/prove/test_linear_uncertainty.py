@@ -6,9 +6,9 @@ import control
 import numpy as np
 import pytest
 
-from robust import any_bristle, any_maxwell_slip, friction_frequency_test, prove_friction, sliding_machine
-from robust.friction.linear_uncertainty import uncertain_rows, weights_exist
-from robust.friction.multipliers import rows
+from robust import any_bristle, any_maxwell_slip, friction_frequency_test, friction_plant, prove_friction
+from robust.friction.linear_uncertainty import find_multipliers, uncertain_rows
+from robust.friction.multipliers import multiplier_terms
 from tests.support.friction_loops import ORACLES, RIG, T, oracle_loop, pd, pid
 
 SLIP = any_maxwell_slip(64e3, 1.05)
@@ -19,7 +19,7 @@ def test_the_rows_of_the_friction_are_those_of_the_proof():
     omega, rates = np.geomspace(1, 1e3, 7), np.array([20.0, 300.0])
     M = np.exp(1j * omega / 100) / 50
     table, q = uncertain_rows(M, omega, rates, 64e3, 1.3, np.full(7, 500.0))
-    assert np.allclose(table[..., 0, 0].real, rows(M, omega, rates, 64e3, 1.3))
+    assert np.allclose(table[..., 0, 0].real, multiplier_terms(M, omega, rates, 64e3, 1.3))
     f, p, i = 0.3 - 0.2j, 0.1 + 0.5j, 3
     s, a = 1j * omega[i], rates[1]
     v, fh = M[i] * (f - p), a / (a + s) * f
@@ -35,7 +35,7 @@ def test_a_small_gain_alone():
     edge = omega[0] / abs(M[0])  # [N/m] at which |error M/jw| = 1
     for share, exists in ((0.95, True), (1.05, False)):
         table, q = uncertain_rows(M, omega, rates, 64e3, 1.3, np.array([share * edge]))
-        assert weights_exist(table, q) is exists
+        assert find_multipliers(table, q) is exists
 
 
 @pytest.mark.parametrize("name", ["P1", "P2", "P3", "P4"])
@@ -45,7 +45,7 @@ def test_what_holds_is_true_at_the_corners(name):
     K, off = pid(Kp, Ki, Kd), {"mass": 0.01, "stiffness": 800.0}
     assert friction_frequency_test(RIG, K, SLIP, delay=delay, **off).holds
     for m, k in itertools.product((-0.01, 0.01), (-800.0, 800.0)):
-        assert prove_friction(sliding_machine(1 + m, 80e3 + k, 0.4), K, SLIP, delay=delay).verdict == "proved"
+        assert prove_friction(friction_plant(1 + m, 80e3 + k, 0.4), K, SLIP, delay=delay).verdict == "proved"
 
 
 def test_an_error_that_takes_the_spring_away_is_not_passed():
@@ -69,7 +69,7 @@ def test_the_margin_holds():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: friction_frequency_test(3.0, 1.0, SLIP, mass=0.1, stiffness=1.0), "machine must be a sliding_machine"),
+        (lambda: friction_frequency_test(3.0, 1.0, SLIP, mass=0.1, stiffness=1.0), "machine must be a friction_plant"),
         (lambda: friction_frequency_test(RIG, 1.0, any_bristle(1.0), mass=0.1, stiffness=1.0), "friction must be any_"),
         (lambda: friction_frequency_test(RIG, 1.0, SLIP, mass=-0.1, stiffness=1.0), "mass must be zero or positive"),
         (lambda: friction_frequency_test(RIG, 1.0, SLIP, mass=0.0, stiffness=0.0), "must not both be zero"),

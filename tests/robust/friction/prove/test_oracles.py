@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from nlfrf.friction import Leuven, LuGre
-from robust import any_bounded, any_bristle, any_maxwell_slip, any_passive, prove_friction, sliding_machine
-from robust.friction.multipliers import filter_rates, largest_stiffness, rows
-from robust.friction.plant import hunting_bound, sliding_loop, sure_kick, unstable_spring
+from robust import any_bounded, any_bristle, any_maxwell_slip, any_passive, friction_plant, prove_friction
+from robust.friction.multipliers import filter_rates, largest_stiffness, multiplier_terms
+from robust.friction.plant import destabilizing_stiffness, divergence_velocity, friction_loop, steady_error_bound
 from tests.support.friction_loops import ORACLES, RIG, T, oracle_loop, pid
 
 
@@ -20,7 +20,7 @@ def pid_mobility(omega, m=1.0, Kp=200.0, Kd=20.0, Ki=400.0):
 def test_pid_and_coulomb_friction_on_a_free_mass(a, proves):
     """One filter proves it exactly for Ki/Kp < a < Kd/m: such an a exists where Kp Kd > m Ki (Bisoffi et al. 2018)."""
     omega = np.geomspace(1e-3, 1e4, 4000)
-    row = rows(pid_mobility(omega), omega, np.array([a]), np.inf, 1.0)[:, 1]
+    row = multiplier_terms(pid_mobility(omega), omega, np.array([a]), np.inf, 1.0)[:, 1]
     assert bool((row < 0).all()) is proves
 
 
@@ -31,7 +31,7 @@ def test_the_stiffest_stiction_that_one_filter_allows(rho, K0):
     rates = np.geomspace(1.7, 2.1, 200)
 
     def allowed(stiffness):
-        return (rows(pid_mobility(omega), omega, rates, stiffness, rho)[:, 1:] < 0).all(axis=0).any()
+        return (multiplier_terms(pid_mobility(omega), omega, rates, stiffness, rho)[:, 1:] < 0).all(axis=0).any()
 
     assert allowed(0.995 * K0)
     assert not allowed(1.005 * K0)
@@ -42,10 +42,10 @@ def test_a_continuous_pid_on_a_free_mass_is_proved_with_stiff_friction(K0, lag):
     """O1 with a derivative that is proper: K_p K_d > m K_i, any K0 in the limit; taken as 1.001, rho = 1 stopped it."""
     s = control.tf("s")
     K = 200 + 400 / s + 20 * s / (1 + lag * s)
-    proof = prove_friction(sliding_machine(1.0, 0.0), K, any_maxwell_slip(K0, 1.0))
+    proof = prove_friction(friction_plant(1.0, 0.0), K, any_maxwell_slip(K0, 1.0))
     assert proof.verdict == "proved"
     assert proof.certificate.verify().verified
-    unstable = prove_friction(sliding_machine(1.0, 0.0), K + 4000 / s, any_maxwell_slip(K0, 1.0))
+    unstable = prove_friction(friction_plant(1.0, 0.0), K + 4000 / s, any_maxwell_slip(K0, 1.0))
     assert unstable.verdict == "refuted"
 
 
@@ -56,8 +56,8 @@ def test_largest_presliding_stiffness_of_the_weights(name):
     rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
     for rho, K0 in zip((1.05, 1 / 0.7, 2.0), expected, strict=True):
         assert largest_stiffness(loop, rates, rho) == pytest.approx(K0, rel=0.025)
-    assert unstable_spring(loop, 0.995 * spring) is None
-    assert unstable_spring(loop, 1.005 * spring) is not None
+    assert destabilizing_stiffness(loop, 0.995 * spring) is None
+    assert destabilizing_stiffness(loop, 1.005 * spring) is not None
 
 
 @pytest.mark.parametrize("name", ORACLES)
@@ -70,11 +70,13 @@ def test_certificates_reach_near_the_weights(name):
 
 def test_hunting_bound():
     """m, c, K = 1, 20, 1e4, continuous: coth(pi zeta / (2 sqrt(1 - zeta^2))) / K."""
-    loop = sliding_loop(sliding_machine(1.0, 0.0, 20.0), 1e4)
+    loop = friction_loop(friction_plant(1.0, 0.0, 20.0), 1e4)
     zeta = 0.1
-    assert hunting_bound(loop) == pytest.approx(1 / np.tanh(np.pi * zeta / 2 / np.sqrt(1 - zeta**2)) / 1e4, rel=2e-3)
-    assert hunting_bound(oracle_loop("P1")) == pytest.approx(9.379e-5, rel=2e-3)
-    assert hunting_bound(oracle_loop("P2")) == pytest.approx(4.107e-5, rel=2e-3)
+    assert steady_error_bound(loop) == pytest.approx(
+        1 / np.tanh(np.pi * zeta / 2 / np.sqrt(1 - zeta**2)) / 1e4, rel=2e-3
+    )
+    assert steady_error_bound(oracle_loop("P1")) == pytest.approx(9.379e-5, rel=2e-3)
+    assert steady_error_bound(oracle_loop("P2")) == pytest.approx(4.107e-5, rel=2e-3)
 
 
 @pytest.mark.parametrize(("Ki", "pole", "kick"), [(4e5, 1.0022150, 0.2878), (2e6, 1.0120964, 0.0530)])
@@ -88,8 +90,8 @@ def test_sure_run_away(Ki, pole, kick):
 
 def test_sure_run_away_of_a_self_excited_oscillator():
     """c = -4, k = 8e4, Fc = 0.7: 0.787789 mm; the describing function says 0.787777."""
-    machine = sliding_machine(control.StateSpace([[0, 1], [-8e4, 4]], [[0], [1]], [[1, 0]], [[0]], 0))
-    kick = sure_kick(sliding_loop(machine, 0.0), np.array([1.0, 0.0]), 0.7)
+    machine = friction_plant(control.StateSpace([[0, 1], [-8e4, 4]], [[0], [1]], [[1, 0]], [[0]], 0))
+    kick = divergence_velocity(friction_loop(machine, 0.0), np.array([1.0, 0.0]), 0.7)
     assert kick == pytest.approx(7.87789e-4, rel=2e-3)
     assert kick > 7.87789e-4  # rounded outward
 
@@ -99,14 +101,14 @@ def test_virtual_wall(K, B, needed):
     """A spring K with a damper B by backward difference: c > K T/2 + |B| (Colgate & Schenkel 1997)."""
     wall = control.StateSpace([[0.0]], [[1.0]], [[-B / T]], [[K + B / T]], T)
     for c, proves in ((0.98 * needed, False), (1.02 * needed, True)):
-        proof = prove_friction(sliding_machine(1.0, 80e3, c), wall, any_passive())
+        proof = prove_friction(friction_plant(1.0, 80e3, c), wall, any_passive())
         assert (proof.verdict == "proved") is proves
 
 
 def test_passive_friction_and_integral_action_never():
     PI = control.ss(control.tf([1e3, 1e4], [1, 0]))
     PD = control.ss(control.tf([10.0, 1e3], [1e-3, 1.0]))
-    machine = sliding_machine(1.0, 80e3, 0.4)
+    machine = friction_plant(1.0, 80e3, 0.4)
     assert prove_friction(machine, PI, any_passive()).verdict == "not decided"
     assert prove_friction(machine, PD, any_passive()).verdict == "proved"
 
@@ -149,6 +151,6 @@ def test_the_rig_is_taken_for_no_passive_friction():
     needed = rig.sigma1 * ((rig.Fs / rig.Fc) ** rig.n - 1)
     creeping = any_bristle(64e3, rig.Fs / rig.Fc, rig.sigma1)
     verdicts = [
-        prove_friction(sliding_machine(1.0, 80e3, c), 0.0, creeping).verdict for c in (0.95 * needed, 1.05 * needed)
+        prove_friction(friction_plant(1.0, 80e3, c), 0.0, creeping).verdict for c in (0.95 * needed, 1.05 * needed)
     ]
     assert verdicts == ["not decided", "proved"]

@@ -10,8 +10,8 @@ from benchmarks.bench_friction_attack import (
     passive_attack,
     sampled_resonance,
 )
-from robust import any_bounded, any_passive, prove_friction, sliding_machine
-from robust.friction.plant import sliding_loop
+from robust import any_bounded, any_passive, friction_plant, prove_friction
+from robust.friction.plant import friction_loop
 from tests.support.friction_loops import RIG, T, pd
 
 PASSIVE = any_passive()
@@ -26,23 +26,23 @@ def test_a_sharp_resonance_is_seen():
     """Pole radius 1 - 1e-4 at 150 Hz: 17.35 Ns/m by Colgate and Schenkel, 10 are there, and a spring is unstable."""
     angle = 0.94319
     K = sampled_resonance(100.0, 10**0.5, 1 - 1e-4, angle)
-    machine = sliding_machine(1.0, 0.0, 10.0)
+    machine = friction_plant(1.0, 0.0, 10.0)
     proof = prove_friction(machine, K, PASSIVE)
     assert proof.verdict == "not decided"
     assert needed(proof) == pytest.approx(fine_need(K), rel=1e-3)
     assert 17 < needed(proof) < 18
-    loop = sliding_loop(machine, K)
+    loop = friction_loop(machine, K)
     stiffness = (angle / T) ** 2 * np.linspace(0.995, 1.005, 201)
     assert max(loop.growth(k) for k in stiffness) > 1e-5
-    enough = prove_friction(sliding_machine(1.0, 0.0, 1.01 * needed(proof)), K, PASSIVE)
+    enough = prove_friction(friction_plant(1.0, 0.0, 1.01 * needed(proof)), K, PASSIVE)
     assert enough.verdict == "proved"
     assert needed(enough) == pytest.approx(needed(proof), rel=1e-3)
 
 
 def test_a_light_mode_of_a_continuous_controller_is_seen():
     """zeta = 1e-4 at 300 rad/s: a spring of 72 kN/m puts a pole at +0.0085."""
-    machine, K = sliding_machine(1.0, 1e4, 5.0), continuous_resonance(2e3 * 0.9486833, np.radians(60), 300.0, 1e-4)
-    assert sliding_loop(machine, K).growth(72028.234) == pytest.approx(0.00852, abs=1e-4)
+    machine, K = friction_plant(1.0, 1e4, 5.0), continuous_resonance(2e3 * 0.9486833, np.radians(60), 300.0, 1e-4)
+    assert friction_loop(machine, K).growth(72028.234) == pytest.approx(0.00852, abs=1e-4)
     proof = prove_friction(machine, K, PASSIVE)
     assert proof.verdict == "not decided"
     assert "Ns/m are missing" in proof.reason
@@ -61,13 +61,13 @@ def test_a_delay_needs_more_damping():
     wall = pd(20e3, 0.0)
     for samples, least in ((0, 10.0), (1, 30.0)):
         too_little, enough = (
-            prove_friction(sliding_machine(1.0, 80e3, c), wall, PASSIVE, delay=samples * T)
+            prove_friction(friction_plant(1.0, 80e3, c), wall, PASSIVE, delay=samples * T)
             for c in (0.99 * least, 1.01 * least)
         )
         assert too_little.verdict != "proved"
         assert enough.verdict == "proved"
         assert needed(enough) == pytest.approx(least, rel=1e-3)
-    proof = prove_friction(sliding_machine(1.0, 80e3, 99.0), wall, PASSIVE, delay=0.5 * T)
+    proof = prove_friction(friction_plant(1.0, 80e3, 99.0), wall, PASSIVE, delay=0.5 * T)
     assert (proof.verdict, "part of a sample" in proof.reason) == ("not decided", True)
 
 
@@ -76,7 +76,7 @@ def test_a_model_in_other_coordinates_is_the_machine():
     turn = np.array([[1.0, 0.0], [3.0, 2.0]])
     A, B, C = np.array([[0, 1], [-80e3, -10.2]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
     turned = control.ss(turn @ A @ np.linalg.inv(turn), turn @ B, C @ np.linalg.inv(turn), 0)
-    proof = prove_friction(sliding_machine(turned), pd(20e3, 0.0), PASSIVE)
+    proof = prove_friction(friction_plant(turned), pd(20e3, 0.0), PASSIVE)
     assert proof.verdict == "proved"
     assert "c = 10.2 Ns/m" in proof.reason
 
@@ -86,14 +86,14 @@ def test_a_hidden_integrator_that_the_position_drives_is_kept(friction):
     K = pd(100.0, 1.0)
     A = np.block([[K.A, np.zeros((1, 1))], [np.zeros((1, 1)), np.eye(1)]])
     hidden = control.StateSpace(A, np.vstack([K.B, [[1.0]]]), np.hstack([K.C, [[0.0]]]), K.D, T)
-    machine = sliding_machine(1.0, 80e3, 20.0)
+    machine = friction_plant(1.0, 80e3, 20.0)
     assert prove_friction(machine, K, friction).verdict == "proved"
     assert prove_friction(machine, hidden, friction).verdict == "not decided"
 
 
 def test_what_may_drift_is_not_decided():
     """A pole at zero ended in a singular matrix."""
-    proof = prove_friction(sliding_machine(1.0, 0.0, 5.0), 0.0, PASSIVE)
+    proof = prove_friction(friction_plant(1.0, 0.0, 5.0), 0.0, PASSIVE)
     assert (proof.verdict, "not strictly stable" in proof.reason) == ("not decided", True)
     integral = control.ss(control.tf([1e3, 1e4], [1, 0]))
     proof = prove_friction(RIG, integral, PASSIVE)
@@ -101,6 +101,6 @@ def test_what_may_drift_is_not_decided():
 
 
 def test_of_a_continuous_loop_the_damping_that_is_left_is_told():
-    proof = prove_friction(sliding_machine(1.0, 80e3, 5.0), 1e3, PASSIVE)
+    proof = prove_friction(friction_plant(1.0, 80e3, 5.0), 1e3, PASSIVE)
     assert proof.verdict == "proved"
     assert "at least 5 Ns/m of damping is left" in proof.reason

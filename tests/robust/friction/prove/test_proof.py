@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from robust import any_bounded, any_maxwell_slip, prove_friction, sampled, sliding_machine
+from robust import any_bounded, any_maxwell_slip, friction_plant, prove_friction, sampled
 from robust.friction.dissipation import maxwell_slip_dissipation
-from robust.friction.multipliers import filter_rates, rows, weights
-from robust.friction.plant import frequencies, mobility, sliding_loop
+from robust.friction.multipliers import filter_rates, maxwell_slip_multipliers, multiplier_terms
+from robust.friction.plant import friction_loop, loop_frequencies, mobility
 from robust.friction.prove import certify_maxwell_slip, machines_of_nominal, undamped
-from robust.friction.storage import SLACKS, in_coordinates, judge, proposed_storage, storage_function
+from robust.friction.storage import SLACKS, build_storage, in_balanced_coordinates, judge_storage, proposed_storage
 from tests.support.friction_loops import ORACLES, RIG, Element, T, motion, oracle_loop, pd, pid
 
 SLIP = any_maxwell_slip(64e3, 1.05)
@@ -27,7 +27,7 @@ def closed_poles(K, delay):
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 1.7e-3, 2e-3])
 def test_poles_of_the_sliding_loop(delay):
     K = pid(20e3, 3e5, 60)
-    mine = sliding_loop(RIG, K, delay).poles()
+    mine = friction_loop(RIG, K, delay).poles()
     for pole in closed_poles(K, delay):
         assert np.abs(mine - pole).min() < 1e-6
 
@@ -35,7 +35,7 @@ def test_poles_of_the_sliding_loop(delay):
 @pytest.mark.parametrize("delay", [0.0, 0.4e-3])
 def test_mobility_against_integration(delay):
     """The part at w of the velocity under f = exp(j w t), by quadrature over the period of a steady motion."""
-    loop = sliding_loop(RIG, pid(20e3, 3e5, 60), delay)
+    loop = friction_loop(RIG, pid(20e3, 3e5, 60), delay)
     omega = 2 * np.pi * 125.0  # eight samples a period
     n = loop.F.shape[0]
     from scipy.linalg import expm
@@ -67,17 +67,17 @@ def test_mobility_against_integration(delay):
 
 def stored_energy(loop, K0, rho):
     """A judged storage function, as V_tot of (state, filters, elastic force) just before a sample."""
-    omega = frequencies(loop)
+    omega = loop_frequencies(loop)
     rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
-    mu, _ = weights(rows(mobility(loop, omega), omega, rates, K0, rho))
+    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates, K0, rho))
     mu[mu < 1e-9 * mu.max()] = 0
     form = maxwell_slip_dissipation(loop, rates, mu, K0, rho)
-    judged = in_coordinates(form)
+    judged = in_balanced_coordinates(form)
     back = np.linalg.inv(judged.V)
     for slack in SLACKS:
         P = proposed_storage(judged.form, slack)
-        storage = None if P is None else storage_function(judged.form, P, slack, 32)
-        if storage is not None and not judge(judged, storage)[0]:
+        storage = None if P is None else build_storage(judged.form, P, slack, 32)
+        if storage is not None and not judge_storage(judged, storage)[0]:
             break
     P = back.T @ storage.coefficients[-1, 3] @ back
     used = np.concatenate([[True], mu[2:] > 0])
@@ -123,19 +123,21 @@ def test_energy_falls_at_every_sample_with_one_element(name):
 
 def test_the_judge_refuses_what_is_not_so():
     loop = oracle_loop("P1")
-    omega = frequencies(loop)
+    omega = loop_frequencies(loop)
     rates = filter_rates(1.5 * RIG.resonance, np.inf)[0]
-    mu, _ = weights(rows(mobility(loop, omega), omega, rates, 64e3, 1.05))
-    judged = in_coordinates(maxwell_slip_dissipation(loop, rates, mu, 64e3, 1.05))
+    mu, _ = maxwell_slip_multipliers(multiplier_terms(mobility(loop, omega), omega, rates, 64e3, 1.05))
+    judged = in_balanced_coordinates(maxwell_slip_dissipation(loop, rates, mu, 64e3, 1.05))
     passed = 0
     for slack in SLACKS:
         P = proposed_storage(judged.form, slack)
-        if P is None or judge(judged, storage_function(judged.form, P, slack, 32))[0]:
+        if P is None or judge_storage(judged, build_storage(judged.form, P, slack, 32))[0]:
             continue
         passed += 1
-        storage = storage_function(judged.form, P, slack, 32)
+        storage = build_storage(judged.form, P, slack, 32)
         for tampered in (-storage.coefficients, 0.5 * storage.coefficients, storage.coefficients[::-1]):
-            assert judge(judged, type(storage)(coefficients=tampered, lengths=storage.lengths, first=storage.first))[0]
+            assert judge_storage(
+                judged, type(storage)(coefficients=tampered, lengths=storage.lengths, first=storage.first)
+            )[0]
     assert passed
 
 
@@ -144,7 +146,7 @@ def test_nothing_unstable_is_ever_certified():
     rng = np.random.default_rng(5)
     tried = 0
     while tried < 12:
-        loop = sliding_loop(RIG, pid(rng.uniform(-60e3, 60e3), 10 ** rng.uniform(4, 7), rng.uniform(0, 200)))
+        loop = friction_loop(RIG, pid(rng.uniform(-60e3, 60e3), 10 ** rng.uniform(4, 7), rng.uniform(0, 200)))
         kappas = np.linspace(0, 64e3, 40)
         if max(loop.growth(kappa) for kappa in kappas) > 1e-6:
             tried += 1
@@ -160,7 +162,7 @@ def test_a_refuting_spring_is_named_and_grows():
     assert 0 < kappa <= 64e3
     assert abs(pole) > 1
     assert "yours may be another member" in proof.reason
-    loop = sliding_loop(RIG, K, T)
+    loop = friction_loop(RIG, K, T)
     grown = np.linalg.matrix_power(loop.period(kappa), 20_000)
     assert np.linalg.norm(grown) > 1e2
 
@@ -188,7 +190,7 @@ def test_a_numerical_failure_is_told(monkeypatch):
     def fails(*_args, **_options):
         raise np.linalg.LinAlgError("Singular matrix")
 
-    monkeypatch.setattr("robust.friction.prove.certify", fails)
+    monkeypatch.setattr("robust.friction.prove.certify_friction", fails)
     proof = prove_friction(RIG, pid(20e3, 3e5, 60), SLIP)
     assert (proof.verdict, proof.reason) == ("not decided", "numerical failure: Singular matrix")
     assert proof.certificate is None
@@ -217,7 +219,7 @@ def test_friction_at_the_motor_of_two_masses():
     k, c = 1e6, 5.0
     A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, -c, c], [k, -k, c, -c]]
     B, C = [[0, 0], [0, 0], [1, 1], [0, 0]], [[0, 1, 0, 0], [1, 0, 0, 0]]
-    machine = sliding_machine(control.StateSpace(A, B, C, 0), port=True)
+    machine = friction_plant(control.StateSpace(A, B, C, 0), port=True)
     PD = control.StateSpace([[0.0]], [[1.0]], [[-20 / T]], [[2e3 + 20 / T]], T)
     assert prove_friction(machine, PD, any_maxwell_slip(64e3, 1.2)).verdict == "proved"
     assert prove_friction(machine, 30 * PD, any_maxwell_slip(64e3, 1.2)).verdict == "refuted"
@@ -226,18 +228,18 @@ def test_friction_at_the_motor_of_two_masses():
 def test_a_model_of_the_rig_is_the_rig():
     G = control.ss(control.tf([1.0], [1.0, 0.4, 80e3]))
     for name, ((Kp, Ki, Kd, delay), _, _) in ORACLES.items():
-        proof = prove_friction(sliding_machine(G), pid(Kp, Ki, Kd), SLIP, delay=delay)
+        proof = prove_friction(friction_plant(G), pid(Kp, Ki, Kd), SLIP, delay=delay)
         assert proof.verdict == "proved", name
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: sliding_machine(0.0, 1.0), "mass must be positive, got 0"),
-        (lambda: sliding_machine(1.0), "stiffness must be given with a mass"),
-        (lambda: sliding_machine(control.ss(control.tf([1, 0], [1, 1, 1]))), "must have a velocity at its friction"),
-        (lambda: sliding_machine(control.ss(control.tf([1, 0, 0], [1, 1, 1]))), "mass must be a strictly proper model"),
-        (lambda: sliding_machine(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
+        (lambda: friction_plant(0.0, 1.0), "mass must be positive, got 0"),
+        (lambda: friction_plant(1.0), "stiffness must be given with a mass"),
+        (lambda: friction_plant(control.ss(control.tf([1, 0], [1, 1, 1]))), "must have a velocity at its friction"),
+        (lambda: friction_plant(control.ss(control.tf([1, 0, 0], [1, 1, 1]))), "mass must be a strictly proper model"),
+        (lambda: friction_plant(control.ss([[0.5]], [[1]], [[1]], 0, T)), "mass must be a continuous model, got one"),
         (lambda: any_maxwell_slip(0.0), "K0 must be positive, got 0"),
         (lambda: any_maxwell_slip(np.inf), "K0 must be"),
         (lambda: any_maxwell_slip(np.nan), "K0 must be"),
@@ -246,7 +248,7 @@ def test_a_model_of_the_rig_is_the_rig():
         (lambda: prove_friction(RIG, control.tf([1.0, 0.0], [1.0]), SLIP), "K must be"),
         (lambda: any_bounded(-1.0), "Fs must be positive, got -1"),
         (lambda: prove_friction(RIG, 1.0, 3.0), "friction must be a class such as"),
-        (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be a sliding_machine, got 3.0"),
+        (lambda: prove_friction(3.0, 1.0, SLIP), "machine must be a friction_plant, got 3.0"),
         (lambda: prove_friction(RIG, 1.0, SLIP, delay=1e-3), "delay must be 0 s with a continuous controller"),
         (lambda: prove_friction(RIG, pid(1, 1, 1), SLIP, delay=1.0), "delay must be at most 20 samples"),
     ],
@@ -269,20 +271,20 @@ def test_a_pade_approximation_is_taken_as_the_delay_it_stands_for(order):
     """Its roots were turned onto the axis with those of the machine: "a state does not come to rest"."""
     tau = 5e-4
     late = control.ss(control.tf(*control.pade(tau, order)) * control.tf([1.0], [1.0, 4.0, 80e3]))
-    exact = sliding_machine(1.0, 80e3, 4.0)
+    exact = friction_plant(1.0, 80e3, 4.0)
     K, friction = pd(20e3, 60.0), any_maxwell_slip(64e3)
     machines, _ = machines_of_nominal(late)
-    for machine in (*machines, undamped(late), sliding_machine(late)):
+    for machine in (*machines, undamped(late), friction_plant(late)):
         assert machine.delay == pytest.approx(tau, rel=1e-6)
         assert machine.A.shape == (2, 2)
         assert prove_friction(machine, K, friction).verdict == "proved"
-    mine = np.sort_complex(sliding_loop(sliding_machine(late), K).poles())
-    assert mine == pytest.approx(np.sort_complex(sliding_loop(exact, K, tau).poles()), abs=1e-6)
-    proof = prove_friction(sliding_machine(late), K, friction, delay=2e-4)
+    mine = np.sort_complex(friction_loop(friction_plant(late), K).poles())
+    assert mine == pytest.approx(np.sort_complex(friction_loop(exact, K, tau).poles()), abs=1e-6)
+    proof = prove_friction(friction_plant(late), K, friction, delay=2e-4)
     assert "with 0.7 ms of delay" in proof.claim
     assert proof.certificate.verify().verified
     with pytest.raises(ValueError, match=r"delay must be 0 s with a continuous controller, got 0\.0005 s"):
-        prove_friction(sliding_machine(late), 1e3, friction)
+        prove_friction(friction_plant(late), 1e3, friction)
 
 
 def test_real_poles_lose_their_damping_too():

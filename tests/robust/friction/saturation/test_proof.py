@@ -10,7 +10,7 @@ import pytest
 import nlfrf
 from nlfrf.friction import Leuven, VaryingSliders
 from robust import any_bristle, any_maxwell_slip, any_passive, prove_saturated, save_certificate, verify_certificate
-from robust.friction.plant import sliding_machine
+from robust.friction.plant import friction_plant
 from tests.support.friction_loops import ORACLES, RIG, T, pd, pid
 
 LIMIT, FS = 20.0, 1.0
@@ -92,7 +92,7 @@ def test_weights_that_no_actuator_allows_are_found():
 
 @pytest.mark.filterwarnings("ignore:the hysteresis memory")
 def test_from_every_state_where_the_machine_is_damped():
-    machine, K = sliding_machine(1.0, 80e3, 40.0), pd(1e3, 10.0)
+    machine, K = friction_plant(1.0, 80e3, 40.0), pd(1e3, 10.0)
     proof = prove_saturated(machine, K, SLIP, Fs=FS, limit=LIMIT)
     assert proof.verdict == "proved"
     assert np.isinf(proof.kick)
@@ -129,7 +129,7 @@ def test_the_rig_of_the_paper_as_far_as_it_never_saturates():
 
 @pytest.mark.parametrize("friction", [SLIP, any_bristle(64e3, 1.2)])
 def test_an_actuator_that_is_asked_for_nothing_never_saturates(friction):
-    proof = prove_saturated(sliding_machine(1.0, 80e3, 40.0), 0.0, friction, Fs=FS, limit=LIMIT)
+    proof = prove_saturated(friction_plant(1.0, 80e3, 40.0), 0.0, friction, Fs=FS, limit=LIMIT)
     assert (proof.verdict, proof.kick, proof.reason) == ("proved", np.inf, "")
     assert "from every state" in proof.claim
     excluded = "LuGre" if friction is SLIP else "rigid stiction"
@@ -155,7 +155,7 @@ def test_friction_at_a_port_that_the_actuator_cannot_hold():
         [[0.0, 1.0], [-80e3, -0.4]], [[0.0, 0.0], [0.01, 1.0]], [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2))
     )
     K = pid(2e6, 3e7, 6e3)
-    proof = prove_saturated(sliding_machine(lever, port=True), K, SLIP, Fs=FS, limit=LIMIT)
+    proof = prove_saturated(friction_plant(lever, port=True), K, SLIP, Fs=FS, limit=LIMIT)
     assert proof.verdict == "not decided"
     assert proof.reason == "holding the friction takes all of the limit"
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import robust
-from robust import any_maxwell_slip, any_passive, design_frf, design_proved, prove_friction, sliding_machine
+from robust import any_maxwell_slip, any_passive, design_frf, design_proved, friction_plant, prove_friction
 from robust.synthesis.fixed.proved import first_above, largest
 
-RIG = sliding_machine(1.0, 80e3, 0.4)
+RIG = friction_plant(1.0, 80e3, 0.4)
 CLASS = any_maxwell_slip(64e3)
 
 
@@ -48,7 +48,7 @@ def test_a_design_from_the_frf_is_lowered_until_it_is_proved():
     asked = {"M_S": 2.0, "dt": 1e-3}
     alone = design_frf(stuck, "I", **asked)
     assert prove_friction(RIG, alone.K, CLASS).verdict == "refuted"
-    undamped = robust.sliding_machine(1.0, 80e3)  # an integrator alone makes it unstable at every gain
+    undamped = robust.friction_plant(1.0, 80e3)  # an integrator alone makes it unstable at every gain
     with pytest.raises(ValueError, match="prove must be a class for which some gain of the controller is proved"):
         design_frf(stuck, "I", prove=(undamped, CLASS), **asked)
     better = design_frf(stuck, "PID", prove=(RIG, CLASS), **asked)
@@ -59,7 +59,7 @@ def test_a_design_from_the_frf_is_lowered_until_it_is_proved():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"machine": 1.0}, "machine must be a sliding_machine, or a FrictionClass alone, got 1.0"),
+        ({"machine": 1.0}, "machine must be a friction_plant, or a FrictionClass alone, got 1.0"),
         ({"friction": any_passive()}, "friction must be a class such as any_maxwell_slip"),
         ({"structure": "PIDD"}, "structure must be"),
         ({"start": (1.0, 1.0, 0.0)}, "start must hold Kp, Ki >= 0 and Kd > 0"),
