@@ -16,8 +16,8 @@ import numpy as np
 
 from benchmarks.timing import best
 from robust import certify_mu, dk_iteration, hinfsyn, mu_lower, mu_upper
-from robust.lti.connections import lower
-from robust.lti.lti import evaluate
+from robust.lti.connections import lower_lft
+from robust.lti.lti import evaluate_transfer
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
@@ -54,9 +54,9 @@ print(json.dumps(said))
 
 def distillation(peer, every):
     """SP 8.11.3 on 61 frequencies, with the peers."""
-    loop = lower(plant(), controller())
+    loop = lower_lft(plant(), controller())
     omega = np.geomspace(1e-3, 1e2, 61)
-    matrices = evaluate(loop.A, loop.B, loop.C, loop.D, 1j * omega)
+    matrices = evaluate_transfer(loop.A, loop.B, loop.C, loop.D, 1j * omega)
     N = np.moveaxis(matrices, 0, 2)
     mine = mu_upper(N, WITH_PERFORMANCE).value
     seconds = best(lambda: mu_upper(N, WITH_PERFORMANCE))
@@ -98,7 +98,7 @@ def random_blocks():
 
 def certificates():
     """Seconds of the proofs between frequencies."""
-    loop = lower(plant(), controller())
+    loop = lower_lft(plant(), controller())
     for level in (5.79, 5.783, 5.77):
         found = certify_mu(loop, WITH_PERFORMANCE, level)
         seconds = best(lambda level=level: certify_mu(loop, WITH_PERFORMANCE, level), 3)

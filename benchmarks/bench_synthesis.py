@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from robust import hinfsyn
-from robust.lti.connections import lower
-from robust.lti.lti import evaluate
-from robust.proofs.search.stability import instability
+from robust.lti.connections import lower_lft
+from robust.lti.lti import evaluate_transfer
+from robust.proofs.search.stability import decide_stability
 from tests.robust.synthesis.test_hinfsyn import random_plant
 from tests.support.compleib import generalised
 from tests.support.precise_loops import precise_gain
@@ -33,7 +33,7 @@ def norm_on_a_grid(closed):
     """Largest gain, by evaluation alone: of doubles, whose largest are then evaluated in 100 digits."""
     size = np.abs(np.linalg.eigvals(closed.A))
     omega = np.concatenate([[0.0], np.geomspace(1e-3 * max(size.min(), 1e-9), 1e3 * size.max(), 4000)])
-    values = evaluate(closed.A, closed.B, closed.C, closed.D, 1j * omega)
+    values = evaluate_transfer(closed.A, closed.B, closed.C, closed.D, 1j * omega)
     largest = np.argsort(np.linalg.svd(values, compute_uv=False)[:, 0])[-10:]
     return max(precise_gain(closed, omega[k]) for k in largest)
 
@@ -59,7 +59,9 @@ def published(folder, names):
             f"{name:8} {P.nstates:6d} {found.gamma:11.5g} {found.gamma_low:12.5g} {best:12.5g} {slicot:10.4g} "
             f"{lmi:10.4g} {ratio:7.4f} {seconds:6.2f}  {found.reason}"
         )
-        if not instability(closed := lower(P, found.K)).stable or norm_on_a_grid(closed) > found.gamma * (1 + 1e-5):
+        if not decide_stability(closed := lower_lft(P, found.K)).stable or norm_on_a_grid(closed) > found.gamma * (
+            1 + 1e-5
+        ):
             wrong.append(f"{name}: not stable, or a norm above gamma")
         if found.gamma_low > min(found.gamma, 1.001 * best + 1e-12):
             wrong.append(f"{name}: gamma_low above what was achieved")

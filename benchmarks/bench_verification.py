@@ -18,10 +18,10 @@ from robust import UncertaintyModel, check
 from robust._base.states import Stability
 from robust.analysis.proofs import claim_of
 from robust.lti.connections import closed_loop
-from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.loops import verify_loop
-from robust.proofs.exact.stability import stable_loop
-from robust.proofs.search.stability import instability
+from robust.proofs.exact.stability import decide_loop_stability
+from robust.proofs.search.stability import decide_stability
 from tests.support.hard_loops import boundary_gain, hard_loop, margin, with_gain
 from tests.support.precise_loops import PreciseLoop, just_above
 from tests.support.random_loops import curves, random_case, roots, tf_response, zpk
@@ -129,7 +129,7 @@ def poles(n_loops, seed=2):
     rng, count, seconds, done = np.random.default_rng(seed), Counter(), [], 0
 
     def exactly(G, K):
-        return stable_loop(as_given(G), as_given(K)).holds
+        return decide_loop_stability(to_matrices(G), to_matrices(K)).holds
 
     while done < n_loops:
         G, K = hard_loop(rng)
@@ -141,12 +141,12 @@ def poles(n_loops, seed=2):
             beside = with_gain(K, gain)
             true = float(margin(G, beside)) < 0
             begin = time.process_time()
-            found = stable_loop(as_given(G), as_given(beside))
+            found = decide_loop_stability(to_matrices(G), to_matrices(beside))
             seconds.append(time.process_time() - begin)
             count["decided"] += 1
             count["wrong"] += found.holds != true
             count["undecided"] += not (found.holds or found.violated)
-            floats = instability(control.StateSpace(*closed_loop(G, beside, ("e",), ("r",)), G.dt))
+            floats = decide_stability(control.StateSpace(*closed_loop(G, beside, ("e",), ("r",)), G.dt))
             count["undecided in floating point"] += floats.state is Stability.UNDECIDED
             count["wrong in floating point"] += floats.state is not Stability.UNDECIDED and floats.stable != true
     print(f"{n_loops} ill-conditioned loops beside the boundary: {dict(count)}; {np.median(seconds):.3f} s median")

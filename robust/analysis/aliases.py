@@ -36,9 +36,9 @@ from scipy.special import psi, zeta
 
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
-from robust.lti.lti import finite, poles, responder
+from robust.lti.lti import make_response, poles, replace_infinite
 from robust.models.sets.forms import FORMS
-from robust.proofs.search.intervals import Magnitude, magnitude
+from robust.proofs.search.intervals import Magnitude, magnitude_of
 
 __all__ = [
     "AliasSums",
@@ -132,10 +132,10 @@ class Aliases:
     @cached_property
     def at(self) -> tuple[Any, Any]:
         """Responses of plant and weight, made ready."""
-        plant, w = responder(self.plant), responder(self.weight)
+        plant, w = make_response(self.plant), make_response(self.weight)
 
         def G(omega: np.ndarray) -> np.ndarray:
-            return finite(plant(omega))  # at a pole on the axis S and K S are as small as that is large
+            return replace_infinite(plant(omega))  # at a pole on the axis S and K S are as small as that is large
 
         return G, w
 
@@ -165,7 +165,7 @@ class Aliases:
 
         Blocks of aliases with the largest |G| and |F| of each, up to far beyond all roots; from there on power laws.
         """
-        G, F = magnitude(self.plant), magnitude(self.F)
+        G, F = magnitude_of(self.plant), magnitude_of(self.F)
         first = float(self.single[-1]) + 1
         roots = np.abs(np.concatenate([G.zeros, G.poles, F.zeros, F.poles]))
         end = max(FAR * float(roots.max(initial=0.0)) / self.step, 2.0 * first)
@@ -227,7 +227,7 @@ class Aliases:
         row, largest = np.arange(omega.size), size.argmax(1)
         alone = np.where(np.arange(k.size) == largest[:, None], 0.0, hG)
         dominant = size[row, largest] > DOMINANT * np.abs(alone).sum(1)
-        hG[row[dominant], largest[dominant]] = finite(sampled[dominant]) - alone[dominant].sum(1)
+        hG[row[dominant], largest[dominant]] = replace_infinite(sampled[dominant]) - alone[dominant].sum(1)
         F = np.abs(hG / hold) if self.through else 1.0
         return h, hG, F * np.abs(w)
 

@@ -39,10 +39,10 @@ from robust.analysis.report import (
     on_unstable,
     probability_of,
 )
-from robust.lti.grids import beside_modes, interpolated, reaching
-from robust.lti.lti import clock_of, refuse_other_clock, response, timebase
+from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
+from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import unstable_poles, winding
+from robust.lti.stability import unstable_poles, winding_number
 from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.measured import as_seen, on_lines, sampling_time, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
@@ -64,13 +64,13 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     omega, G, form, w, perturbation, W = on_lines(model)
     dt, sampled_frf = timebase(K), sampling_time(model) or None
     refuse_misfit(omega, G, dt)
-    refuse_other_clock("K", K, "the FRF", sampled_frf)
+    require_sampling_time("K", K, "the FRF", sampled_frf)
     w_P = None if w_P is None else state_space("w_P", w_P)
     if w_P is not None and timebase(w_P):  # a continuous one may stand over a sampled loop
-        refuse_other_clock("w_P", w_P, "the loop", sampled_frf or clock_of(K))
-    encirclements, clear = winding(omega, as_seen(model, omega, G, dt, delay), K, dt)
-    at, lines = np.union1d(omega, beside_modes(K, (omega[0], omega[-1]))), omega
-    measured, w, W = (interpolated(at, lines, part) for part in (G, w, W))
+        require_sampling_time("w_P", w_P, "the loop", sampled_frf or common_sampling_time(K))
+    encirclements, clear = winding_number(omega, as_seen(model, omega, G, dt, delay), K, dt)
+    at, lines = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1]))), omega
+    measured, w, W = (interpolate_frf(at, lines, part) for part in (G, w, W))
     G = as_seen(model, at, measured, dt, delay)
     W = W * measured / G  # the set is one about what was measured: hold and delay stand with the controller
     wanted = n_unstable + unstable_poles(K, dt)
@@ -210,7 +210,7 @@ def check(
     nominal = nominal_instability(loop)
     if not nominal.stable:
         return fill_report(loop.curves(omega), Peaks(), on_unstable(model, loop, nominal), stable=False, **of)
-    curves = loop.curves(reaching(omega, loop.top))
+    curves = loop.curves(extend_grid(omega, loop.top))
     if signals is not None:
         of["level"] = predict_level(model, K, signals, delay=delay)
     peaks = find_peaks(loop, curves, (float(model.omega[0]), float(model.omega[-1])))

@@ -15,17 +15,17 @@ from robust._base.states import Verdict
 from robust.analysis.disk_margin import LoopMargins
 from robust.analysis.report import judge_structure, judged, nominal_verdict, stability_words, structure_sentences
 from robust.lti.grids import structure_grid
-from robust.lti.lti import along
+from robust.lti.lti import response_by_channel
 from robust.lti.stability import StabilityResult
 from robust.models.sets.interconnection import UncertainSystem
-from robust.mu.blocks import structure
+from robust.mu.blocks import block_structure
 from robust.mu.certify import certify_mu
-from robust.mu.lower import searched
-from robust.mu.parameters import Crossing, ParameterMargin, crossing, parameter_margin
-from robust.mu.upper import bound, mu_upper, refined
+from robust.mu.lower import search_perturbation
+from robust.mu.parameters import Crossing, ParameterMargin, find_crossing, parameter_margin
+from robust.mu.upper import mu_bound_at, mu_upper, refine_grid
 from robust.proofs.search.bounded_real import certify_norm
-from robust.proofs.search.certificate import Certificate, refused
-from robust.proofs.search.stability import instability
+from robust.proofs.search.certificate import Certificate, failed_certificate
+from robust.proofs.search.stability import decide_stability
 
 __all__ = ["StructuredReport", "bound_at", "check_structure"]
 
@@ -172,7 +172,7 @@ def check_structure(
         raise ValueError("system must have at least one block to check, got none")
     deadline = time.monotonic() + positive("time_cap", time_cap)
     omega = structure_grid(system.N)
-    nominal = instability(system.N)
+    nominal = decide_stability(system.N)
     if not nominal.stable:
         return unstable(omega, nominal)
     curves = bound_curves(system, omega, deadline - 0.5 * time_cap)
@@ -247,12 +247,12 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) ->
     """Both bounds on one grid that sees the peaks of each, and where real parameters break the loop."""
     now = time.monotonic()
     half = now + (0.4 if system.inputs else 0.7) * (deadline - now)
-    first, known = refined(system.loop, system.structure, omega, half)
+    first, known = refine_grid(system.loop, system.structure, omega, half)
     parameters = smallest_parameters(system, first, float(known.max()), deadline)
     omega = first if parameters is None else np.union1d(first, parameters.omega)
     rp = np.full(omega.size, np.nan)
     if system.inputs:
-        seen, rp_seen = refined(system.N, system.with_performance, omega, deadline)
+        seen, rp_seen = refine_grid(system.N, system.with_performance, omega, deadline)
         omega = np.union1d(omega, seen)
         rp = filled(system.N, system.with_performance, omega, (seen, rp_seen), deadline)
     mu = filled(system.loop, system.structure, omega, (first, known), deadline)
@@ -265,7 +265,7 @@ def bound_curves(system: UncertainSystem, omega: np.ndarray, deadline: float) ->
 
 def bound_at(system: UncertainSystem, omega: float, time_cap: float = 10.0) -> float:
     """The upper bound of mu for stability at one frequency [rad/s]."""
-    return float(bound(system.loop, system.structure, np.array([omega]), time.monotonic() + time_cap)[0])
+    return float(mu_bound_at(system.loop, system.structure, np.array([omega]), time.monotonic() + time_cap)[0])
 
 
 def filled(
@@ -277,7 +277,7 @@ def filled(
     found[np.searchsorted(omega, at)] = values
     new = np.isnan(found)
     if new.any():
-        found[new] = bound(N, blocks, omega[new], deadline)
+        found[new] = mu_bound_at(N, blocks, omega[new], deadline)
     return found
 
 
@@ -323,20 +323,22 @@ def smallest_parameters(system: UncertainSystem, omega: np.ndarray, peak: float,
     complex_ = [(*b[:2], "repeated") if b[-1] == "real" else b for b in blocks]
     now = time.monotonic()
     least = float(
-        bound(system.loop, complex_, omega, now + 0.3 * (deadline - now)).max()
+        mu_bound_at(system.loop, complex_, omega, now + 0.3 * (deadline - now)).max()
     )  # as complex numbers they would have to be this small
     if least == 0:
         return None
-    return crossing(system.loop, structure("blocks", blocks), 1 / least, min(2 / max(peak, 1e-300), FARTHEST / least))
+    return find_crossing(
+        system.loop, block_structure("blocks", blocks), 1 / least, min(2 / max(peak, 1e-300), FARTHEST / least)
+    )
 
 
 def worst_found(system: UncertainSystem, curves: Curves, deadline: float) -> tuple[float, Any]:
     """Factor at which a perturbation makes the loop singular, the smallest found where mu is large, and its parts."""
     omega, mu, parameters = curves.omega, curves.mu, curves.parameters
     candidates = np.unique(np.concatenate([np.argsort(-mu)[:4], np.linspace(0, omega.size - 1, 6).astype(int)]))
-    responses = np.moveaxis(along(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
-    cut = structure("blocks", system.structure)
-    found = searched(responses, cut, 2, np.random.default_rng(0), deadline)
+    responses = np.moveaxis(response_by_channel(system.loop, omega[candidates]), 2, 0)  # (10, rows, cols)
+    cut = block_structure("blocks", system.structure)
+    found = search_perturbation(responses, cut, 2, np.random.default_rng(0), deadline)
     k = int(found.value.argmax())
     size, delta = (1 / float(found.value[k]), found.delta[:, :, k]) if found.value[k] > 0 else (np.inf, None)
     if parameters is not None and parameters.size < size:
@@ -364,7 +366,7 @@ def proof(
     if not nonlinear or one_full_block:
         found = certify_mu(N, blocks, 1.0, time_cap=min(10.0, max(deadline - time.monotonic(), 0.1)))
         return Certificate(**{**vars_of(found), "subject": subject})
-    response = along(N, omega)
+    response = response_by_channel(N, omega)
     D_L, D_R, _ = mu_upper(response, [b[:2] for b in blocks]).scaling
     sizes = [
         np.linalg.norm(
@@ -374,7 +376,7 @@ def proof(
     ]
     k = int(np.argmin(sizes))
     if not sizes[k] < 1:
-        return refused(
+        return failed_certificate(
             subject, 1.0, f"no scaling that is the same at all frequencies was found: {sizes[k]:.4g} at best"
         )
     L, R = D_L[:, :, k].real, np.linalg.inv(D_R[:, :, k].real)

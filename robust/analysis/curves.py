@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.lti.connections import factor_allowed, worst_sensitivity
-from robust.lti.lti import finite
+from robust.lti.connections import largest_allowed_factor, worst_sensitivity
+from robust.lti.lti import replace_infinite
 from robust.models.sets.forms import FORMS, worst_terms
 
 __all__ = ["Curves", "Peaks", "loop_curves", "peaks_on_lines"]
@@ -78,7 +78,7 @@ class Curves:
     @property
     def K_S(self) -> np.ndarray:
         """(W,) complex K S, finite at the poles of K."""
-        return finite(self.K) * self.S
+        return replace_infinite(self.K) * self.S
 
     @property
     def worst(self) -> np.ndarray:
@@ -95,7 +95,7 @@ class Curves:
         """(W,) factor by which the uncertainty may grow until |w_P| max |S_p| = 1."""
         if self.folded_growth is not None:
             return self.folded_growth
-        return FORMS[self.form].grown(self.w, factor_allowed(np.abs(self.w_P) * np.abs(self.S), self.a, self.b))
+        return FORMS[self.form].grown(self.w, largest_allowed_factor(np.abs(self.w_P) * np.abs(self.S), self.a, self.b))
 
     @property
     def limit(self) -> np.ndarray:
@@ -160,7 +160,7 @@ def loop_curves(
 ) -> Curves:
     """The curves from the responses of the parts of a loop, which are finite at a pole of the plant or of K too."""
     W = np.ones(omega.size) if W is None or not FORMS[form].scaled else W
-    S, a, b = worst_terms(form, w, finite(G), finite(K), W)
+    S, a, b = worst_terms(form, w, replace_infinite(G), replace_infinite(K), W)
     return Curves(omega=omega, form=form, G=G, K=K, w=w, w_P=w_P, S=S, a=a, b=b, W=W)
 
 

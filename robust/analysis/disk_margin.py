@@ -20,14 +20,22 @@ from scipy.linalg import matrix_balance
 
 from nlfrf._base.arguments import integer, real, shown
 from nlfrf._base.values import value
-from robust.lti.connections import joined, lower, refuse_shape
+from robust.lti.connections import block_diagonal, lower_lft, require_shape
 from robust.lti.grids import structure_grid
-from robust.lti.lti import along, clock_of, clocks_differ, constant, names_of, refuse_other_clock, timebase
+from robust.lti.lti import (
+    common_sampling_time,
+    is_constant,
+    require_sampling_time,
+    response_by_channel,
+    sampling_times_differ,
+    signal_names,
+    timebase,
+)
 from robust.lti.realisation import multivariable
-from robust.lti.stability import winding
+from robust.lti.stability import winding_number
 from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.mu.upper import mu_upper, refined
-from robust.proofs.search.stability import instability
+from robust.mu.upper import mu_upper, refine_grid
+from robust.proofs.search.stability import decide_stability
 
 __all__ = ["DiskMargin", "LoopMargins", "disk_margin", "disk_margins"]
 
@@ -235,9 +243,9 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     K = multivariable("K", K)
     if not isinstance(G, control.FrequencyResponseData):
         G = multivariable("G", G)
-    names = (model.inputs, model.outputs) if isinstance(model, MatrixUncertainty) else names_of(G)
+    names = (model.inputs, model.outputs) if isinstance(model, MatrixUncertainty) else signal_names(G)
     n_y, n_u = G.noutputs, G.ninputs
-    refuse_shape(K, n_y, n_u)
+    require_shape(K, n_y, n_u)
     S, reason = sensitivity(around(G, K), integer("n_unstable", n_unstable, least=0))
     skew = real("skew", skew)
 
@@ -261,16 +269,16 @@ def around(G: Any, K: control.StateSpace) -> Any:
     n_y, n_u = G.noutputs, G.ninputs
     if isinstance(G, control.FrequencyResponseData):
         omega = np.asarray(G.omega, dtype=float)
-        refuse_other_clock("K", K, "G", clock_of(G))
+        require_sampling_time("K", K, "G", common_sampling_time(G))
         dt = timebase(K)
         L = np.zeros((n_u + n_y, n_u + n_y, omega.size), dtype=complex)
         if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
             raise ValueError(f"K must have its Nyquist frequency above the lines of G, got a sampling time of {dt:g} s")
-        L[:n_u, n_u:], L[n_u:, :n_u] = along(K, omega), -np.asarray(G.frdata)
+        L[:n_u, n_u:], L[n_u:, :n_u] = response_by_channel(K, omega), -np.asarray(G.frdata)
         return control.FrequencyResponseData(L, omega)
-    if clocks_differ(G, K):
+    if sampling_times_differ(G, K):
         raise ValueError(f"K must have the sampling time of G, {timebase(G):g} s, got {timebase(K):g} s")
-    P = joined([K, G], timebase(K) if constant(G) else timebase(G))  # from (y, u) to (K y, G u)
+    P = block_diagonal([K, G], timebase(K) if is_constant(G) else timebase(G))  # from (y, u) to (K y, G u)
     turned, signs = np.r_[n_y : n_y + n_u, :n_y], np.r_[np.ones(n_u), -np.ones(n_y)][:, None]
     return control.StateSpace(P.A, P.B[:, turned], signs * P.C, signs * P.D[:, turned], P.dt)
 
@@ -322,7 +330,7 @@ def where_limited(S: Any, block: tuple[np.ndarray, ...], skew: float) -> tuple[f
     else:
         some = block[1][0]
         M = control.StateSpace(S.A, S.B[:, some], S.C[some], S.D[block] + shift, S.dt)
-        omega, mu = refined(M, blocks, structure_grid(M))
+        omega, mu = refine_grid(M, blocks, structure_grid(M))
     k = int(mu.argmax())
     return float(omega[k]), float(1 / mu[k]) if mu[k] > 0 else np.inf
 
@@ -332,12 +340,12 @@ def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
     if not isinstance(L, control.FrequencyResponseData):
         L = multivariable("L", L)
         square(L.noutputs, L.ninputs)
-        one, unit = np.eye(L.ninputs), units(along(L, structure_grid(L)[1:]))
+        one, unit = np.eye(L.ninputs), units(response_by_channel(L, structure_grid(L)[1:]))
         B, C, D = L.B * unit, L.C / unit[:, None], L.D * unit / unit[:, None]
         # e = r - L e, closed through one
         P = control.StateSpace(L.A, np.hstack([0 * B, B]), np.vstack([-C] * 2), np.block([[one, -D]] * 2), L.dt)
-        S = lower(P, control.StateSpace([], [], [], one, L.dt))
-        nominal = instability(S)
+        S = lower_lft(P, control.StateSpace([], [], [], one, L.dt))
+        nominal = decide_stability(S)
         return S, "" if nominal.stable else f"the loop is {nominal}"
     square(L.noutputs, L.ninputs)
     omega, response = np.asarray(L.omega, dtype=float), np.moveaxis(np.asarray(L.frdata), 2, 0)
@@ -346,7 +354,7 @@ def sensitivity(L: Any, n_unstable: int) -> tuple[Any, str]:
     unit = units(np.asarray(L.frdata))
     difference = np.eye(L.ninputs) + response * unit / unit[:, None]
     static = control.StateSpace([], [], [], 1.0, 0)
-    turns, clear = winding(omega, np.linalg.det(difference) - 1, static, 0.0)
+    turns, clear = winding_number(omega, np.linalg.det(difference) - 1, static, 0.0)
     S = control.FrequencyResponseData(np.moveaxis(np.linalg.inv(difference), 0, 2), omega)
     if not clear:
         return S, "the lines are too far apart, or end too early, to tell whether the loop is stable"

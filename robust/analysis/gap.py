@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from robust.lti.connections import closed_loop
-from robust.lti.lti import Matrices, clocks_differ, constant, timebase, zeros
+from robust.lti.lti import Matrices, is_constant, sampling_times_differ, timebase, zeros
 from robust.lti.norms import hinf_norm
 from robust.lti.realisation import multivariable
 from robust.models.sets.coprime import coprime_factors
@@ -54,7 +54,7 @@ def nu_gap(G1: Any, G2: Any) -> float:
     (0.02, 0.8988)
     """
     first, second = nominal("G1", G1), nominal("G2", G2)
-    steps = {name: timebase(G) for name, G in (("G1", first), ("G2", second)) if not constant(G)}
+    steps = {name: timebase(G) for name, G in (("G1", first), ("G2", second)) if not is_constant(G)}
     if len(set(steps.values())) > 1:
         raise ValueError(f"G2 must have the sampling time of G1, {steps['G1']:g} s, got {steps['G2']:g} s")
     n_y, n_u = first.noutputs, first.ninputs
@@ -106,9 +106,9 @@ def ncf_margin(G: Any, K: Any) -> float:
     1.0
     """
     plant, K = nominal("G", G), multivariable("K", K)
-    if clocks_differ(plant, K):
+    if sampling_times_differ(plant, K):
         raise ValueError(f"K must have the sampling time of G, {timebase(plant):g} s, got {timebase(K):g} s")
-    dt = timebase(K) if constant(plant) else timebase(plant)
+    dt = timebase(K) if is_constant(plant) else timebase(plant)
     norm = hinf_norm(control.StateSpace(*closed_loop(plant, K, ("u", "y"), ("p_out", "p_in")), dt))[0]
     return 1 / norm
 

@@ -16,18 +16,18 @@ from robust._base.states import Stability
 from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_down
 from robust.analysis.curves import Curves, Peaks, loop_curves
 from robust.lti.connections import closed_loop, in_series
-from robust.lti.grids import climb, highest, loop_grid
-from robust.lti.lti import clocks_differ, timebase
+from robust.lti.grids import find_peak, loop_grid, refine_peaks
+from robust.lti.lti import sampling_times_differ, timebase
 from robust.lti.realisation import stable_weight, state_space
 from robust.lti.sampling import delay_samples, delayed, sampled
-from robust.lti.stability import StabilityResult, certain_poles, moved_out
+from robust.lti.stability import StabilityResult, delay_pole_count, poles_with_rounding
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.closed_loops import poles_of_closed_loop
-from robust.proofs.exact.stability import stable_loop
-from robust.proofs.search.intervals import in_doubt, trusted_responder
-from robust.proofs.search.stability import LARGEST_EXACT, beside_boundary
+from robust.proofs.exact.stability import decide_loop_stability
+from robust.proofs.search.intervals import poles_are_uncertain, trusted_responder
+from robust.proofs.search.stability import MAX_EXACT_STATES, is_near_boundary
 
 __all__ = ["Loop", "assemble", "find_peaks", "in_loop", "nominal_instability", "sensitivity", "stable_with"]
 
@@ -112,7 +112,7 @@ class Loop:
     @cached_property
     def poles(self) -> tuple[np.ndarray, np.ndarray]:
         """The poles of the nominal loop, hidden modes included, and how far rounding may have moved each."""
-        return certain_poles(self.nominal)
+        return poles_with_rounding(self.nominal)
 
     @cached_property
     def modes(self) -> np.ndarray:
@@ -121,10 +121,10 @@ class Loop:
         Around these a grid is made dense: a light mode that is looked for beside where it is, is not seen.
         """
         poles, moved = self.poles
-        if poles.size > LARGEST_EXACT or not in_doubt(poles, moved, bool(self.dt)):
+        if poles.size > MAX_EXACT_STATES or not poles_are_uncertain(poles, moved, bool(self.dt)):
             return poles
         seen = control.StateSpace(self.G.A, self.G.B, -self.G.C, -self.G.D, self.dt)
-        precise = poles_of_closed_loop(as_given(seen), as_given(self.K))
+        precise = poles_of_closed_loop(to_matrices(seen), to_matrices(self.K))
         return poles if precise is None else precise
 
     def plant(self, omega: np.ndarray) -> np.ndarray:
@@ -167,7 +167,7 @@ class Loop:
 
     def peak(self, curve: Any, omega: np.ndarray, band: tuple[float, float]) -> tuple[float, float]:
         """Largest value of a curve of this loop and where (`systems.grids.highest`)."""
-        return highest(curve, omega, band, self.top)
+        return find_peak(curve, omega, band, self.top)
 
 
 def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
@@ -185,7 +185,7 @@ def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
         )
     pade_delay, unsampled = 0.0, None
     if dt_G:
-        if clocks_differ(K, G):
+        if sampling_times_differ(K, G):
             raise ValueError(
                 f"K must have the sampling time of the nominal model, {dt_G:g} s, "
                 + (f"got {dt_K:g} s" if dt_K else "got a continuous controller")
@@ -235,11 +235,11 @@ def nominal_instability(loop: Loop) -> StabilityResult:
     Floating point decides far from the boundary, exact arithmetic beside it, unless the loop is too large.
     """
     apparent = apparently(loop)
-    if not beside_boundary(loop.nominal, loop.poles):
+    if not is_near_boundary(loop.nominal, loop.poles):
         return apparent
-    if loop.given.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > LARGEST_EXACT:
+    if loop.given.nstates + loop.K.nstates + (loop.delay / loop.dt if loop.dt else 0) > MAX_EXACT_STATES:
         return apparent
-    exact = stable_loop(as_given(loop.given), as_given(loop.K), delay=loop.delay)
+    exact = decide_loop_stability(to_matrices(loop.given), to_matrices(loop.K), delay=loop.delay)
     if exact.holds:
         return StabilityResult(state=Stability.STABLE)
     if not exact.violated or apparent.unstable:
@@ -264,7 +264,7 @@ def apparently(loop: Loop) -> StabilityResult:
         return StabilityResult(state=Stability.UNDECIDED, pole=pole, of_loop=True, without_delay=waiting)
     if not waiting:
         return StabilityResult(state=Stability.STABLE)
-    total = unstable.sum() + moved_out(in_series(loop.K, loop.short), loop.pade_delay)
+    total = unstable.sum() + delay_pole_count(in_series(loop.K, loop.short), loop.pade_delay)
     if np.isnan(total):
         return StabilityResult(state=Stability.UNDECIDED, of_loop=True)
     if not total:
@@ -280,7 +280,7 @@ def find_peaks(loop: Loop, curves: Curves, band: tuple[float, float]) -> Peaks:
         return np.array([getattr(of, name) for name in names])
 
     def along(names: list[str]) -> list[tuple[float, float]]:
-        return climb(lambda at: stacked(loop.curves(at), names), curves.omega, stacked(curves, names), band)
+        return refine_peaks(lambda at: stacked(loop.curves(at), names), curves.omega, stacked(curves, names), band)
 
     rs, half_disk, *performance = along(names)
     margin_rp = (np.nan, np.nan)

@@ -28,9 +28,9 @@ from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop, assemble, nominal_instability
 from robust.analysis.performance import simulate_samples, simulate_step
 from robust.lti.connections import worst_sensitivity
-from robust.lti.lti import SAME_CLOCK, finite, poles, refuse_other_clock, response, timebase
+from robust.lti.lti import SAMPLING_TOLERANCE, poles, replace_infinite, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import stable
+from robust.lti.stability import is_stable
 from robust.models.sets.evidence import rms_levels
 from robust.models.sets.forms import numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
@@ -250,7 +250,7 @@ class LoopSignals:
             if not isinstance(signal, (control.StateSpace, control.TransferFunction)):
                 raise ValueError(f"{name} must be {KINDS}, got {shown(signal)}")
             shaping = state_space(name, signal)
-            if not stable(shaping):
+            if not is_stable(shaping):
                 raise ValueError(
                     f"{name} must be shaped by a stable system, got poles {poles(shaping)}: its noise has no finite "
                     "rms. Use a slow pole in place of an integrator."
@@ -311,7 +311,7 @@ def find_spectrum(name: str, signal: Any, dt: float) -> Spectrum:
     if isinstance(signal, StepSignal):
         return Transient(height=float(signal.height))
     if isinstance(signal, SampledSignal):
-        if dt and abs(signal.fs * dt - 1) > SAME_CLOCK:
+        if dt and abs(signal.fs * dt - 1) > SAMPLING_TOLERANCE:
             raise ValueError(
                 f"{name} must have the sampling frequency of the controller, {1 / dt:g} Hz, got {signal.fs:g} Hz. "
                 "Resample it, with a filter where it holds more than half of that"
@@ -373,7 +373,7 @@ def band_density(name: str, signal: NoiseSignal, dt: float) -> Density:
 
 def shaped_density(name: str, shaping: control.StateSpace, dt: float) -> Density:
     """White noise through a filter: T |F|^2 / pi up to Nyquist where sampled, |F|^2 / pi where continuous."""
-    refuse_other_clock(name, shaping, "the loop", dt)
+    require_sampling_time(name, shaping, "the loop", dt)
     scale = (dt or 1.0) / np.pi
     roots = poles(shaping)
     places = np.abs(np.log(roots[roots != 0].astype(complex))) / dt if timebase(shaping) else np.abs(roots)
@@ -723,7 +723,7 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
     With S_p = S (1 + a D)/(1 + b D) and G_p = (G + g D)/(1 + a D) it is G_p S_p = S (G + g D)/(1 + b D), which
     `worst_sensitivity` bounds exactly as it does S_p.
     """
-    G, S, a, b = finite(curves.G), curves.S, curves.a, curves.b
+    G, S, a, b = replace_infinite(curves.G), curves.S, curves.a, curves.b
     g = numerator(form, curves.w, G, curves.W) / curves.W
     with np.errstate(all="ignore"):
         # where G is zero only the part of the set is left: S g D/(1 + b D)
@@ -735,7 +735,7 @@ def squared_gains(curves: Curves, form: str, name: str) -> np.ndarray:
         )
     parts = np.array([np.abs(S), np.abs(GS), worst_sensitivity(S, a, b), worst_GS])
     if name != "disturbance":
-        parts = parts * np.abs(finite(curves.K))
+        parts = parts * np.abs(replace_infinite(curves.K))
     return parts**2
 
 
@@ -817,7 +817,7 @@ def integrate(of: Callable[[np.ndarray], np.ndarray], edges: np.ndarray) -> np.n
 def transient_level(name: str, spectrum: Transient, loop: Loop) -> dict[str, float]:
     """Rms of plant input and output of the nominal loop in a transient from rest."""
     system = closed_to_plant(loop, name)
-    if not stable(system):  # the approximation of a delay, in a loop that is stable with the delay itself
+    if not is_stable(system):  # the approximation of a delay, in a loop that is stable with the delay itself
         return {"u": float("nan"), "y": float("nan")}
     if spectrum.samples is None:
         _, out = simulate_step(system)

@@ -11,12 +11,12 @@ from scipy.linalg import expm
 
 from nlfrf._base.arguments import hertz, integer, nonnegative, positive, real_array
 from nlfrf._base.values import Sketch, value
-from robust.lti.connections import closed_loop, lower
+from robust.lti.connections import closed_loop, lower_lft
 from robust.lti.grids import structure_grid
-from robust.lti.lti import along, constant, evaluate, in_s, timebase
+from robust.lti.lti import evaluate_transfer, is_constant, response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delayed, sampled
-from robust.lti.stability import stable
+from robust.lti.stability import is_stable
 
 __all__ = [
     "ClassicalMargins",
@@ -232,19 +232,19 @@ def loop_gains(G: Any, K: Any, *, omega: Any = None) -> LoopGains:
     e = control.StateSpace(
         G.A, np.hstack([np.zeros((G.nstates, n_y)), G.B]), np.vstack([-G.C] * 2), np.block([[one, -G.D]] * 2), G.dt
     )
-    closed = lower(e, K)  # the sensitivity, with all states
+    closed = lower_lft(e, K)  # the sensitivity, with all states
     lines = np.zeros(0) if omega is None else real_array("omega", omega, ndim=1)
     at = np.union1d(structure_grid(closed)[1:], lines)
     if timebase(closed):
         at = at[at * timebase(closed) < np.pi * (1 - 1e-9)]
-    plant, controller = (np.moveaxis(along(part, at), 2, 0) for part in (G, K))
+    plant, controller = (np.moveaxis(response_by_channel(part, at), 2, 0) for part in (G, K))
     L = plant @ controller
     S = np.linalg.inv(one + L)
     sizes = (np.linalg.svd(part, compute_uv=False).T for part in (L, S, one - S, controller @ S))
     return LoopGains(
         omega=at,
         **dict(zip(("L", "S", "T", "K_S"), sizes, strict=True)),
-        stable=stable(closed),
+        stable=is_stable(closed),
         band=lines[[0, -1]] if lines.size else None,
     )
 
@@ -354,16 +354,16 @@ def step_response(
     n_y = G.noutputs
     if j >= n_y:
         raise ValueError(f"reference must be below the {n_y} outputs of the plant, got {j}")
-    dt = timebase(G) if constant(K) else timebase(K)
-    if dt and not timebase(G) and not constant(G):
+    dt = timebase(G) if is_constant(K) else timebase(K)
+    if dt and not timebase(G) and not is_constant(G):
         G = sampled(G, dt, delay)
     elif delay:
         G = delayed(G, delay, order=DELAY_ORDER)
     A, B, C, D = closed_loop(G, K, ("y", "u"), ("r",))
     loop = control.StateSpace(A, B[:, [j]], C, D[:, [j]], dt)
-    if not stable(loop):
+    if not is_stable(loop):
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
-    final = float(evaluate(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
+    final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
     t, out = simulate_step(loop, None if duration is None else positive("duration", duration))
     step = judged(t, out[j], out[n_y], final, cut=duration is None)
     kept = step.t.size
@@ -373,7 +373,7 @@ def step_response(
 def simulate_step(system: control.StateSpace, duration: float | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Times [s] and (outputs, n) of a stable system of one input after a unit step, until it has settled."""
     A, B, C, D, dt = system.A, system.B, system.C, system.D, timebase(system)
-    s = in_s(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
+    s = to_s_plane(np.linalg.eigvals(A), dt) if A.size else np.zeros(0, complex)
     slow, fast = np.min(-s.real, initial=np.inf), np.max(np.abs(s), initial=0.0)
     horizon = duration if duration is not None else 8 / slow if slow < np.inf else 10 * dt
     if dt:

@@ -14,14 +14,14 @@ from robust._base.states import Outcome
 from robust.analysis.aliases import operator_performance
 from robust.analysis.curves import Curves
 from robust.analysis.loop import Loop
-from robust.lti.lti import finite
+from robust.lti.lti import replace_infinite
 from robust.lti.realisation import state_space
 from robust.models.sets.forms import FORMS
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim, as_given
-from robust.proofs.exact.conditions import Terms, conditions
+from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, PERFORMANCE, STABILITY, LoopClaim, to_matrices
+from robust.proofs.exact.conditions import Terms, claim_inequalities
 from robust.proofs.exact.loops import NOMINAL, WEIGHTS, Verification, verify_loop
-from robust.proofs.search.certificate import EXACT, Certificate, refused
+from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
 __all__ = ["Proofs", "claim_of", "prove_set"]
 
@@ -33,16 +33,16 @@ def claim_of(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> LoopCla
     """Robust stability of a model with its controller, with all numbers as they were given."""
     form = FORMS[model.form]
     return LoopClaim(
-        plant=as_given(model.nominal),
-        controller=as_given(state_space("K", K)),
-        weight=as_given(model.weight),
-        performance=None if w_P is None else as_given(state_space("w_P", w_P)),
+        plant=to_matrices(model.nominal),
+        controller=to_matrices(state_space("K", K)),
+        weight=to_matrices(model.weight),
+        performance=None if w_P is None else to_matrices(state_space("w_P", w_P)),
         reads=tuple(name for name in form.read if name != "w"),
         inverse=form.inverse,
         perturbation=model.perturbation,
         delay=float(delay),
         claims=(STABILITY,),
-        shaping=tuple(as_given(W) for W in (model.W1, model.W2)) if form.scaled else (),
+        shaping=tuple(to_matrices(W) for W in (model.W1, model.W2)) if form.scaled else (),
     )
 
 
@@ -90,7 +90,7 @@ def prove_set(loop: Loop, curves: Curves, peak: float, *, claim: LoopClaim, cert
         as_certificate(found, *each, loop.top) for each in zip((STABILITY, PERFORMANCE), claims, strict=False)
     ]
     if hopeless:
-        certificates.append(refused(PERFORMANCE, 1.0, hopeless))
+        certificates.append(failed_certificate(PERFORMANCE, 1.0, hopeless))
     stable, violated = certificates[0].holds, certificates[0].violated
     if not stable or loop.w_P is None:
         return Proofs(certificates=tuple(certificates[:1]), violated=violated, stable=stable)
@@ -123,7 +123,9 @@ def as_certificate(found: Verification, subject: str, claim: LoopClaim, top: flo
         )
     # where stability of the nominal loop stays open nothing else was looked at: the first failure is the cause
     reason = dict(found.failed).get(name, "") if set(found.proved) >= {NOMINAL, WEIGHTS} else ": ".join(found.failed[0])
-    return refused(subject, 1.0, reason, outcome=Outcome.VIOLATED if name in found.violated else Outcome.UNDECIDED)
+    return failed_certificate(
+        subject, 1.0, reason, outcome=Outcome.VIOLATED if name in found.violated else Outcome.UNDECIDED
+    )
 
 
 def best_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
@@ -138,7 +140,7 @@ def best_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
         terms = terms_of(curves)
 
         def largest(log: float) -> float:
-            left = conditions(OPERATOR_PERFORMANCE, claim.reads, claim.inverse, terms, np.exp(2 * log))
+            left = claim_inequalities(OPERATOR_PERFORMANCE, claim.reads, claim.inverse, terms, np.exp(2 * log))
             return -float(np.nanmin(left[-1] / terms.closed))
 
     logs = np.linspace(-30.0, 30.0, 31)  # the units of plant and weights may lie decades apart
@@ -148,7 +150,7 @@ def best_scaling(loop: Loop, claim: LoopClaim, curves: Curves) -> float:
 
 def terms_of(curves: Curves) -> Terms:
     """The terms of exact arithmetic as numbers, to look for a scaling with."""
-    G, K, W = finite(curves.G), finite(curves.K), np.abs(curves.W) ** 2
+    G, K, W = replace_infinite(curves.G), replace_infinite(curves.K), np.abs(curves.W) ** 2
     L, one = G * K, np.ones(curves.omega.size)
     return Terms(
         G_num=np.abs(G) ** 2,

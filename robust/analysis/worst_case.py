@@ -11,17 +11,17 @@ from nlfrf._base.arguments import real, shown
 from nlfrf._base.values import value
 from robust.analysis.aliases import in_phase
 from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
-from robust.lti.connections import in_series, joined, worst_perturbation
+from robust.lti.connections import block_diagonal, in_series, worst_perturbation
 from robust.lti.grids import structure_grid
-from robust.lti.lti import along, response, timebase
+from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
 from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.sets.perturbations import perturbed, with_phase, with_phases, within
 from robust.mu.lower import mu_lower
-from robust.mu.upper import refined
-from robust.proofs.search.stability import instability
+from robust.mu.upper import refine_grid
+from robust.proofs.search.stability import decide_stability
 
 __all__ = ["BreakingPerturbation", "WorstCase", "all_passes", "as_system", "breaking_perturbation", "worst_case"]
 
@@ -254,16 +254,16 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
     if not isinstance(model, MatrixUncertainty):
         raise ValueError(f"model must be a MatrixUncertainty, got {shown(model)}")
     system = model.loop(K)
-    nominal = instability(system.N)
+    nominal = decide_stability(system.N)
     if not nominal.stable:
         raise ValueError(f"K must leave the nominal loop stable, got one that is {nominal}")
     N = system.loop
-    omega, mu = refined(N, system.structure, structure_grid(N))
+    omega, mu = refine_grid(N, system.structure, structure_grid(N))
     dt = timebase(N)
     # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
     top = np.pi / dt * (1 - NEAR) if dt else np.inf
     some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], NEAR * omega[omega > 0].min(), top))
-    found = mu_lower(along(N, some), system.structure, n_starts=3)
+    found = mu_lower(response_by_channel(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:
         raise ValueError("K must react to the plant at all for a perturbation to break the loop, got one that does not")
@@ -279,13 +279,17 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
 def as_system(delta: np.ndarray, omega: float, dt: float, *, full: bool) -> control.StateSpace:
     """A stable real system of gain one that is `delta` (drives, reads) at omega: of rank one, or diagonal."""
     if not full:
-        return joined(all_passes(np.diag(delta), omega, dt), dt)
+        return block_diagonal(all_passes(np.diag(delta), omega, dt), dt)
     U, sizes, Vh = np.linalg.svd(delta)
     into, out = Vh[0] * sizes[0], U[:, 0]
     add = control.StateSpace([], [], [], np.ones((1, into.size)), dt)
     spread = control.StateSpace([], [], [], np.ones((out.size, 1)), dt)
     return in_series(
-        joined(all_passes(into, omega, dt), dt), add, spread, joined(all_passes(out, omega, dt), dt), dt=dt
+        block_diagonal(all_passes(into, omega, dt), dt),
+        add,
+        spread,
+        block_diagonal(all_passes(out, omega, dt), dt),
+        dt=dt,
     )
 
 

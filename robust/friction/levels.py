@@ -17,7 +17,7 @@ from robust.friction.classes import AnyFriction, any_maxwell_slip
 from robust.friction.passivity import port_responses, refuse_unknown_amplitude
 from robust.friction.plant import FrictionPlant, friction_plant, with_port_impedance
 from robust.friction.prove import error_of_nominal, machines_of_nominal
-from robust.lti.sampling import hold_between
+from robust.lti.sampling import hold_correction
 
 __all__ = [
     "FEWEST_LINES",
@@ -475,7 +475,7 @@ def friction_class(
         raise ValueError(f"blas must have at least {FEWEST_LINES} lines each, got {fewest}")
     if real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
-    blas = [bla.times(hold_between(bla.omega, bla.hold, bla.fs, 0.0)) for bla in blas]
+    blas = [bla.times(hold_correction(bla.omega, bla.hold, bla.fs, 0.0)) for bla in blas]
     machines: tuple[FrictionPlant, ...] = ()
     description, fits = "", []
     if nominal is None:

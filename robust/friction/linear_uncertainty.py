@@ -21,7 +21,7 @@ from robust.friction.classes import AnyFriction
 from robust.friction.multipliers import filter_rates
 from robust.friction.plant import FrictionPlant, friction_loop, loop_frequencies, mobility
 from robust.lti.realisation import state_space
-from robust.proofs.search.certificate import attempt
+from robust.proofs.search.certificate import solve_program
 
 __all__ = ["FrequencyTest", "friction_frequency_test", "uncertain_rows"]
 
@@ -187,7 +187,7 @@ def find_multipliers(table: np.ndarray, q: np.ndarray) -> bool:
     d = cp.multiply(q[:, 1, 1], D)
     re, im = table[..., 0, 1].real @ mu + cp.multiply(q[:, 0, 1], D), table[..., 0, 1].imag @ mu
     constraints = [cp.SOC(-(a + d) - 2 * share, cp.vstack([2 * re, 2 * im, a - d])), cp.sum(mu) <= 1]
-    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", TIME_CAP)
+    solve_program(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", TIME_CAP)
     return mu.value is not None and share.value is not None and bool(share.value > MIN_SHARE)
 
 

@@ -17,7 +17,7 @@ from scipy.optimize import linprog, minimize_scalar
 
 from nlfrf._base.values import value
 from robust.friction.plant import FrictionLoop, loop_frequencies, mobility
-from robust.proofs.search.certificate import attempt
+from robust.proofs.search.certificate import solve_program
 
 __all__ = [
     "BristleMultipliers",
@@ -216,7 +216,7 @@ def solve_multipliers(table: np.ndarray, rho: float) -> np.ndarray | None:
     for i, form in enumerate(block_at_ends(M)):
         p, cross, r = (x - bounds[i] * y for x, y in zip(form, sector_form(rho), strict=True))
         constraints.append(cp.SOC(p + r, cp.hstack([2 * cross, p - r])))
-    attempt(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", TIME_CAP)
+    solve_program(cp.Problem(cp.Maximize(share), constraints), "CLARABEL", TIME_CAP)
     if theta.value is None or share.value is None or not share.value > MIN_SHARE:
         return None
     return np.asarray(theta.value)

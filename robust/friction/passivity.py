@@ -20,9 +20,15 @@ from robust._base.channels import is_single
 from robust._base.states import FrictionVerdict
 from robust.friction.plant import FrictionLoop, FrictionPlant
 from robust.lti.lti import timebase
-from robust.proofs.exact.claim import Matrices, as_given
-from robust.proofs.exact.polynomials import behind_samples, mapped, positive_on_half_line, quotient, rational
-from robust.proofs.exact.stability import squared, stable_loop
+from robust.proofs.exact.claim import Matrices, to_matrices
+from robust.proofs.exact.polynomials import (
+    bilinear_image,
+    delay_by_samples,
+    positive_on_half_line,
+    to_rational,
+    transfer_quotient,
+)
+from robust.proofs.exact.stability import decide_loop_stability, squared_magnitude
 
 __all__ = ["MeasuredImpedances", "measured_impedances", "passive_verdict", "port_responses", "refuse_unknown_amplitude"]
 
@@ -52,7 +58,7 @@ class Damping:
 
     def at(self, y: float) -> float:
         """At one place of the axis."""
-        return quotient_as_float(self.top(rational(y)), self.bottom(rational(y))) if np.isfinite(y) else self.end
+        return quotient_as_float(self.top(to_rational(y)), self.bottom(to_rational(y))) if np.isfinite(y) else self.end
 
 
 def passive_verdict(machine: FrictionPlant, K: Any, delay: float, loop: FrictionLoop) -> tuple[FrictionVerdict, str]:
@@ -63,7 +69,7 @@ def passive_verdict(machine: FrictionPlant, K: Any, delay: float, loop: Friction
             f"the loop has {loop.F.shape[0]} states, and at most {MAX_STATES} are decided exactly",
         )
     seen = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
-    if not stable_loop(seen, as_given(K), delay=delay).holds:
+    if not decide_loop_stability(seen, to_matrices(K), delay=delay).holds:
         return (
             FrictionVerdict.NOT_DECIDED,
             "the sliding loop, with all states of its controller, is not strictly stable: one may drift at rest",
@@ -110,10 +116,10 @@ def even_and_odd_part(num: Any, den: Any) -> tuple[Any, Any]:
 def continuous_damping(loop: FrictionLoop) -> Damping:
     """Real part of the impedance 1/(s X) at the port, X = num/den from a force to the displacement there."""
     n = loop.F.shape[0]
-    X = quotient(Matrices(A=loop.F, B=-loop.B[:, None], C=loop.x[None], D=np.zeros((1, 1))))
+    X = transfer_quotient(Matrices(A=loop.F, B=-loop.B[:, None], C=loop.x[None], D=np.zeros((1, 1))))
     num = type(X.num)(X.num.coeffs()[: n - 1])  # a force does not move what has mass at once: what is left is rounding
     _, odd = even_and_odd_part(num, X.den)
-    return Damping(top=-odd, bottom=squared(num), degree=n - 2)
+    return Damping(top=-odd, bottom=squared_magnitude(num), degree=n - 2)
 
 
 def sampled_damping(c: float, K: Any, delay: float) -> Damping:
@@ -122,11 +128,11 @@ def sampled_damping(c: float, K: Any, delay: float) -> Damping:
     With x = tan(wT/2) what is needed is (T/2)(Re K - Im K/x).
     """
     T = timebase(K)
-    late = mapped(behind_samples(quotient(as_given(K)), round(delay / T)))
+    late = bilinear_image(delay_by_samples(transfer_quotient(to_matrices(K)), round(delay / T)))
     even, odd = even_and_odd_part(late.num, late.den)
-    size = squared(late.den)
+    size = squared_magnitude(late.den)
     return Damping(
-        top=size * rational(c) - (even - odd) * (rational(T) / rational(2.0)), bottom=size, degree=late.degree
+        top=size * to_rational(c) - (even - odd) * (to_rational(T) / to_rational(2.0)), bottom=size, degree=late.degree
     )
 
 
@@ -141,7 +147,7 @@ def decide_damping(left: Damping, c: float, T: float) -> tuple[FrictionVerdict, 
             words = "no damping is enough"
         return FrictionVerdict.NOT_DECIDED, f"not passive {where}: {words}"
     claimed = least - MIN_DAMPING_SHARE * max(least, size) if least > 2 * MIN_DAMPING_SHARE * size else least / 2
-    rest = left.top - left.bottom * rational(claimed)
+    rest = left.top - left.bottom * to_rational(claimed)
     found = positive_on_half_line(rest, deadline=time.thread_time() + TIME_CAP)
     if not (found.holds and rest[left.degree] > 0):
         return (

@@ -11,7 +11,7 @@ from scipy.linalg import eig, expm, solve_discrete_lyapunov
 
 from nlfrf._base.arguments import nonnegative, positive
 from nlfrf._base.values import value
-from robust.lti.lti import evened, timebase
+from robust.lti.lti import balance_matrix, timebase
 from robust.lti.realisation import multivariable, state_space
 from robust.lti.sampling import without_pade
 
@@ -489,7 +489,7 @@ def kernel_norms(rows: np.ndarray, kernel: np.ndarray) -> np.ndarray:
 
 def lyapunov_norm(period: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
     """A norm |L x| in which a stable map shrinks by a rate below one: L, its inverse, the rate; None where none is."""
-    scaled, weights = evened(period)
+    scaled, weights = balance_matrix(period)
     goal = 1 - 0.75 * (1 - np.abs(np.linalg.eigvals(scaled)).max(initial=0.0))
     if not 0 < goal < 1 or MAX_PERIODS * (1 - goal) < 1:
         return None

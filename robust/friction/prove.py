@@ -41,8 +41,8 @@ from robust.friction.storage import METHOD, JudgedStorage, certified_dissipation
 from robust.lti.lti import poles, response, timebase, zeros
 from robust.lti.realisation import from_roots, state_space
 from robust.lti.sampling import without_pade
-from robust.proofs.exact.claim import Matrices, as_given
-from robust.proofs.search.certificate import Certificate, refused
+from robust.proofs.exact.claim import Matrices, to_matrices
+from robust.proofs.search.certificate import Certificate, failed_certificate
 
 __all__ = [
     "NOT_IN_CLASS",
@@ -180,7 +180,7 @@ def friction_certificate(
     proof = Certificate(
         subject=SUBJECT, outcome=Outcome.HOLDS, level=0.0, method=METHOD, intervals=intervals, reason=""
     )
-    certificate = refused(SUBJECT, 0.0, reason) if reason else proof
+    certificate = failed_certificate(SUBJECT, 0.0, reason) if reason else proof
     return FrictionCertificate(
         certificate=certificate, multipliers=found, omega=omega, form=form, numbers=numbers, energy=energy
     )
@@ -460,7 +460,7 @@ def build_claim(
         known["stiction"] = max(known["stiction"], ROUNDED_UP)
     return FrictionClaim(
         machine=plant_matrices(machine),
-        controller=as_given(K),
+        controller=to_matrices(K),
         delay=float(delay),
         kind=friction.kind,
         **(known | numbers),

@@ -8,8 +8,8 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from robust.lti.lti import on_axis, poles, response, timebase, zeros
-from robust.lti.realisation import diagonal_loops, in_order, multivariable, paired
+from robust.lti.lti import axis_points, poles, response, timebase, zeros
+from robust.lti.realisation import multivariable, order_roots, pair_roots, split_diagonal
 
 __all__ = ["controller_sections", "polynomials", "roots_and_gain", "told_sections"]
 
@@ -43,7 +43,7 @@ def controller_sections(K: Any) -> Any:
     """
     K = multivariable("K", K)
     if (K.ninputs, K.noutputs) != (1, 1):
-        return tuple(map(controller_sections, diagonal_loops("K", K)))
+        return tuple(map(controller_sections, split_diagonal("K", K)))
     dt = timebase(K)
     if not dt:
         raise ValueError("K must be discrete to have sections, got a continuous controller: sample it first")
@@ -94,8 +94,8 @@ def chain_response(sections: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def slow_with_fast(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
-    """As `paired`, but the slowest real root with the fastest: two at z = 1 would cancel twice in one section."""
-    pairs, rest = paired(roots)
+    """As `pair_roots`, but the slowest real root with the fastest: two at z = 1 would cancel twice in one section."""
+    pairs, rest = pair_roots(roots)
     alone = sorted([r for pair in pairs if pair[0].imag == 0 for r in pair] + rest, key=lambda r: abs(r - 1))
     pairs = [pair for pair in pairs if pair[0].imag != 0]
     half = len(alone) // 2
@@ -141,12 +141,12 @@ def roots_and_gain(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray, 
     dt = timebase(system)
     # of a sampled one as they lie beside one, where slow roots are small numbers with digits of their own
     beside = control.StateSpace(system.A - np.eye(system.nstates), system.B, system.C, system.D, dt) if dt else system
-    z, p = (in_order(roots(beside) + (1.0 if dt else 0.0)) for roots in (zeros, poles))
+    z, p = (order_roots(roots(beside) + (1.0 if dt else 0.0)) for roots in (zeros, poles))
     size = np.concatenate([np.abs(np.log(r[r != 0].astype(complex)) / dt if dt else r) for r in (z, p)])
     centre = float(np.exp(np.median(np.log(size[size > 0])))) if np.any(size > 0) else 1.0
     omega = centre * np.geomspace(0.1, 10, 21)
     omega = np.minimum(omega, 0.99 * np.pi / dt) if dt else omega
-    s = on_axis(omega, dt)
+    s = axis_points(omega, dt)
     ratio = response(system, omega) * np.prod(s[:, None] - p, axis=1) / np.prod(s[:, None] - z, axis=1)
     return z, p, float(np.median(ratio.real))
 
@@ -163,7 +163,7 @@ def polynomials(system: control.StateSpace) -> dict[str, np.ndarray]:
     size = size[size > 1e-12] / (dt or 1.0)
     ends = (0.1 * size.min(initial=np.inf), 10 * size.max(initial=0.0)) if size.size else (0.1, 10.0)
     omega = np.geomspace(ends[0], min(ends[1], 0.99 * np.pi / dt) if dt else ends[1], 120)
-    s, wanted = on_axis(omega, dt), response(system, omega)
+    s, wanted = axis_points(omega, dt), response(system, omega)
     with np.errstate(all="ignore"):
         error = np.abs(np.polyval(num, s) / np.polyval(den, s) - wanted)
     return {"num": num, "den": den} if np.all(error <= EXACT_SLOW * np.abs(wanted)) else {}

@@ -27,7 +27,7 @@ from robust.friction.saturation import SaturatedProof
 from robust.io.models import PathLike, load_controller, load_model
 from robust.lti.realisation import state_space
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.exact.claim import LoopClaim, Matrices, as_given, differences, read_claim, write_claim
+from robust.proofs.exact.claim import LoopClaim, Matrices, differing_fields, read_claim, to_matrices, write_claim
 from robust.proofs.exact.loops import Verification, verify_loop
 
 __all__ = [
@@ -147,9 +147,9 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
         if not isinstance(model, UncertaintyModel):
             raise ValueError(f"model must be an UncertaintyModel, got {shown(model)}")
         mine = claim_of(model, 0.0, None, 0.0)
-        names = differences(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
+        names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
         wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
-    if K is not None and differences(claim, replace(claim, controller=given(K)), ("controller",)):
+    if K is not None and differing_fields(claim, replace(claim, controller=given(K)), ("controller",)):
         wrong.append(("the controller", "not the one of the certificate"))
     found = verify_loop(claim, time_cap=time_cap)
     return replace(found, verified=found.verified and not wrong, failed=(*wrong, *found.failed))
@@ -157,7 +157,7 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
 
 def given(K: Any) -> Matrices:
     """The matrices of a controller."""
-    return as_given(state_space("K", K))
+    return to_matrices(state_space("K", K))
 
 
 def verified_friction(claim: FrictionClaim, model: Any, K: Any, time_cap: float) -> Verification:

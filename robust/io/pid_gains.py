@@ -12,7 +12,7 @@ from nlfrf._base.arguments import inverse_unit, listed, of_kind, positive
 from nlfrf._base.values import value
 from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
-from robust.lti.realisation import diagonal_loops, multivariable
+from robust.lti.realisation import multivariable, split_diagonal
 
 __all__ = ["PidGains", "pid_gains", "told_gains", "unusual_gains"]
 
@@ -188,7 +188,7 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     of_kind("unit", unit, str)
     K = multivariable("K", K)
     if (K.ninputs, K.noutputs) != (1, 1):
-        return tuple(pid_gains(loop, dt=dt, unit=unit) for loop in diagonal_loops("K", K))
+        return tuple(pid_gains(loop, dt=dt, unit=unit) for loop in split_diagonal("K", K))
     sampled = timebase(K)
     integrates, filter_time = parts_of(K, sampled)
     kp, ki, kd = gains_of(K, sampled, integrates, filter_time)

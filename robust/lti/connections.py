@@ -8,20 +8,20 @@ import control
 import numpy as np
 from scipy.linalg import block_diag
 
-from robust.lti.lti import Matrices, constant
+from robust.lti.lti import Matrices, is_constant
 
 __all__ = [
+    "block_diagonal",
     "closed_loop",
-    "factor_allowed",
     "feedback",
     "in_parallel",
     "in_series",
-    "inverse",
-    "joined",
-    "lower",
+    "inverse_system",
+    "largest_allowed_factor",
+    "lower_lft",
     "one_plus",
-    "refuse_shape",
-    "upper",
+    "require_shape",
+    "upper_lft",
     "weighted_plant",
     "worst_perturbation",
     "worst_sensitivity",
@@ -36,8 +36,8 @@ def in_series(*systems: control.StateSpace, dt: float | None = None) -> control.
         A = np.block([[total.A, np.zeros((nt, ns))], [system.B @ total.C, system.A]])
         B = np.vstack([total.B, system.B @ total.D])
         C = np.hstack([system.D @ total.C, system.C])
-        step = total.dt if constant(system) or total.dt is not None else system.dt
-        total = control.StateSpace(A, B, C, system.D @ total.D, system.dt if constant(total) else step)
+        step = total.dt if is_constant(system) or total.dt is not None else system.dt
+        total = control.StateSpace(A, B, C, system.D @ total.D, system.dt if is_constant(total) else step)
     return total if dt is None else control.StateSpace(total.A, total.B, total.C, total.D, dt)
 
 
@@ -53,7 +53,7 @@ def one_plus(X: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(X.A, X.B, X.C, X.D + 1, X.dt)
 
 
-def inverse(X: control.StateSpace) -> control.StateSpace:
+def inverse_system(X: control.StateSpace) -> control.StateSpace:
     """1 / X for a biproper X."""
     d = X.D[0, 0]
     if abs(d) < 1e-9:
@@ -99,7 +99,7 @@ def closed_loop(
         A controller of another shape; a loop without a solution: direct terms with 1 + D_K D_G singular.
     """
     n_y, n_u = G.noutputs, G.ninputs
-    refuse_shape(K, n_y, n_u)
+    require_shape(K, n_y, n_u)
     D, Dk = G.D, K.D
     around = np.eye(n_u) + Dk @ D
     if np.linalg.norm(around, -2) < 1e-12 * max(1.0, float(np.linalg.norm(Dk @ D, 2))):
@@ -115,12 +115,12 @@ def closed_loop(
     A = A + np.vstack([G.B @ u_x, K.B @ e_x])
     B = np.vstack([G.B @ (u_w + np.eye(n_u, n_u + 2 * n_y)), K.B @ e_w])
     C, W = np.vstack([u_x, y_x, e_x]), np.vstack([u_w, y_w, e_w])
-    rows, cols = chosen(OUTPUTS, outputs, (n_u, n_y, n_y)), chosen(INPUTS, inputs, (n_u, n_y, n_y))
+    rows, cols = channel_indices(OUTPUTS, outputs, (n_u, n_y, n_y)), channel_indices(INPUTS, inputs, (n_u, n_y, n_y))
     return A, B[:, cols], C[rows], W[np.ix_(rows, cols)]
 
 
-def refuse_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
-    """Refuse a controller that does not fit a plant of n_y outputs and n_u inputs."""
+def require_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
+    """Check that a controller fits a plant of n_y outputs and n_u inputs."""
     if (K.ninputs, K.noutputs) != (n_y, n_u):
         raise ValueError(
             f"K must have {n_y} inputs and {n_u} outputs, one an output and an input of the plant, "
@@ -128,7 +128,7 @@ def refuse_shape(K: control.StateSpace, n_y: int, n_u: int) -> None:
         )
 
 
-def chosen(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]) -> np.ndarray:
+def channel_indices(names: tuple[str, ...], wanted: tuple[str, ...], sizes: tuple[int, ...]) -> np.ndarray:
     """Places of the channels of the ports that are wanted, in a vector of them all."""
     first = np.cumsum([0, *sizes])
     return np.concatenate([np.arange(first[k], first[k + 1]) for k in map(names.index, wanted)])
@@ -195,7 +195,7 @@ def worst_perturbation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (target - b.conj()) / (1 - b * target)
 
 
-def factor_allowed(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def largest_allowed_factor(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(W,) largest x with nominal (|1 - x^2 a b*| + x |a - b|)/(1 - x^2 |b|^2) <= 1, by bisection (increasing in x)."""
     low, high = np.zeros(nominal.size), 1 / np.maximum(np.abs(b), 1e-12)
     for _ in range(60):
@@ -219,7 +219,7 @@ def factor_allowed(nominal: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndar
 # (SP A.7.) Both are closed with positive sign: u = K y. A negative feedback is part of P.
 
 
-def lower(P: control.StateSpace, K: control.StateSpace) -> control.StateSpace:
+def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpace:
     """F_l(P, K): the last inputs and outputs of P closed through K, all states kept.
 
     Raises
@@ -249,16 +249,16 @@ def lower(P: control.StateSpace, K: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(A, B, C, P.D[z, w] + P.D[z, u] @ direct, dt)
 
 
-def upper(N: control.StateSpace, Delta: control.StateSpace) -> control.StateSpace:
+def upper_lft(N: control.StateSpace, Delta: control.StateSpace) -> control.StateSpace:
     """F_u(N, Delta): the first inputs and outputs of N closed through Delta, all states kept."""
     k, m = Delta.noutputs, Delta.ninputs
     columns = np.r_[k : N.ninputs, :k]
     rows = np.r_[m : N.noutputs, :m]
     turned = control.StateSpace(N.A, N.B[:, columns], N.C[rows], N.D[np.ix_(rows, columns)], N.dt)
-    return lower(turned, Delta)
+    return lower_lft(turned, Delta)
 
 
-def joined(parts: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
+def block_diagonal(parts: Sequence[control.StateSpace], dt: float) -> control.StateSpace:
     """All parts side by side."""
     A, B, C, D = (block_diag(*(getattr(part, name) for part in parts)) for name in "ABCD")
     n, n_in, n_out = (sum(sizes) for sizes in zip(*((p.nstates, p.ninputs, p.noutputs) for p in parts), strict=True))

@@ -7,23 +7,23 @@ from collections.abc import Callable
 import control
 import numpy as np
 
-from robust.lti.lti import in_s, poles, timebase, zeros
+from robust.lti.lti import poles, timebase, to_s_plane, zeros
 
 __all__ = [
-    "beside_modes",
-    "climb",
-    "highest",
-    "interpolated",
+    "controller_mode_lines",
+    "extend_grid",
+    "find_peak",
+    "interpolate_frf",
     "loop_grid",
-    "plant_lines",
-    "reaching",
+    "plant_features",
+    "refine_peaks",
     "structure_grid",
 ]
 
 #: Of the frequencies of a loop, how far from their median [as a factor] one still widens the grid that all share.
-FARTHEST_MODE = 1e9
+MAX_MODE_RATIO = 1e9
 #: Where a mode is looked at that lies farther away, relative to it.
-BESIDE = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
+MODE_OFFSETS = np.array([0.1, 0.3, 0.7, 1.0, 1.4, 3.0, 10.0])
 #: Ripples of a delay that are looked at, and points on each.
 RIPPLES, POINTS = 150, 8
 #: Maxima that are looked at closer: all within this factor of the largest, and no more than so many.
@@ -31,7 +31,7 @@ NEARLY, MOST_MAXIMA = 0.9, 40
 #: Half widths of a mode from its peak on, as far as it is wide: points a decade, and the narrowest [of its frequency].
 FROM_PEAK, A_DECADE, NARROWEST = 0.1, 8, 1e-12
 #: How often the brackets of maxima close in, to a fourth each time or more.
-CLOSER = 5
+N_ZOOMS = 5
 
 
 def loop_grid(
@@ -48,22 +48,22 @@ def loop_grid(
     `folded` are modes above Nyquist where they come down to, as poles in the s plane.
     """
     top = np.pi / dt if dt else np.inf
-    roots = [in_s(loop_poles, dt)]
+    roots = [to_s_plane(loop_poles, dt)]
     for system in systems:
         if system.nstates:
-            roots += [in_s(poles(system), timebase(system)), in_s(zeros(system), timebase(system))]
+            roots += [to_s_plane(poles(system), timebase(system)), to_s_plane(zeros(system), timebase(system))]
     s = np.concatenate([*roots, np.asarray(folded, dtype=complex)])
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
     size = np.concatenate([np.abs(lines), np.abs(s)])
     centre = np.median(size)
-    size = size[(size > centre / FARTHEST_MODE) & (size < FARTHEST_MODE * centre)]
+    size = size[(size > centre / MAX_MODE_RATIO) & (size < MAX_MODE_RATIO * centre)]
     low, high = size.min() / 100, min(size.max() * 100, top)
     sharp = s[(np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
     keep = lines if lines.size <= 2000 else lines[:: lines.size // 2000 + 1]
     ripples = np.arange(1, RIPPLES * POINTS) * (2 * np.pi / (POINTS * delay)) if delay else np.zeros(0)
-    omega = np.concatenate([keep, np.geomspace(low, high, 500), around(sharp, 41), ripples])
-    far = np.abs(s)[(np.abs(s) <= centre / FARTHEST_MODE) | (np.abs(s) >= FARTHEST_MODE * centre)]
-    omega = np.concatenate([omega[(omega >= low) & (omega <= high)], np.outer(far, BESIDE).ravel()])
+    omega = np.concatenate([keep, np.geomspace(low, high, 500), cluster_at_modes(sharp, 41), ripples])
+    far = np.abs(s)[(np.abs(s) <= centre / MAX_MODE_RATIO) | (np.abs(s) >= MAX_MODE_RATIO * centre)]
+    omega = np.concatenate([omega[(omega >= low) & (omega <= high)], np.outer(far, MODE_OFFSETS).ravel()])
     return np.unique(omega[(omega > 1e-150) & (omega < min(1e150, top * (1 - 1e-9)))])
 
 
@@ -75,26 +75,26 @@ def structure_grid(N: control.StateSpace) -> np.ndarray:
         s = np.log(np.where(p == 0, 1e-300, p)) / dt if dt else p
     s = s[np.isfinite(s) & (np.abs(s) > 0)]
     size = np.abs(s) if s.size else np.ones(1)
-    size = size[(size > 1e-9 * np.median(size)) & (size < FARTHEST_MODE * np.median(size))]
+    size = size[(size > 1e-9 * np.median(size)) & (size < MAX_MODE_RATIO * np.median(size))]
     top = np.pi / dt if dt else np.inf
     low, high = size.min() / 30, min(size.max() * 30, top)
     sharp = s[(np.abs(s.real) < 0.3 * np.abs(s)) & (s.imag > 0)]
-    omega = np.unique(np.concatenate([np.geomspace(low, high, 120), around(sharp, 21)]))
+    omega = np.unique(np.concatenate([np.geomspace(low, high, 120), cluster_at_modes(sharp, 21)]))
     # at zero frequency (and at Nyquist) N is real, and real perturbations reach what they reach nowhere near it
     return np.concatenate([[0.0], omega[(omega >= low) & (omega <= high)], [top] if dt else []])
 
 
-def around(sharp: np.ndarray, n: int) -> np.ndarray:
+def cluster_at_modes(sharp: np.ndarray, n: int) -> np.ndarray:
     """n frequencies [rad/s] around each lightly damped root of the upper half plane, a half width apart at its peak."""
     return (sharp.imag[:, None] + np.abs(sharp.real)[:, None] * np.tan(np.linspace(-1.4, 1.4, n))).ravel()
 
 
-def beside_modes(K: control.StateSpace, band: tuple[float, float]) -> np.ndarray:
+def controller_mode_lines(K: control.StateSpace, band: tuple[float, float]) -> np.ndarray:
     """Frequencies [rad/s] of a band around every lightly damped pole of a controller, from its peak to where it fades.
 
     An FRF says nothing between its lines, a controller is known there: a resonance of its own must not fall between.
     """
-    s = in_s(poles(K), timebase(K))
+    s = to_s_plane(poles(K), timebase(K))
     s = s[np.isfinite(s) & (np.abs(s.real) < 0.5 * np.abs(s)) & (s.imag > 0)]
     found = [np.zeros(0)]
     for mode in s:
@@ -106,40 +106,40 @@ def beside_modes(K: control.StateSpace, band: tuple[float, float]) -> np.ndarray
     return np.asarray(omega[(omega > band[0]) & (omega < band[1])])
 
 
-def interpolated(omega: np.ndarray, known: np.ndarray, G: np.ndarray) -> np.ndarray:
+def interpolate_frf(omega: np.ndarray, known: np.ndarray, G: np.ndarray) -> np.ndarray:
     """(W,) an FRF between its lines, in log magnitude and phase; its end values outside them."""
     log = np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G))
     return np.exp(np.interp(omega, known, log))
 
 
-def plant_lines(G: control.StateSpace, dt: float, otherwise: tuple[float, ...]) -> np.ndarray:
+def plant_features(G: control.StateSpace, dt: float, otherwise: tuple[float, ...]) -> np.ndarray:
     """Frequencies [rad/s] of the poles and zeros of a plant below Nyquist; the others where it has none."""
     lines = np.array(otherwise) if otherwise else np.array([0.1 / dt if dt else 1.0])
     if G.nstates:
-        s = in_s(np.concatenate([poles(G), zeros(G)]), dt)
+        s = to_s_plane(np.concatenate([poles(G), zeros(G)]), dt)
         size = np.abs(s[np.isfinite(s) & (np.abs(s) > 0)])
         below = size < (np.pi / dt if dt else np.inf) * 0.999
         lines = size[below] if np.any(below) else lines
     return np.unique(lines)
 
 
-def highest(
+def find_peak(
     curve: Callable[[np.ndarray], np.ndarray], omega: np.ndarray, band: tuple[float, float], top: float
 ) -> tuple[float, float]:
     """Largest value of a curve and where: on the grid, far outside it up to `top`, and refined.
 
     Where the curve is flat, the place is the one nearest to the band.
     """
-    points = reaching(omega, top)
-    return climb(lambda at: curve(at)[None], points, curve(points)[None], band)[0]
+    points = extend_grid(omega, top)
+    return refine_peaks(lambda at: curve(at)[None], points, curve(points)[None], band)[0]
 
 
-def reaching(omega: np.ndarray, top: float) -> np.ndarray:
+def extend_grid(omega: np.ndarray, top: float) -> np.ndarray:
     """A grid with a point far below it and one far above, under `top`."""
     return np.unique(np.concatenate([omega, [omega[0] * 1e-5, min(omega[-1] * 1e5, top * (1 - 1e-12))]]))
 
 
-def climb(
+def refine_peaks(
     curves: Callable[[np.ndarray], np.ndarray], points: np.ndarray, values: np.ndarray, band: tuple[float, float]
 ) -> list[tuple[float, float]]:
     """Largest values of several curves at once and where, from their values (k, W) on points (W,).
@@ -149,12 +149,12 @@ def climb(
     """
     values = np.where(np.isnan(values), np.inf, values)
     best, where = values.max(axis=1), points[values.argmax(axis=1)]
-    owner, inner = maxima(values, best)
+    owner, inner = local_maxima(values, best)
     each = np.arange(inner.size)
     x = np.log(points[inner + np.array([-1, 0, 1])[:, None]])  # (3, m): a bracket, its best point in the middle
     y = values[owner, inner + np.array([-1, 0, 1])[:, None]]
-    for _ in range(CLOSER if inner.size else 0):
-        near = divided(x, y)
+    for _ in range(N_ZOOMS if inner.size else 0):
+        near = subdivide_brackets(x, y)
         zoom = curves(np.exp(near.ravel())).reshape(len(values), *near.shape)[owner, :, each].T
         x, y = np.concatenate([x, near]), np.concatenate([y, np.where(np.isnan(zoom), np.inf, zoom)])
         order = np.argsort(x, axis=0)
@@ -164,10 +164,10 @@ def climb(
     for k in each[np.argsort(y.max(axis=0))]:
         if y[:, k].max() > best[owner[k]]:
             best[owner[k]], where[owner[k]] = y[:, k].max(), np.exp(x[y[:, k].argmax(), k])
-    return [nearest_top(best[k], where[k], points, row, band) for k, row in enumerate(values)]
+    return [peak_nearest_band(best[k], where[k], points, row, band) for k, row in enumerate(values)]
 
 
-def maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def local_maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(m,) of which curve, and (m,) at which point, the local maxima lie that are looked at closer."""
     there = (values[:, 1:-1] >= values[:, :-2]) & (values[:, 1:-1] >= values[:, 2:])
     owner, inner = [], []
@@ -180,7 +180,7 @@ def maxima(values: np.ndarray, best: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.concatenate(owner), np.concatenate(inner)
 
 
-def divided(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def subdivide_brackets(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(7, m) points inside brackets x (3, m): each half in four, and the top of the parabola through their values y."""
     left, right = x[1] - x[0], x[2] - x[1]
     with np.errstate(all="ignore"):
@@ -191,7 +191,7 @@ def divided(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.concatenate([x[0] + quarters * left, np.where(inside, vertex, x[1])[None], x[1] + quarters * right])
 
 
-def nearest_top(
+def peak_nearest_band(
     best: float, where: float, points: np.ndarray, values: np.ndarray, band: tuple[float, float]
 ) -> tuple[float, float]:
     """A largest value and where; on a flat top at the point nearest to the band."""

@@ -12,29 +12,29 @@ import numpy as np
 from scipy.linalg import eig, matrix_balance, schur
 
 __all__ = [
-    "SAME_CLOCK",
+    "SAMPLING_TOLERANCE",
     "Matrices",
-    "along",
-    "beside_one",
-    "clock_of",
-    "clocks_differ",
-    "constant",
-    "evaluate",
-    "evened",
-    "finite",
-    "fits_any_clock",
-    "in_s",
+    "axis_offset",
+    "axis_points",
+    "balance_matrix",
+    "common_sampling_time",
+    "evaluate_transfer",
+    "frequency_response_matrices",
+    "is_clockless",
+    "is_constant",
     "make_picklable",
-    "named",
-    "names_of",
-    "on_axis",
-    "over_frequency",
+    "make_response",
     "poles",
-    "refuse_other_clock",
-    "responder",
+    "replace_infinite",
+    "require_sampling_time",
     "response",
-    "scaled_states",
+    "response_by_channel",
+    "sampling_times_differ",
+    "scale_states",
+    "signal_names",
     "timebase",
+    "to_s_plane",
+    "with_names",
     "zeros",
 ]
 
@@ -48,37 +48,37 @@ __all__ = [
 
 def make_picklable() -> None:
     """Let every pickler reduce a state space to numbers and names."""
-    copyreg.pickle(control.StateSpace, reduced)
+    copyreg.pickle(control.StateSpace, reduce_state_space)
 
 
-def reduced(system: control.StateSpace) -> tuple[Any, ...]:
+def reduce_state_space(system: control.StateSpace) -> tuple[Any, ...]:
     """How to make the system again: a function and what it is given."""
     names = {"inputs": system.input_labels, "outputs": system.output_labels, "states": system.state_labels}
     numbers = (system.A, system.B, system.C, system.D, system.dt)
-    return rebuilt, (numbers, {"name": system.name} | {key: list(labels) for key, labels in names.items()})
+    return rebuild_state_space, (numbers, {"name": system.name} | {key: list(labels) for key, labels in names.items()})
 
 
-def rebuilt(numbers: tuple[Any, ...], names: dict[str, Any]) -> control.StateSpace:
+def rebuild_state_space(numbers: tuple[Any, ...], names: dict[str, Any]) -> control.StateSpace:
     """The system from its numbers and names."""
     return control.StateSpace(*numbers, remove_useless_states=False, **names)
 
 
 #: Stands for a response at a pole on the axis: its square and the weights times that are still finite numbers.
-AT_A_POLE = 1e140
-MANY_STATES = 40
-SAME_CLOCK = 1e-9  # of a sampling time: two that differ by less are one
-AT_ONCE = 8000  # numbers of the matrices that are solved together: they stay in the cache
+POLE_RESPONSE = 1e140
+SCHUR_STATES = 40
+SAMPLING_TOLERANCE = 1e-9  # of a sampling time: two that differ by less are one
+CHUNK_ENTRIES = 8000  # numbers of the matrices that are solved together: they stay in the cache
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 make_picklable()  # here, as every room that makes or takes a system stands on this one
 
 
-def named(system: control.StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> control.StateSpace:
+def with_names(system: control.StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> control.StateSpace:
     """The same system, with these names of its channels."""
     system.update_names(inputs=list(inputs), outputs=list(outputs))
     return system
 
 
-def names_of(system: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def signal_names(system: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of its inputs and outputs; u1, u2, ... and y1, y2, ... where nobody gave any."""
     pairs = ((system.input_labels, "u"), (system.output_labels, "y"))
     return tuple(  # type: ignore[return-value]  # of two
@@ -92,40 +92,40 @@ def timebase(system: control.StateSpace) -> float:
     return 0.0 if system.dt is None else float(system.dt)
 
 
-def constant(system: control.StateSpace) -> bool:
-    """Whether the system is a gain, which fits any sampling time unless it states one (`fits_any_clock`)."""
+def is_constant(system: control.StateSpace) -> bool:
+    """Whether the system is a gain, which fits any sampling time unless it states one (`is_clockless`)."""
     return system.nstates == 0
 
 
-def fits_any_clock(system: control.StateSpace) -> bool:
+def is_clockless(system: control.StateSpace) -> bool:
     """Whether the system is a gain that is not said to be sampled at some rate."""
-    return constant(system) and not timebase(system)
+    return is_constant(system) and not timebase(system)
 
 
-def clocks_differ(one: control.StateSpace, other: control.StateSpace) -> bool:
+def sampling_times_differ(one: control.StateSpace, other: control.StateSpace) -> bool:
     """Whether two systems state sampling times that are not the same; a gain without one fits any."""
     steps = timebase(one), timebase(other)
-    unlike = abs(steps[0] - steps[1]) > SAME_CLOCK * max(steps)
-    return unlike and not fits_any_clock(one) and not fits_any_clock(other)
+    unlike = abs(steps[0] - steps[1]) > SAMPLING_TOLERANCE * max(steps)
+    return unlike and not is_clockless(one) and not is_clockless(other)
 
 
-def clock_of(*systems: Any) -> float | None:
+def common_sampling_time(*systems: Any) -> float | None:
     """Sampling time [s] of the first system that states one, 0 for continuous; None where each goes with any.
 
     Those are systems without a dt, and gains and FRFs that are not said to be sampled: numbers at frequencies have dt
     = 0 in python-control, wherever they are from.
     """
     for system in systems:
-        gain = isinstance(system, control.FrequencyResponseData) or constant(system)
+        gain = isinstance(system, control.FrequencyResponseData) or is_constant(system)
         if system.dt is not None and (bool(system.dt) or not gain):
             return float(system.dt)
     return None
 
 
-def refuse_other_clock(name: str, system: Any, beside: str, wanted: float | None) -> None:
-    """Refuse a system that states another sampling time than the one wanted; None goes with any."""
-    mine = clock_of(system)
-    if mine is None or wanted is None or abs(mine - wanted) <= SAME_CLOCK * max(mine, wanted):
+def require_sampling_time(name: str, system: Any, beside: str, wanted: float | None) -> None:
+    """Check that a system states no other sampling time than the one wanted; None accepts any."""
+    mine = common_sampling_time(system)
+    if mine is None or wanted is None or abs(mine - wanted) <= SAMPLING_TOLERANCE * max(mine, wanted):
         return
     got = f"{mine:g} s" if mine else "a continuous one"
     if wanted:
@@ -135,63 +135,63 @@ def refuse_other_clock(name: str, system: Any, beside: str, wanted: float | None
 
 def response(system: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(W,) complex response at omega [rad/s] (inf at a pole on the axis)."""
-    return along(system, omega)[0, 0]
+    return response_by_channel(system, omega)[0, 0]
 
 
-def responder(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
+def make_response(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
     """`response` of one system, made ready for any number of calls."""
     dt = timebase(system)
     A = system.A - np.eye(system.nstates) if dt else system.A
-    return partial(single_loop, evaluator(A, system.B, system.C, system.D), dt)
+    return partial(siso_response, make_evaluator(A, system.B, system.C, system.D), dt)
 
 
-def single_loop(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
+def siso_response(at: Callable[[np.ndarray], np.ndarray], dt: float, omega: np.ndarray) -> np.ndarray:
     """(W,) `response` of a system that was made ready."""
-    return at(beside_one(omega, dt))[:, 0, 0]
+    return at(axis_offset(omega, dt))[:, 0, 0]
 
 
-def finite(response: np.ndarray) -> np.ndarray:
+def replace_infinite(response: np.ndarray) -> np.ndarray:
     """(W,) a response with its limit in place of infinity: in S, T, K S and G S it cancels, to all digits there are.
 
     What is not a number stays that, and counts as the worst there is: it is no pole, it is a failure.
     """
-    return np.where(np.isinf(response), AT_A_POLE, response)
+    return np.where(np.isinf(response), POLE_RESPONSE, response)
 
 
-def on_axis(omega: np.ndarray, dt: float) -> np.ndarray:
+def axis_points(omega: np.ndarray, dt: float) -> np.ndarray:
     """s = j omega, or z on the unit circle where sampled."""
     return np.exp(1j * omega * dt) if dt else 1j * omega
 
 
-def evened(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def balance_matrix(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A with rows and columns alike in size, by powers of two, and those."""
     with np.errstate(invalid="ignore"):  # scales beyond any integer, which scipy looks for a permutation in
         scaled, (weights, _) = matrix_balance(A, permute=False, separate=True)
     return scaled, weights
 
 
-def scaled_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def scale_states(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same dynamics with each state in a unit of its own, by powers of two: rows and columns of A alike in size."""
-    A, weights = evened(A)
+    A, weights = balance_matrix(A)
     return A, B / weights[:, None], C * weights
 
 
-def evaluate(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
+def evaluate_transfer(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(W, n_out, n_in) transfer matrix C (s I - A)^-1 B + D at the complex points."""
-    return evaluator(A, B, C, D)(points)
+    return make_evaluator(A, B, C, D)(points)
 
 
-def evaluator(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """`evaluate` of one system, made ready for any number of calls."""
+def make_evaluator(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """`evaluate_transfer` of one system, made ready for any number of calls."""
     if A.shape[0]:
-        A, B, C = scaled_states(A, B, C)
+        A, B, C = scale_states(A, B, C)
         order = np.argsort(np.abs(np.diag(A)), kind="stable")  # slow states first: elimination keeps their digits
         A, B, C = A[np.ix_(order, order)], B[order], C[:, order]
-    return partial(at_points, A, B, C, D)
+    return partial(evaluate_direct, A, B, C, D)
 
 
-def at_points(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """`evaluate` of a system that was made ready."""
+def evaluate_direct(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """`evaluate_transfer` of a system that was made ready."""
     n = A.shape[0]
     points = np.atleast_1d(np.asarray(points, dtype=complex))
     out = np.empty((points.size, *D.shape), dtype=complex)
@@ -201,33 +201,33 @@ def at_points(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, points
     finite = np.isfinite(points)
     known = slice(None) if finite.all() else finite
     inside = points[known]
-    if n > MANY_STATES and points.size > 4:
-        out[known] += by_schur(A, B, C, inside)
+    if n > SCHUR_STATES and points.size > 4:
+        out[known] += evaluate_by_schur(A, B, C, inside)
         return out
     found = np.empty((inside.size, *D.shape), dtype=complex)
-    step = max(1, AT_ONCE // (n * n))
+    step = max(1, CHUNK_ENTRIES // (n * n))
     pencil = np.empty((min(step, inside.size), n, n), dtype=complex)
     for first in range(0, inside.size, step):
         part = inside[first : first + step]
         here = pencil[: part.size]
         here[:] = -A
         here.reshape(part.size, n * n)[:, :: n + 1] += part[:, None]
-        found[first : first + step] = solved(here, B, C)
+        found[first : first + step] = solve_pencil(here, B, C)
     out[known] += found
     return out
 
 
-def solved(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
+def solve_pencil(pencil: np.ndarray, B: np.ndarray, C: np.ndarray) -> np.ndarray:
     """(W, n_out, n_in) C pencil^-1 B for each of (W, n, n); inf where there is none."""
     try:
         return np.asarray(C @ np.linalg.solve(pencil, B[None]))
     except np.linalg.LinAlgError:
         if len(pencil) == 1:
             return np.full((1, len(C), B.shape[1]), np.inf, dtype=complex)
-        return np.concatenate([solved(one[None], B, C) for one in pencil])
+        return np.concatenate([solve_pencil(one[None], B, C) for one in pencil])
 
 
-def by_schur(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
+def evaluate_by_schur(A: np.ndarray, B: np.ndarray, C: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(W, n_out, n_in) C (s I - A)^-1 B by one Schur form and back substitution at all points at once.
 
     For long delay lines; solving point by point keeps more digits where modes lie decades apart.
@@ -252,7 +252,7 @@ def zeros(system: control.StateSpace) -> np.ndarray:
     if n == 0:
         return np.zeros(0, complex)
     D = system.D
-    A, B, C = scaled_states(system.A, system.B, system.C)
+    A, B, C = scale_states(system.A, system.B, system.C)
     if np.linalg.norm(D, -2) * (1 + np.linalg.norm(A)) > 1e-8 * np.linalg.norm(C) * np.linalg.norm(B):
         return np.linalg.eigvals(A - np.linalg.solve(D.T, B.T).T @ C)
     top = np.block([[A, B], [C, D]])
@@ -263,7 +263,7 @@ def zeros(system: control.StateSpace) -> np.ndarray:
     return found[0][finite] / found[1][finite]
 
 
-def in_s(roots: np.ndarray, dt: float) -> np.ndarray:
+def to_s_plane(roots: np.ndarray, dt: float) -> np.ndarray:
     """Roots in the s plane: by the logarithm where they are discrete."""
     if not dt:
         return roots
@@ -271,21 +271,21 @@ def in_s(roots: np.ndarray, dt: float) -> np.ndarray:
         return np.log(np.where(roots == 0, 1e-300, roots).astype(complex)) / dt
 
 
-def along(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def response_by_channel(N: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """(n_out, n_in, W) response."""
-    return np.moveaxis(over_frequency((N.A, N.B, N.C, N.D), omega, timebase(N)), 0, 2)
+    return np.moveaxis(frequency_response_matrices((N.A, N.B, N.C, N.D), omega, timebase(N)), 0, 2)
 
 
-def over_frequency(matrices: Matrices, omega: np.ndarray, dt: float) -> np.ndarray:
+def frequency_response_matrices(matrices: Matrices, omega: np.ndarray, dt: float) -> np.ndarray:
     """(W, n_out, n_in) transfer matrix at omega [rad/s].
 
     Of a sampled system from z - 1 and A - I: in a fast clock exp(j omega dt) rounds to one, and its slow poles with it.
     """
     A, B, C, D = matrices
-    return evaluate(A - np.eye(A.shape[0]) if dt else A, B, C, D, beside_one(omega, dt))
+    return evaluate_transfer(A - np.eye(A.shape[0]) if dt else A, B, C, D, axis_offset(omega, dt))
 
 
-def beside_one(omega: np.ndarray, dt: float) -> np.ndarray:
+def axis_offset(omega: np.ndarray, dt: float) -> np.ndarray:
     """(W,) s = j omega, or z - 1 where sampled."""
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
     return np.expm1(1j * omega * dt) if dt else 1j * omega

@@ -8,7 +8,7 @@ import control
 import numpy as np
 from scipy.linalg import eig, schur, solve_continuous_are, solve_continuous_lyapunov
 
-from robust.lti.lti import Matrices, evaluate, evened, scaled_states, timebase
+from robust.lti.lti import Matrices, balance_matrix, evaluate_transfer, scale_states, timebase
 
 __all__ = [
     "EPS",
@@ -17,9 +17,9 @@ __all__ = [
     "from_half_plane",
     "hinf_norm",
     "largest_gain",
-    "modal",
-    "sign_changes",
-    "stabilising",
+    "modal_coordinates",
+    "real_block_crossings",
+    "stabilising_riccati",
     "to_continuous",
     "to_discrete",
     "to_half_plane",
@@ -35,7 +35,7 @@ def to_continuous(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Bilinear image z = (1 + s)/(1 - s): keeps stability and norms; omega maps to tan(omega dt / 2)."""
     n = A.shape[0]
-    inverse = inverted(A + np.eye(n), "z = -1 (the Nyquist frequency)")
+    inverse = invert_for_bilinear(A + np.eye(n), "z = -1 (the Nyquist frequency)")
     return inverse @ (A - np.eye(n)), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D - C @ inverse @ B
 
 
@@ -44,11 +44,11 @@ def to_discrete(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The way back from `to_continuous`: s = (z - 1)/(z + 1)."""
     n = A.shape[0]
-    inverse = inverted(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
+    inverse = invert_for_bilinear(np.eye(n) - A, "s = 2/dt (or where prewarping puts that)")
     return inverse @ (np.eye(n) + A), np.sqrt(2) * inverse @ B, np.sqrt(2) * C @ inverse, D + C @ inverse @ B
 
 
-def inverted(A: np.ndarray, place: str) -> np.ndarray:
+def invert_for_bilinear(A: np.ndarray, place: str) -> np.ndarray:
     """The inverse a bilinear map needs, or a refusal that names the pole in its way."""
     try:
         return np.linalg.inv(A)
@@ -85,7 +85,7 @@ def from_half_plane(matrices: Matrices, a: float, b: float) -> Matrices:
 
 
 EPS = np.finfo(float).eps
-BESIDE = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singular value of D
+LEVEL_OFFSETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # relative, above a singular value of D
 
 
 def well_conditioned(matrices: Matrices) -> Matrices:
@@ -99,22 +99,22 @@ def well_conditioned(matrices: Matrices) -> Matrices:
     n = A.shape[0]
     if n < 2:
         return matrices
-    A, B, C = scaled_states(A, B, C)
-    candidates = [balanced(A, B, C), modal(A)]
+    A, B, C = scale_states(A, B, C)
+    candidates = [balancing_coordinates(A, B, C), modal_coordinates(A)]
     omega = np.unique(np.abs(np.linalg.eigvals(A)))
-    before = evaluate(*matrices, 1j * omega)
+    before = evaluate_transfer(*matrices, 1j * omega)
     size = np.abs(before).max(axis=(1, 2), keepdims=True)
     scale = size + 1e-6 * size.max() + 1e-300  # where nearly nothing comes through, nothing need be kept
     for forth, back in filter(None, candidates):
         moved = forth @ A @ back, forth @ B, C @ back, D
         if all(np.isfinite(m).all() for m in moved):
-            after = evaluate(*moved, 1j * omega)
+            after = evaluate_transfer(*moved, 1j * omega)
             if np.all(np.abs(before - after) < 1e-6 * scale):
                 return moved
     return A, B, C, D
 
 
-def balanced(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def balancing_coordinates(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Coordinates that balance the Gramians, and back; None where they are not to be trusted."""
     speed = float(np.exp(np.mean(np.log(np.maximum(np.abs(np.linalg.eigvals(A)), 1e-300)))))
     drive, sense = B @ B.T, C.T @ C
@@ -131,7 +131,7 @@ def balanced(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, n
     return (U / np.sqrt(sizes)).T @ Lo.T, Lc @ V.T / np.sqrt(sizes)
 
 
-def modal(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def modal_coordinates(A: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Coordinates in which every mode has its own one or two states, and back; None where modes nearly coincide."""
     found, vectors = np.linalg.eig(A)
     columns = []
@@ -149,7 +149,7 @@ def largest_gain(matrices: Matrices, omega: np.ndarray) -> np.ndarray:
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
     points = 1j * np.where(np.isinf(omega), 0.0, omega)
     points[np.isinf(omega)] = np.inf
-    values = evaluate(*matrices, points)
+    values = evaluate_transfer(*matrices, points)
     if values.shape[1:] == (1, 1):
         return np.abs(values[:, 0, 0])
     out = np.full(omega.size, np.inf)
@@ -183,10 +183,10 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     rounding = EPS / min(room, 1.0)  # of what the Hamiltonian is made from, relative to it
     F = A + B @ np.linalg.solve(inner, Dh @ C)
     H = np.block([[F, B @ np.linalg.solve(inner, Bh)], [-Ch @ np.linalg.solve(outer, C), -F.conj().T]])
-    return near_axis(H, rounding)
+    return eigenvalues_near_axis(H, rounding)
 
 
-def sign_changes(matrices: Matrices, G: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+def real_block_crossings(matrices: Matrices, G: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     """Where N^H N + j (G N - N^H G^H) - 1 may become singular, as `crossings`; None where it is so at infinity.
 
     With G large the same question put as a norm (a completed square) is hopelessly close to one.
@@ -205,14 +205,14 @@ def sign_changes(matrices: Matrices, G: np.ndarray) -> tuple[np.ndarray, np.ndar
     H = np.block(
         [[F, -B @ np.linalg.solve(R, B.conj().T)], [S @ np.linalg.solve(R, S.conj().T) - C.conj().T @ C, -F.conj().T]]
     )
-    return near_axis(H, EPS / min(room, 1.0))
+    return eigenvalues_near_axis(H, EPS / min(room, 1.0))
 
 
-def near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
+def eigenvalues_near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Eigenvalues of a Hamiltonian that may lie on the upper imaginary axis, with what rounding may have moved them."""
     if not np.isfinite(H).all():
         return None
-    H = evened(H)[0]
+    H = balance_matrix(H)[0]
     found, left, right = eig(H, left=True, right=True)
     cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
     # to first order; where eigenvalues coincide (the states of a delay do) they move by a root of that instead
@@ -240,22 +240,22 @@ def hinf_norm(system: control.StateSpace, *, tolerance: float = 1e-9) -> tuple[f
     gains = largest_gain(matrices, starts)
     peak, norm = float(starts[gains.argmax()]), float(gains.max())
     for _ in range(30):
-        higher = above(matrices, norm, tolerance) if norm else None
+        higher = find_gain_above(matrices, norm, tolerance) if norm else None
         if higher is None:
             break
         norm, peak = higher
     return norm, 2 / dt * float(np.arctan(peak)) if dt else peak
 
 
-def above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, float] | None:
+def find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, float] | None:
     """A gain above a norm by more than a tolerance, and where [rad/s]; None where there is none.
 
     Beside a singular value of D (a norm that is reached at infinity, or at the Nyquist frequency) the Hamiltonian says
     nothing for rounding: peaks that are well above it are looked for first.
     """
     sizes = np.linalg.svd(matrices[3], compute_uv=False)
-    beside = np.any(np.abs(sizes - norm) < BESIDE[0] * norm)
-    for step in (*BESIDE, tolerance) if beside else (tolerance,):
+    beside = np.any(np.abs(sizes - norm) < LEVEL_OFFSETS[0] * norm)
+    for step in (*LEVEL_OFFSETS, tolerance) if beside else (tolerance,):
         found = crossings(matrices, norm * (1 + step))
         if found is None or not found[0].size:
             continue
@@ -270,10 +270,10 @@ def above(matrices: Matrices, norm: float, tolerance: float) -> tuple[float, flo
 # ---- Stabilising solutions of Riccati equations.
 
 WELL_CONDITIONED = 1e6  # R of up to this: the Hamiltonian, at a third of the time
-EXACT = 1e-11  # of its largest terms may be left of the equation where another solver can be asked
+RICCATI_RESIDUAL = 1e-11  # of its largest terms may be left of the equation where another solver can be asked
 
 
-def stabilising(
+def stabilising_riccati(
     A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray, *, quick: bool = False
 ) -> np.ndarray | None:
     """X >= 0 with A'X + XA - (XB + S) R^-1 (B'X + S') + Q = 0 and A + B F stable; None where there is none.
@@ -286,7 +286,7 @@ def stabilising(
     if not Q.any() and not S.any() and np.linalg.eigvals(A).real.max() < 0:
         return np.zeros((n, n))  # which rounding would give a sign
     quick = quick and np.linalg.cond(R) < WELL_CONDITIONED
-    solvers = (by_hamiltonian, by_pencil) if quick else (by_pencil, by_hamiltonian)
+    solvers = (riccati_by_hamiltonian, riccati_by_pencil) if quick else (riccati_by_pencil, riccati_by_hamiltonian)
     for solve in solvers:
         try:
             with warnings.catch_warnings():
@@ -301,10 +301,10 @@ def stabilising(
         if np.any(poles.real > slack):
             continue
         X = (X + X.T) / 2
-        if quick and solve is by_hamiltonian:
+        if quick and solve is riccati_by_hamiltonian:
             left = A.T @ X + X @ A - (X @ B + S) @ gain + Q
             terms = 2 * np.linalg.norm(A.T @ X) + np.linalg.norm((X @ B + S) @ gain) + np.linalg.norm(Q)
-            if not np.linalg.norm(left) <= EXACT * terms:
+            if not np.linalg.norm(left) <= RICCATI_RESIDUAL * terms:
                 continue
         # X = 0 is a solution too, and a slow pole magnifies its rounding
         slowest = max(float(np.abs(poles).min()), 1e-12)
@@ -314,12 +314,12 @@ def stabilising(
     return None
 
 
-def by_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
+def riccati_by_pencil(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
     """SciPy's solver, on the extended pencil: R need not be well conditioned."""
     return np.asarray(solve_continuous_are(A, B, Q, R, s=S))
 
 
-def by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
+def riccati_by_hamiltonian(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, S: np.ndarray) -> np.ndarray:
     """From the stable subspace of the Hamiltonian, whose slow eigenvalues are the more exact ones."""
     n = A.shape[0]
     F = A - B @ np.linalg.solve(R, S.T)

@@ -10,19 +10,27 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from nlfrf._base.arguments import shown
-from robust.lti.connections import in_series, joined
-from robust.lti.lti import clock_of, constant, poles, refuse_other_clock, response, scaled_states, timebase
-from robust.lti.stability import stable
+from robust.lti.connections import block_diagonal, in_series
+from robust.lti.lti import (
+    common_sampling_time,
+    is_constant,
+    poles,
+    require_sampling_time,
+    response,
+    scale_states,
+    timebase,
+)
+from robust.lti.stability import is_stable
 
 __all__ = [
-    "diagonal_loops",
     "frequency_response",
     "from_roots",
-    "in_order",
-    "least_stable",
     "multivariable",
-    "over_channels",
-    "paired",
+    "order_roots",
+    "pair_roots",
+    "repeat_over_channels",
+    "rightmost_pole",
+    "split_diagonal",
     "stable_weight",
     "state_space",
 ]
@@ -48,7 +56,7 @@ def multivariable(name: str, system: Any) -> control.StateSpace:
             if isinstance(getattr(system, part, None), control.StateSpace):
                 cure = f" Give its {part}."
         raise ValueError(f"{name} must be a control.StateSpace, got {shown(system)}.{cure}")
-    return complete(name, system)
+    return require_complete(name, system)
 
 
 def gain_matrix(name: str, gain: Any) -> np.ndarray:
@@ -78,14 +86,14 @@ def state_space(name: str, system: Any) -> control.StateSpace:
         raise ValueError(f"{name} must be a control.StateSpace, a TransferFunction or a number, got {shown(system)}")
     if (system.ninputs, system.noutputs) != (1, 1):
         raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
-    return complete(name, system)
+    return require_complete(name, system)
 
 
-def diagonal_loops(name: str, K: control.StateSpace) -> list[control.StateSpace]:
+def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]:
     """The loops of a controller of several channels without coupling, each with the states it uses; else a refusal."""
     if K.ninputs != K.noutputs:
         raise ValueError(f"{name} must have as many inputs as outputs, got {K.ninputs} and {K.noutputs}")
-    parts = {(j, i): structural_part(K, j, i) for j in range(K.noutputs) for i in range(K.ninputs)}
+    parts = {(j, i): reachable_entry(K, j, i) for j in range(K.noutputs) for i in range(K.ninputs)}
     for (j, i), part in parts.items():
         if i != j and (part.nstates or part.D[0, 0]):
             raise ValueError(
@@ -95,7 +103,7 @@ def diagonal_loops(name: str, K: control.StateSpace) -> list[control.StateSpace]
     return [parts[k, k] for k in range(K.ninputs)]
 
 
-def structural_part(K: control.StateSpace, j: int, i: int) -> control.StateSpace:
+def reachable_entry(K: control.StateSpace, j: int, i: int) -> control.StateSpace:
     """Entry (j, i) with the states that its input reaches and its output sees, by the zeros of A, B and C alone."""
     links = K.A != 0
     reached, seen = K.B[:, i] != 0, K.C[j] != 0
@@ -105,7 +113,7 @@ def structural_part(K: control.StateSpace, j: int, i: int) -> control.StateSpace
     return control.StateSpace(K.A[np.ix_(kept, kept)], K.B[kept][:, [i]], K.C[[j]][:, kept], K.D[[j]][:, [i]], K.dt)
 
 
-def complete(name: str, system: control.StateSpace) -> control.StateSpace:
+def require_complete(name: str, system: control.StateSpace) -> control.StateSpace:
     """A state space that states its sampling time, unless it is a gain, and has finite matrices, or a refusal."""
     if system.dt is True and system.nstates:
         raise ValueError(f"{name} must state its sampling time, got dt=True")
@@ -118,11 +126,11 @@ def complete(name: str, system: control.StateSpace) -> control.StateSpace:
     return system
 
 
-def over_channels(name: str, weight: Any, n: int) -> control.StateSpace:
+def repeat_over_channels(name: str, weight: Any, n: int) -> control.StateSpace:
     """A weight that takes n signals: one of a single input and output stands for the same on each of them."""
     weight = multivariable(name, weight)
     if (weight.ninputs, weight.noutputs) == (1, 1) and n > 1:
-        return joined([weight] * n, weight.dt)
+        return block_diagonal([weight] * n, weight.dt)
     if weight.ninputs != n:
         raise ValueError(f"{name} must have 1 input, for all channels alike, or {n}, got {weight.ninputs}")
     return weight
@@ -150,7 +158,7 @@ def from_polynomials(name: str, num: np.ndarray, den: np.ndarray, dt: Any) -> co
     A[0], A[1:, :-1] = -tail, np.eye(n - 1)
     B = np.zeros((n, 1))
     B[0, 0] = 1.0
-    A, B, C = scaled_states(A, B, head[None, :])
+    A, B, C = scale_states(A, B, head[None, :])
     level = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if np.any(C) else 1.0
     return control.StateSpace(A * scale, B * level * scale, C / level, D, dt)
 
@@ -161,8 +169,8 @@ def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> 
     Both sets are closed under conjugation, with at most as many zeros as poles. Slow poles of a discrete system
     crowd around z = 1, where polynomial coefficients lose them and sections do not.
     """
-    zero_pairs, zero_rest = paired(zeros)
-    pole_pairs, pole_rest = paired(poles)
+    zero_pairs, zero_rest = pair_roots(zeros)
+    pole_pairs, pole_rest = pair_roots(poles)
     chain = [control.StateSpace([], [], [], [[gain]], dt)]
     for pair in pole_pairs:
         mine: tuple[complex, ...] = ()
@@ -170,13 +178,13 @@ def from_roots(zeros: np.ndarray, poles: np.ndarray, gain: float, dt: float) -> 
             mine = zero_pairs.pop(0)
         elif zero_rest and not pole_rest:
             mine = (zero_rest.pop(),)
-        chain.append(section(mine, pair, dt))
+        chain.append(second_order_section(mine, pair, dt))
     if pole_rest:
-        chain.append(section(tuple(zero_rest), (pole_rest[0],), dt))
-    return balanced(in_series(*chain))
+        chain.append(second_order_section(tuple(zero_rest), (pole_rest[0],), dt))
+    return balance_states(in_series(*chain))
 
 
-def balanced(system: control.StateSpace) -> control.StateSpace:
+def balance_states(system: control.StateSpace) -> control.StateSpace:
     """The same with states by powers of two in which B, A and C are alike in size, as polynomials are made from them.
 
     A zero far outside the band leaves a B of 1e-20 and a C of 1e10, of which SLICOT's `tf` made nothing at all.
@@ -193,7 +201,7 @@ def balanced(system: control.StateSpace) -> control.StateSpace:
     return control.StateSpace(A, B, C, system.D, system.dt)
 
 
-def paired(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
+def pair_roots(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]:
     """Conjugate pairs, then pairs of real roots in order of size; and the real root that is left, if any."""
     roots = np.asarray(roots, dtype=complex)
     real = np.abs(roots.imag) <= 1e-12 * np.abs(roots)
@@ -204,7 +212,7 @@ def paired(roots: np.ndarray) -> tuple[list[tuple[complex, ...]], list[complex]]
     return pairs + [(complex(a), complex(b)) for a, b in zip(alone[::2], alone[1::2], strict=True)], rest
 
 
-def section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
+def second_order_section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -> control.StateSpace:
     """One section with one or two poles and at most as many zeros, leading coefficients one."""
     if len(poles) == 1:
         p = poles[0].real
@@ -232,17 +240,17 @@ def section(zeros: tuple[complex, ...], poles: tuple[complex, ...], dt: float) -
 
 def stable_weight(name: str, system: Any, dt: float, n: int = 1) -> control.StateSpace:
     """A stable weight on n signals, continuous or sampled as the loop is, or a refusal."""
-    w = over_channels(name, system, n) if n > 1 else state_space(name, system)
+    w = repeat_over_channels(name, system, n) if n > 1 else state_space(name, system)
     step = timebase(w)
-    if step and not constant(w) and abs(step - dt) > 1e-9 * step:
+    if step and not is_constant(w) and abs(step - dt) > 1e-9 * step:
         loop = f"{dt:g} s" if dt else "which is continuous"
         raise ValueError(f"{name} must be continuous or have the sampling time of the loop, {loop}, got {step:g} s")
-    if not stable(w):
+    if not is_stable(w):
         raise ValueError(f"{name} must be stable, got poles {poles(w)}. Use a slow pole in place of an integrator.")
     return w
 
 
-def least_stable(system: control.StateSpace) -> complex:
+def rightmost_pole(system: control.StateSpace) -> complex:
     """The pole farthest out."""
     p = poles(system)
     return complex(p[np.argmax(np.abs(p) if timebase(system) else p.real)])
@@ -257,8 +265,8 @@ def frequency_response(
     """
     if not isinstance(plant, control.FrequencyResponseData):
         plant = state_space(name, plant)
-    dt = clock_of(*beside)
-    refuse_other_clock(name, plant, "the nominal", dt)
+    dt = common_sampling_time(*beside)
+    require_sampling_time(name, plant, "the nominal", dt)
     if isinstance(plant, control.FrequencyResponseData):
         if (plant.ninputs, plant.noutputs) != (1, 1):
             raise ValueError(f"{name} must have one input and one output, got {plant.ninputs} and {plant.noutputs}")
@@ -268,7 +276,7 @@ def frequency_response(
     return omega, response(plant, omega)
 
 
-def in_order(roots: np.ndarray) -> np.ndarray:
+def order_roots(roots: np.ndarray) -> np.ndarray:
     """Real roots, then pairs with the upper one first, exactly conjugate."""
     roots = np.asarray(roots, dtype=complex)
     real = np.abs(roots.imag) <= 1e-14 * np.abs(roots)

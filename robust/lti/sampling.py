@@ -9,16 +9,18 @@ import numpy as np
 from scipy.linalg import expm
 
 from nlfrf._base.arguments import nonnegative, positive
-from robust.lti.connections import in_series, joined
-from robust.lti.lti import named, poles, response, timebase, zeros
+from robust.lti.connections import block_diagonal, in_series
+from robust.lti.lti import poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
 
-__all__ = ["delay_samples", "delayed", "discretize", "hold_between", "hold_response", "sampled", "without_pade"]
+__all__ = ["delay_samples", "delayed", "discretize", "hold_correction", "hold_response", "sampled", "without_pade"]
 
 
-MIRRORED = 1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
-NEAR = 1e-6  # how far two sampling times may be apart that are one
+ALLPASS_TOLERANCE = (
+    1e-4  # relative distance of a zero from the mirror image of a pole of an all-pass; eigenvalues move by 1e-9
+)
+SAMPLING_TOLERANCE = 1e-6  # how far two sampling times may be apart that are one
 
 
 def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
@@ -85,7 +87,7 @@ def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
         )
     n_memory = whole + (rest > 0)
     if n_memory == 0:
-        return named(control.StateSpace(Phi, late, C, D, dt), system.input_labels, system.output_labels)
+        return with_names(control.StateSpace(Phi, late, C, D, dt), system.input_labels, system.output_labels)
     # states: x, then u[k-1], u[k-2], ..., u[k-n_memory]
     size = n + n_memory * m
     Ad, Bd, Cd = np.zeros((size, size)), np.zeros((size, m)), np.zeros((C.shape[0], size))
@@ -101,7 +103,7 @@ def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
     if rest > 0:
         Ad[:n, n + whole * m : n + (whole + 1) * m] = after @ early
     Cd[:, n + (n_memory - 1) * m :] = D
-    return named(control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt), system.input_labels, system.output_labels)
+    return with_names(control.StateSpace(Ad, Bd, Cd, np.zeros(D.shape), dt), system.input_labels, system.output_labels)
 
 
 def delay_samples(name: str, delay: float, dt: float) -> int:
@@ -127,7 +129,7 @@ def delayed(system: control.StateSpace, delay: float, *, order: int) -> control.
         one = control.StateSpace(np.eye(whole, k=-1), np.eye(whole, 1), np.eye(1, whole, whole - 1), [[0.0]], dt)
     else:
         one = pade(delay, order)
-    return in_series(joined([one] * system.ninputs, one.dt), system)
+    return in_series(block_diagonal([one] * system.ninputs, one.dt), system)
 
 
 def pade(delay: float, order: int) -> control.StateSpace:
@@ -162,10 +164,10 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     """
     p, z = poles(system), zeros(system)
     distance = np.abs(p[:, None] + z.conj()[None, :]) / np.abs(p)[:, None]
-    mirrored = (distance.min(axis=1, initial=1.0) < MIRRORED) & (p.real < -MIRRORED * np.abs(p))
+    mirrored = (distance.min(axis=1, initial=1.0) < ALLPASS_TOLERANCE) & (p.real < -ALLPASS_TOLERANCE * np.abs(p))
     n = int(mirrored.sum())
     delay = float(np.sum(-2 * (1 / p[mirrored]).real))
-    if not n or not same_roots(p[mirrored], poles(pade(delay, n))):
+    if not n or not roots_match(p[mirrored], poles(pade(delay, n))):
         return system, 0.0
     kept = np.ones(z.size, bool)
     kept[np.argmin(distance[mirrored], axis=1)] = False
@@ -174,10 +176,10 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
     return from_roots(z[kept], p[~mirrored], float(gain.real * (-1) ** n), 0.0), delay
 
 
-def same_roots(some: np.ndarray, other: np.ndarray) -> bool:
+def roots_match(some: np.ndarray, other: np.ndarray) -> bool:
     """Whether each root has one of the other set beside it."""
     apart = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
-    return bool(apart.min(axis=1).max() < MIRRORED and np.unique(apart.argmin(axis=1)).size == some.size)
+    return bool(apart.min(axis=1).max() < ALLPASS_TOLERANCE and np.unique(apart.argmin(axis=1)).size == some.size)
 
 
 def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:
@@ -221,7 +223,7 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
         raise ValueError(f"prewarp must lie below the Nyquist frequency {np.pi / dt:g} rad/s, got {prewarp:g} rad/s")
     scale = prewarp / np.tan(prewarp * dt / 2) if prewarp else 2 / dt
     image = to_discrete(K.A / scale, K.B / np.sqrt(scale), K.C / np.sqrt(scale), K.D)
-    return named(control.StateSpace(*image, dt), K.input_labels, K.output_labels)
+    return with_names(control.StateSpace(*image, dt), K.input_labels, K.output_labels)
 
 
 def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:
@@ -233,7 +235,7 @@ def hold_response(omega: np.ndarray, dt: float) -> np.ndarray:
     return np.asarray(np.sinc(x / np.pi) * np.exp(-1j * x))
 
 
-def hold_between(omega: np.ndarray, hold: str, fs: float, dt: float) -> np.ndarray:
+def hold_correction(omega: np.ndarray, hold: str, fs: float, dt: float) -> np.ndarray:
     """(W,) factor from an FRF that was measured with one hold to that of a model of sampling time dt (0: continuous).
 
     Parameters
@@ -247,7 +249,7 @@ def hold_between(omega: np.ndarray, hold: str, fs: float, dt: float) -> np.ndarr
     dt : float
         Sampling time of the model [s].
     """
-    if hold == "unknown" or (hold == "zoh" and abs(dt * fs - 1) < NEAR):
+    if hold == "unknown" or (hold == "zoh" and abs(dt * fs - 1) < SAMPLING_TOLERANCE):
         return np.ones(np.size(omega), dtype=complex)
     put_in = hold_response(omega, dt) if dt else np.ones(np.size(omega), dtype=complex)
     return put_in / hold_response(omega, 1 / fs) if hold == "zoh" else put_in

@@ -8,24 +8,24 @@ from scipy.linalg import eig
 
 from nlfrf._base.values import value
 from robust._base.states import Stability
-from robust.lti.grids import beside_modes, interpolated
-from robust.lti.lti import evened, in_s, poles, response, timebase
+from robust.lti.grids import controller_mode_lines, interpolate_frf
+from robust.lti.lti import balance_matrix, poles, response, timebase, to_s_plane
 from robust.lti.norms import EPS, crossings
 
 __all__ = [
     "StabilityResult",
-    "apparent_instability",
-    "certain_poles",
-    "continued",
-    "half_turns",
-    "integrators",
-    "moved_out",
-    "outside",
+    "assess_stability",
+    "connected_components",
+    "count_half_turns",
+    "delay_pole_count",
+    "extend_below",
+    "integrator_poles",
+    "is_stable",
+    "poles_with_rounding",
     "slope_at_start",
-    "stable",
-    "strong_parts",
+    "unstable_pole_values",
     "unstable_poles",
-    "winding",
+    "winding_number",
 ]
 
 
@@ -86,7 +86,7 @@ class StabilityResult:
         return f"{self.state}: {what}"
 
 
-def moved_out(L: control.StateSpace, delay: float) -> float:
+def delay_pole_count(L: control.StateSpace, delay: float) -> float:
     """How many poles of 1 + L exp(-s delay) the delay [s] moves out of the left half plane, less those it moves in.
 
     inf where |L| > 1 at infinite frequency, nan where rounding decides.
@@ -98,7 +98,7 @@ def moved_out(L: control.StateSpace, delay: float) -> float:
     found = crossings((L.A, L.B, L.C, L.D), 1.0)
     if direct > 1 or found is None:
         return np.inf if direct > 1 + 1e-9 else np.nan
-    clusters = apart(*found)
+    clusters = merge_intervals(*found)
     if not clusters:
         return 0.0
     low, high = np.array(clusters).T
@@ -117,7 +117,7 @@ def moved_out(L: control.StateSpace, delay: float) -> float:
     return float(total)
 
 
-def apart(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
+def merge_intervals(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
     """Intervals in which the crossings lie, those that overlap put together."""
     out: list[tuple[float, float]] = []
     for k in np.argsort(omega - moved):
@@ -129,14 +129,14 @@ def apart(omega: np.ndarray, moved: np.ndarray) -> list[tuple[float, float]]:
     return out
 
 
-def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
+def poles_with_rounding(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
     """Poles, hidden modes included, and how far rounding may have moved each.
 
     States that no path leads back to (a weight outside the loop) are looked at apart: their poles are exact.
     """
     poles, moved = [np.zeros(0, complex)], [np.zeros(0)]
-    for part in strong_parts(system.A):
-        A = evened(system.A[np.ix_(part, part)])[0]
+    for part in connected_components(system.A):
+        A = balance_matrix(system.A[np.ix_(part, part)])[0]
         found, left, right = eig(A, left=True, right=True)
         cosine = np.abs(np.einsum("ij,ij->j", left.conj(), right))
         poles.append(found)
@@ -145,7 +145,7 @@ def certain_poles(system: control.StateSpace) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(poles), np.concatenate(moved)
 
 
-def strong_parts(A: np.ndarray) -> list[np.ndarray]:
+def connected_components(A: np.ndarray) -> list[np.ndarray]:
     """The states of each part of a system all of whose states act on each other, on whatever ways."""
     reach = ((A != 0) | np.eye(len(A), dtype=bool)).astype(np.float32)
     for _ in range(len(A).bit_length()):  # ways of twice the length each time
@@ -154,9 +154,9 @@ def strong_parts(A: np.ndarray) -> list[np.ndarray]:
     return [np.flatnonzero(first == k) for k in np.unique(first)]
 
 
-def apparent_instability(system: control.StateSpace) -> StabilityResult:
+def assess_stability(system: control.StateSpace) -> StabilityResult:
     """Whether every pole is stable beyond rounding, one is unstable, or rounding leaves it open."""
-    poles, moved = certain_poles(system)
+    poles, moved = poles_with_rounding(system)
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     if not poles.size or np.all(excess < -moved):
         return StabilityResult(state=Stability.STABLE)
@@ -165,7 +165,7 @@ def apparent_instability(system: control.StateSpace) -> StabilityResult:
     return StabilityResult(state=state, pole=complex(poles[worst]))
 
 
-def stable(system: control.StateSpace) -> bool:
+def is_stable(system: control.StateSpace) -> bool:
     """Whether every pole lies strictly inside the stability region."""
     p = poles(system)
     return bool(np.all(np.abs(p) < 1)) if timebase(system) else bool(np.all(p.real < 0))
@@ -176,42 +176,44 @@ def stable(system: control.StateSpace) -> bool:
 #: Phase that a plant may turn from line to line where |L| is above the second number.
 LARGEST_JUMP, SMALL_LOOP = 2 * np.pi / 3, 0.01
 #: How far the phase of the first line may be from that of the integrators seen there [rad].
-FARTHEST_PHASE = 1.2
+MAX_PHASE_OFFSET = 1.2
 
 
 def unstable_poles(K: control.StateSpace, dt: float) -> int:
     """Poles of the controller strictly outside the stability region; those on the boundary are integrators."""
-    return int(outside(K, dt).size)
+    return int(unstable_pole_values(K, dt).size)
 
 
-def outside(K: control.StateSpace, dt: float) -> np.ndarray:
+def unstable_pole_values(K: control.StateSpace, dt: float) -> np.ndarray:
     """The poles themselves."""
     p = poles(K)
     return p[np.abs(p) > 1 + 1e-9] if dt else p[p.real > 1e-9 * (1 + np.abs(p))]
 
 
-def winding(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
+def winding_number(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: float) -> tuple[int, bool]:
     """Unstable open-loop poles less unstable closed-loop poles, from 1 + G K, and whether the lines resolve it."""
     n = slope_at_start(omega, G)
     L = G * response(K, omega)
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
     large = np.abs(L) > SMALL_LOOP
-    seen = not np.any(jump & (large[1:] | large[:-1])) and clear_of_minus_one(L)
-    seen &= settled_at_start(omega, G, n)
+    seen = not np.any(jump & (large[1:] | large[:-1])) and passes_clear_of_minus_one(L)
+    seen &= shows_integrators(omega, G, n)
     # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
     seen &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
-    seen &= bool(np.all(np.abs(in_s(outside(K, dt), dt)) < omega[-1]))
-    beyond = beside_modes(K, (omega[-1], np.pi / dt if dt else np.inf))  # where the plant is no larger than at the end
+    seen &= bool(np.all(np.abs(to_s_plane(unstable_pole_values(K, dt), dt)) < omega[-1]))
+    beyond = controller_mode_lines(
+        K, (omega[-1], np.pi / dt if dt else np.inf)
+    )  # where the plant is no larger than at the end
     seen &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
-    omega, G = continued(omega, G, n)
-    more = np.union1d(omega, beside_modes(K, (omega[0], omega[-1])))
-    omega, G = more, interpolated(more, omega, G)
+    omega, G = extend_below(omega, G, n)
+    more = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1])))
+    omega, G = more, interpolate_frf(more, omega, G)
     F = 1 + G * response(K, omega)
-    turns, clear = half_turns(F, n + integrators(K, dt))
-    return round(float(turns)), bool(clear and seen and resolved(F, np.log(omega)))
+    turns, clear = count_half_turns(F, n + integrator_poles(K, dt))
+    return round(float(turns)), bool(clear and seen and is_resolved(F, np.log(omega)))
 
 
-def clear_of_minus_one(L: np.ndarray) -> bool:
+def passes_clear_of_minus_one(L: np.ndarray) -> bool:
     """Whether L passes -1 on a side that two lines leave no doubt about, wherever it crosses the negative real axis.
 
     A mode between two lines takes L along an arc: where the phase falls by d it may reach |L|/cos(d/2) on the way,
@@ -234,7 +236,7 @@ def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
     """
     near = np.flatnonzero(omega <= 1.6 * omega[0])
     if near.size < 3 and omega.size >= 3:
-        steep, steeper = first_slopes(omega, G)
+        steep, steeper = initial_slopes(omega, G)
         if steeper > steep:
             return max(0, int(np.floor(steep + 0.1)))
     near = near if near.size >= 3 else np.arange(min(3, omega.size))
@@ -243,29 +245,29 @@ def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
     return max(0, round(-float(np.polyfit(np.log(omega[near]), np.log(np.abs(G[near]) + 1e-300), 1)[0])))
 
 
-def first_slopes(omega: np.ndarray, G: np.ndarray) -> tuple[float, float]:
+def initial_slopes(omega: np.ndarray, G: np.ndarray) -> tuple[float, float]:
     """How steeply |G| falls from the first line to the second and on to the third, in decades per decade."""
     slopes = -np.diff(np.log(np.abs(G[:3]) + 1e-300)) / np.diff(np.log(omega[:3]))
     return float(slopes[0]), float(slopes[1])
 
 
-def settled_at_start(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
+def shows_integrators(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
     """Whether the first lines let n integrators be told: by a phase near theirs, and by a slope that stays."""
-    if abs(off_phase(G[0], n)) > FARTHEST_PHASE:
+    if abs(phase_offset(G[0], n)) > MAX_PHASE_OFFSET:
         return False
     if n == 0 or omega.size < 3 or omega[2] <= 1.6 * omega[0]:
         return True
-    steep, steeper = first_slopes(omega, G)
+    steep, steeper = initial_slopes(omega, G)
     return abs(steeper - steep) < 0.5
 
 
-def off_phase(first: complex, n: int) -> float:
+def phase_offset(first: complex, n: int) -> float:
     """Phase [rad] of the first line from the nearest that n integrators, of either sign, can have."""
     away = float(np.angle(first * 1j**n))
     return away if abs(away) <= np.pi / 2 else float(np.angle(-first * 1j**n))
 
 
-def continued(
+def extend_below(
     omega: np.ndarray, G: np.ndarray, n: int, decades: float = 5.0, points: int = 160
 ) -> tuple[np.ndarray, np.ndarray]:
     """An FRF carried on below its first line as n integrators with the gain it has there, for the winding number.
@@ -274,11 +276,11 @@ def continued(
     integrators can have, in proportion to frequency.
     """
     low = omega[0] * np.geomspace(10**-decades, 1, points + 1)[:-1]
-    added = G[0] * (omega[0] / low) ** n * np.exp(1j * off_phase(G[0], n) * (low / omega[0] - 1))
+    added = G[0] * (omega[0] / low) ** n * np.exp(1j * phase_offset(G[0], n) * (low / omega[0] - 1))
     return np.concatenate([low, omega]), np.concatenate([added, G])
 
 
-def half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+def count_half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """(...,) half turns of (..., W) curves F = 1 + L about zero from zero to infinite frequency, and whether whole.
 
     The phase of F turns by pi for each unstable pole that is stabilised, and by pi/2 more for each of the n
@@ -295,13 +297,13 @@ def half_turns(F: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     return turns, (largest < 2.5) & (np.maximum(np.abs(opening), np.abs(closing)) < 1.0) & whole
 
 
-def integrators(system: control.StateSpace, dt: float) -> int:
+def integrator_poles(system: control.StateSpace, dt: float) -> int:
     """Poles at zero frequency."""
     p = poles(system)
     return int(np.sum(np.abs(p - 1) < 1e-6)) if dt else int(np.sum(np.abs(p) < 1e-9 * (1 + np.abs(p).max(initial=0))))
 
 
-def resolved(F: np.ndarray, x: np.ndarray) -> bool:
+def is_resolved(F: np.ndarray, x: np.ndarray) -> bool:
     """Whether the polygon through the lines stays further from zero than the curve may bulge between them.
 
     The bulge h^2/8 |F''| is estimated from second differences over x, the logarithm of frequency, and doubled.

@@ -15,9 +15,9 @@ from nlfrf._base.arguments import hertz, of_kind
 from nlfrf._base.numbers import roy_quantile
 from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
-from robust.lti.grids import interpolated
+from robust.lti.grids import interpolate_frf
 from robust.lti.lti import timebase
-from robust.lti.sampling import hold_between
+from robust.lti.sampling import hold_correction
 from robust.models.fit.nominal import behind_hold, refuse_other_channels
 from robust.models.sets.evidence import LEVEL_DOF, Evidence, MatrixEvidence, evidence_of, matrix_evidence_of
 from robust.models.sets.matrix_model import MatrixUncertainty
@@ -502,7 +502,7 @@ def as_recorded(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nda
         )
     if "unknown" in (model.hold, bla.hold):
         return np.ones(bla.omega.size)
-    own, other = (hold_between(bla.omega, one.hold, one.fs, 0.0) for one in (bla, model))
+    own, other = (hold_correction(bla.omega, one.hold, one.fs, 0.0) for one in (bla, model))
     return np.asarray(own / other)
 
 
@@ -521,7 +521,7 @@ def on_lines(one: Evidence, omega: np.ndarray) -> Evidence:
     if omega.size == one.omega.size and np.allclose(omega, one.omega, rtol=1e-9, atol=0):
         return one
     variance, scatter = (np.interp(omega, one.omega, part) for part in (one.variance, one.scatter))
-    return replace(one, omega=omega, G=interpolated(omega, one.omega, one.G), variance=variance, scatter=scatter)
+    return replace(one, omega=omega, G=interpolate_frf(omega, one.omega, one.G), variance=variance, scatter=scatter)
 
 
 def compared(model: UncertaintyModel, first: Evidence, second: Evidence) -> Validation:

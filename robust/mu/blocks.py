@@ -13,7 +13,7 @@ import numpy as np
 from nlfrf._base.arguments import shown
 from nlfrf._base.values import value
 
-__all__ = ["KINDS", "BlockStructure", "fitting", "structure"]
+__all__ = ["KINDS", "BlockStructure", "block_structure", "structure_for"]
 
 
 KINDS = ("full", "repeated", "real")
@@ -53,13 +53,13 @@ class BlockStructure:
         return all(kind == "full" or r.stop - r.start == 1 for kind, r in zip(self.kinds, self.rows, strict=True))
 
 
-def structure(name: str, blocks: Any) -> BlockStructure:
-    """The blocks, checked, with the bases of their scalings."""
+def block_structure(name: str, blocks: Any) -> BlockStructure:
+    """Return the blocks, checked, with the bases of their scalings."""
     if not isinstance(blocks, Sequence) or isinstance(blocks, str) or not len(blocks):
         raise ValueError(f"{name} must be a list of (rows, cols), (n, n, 'repeated') or (n, n, 'real')")
     kinds, rows, cols, r, c = [], [], [], 0, 0
     for k, block in enumerate(blocks):
-        n, m, kind = checked_block(f"{name}[{k}]", block)
+        n, m, kind = check_block(f"{name}[{k}]", block)
         kinds.append(kind)
         rows.append(slice(r, r + n))
         cols.append(slice(c, c + m))
@@ -68,14 +68,14 @@ def structure(name: str, blocks: Any) -> BlockStructure:
     for kind, row, col in zip(kinds, rows, cols, strict=True):
         n = row.stop - row.start
         if kind == "full":
-            left.append(placed(np.eye(n), (r, r), row, row))
-            right.append(placed(np.eye(col.stop - col.start), (c, c), col, col))
+            left.append(place_block(np.eye(n), (r, r), row, row))
+            right.append(place_block(np.eye(col.stop - col.start), (c, c), col, col))
             continue
         for H in hermitian_basis(n):
-            left.append(placed(H, (r, r), row, row))
-            right.append(placed(H, (c, c), col, col))
+            left.append(place_block(H, (r, r), row, row))
+            right.append(place_block(H, (c, c), col, col))
             if kind == "real":
-                skew.append(placed(H, (c, r), col, row))
+                skew.append(place_block(H, (c, r), col, row))
     return BlockStructure(
         kinds=tuple(kinds),
         rows=tuple(rows),
@@ -86,8 +86,8 @@ def structure(name: str, blocks: Any) -> BlockStructure:
     )
 
 
-def checked_block(name: str, block: Any) -> tuple[int, int, str]:
-    """Rows, columns and kind of one block, or a refusal."""
+def check_block(name: str, block: Any) -> tuple[int, int, str]:
+    """Return rows, columns and kind of one block, or refuse it."""
     fine = isinstance(block, (tuple, list)) and len(block) in (2, 3)
     if not fine or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in block[:2]):
         raise ValueError(f"{name} must be (rows, cols) with whole numbers of at least 1, got {shown(block)}")
@@ -101,9 +101,9 @@ def checked_block(name: str, block: Any) -> tuple[int, int, str]:
     return int(block[0]), int(block[1]), kind
 
 
-def fitting(name: str, blocks: Any, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
-    """The structure, or a refusal where it does not add up to the outputs and inputs it has to fit."""
-    found = structure(name, blocks)
+def structure_for(name: str, blocks: Any, shape: tuple[int, int], *, of: str = "N") -> BlockStructure:
+    """Return the structure, or refuse one that does not match the outputs and inputs of the system."""
+    found = block_structure(name, blocks)
     if found.shape != tuple(shape):
         raise ValueError(
             f"{name} must add up to the {shape[0]} outputs and {shape[1]} inputs of {of}, "
@@ -113,7 +113,7 @@ def fitting(name: str, blocks: Any, shape: tuple[int, int], *, of: str = "N") ->
     return found
 
 
-def placed(block: np.ndarray, shape: tuple[int, int], row: slice, col: slice) -> np.ndarray:
+def place_block(block: np.ndarray, shape: tuple[int, int], row: slice, col: slice) -> np.ndarray:
     """A block in a matrix of zeros."""
     out = np.zeros(shape, complex)
     out[row, col] = block

@@ -15,20 +15,20 @@ import numpy as np
 from nlfrf._base.arguments import hertz, positive
 from nlfrf._base.values import value
 from robust._base.states import Outcome
-from robust.lti.lti import Matrices, along, timebase
-from robust.lti.norms import continuous_image, sign_changes, well_conditioned
+from robust.lti.lti import Matrices, response_by_channel, timebase
+from robust.lti.norms import continuous_image, real_block_crossings, well_conditioned
 from robust.lti.realisation import multivariable
-from robust.mu.blocks import BlockStructure, fitting
-from robust.mu.upper import MuBound, bounded
-from robust.proofs.search.certificate import Certificate, refused
-from robust.proofs.search.intervals import SLACK, around, inside, prove
-from robust.proofs.search.stability import instability
+from robust.mu.blocks import BlockStructure, structure_for
+from robust.mu.upper import MuBound, upper_bound
+from robust.proofs.search.certificate import Certificate, failed_certificate
+from robust.proofs.search.intervals import SLACK, initial_cuts, interior_point, prove
+from robust.proofs.search.stability import decide_stability
 
 __all__ = ["certify_mu"]
 
 
 N_GRID = 300
-MOST_INTERVALS = 5000
+MAX_INTERVALS = 5000
 SLACK_REAL = 1e-9  # of the norm with real blocks, for rounding in it; what N may be off is in the level
 Scaling = tuple[np.ndarray, ...]
 
@@ -72,12 +72,12 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
     True
     """
     N = multivariable("N_ss", N_ss)
-    s = fitting("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
+    s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     level = positive("level", level)
     subject = "structured singular value"
-    nominal = instability(N)
+    nominal = decide_stability(N)
     if not nominal.stable:
-        return refused(subject, level, f"the system is not stable: {nominal}")
+        return failed_certificate(subject, level, f"the system is not stable: {nominal}")
     deadline = time.monotonic() + positive("time_cap", time_cap)
     real = bool(s.skew.size)
     # a large G brings the norm so near to one that slack on it is none on mu: with real blocks the level has it
@@ -86,19 +86,21 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
     outcome = prove(
         frozen.loop,
         frozen.size,
-        around(frozen.speeds),
+        initial_cuts(frozen.speeds),
         np.inf,
         time_cap=max(deadline - time.monotonic(), 1e-3),
-        most=MOST_INTERVALS,
+        most=MAX_INTERVALS,
         slack=SLACK_REAL if real else SLACK,
         changes=frozen.changes if real else None,
     )
     omega_of = frozen.omega_of
     if not outcome.holds:
         if not np.isfinite(outcome.violated_at):
-            return refused(subject, level, outcome.reason)
+            return failed_certificate(subject, level, outcome.reason)
         omega = omega_of(outcome.violated_at)
-        return refused(subject, level, f"the bound does not stay below the level: at {hertz(omega)} {outcome.reason}")
+        return failed_certificate(
+            subject, level, f"the bound does not stay below the level: at {hertz(omega)} {outcome.reason}"
+        )
     return Certificate(
         subject=subject,
         outcome=Outcome.HOLDS,
@@ -150,32 +152,32 @@ class FrozenScalings:
         if x in self.own:
             return self.own[x]
         if self.simple:
-            return between(self.bound, self.grid, x)
-        return picked(self.bound, int(np.abs(np.log(self.grid / x)).argmin()))
+            return interpolate_scalings(self.bound, self.grid, x)
+        return scaling_at(self.bound, int(np.abs(np.log(self.grid / x)).argmin()))
 
     def size(self, x: float) -> float:
         """The bound at x over the level; where the scaling at hand is too poor, a better one is found and kept."""
-        C, response = self.matrices[2], along(self.N, self.omega_of(np.array([x])))  # (rows, cols, 1)
-        norm = float(np.linalg.norm(in_norm_form(self.scaling(x), C, response[:, :, 0], self.level)[1], 2))
+        C, response = self.matrices[2], response_by_channel(self.N, self.omega_of(np.array([x])))  # (rows, cols, 1)
+        norm = float(np.linalg.norm(to_norm_form(self.scaling(x), C, response[:, :, 0], self.level)[1], 2))
         if norm < 1:
             return norm
-        bound = bounded(np.moveaxis(response, 2, 0), self.blocks, self.level, self.deadline)
-        self.own[x] = picked(bound, 0)
+        bound = upper_bound(np.moveaxis(response, 2, 0), self.blocks, self.level, self.deadline)
+        self.own[x] = scaling_at(bound, 0)
         reached = float(bound.value[0]) / self.level
-        return min(reached, float(np.linalg.norm(in_norm_form(self.own[x], C, response[:, :, 0], self.level)[1], 2)))
+        return min(reached, float(np.linalg.norm(to_norm_form(self.own[x], C, response[:, :, 0], self.level)[1], 2)))
 
     def loop(self, low: float, high: float) -> Matrices:
         """The scaled system of an interval, below the level where its norm is below one."""
         A, B, C, D = self.matrices
-        C_x, D_x, into = in_norm_form(self.scaling(inside(low, high)), C, D, self.level)
+        C_x, D_x, into = to_norm_form(self.scaling(interior_point(low, high)), C, D, self.level)
         return A, B @ into, C_x, D_x
 
     def changes(self, low: float, high: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Where the form that real blocks ask for may become singular."""
         A, B, C, D = self.matrices
-        D_L, D_R, G = self.scaling(inside(low, high))
+        D_L, D_R, G = self.scaling(interior_point(low, high))
         into = np.linalg.inv(D_R)
-        return sign_changes((A, B @ into, D_L @ C / self.level, D_L @ D @ into / self.level), G / self.level)
+        return real_block_crossings((A, B @ into, D_L @ C / self.level, D_L @ D @ into / self.level), G / self.level)
 
 
 def frozen_scalings(
@@ -187,7 +189,7 @@ def frozen_scalings(
     speeds = np.abs(np.linalg.eigvals(matrices[0])) if matrices[0].size else np.ones(1)
     speeds = speeds[(speeds > 0) & np.isfinite(speeds)]
     grid = np.geomspace(speeds.min() / 30, speeds.max() * 100, N_GRID)
-    response = along(N, 2 / dt * np.arctan(grid) if dt else grid)  # (rows, cols, N_GRID)
+    response = response_by_channel(N, 2 / dt * np.arctan(grid) if dt else grid)  # (rows, cols, N_GRID)
     return FrozenScalings(
         N=N,
         blocks=blocks,
@@ -195,19 +197,19 @@ def frozen_scalings(
         matrices=matrices,
         speeds=speeds,
         grid=grid,
-        bound=bounded(np.moveaxis(response, 2, 0), blocks, level, deadline),
+        bound=upper_bound(np.moveaxis(response, 2, 0), blocks, level, deadline),
         deadline=deadline + 0.5 * (deadline - time.monotonic()),
         simple=s.scalar and not s.skew.size,
         own={},
     )
 
 
-def picked(bound: MuBound, k: int) -> Scaling:
+def scaling_at(bound: MuBound, k: int) -> Scaling:
     """The scaling of one frequency, in real numbers where it has them."""
     return tuple(m[:, :, k].real if not m[:, :, k].imag.any() else m[:, :, k] for m in bound.scaling)
 
 
-def between(bound: MuBound, grid: np.ndarray, x: float) -> Scaling:
+def interpolate_scalings(bound: MuBound, grid: np.ndarray, x: float) -> Scaling:
     """Positive diagonal scalings interpolated over log frequency."""
     k = int(np.clip(np.searchsorted(grid, x), 1, grid.size - 1))
     part = float(np.clip(np.log(x / grid[k - 1]) / np.log(grid[k] / grid[k - 1]), 0, 1))
@@ -218,7 +220,7 @@ def between(bound: MuBound, grid: np.ndarray, x: float) -> Scaling:
     return D_L, D_R, np.zeros(bound.scaling[2].shape[:2])
 
 
-def in_norm_form(
+def to_norm_form(
     scaling: Scaling, C: np.ndarray, D: np.ndarray, level: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """C, D and the factor on B for which the bound under the level is a norm under one: G completes a square."""

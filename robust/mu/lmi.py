@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.arguments import one_of
-from robust.mu.blocks import BlockStructure, fitting
-from robust.mu.upper import MuBound, osborne, recomputed, response_matrices
-from robust.proofs.search.certificate import SOLVERS, attempt
+from robust.mu.blocks import BlockStructure, structure_for
+from robust.mu.upper import MuBound, bound_from_scalings, osborne_balance, response_matrices
+from robust.proofs.search.certificate import SOLVERS, solve_program
 
 __all__ = ["mu_upper_lmi"]
 
@@ -51,30 +51,34 @@ def mu_upper_lmi(N: np.ndarray, blocks: Any, *, solver: str = "CLARABEL", time_c
     """
     one_of("solver", solver, SOLVERS)
     M = response_matrices("N", N)
-    s = fitting("blocks", blocks, M.shape[1:])
-    found = [by_program(one, s, solver, time_cap) for one in M]
+    s = structure_for("blocks", blocks, M.shape[1:])
+    found = [solve_scaling_program(one, s, solver, time_cap) for one in M]
     values = np.array([value for value, _ in found])
     return MuBound(
         value=values, scaling=tuple(np.stack(parts, axis=2) for parts in zip(*(f[1] for f in found), strict=True))
     )
 
 
-def by_program(M: np.ndarray, s: BlockStructure, solver: str, time_cap: float) -> tuple[float, tuple[np.ndarray, ...]]:
+def solve_scaling_program(
+    M: np.ndarray, s: BlockStructure, solver: str, time_cap: float
+) -> tuple[float, tuple[np.ndarray, ...]]:
     """The bound at one frequency with its scalings."""
     import cvxpy as cp
 
     n_out, n_in = M.shape
     size = float(np.linalg.norm(M)) or 1.0
-    d = osborne(M[None] / size, s)[0]
+    d = osborne_balance(M[None] / size, s)[0]
     left, right = (np.repeat(d, [p.stop - p.start for p in parts]) for parts in (s.rows, s.cols))
     A = left[:, None] * M / size / right
     pieces = [A.conj().T @ L @ A for L in s.left]
     skews = [1j * G @ A + (1j * G @ A).conj().T for G in s.skew]
     x, g, t = cp.Variable(len(pieces)), cp.Variable(max(len(skews), 1)), cp.Variable()
     beta2 = cp.Parameter(nonneg=True)
-    weight = sum(x[k] * as_real(R) for k, R in enumerate(s.right))
-    outer = sum(x[k] * as_real(L) for k, L in enumerate(s.left))
-    load = sum(x[k] * as_real(B) for k, B in enumerate(pieces)) + sum(g[k] * as_real(B) for k, B in enumerate(skews))
+    weight = sum(x[k] * real_embedding(R) for k, R in enumerate(s.right))
+    outer = sum(x[k] * real_embedding(L) for k, L in enumerate(s.left))
+    load = sum(x[k] * real_embedding(B) for k, B in enumerate(pieces)) + sum(
+        g[k] * real_embedding(B) for k, B in enumerate(skews)
+    )
     constraints = [
         beta2 * weight - load >> t * np.eye(2 * n_in),
         outer >> 1e-7 * np.eye(2 * n_out),
@@ -90,9 +94,9 @@ def by_program(M: np.ndarray, s: BlockStructure, solver: str, time_cap: float) -
     for _ in range(30):
         middle = (low + high) / 2
         beta2.value = middle**2
-        if attempt(problem, solver, time_cap, eps=1e-8):
+        if solve_program(problem, solver, time_cap, eps=1e-8):
             break
-        reached, now = judged_scaling(A, s, x.value, g.value)
+        reached, now = bound_from_variables(A, s, x.value, g.value)
         if reached < best:
             best, scaling = reached, (now[0] * left, now[1] * right, now[2] * size)
         low, high = (low, min(middle, reached)) if reached <= middle else (middle, high)
@@ -101,12 +105,12 @@ def by_program(M: np.ndarray, s: BlockStructure, solver: str, time_cap: float) -
     return best * size, scaling
 
 
-def as_real(H: np.ndarray) -> np.ndarray:
+def real_embedding(H: np.ndarray) -> np.ndarray:
     """The symmetric matrix of twice the size with the eigenvalues of a Hermitian one."""
     return np.block([[H.real, -H.imag], [H.imag, H.real]])
 
 
-def judged_scaling(A: np.ndarray, s: BlockStructure, x: Any, g: Any) -> tuple[float, tuple[np.ndarray, ...]]:
+def bound_from_variables(A: np.ndarray, s: BlockStructure, x: Any, g: Any) -> tuple[float, tuple[np.ndarray, ...]]:
     """The bound that a solver's variables prove (inf: none), put together again."""
     nothing = np.inf, (np.zeros(0),) * 3
     if x is None or not np.isfinite(x).all() or (s.skew.size and not np.isfinite(g).all()):
@@ -118,4 +122,4 @@ def judged_scaling(A: np.ndarray, s: BlockStructure, x: Any, g: Any) -> tuple[fl
         return nothing
     G = np.tensordot(g, s.skew, 1) if s.skew.size else np.zeros(A.shape[::-1], complex)
     G = np.linalg.inv(D_R).conj().T @ G @ np.linalg.inv(D_L)
-    return float(recomputed(A[None], D_L[None], D_R[None], G[None])[0]), (D_L, D_R, G)
+    return float(bound_from_scalings(A[None], D_L[None], D_R[None], G[None])[0]), (D_L, D_R, G)

@@ -14,16 +14,16 @@ import numpy as np
 from scipy.optimize import minimize
 
 from nlfrf._base.arguments import generator, integer
-from robust.mu.blocks import BlockStructure, fitting
-from robust.mu.upper import MuBound, hermitian, response_matrices, scalings
+from robust.mu.blocks import BlockStructure, structure_for
+from robust.mu.upper import MuBound, conjugate_transpose, optimal_scalings, response_matrices
 
-__all__ = ["mu_lower", "searched"]
+__all__ = ["mu_lower", "search_perturbation"]
 
 
 RACE, FINISH = 15, 400  # steps from every start, and from the best of them
-SINGULAR = 1e-8
-MET = 1e-6  # relative distance to the upper bound at which the lower one is as good as it
-TURNS = 3  # searches for a real eigenvalue, complex blocks turned in between
+SINGULARITY_TOLERANCE = 1e-8
+BOUNDS_MEET = 1e-6  # relative distance to the upper bound at which the lower one is as good as it
+REAL_SEARCHES = 3  # searches for a real eigenvalue, complex blocks turned in between
 
 
 def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> MuBound:
@@ -65,14 +65,16 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     """
     M = response_matrices("N", N)
     n_starts = integer("n_starts", n_starts, least=0)
-    return searched(M, fitting("blocks", blocks, M.shape[1:]), n_starts, generator("rng", rng), np.inf)
+    return search_perturbation(M, structure_for("blocks", blocks, M.shape[1:]), n_starts, generator("rng", rng), np.inf)
 
 
-def searched(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float) -> MuBound:
+def search_perturbation(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float) -> MuBound:
     """The largest lower bound found on (W, n_out, n_in) matrices by the deadline (of time.monotonic())."""
-    left, right, bound = scaled_vectors(M, s, deadline)
-    starts = [from_vectors(left, right, s, rng if k else None, random=k % 3 == 2) for k in range(n_starts + 1)]
-    raced = [ascended(M, start, s, RACE) for start in starts]
+    left, right, bound = worst_directions(M, s, deadline)
+    starts = [
+        perturbation_from_directions(left, right, s, rng if k else None, random=k % 3 == 2) for k in range(n_starts + 1)
+    ]
+    raced = [power_ascent(M, start, s, RACE) for start in starts]
     order = np.argsort([-radius for _, radius in raced], axis=0)
     found = np.stack([delta for delta, _ in raced])
     candidates = [found[place, np.arange(M.shape[0])] for place in order[:2]]
@@ -80,10 +82,10 @@ def searched(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline
     if s.skew.size:
         candidates = starts + candidates
         if set(s.kinds) != {"real"}:
-            best, delta = without_real(M, s, n_starts, rng, deadline)
+            best, delta = complex_lower_bound(M, s, n_starts, rng, deadline)
             candidates.append(delta * best[:, None, None])
     for candidate in candidates:
-        at = np.flatnonzero(best < (1 - MET) * bound)  # elsewhere it is mu
+        at = np.flatnonzero(best < (1 - BOUNDS_MEET) * bound)  # elsewhere it is mu
         if not at.size or time.monotonic() > deadline:
             break
         if s.skew.size:
@@ -91,14 +93,14 @@ def searched(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline
                 [real_crossing(M[k], candidate[k], s) if time.monotonic() < deadline else candidate[k] for k in at]
             )
         else:
-            candidate, _ = ascended(M[at], candidate[at], s, FINISH)
-        value, candidate = judged(M[at], candidate, s)
+            candidate, _ = power_ascent(M[at], candidate[at], s, FINISH)
+        value, candidate = verified_bound(M[at], candidate, s)
         better = value > best[at]
         best[at[better]], delta[at[better]] = value[better], candidate[better]
     return MuBound(value=best, delta=np.moveaxis(delta, 0, 2))
 
 
-def without_real(
+def complex_lower_bound(
     M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The lower bound and its perturbation with every real block at zero."""
@@ -106,13 +108,13 @@ def without_real(
     rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in some]) for cut in (s.rows, s.cols))
     blocks = [(s.rows[k].stop - s.rows[k].start, s.cols[k].stop - s.cols[k].start, s.kinds[k]) for k in some]
     alone = M[:, rows[:, None], cols]
-    bound = searched(alone, fitting("blocks", blocks, alone.shape[1:]), n_starts, rng, deadline)
+    bound = search_perturbation(alone, structure_for("blocks", blocks, alone.shape[1:]), n_starts, rng, deadline)
     delta = np.zeros((M.shape[0], *s.shape[::-1]), complex)
     delta[:, cols[:, None], rows] = np.nan_to_num(np.moveaxis(bound.delta, 2, 0))
     return bound.value.copy(), delta
 
 
-def judged(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
+def verified_bound(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndarray, np.ndarray]:
     """1/size of the perturbations, scaled to an eigenvalue one of N delta; zero where the loop is not singular."""
     closed = M @ delta
     eigenvalues = np.linalg.eigvals(closed)
@@ -127,11 +129,11 @@ def judged(M: np.ndarray, delta: np.ndarray, s: BlockStructure) -> tuple[np.ndar
     delta = np.where(fine[:, None, None], delta, 0)
     least = np.linalg.svd(np.eye(M.shape[1]) - M @ delta, compute_uv=False)
     size = np.linalg.svd(delta, compute_uv=False)[:, 0]
-    fine &= (least[:, -1] <= SINGULAR * np.maximum(least[:, 0], 1.0)) & (size > 0)
+    fine &= (least[:, -1] <= SINGULARITY_TOLERANCE * np.maximum(least[:, 0], 1.0)) & (size > 0)
     return np.where(fine, 1 / np.where(size > 0, size, 1.0), 0.0), np.where(fine[:, None, None], delta, np.nan)
 
 
-def scaled_vectors(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def worst_directions(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(W, n_in, 3), (W, n_out, 3) directions at which the least bound (W,) is reached, largest first; and that bound.
 
     There the largest eigenvalues meet, and where the bound is mu itself a combination of their directions is the
@@ -140,12 +142,12 @@ def scaled_vectors(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple[n
     size = np.linalg.norm(M, axis=(1, 2))
     M = M / np.where(size > 0, size, 1.0)[:, None, None]  # the right directions are as long as N of size one makes them
     now = time.monotonic()
-    D_L, D_R, G = scalings(M, s, 0.0, now + 0.5 * (deadline - now))
+    D_L, D_R, G = optimal_scalings(M, s, 0.0, now + 0.5 * (deadline - now))
     scaled = D_L @ M @ np.linalg.inv(D_R)
-    square = hermitian(scaled) @ scaled
+    square = conjugate_transpose(scaled) @ scaled
     if s.skew.size:
         skew = 1j * G @ scaled
-        square = square + skew + hermitian(skew)
+        square = square + skew + conjugate_transpose(skew)
     values, vectors = np.linalg.eigh(square)
     vectors = vectors[:, :, ::-1][:, :, :3]
     bound = np.sqrt(np.maximum(values[:, -1], 0.0))
@@ -153,20 +155,22 @@ def scaled_vectors(M: np.ndarray, s: BlockStructure, deadline: float) -> tuple[n
     return left, right, bound * size
 
 
-def from_vectors(left: np.ndarray, right: np.ndarray, s: BlockStructure, rng: Any, *, random: bool) -> np.ndarray:
+def perturbation_from_directions(
+    left: np.ndarray, right: np.ndarray, s: BlockStructure, rng: Any, *, random: bool
+) -> np.ndarray:
     """A perturbation of size one along the first direction, or along a random combination, or any random one."""
     W, k = left.shape[0], left.shape[2]
     if rng is None:
-        return aligned(left[:, :, 0], right[:, :, 0], np.ones(W), s, inside=True)
+        return align_perturbation(left[:, :, 0], right[:, :, 0], np.ones(W), s, inside=True)
     if random:
         left, right = (rng.standard_normal((W, n)) + 1j * rng.standard_normal((W, n)) for n in s.shape[::-1])
-        return aligned(left, right, np.ones(W), s)
+        return align_perturbation(left, right, np.ones(W), s)
     mix = (rng.standard_normal((W, k)) + 1j * rng.standard_normal((W, k))) * [1.0, 1.0, 0.3][:k]
     left, right = (np.einsum("wnk,wk->wn", vectors, mix) for vectors in (left, right))
-    return aligned(left, right, np.ones(W), s, inside=True)
+    return align_perturbation(left, right, np.ones(W), s, inside=True)
 
 
-def ascended(M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
+def power_ascent(M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
     """(W, n_in, n_out) perturbations of size one, turned until the spectral radius (W,) of N delta grows no more."""
     best, radius = delta.copy(), np.zeros(len(M))
     todo = np.arange(len(M))
@@ -181,7 +185,7 @@ def ascended(M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int) 
         with np.errstate(all="ignore"):
             duals = np.linalg.inv(vectors + 1e-14 * np.eye(s.shape[0]))
             left = np.einsum("wr,wrc->wc", duals[each, k], M[todo]).conj()
-        delta = aligned(left, right, np.exp(1j * np.angle(value)), s)
+        delta = align_perturbation(left, right, np.exp(1j * np.angle(value)), s)
         keep = (grown > 1e-10 * radius[todo]) & np.isfinite(delta).all(axis=(1, 2))
         todo, delta = todo[keep], delta[keep]
         if not todo.size:
@@ -189,7 +193,7 @@ def ascended(M: np.ndarray, delta: np.ndarray, s: BlockStructure, n_steps: int) 
     return best, radius
 
 
-def aligned(
+def align_perturbation(
     left: np.ndarray, right: np.ndarray, turn: np.ndarray, s: BlockStructure, *, inside: bool = False
 ) -> np.ndarray:
     """Delta of size one that maximises Re(turn* left* Delta right), block by block.
@@ -226,9 +230,9 @@ def real_crossing(N: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.nda
     low, high = np.where(real, -1.0, -7.0), np.where(real, 1.0, 7.0)
     scale = max(float(np.linalg.norm(N)), 1e-300)
     best, largest = delta, 0.0
-    for _ in range(1 if real.all() else TURNS):
+    for _ in range(1 if real.all() else REAL_SEARCHES):
         # the search asks for the value and the slopes at the same point again and again
-        at = lru_cache(maxsize=4)(partial(eigenvalue, N, delta, s))
+        at = lru_cache(maxsize=4)(partial(eigenvalue_and_slopes, N, delta, s))
         start = np.array([delta[c, r][0, 0].real for r, c in zip(s.rows, s.cols, strict=True)]) * real
         value = at(tuple(start))[0]
         sign = -1.0 if value.real < 0 else 1.0
@@ -245,12 +249,12 @@ def real_crossing(N: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.nda
             },
             options={"maxiter": 60, "ftol": 1e-10},
         )
-        x = on_the_axis(np.clip(found.x, low, high), at, low, high)
+        x = make_eigenvalue_real(np.clip(found.x, low, high), at, low, high)
         value, _, left, right = at(tuple(x))
-        crossed = moved(delta, x, s)
+        crossed = move_perturbation(delta, x, s)
         if abs(value.imag) <= 1e-9 * abs(value) and abs(value) > largest * (1 + 1e-9):
             best, largest = crossed, abs(value)
-        turned = aligned(left[None], right[None], np.array([np.sign(value.real) or 1.0]), s)[0]
+        turned = align_perturbation(left[None], right[None], np.array([np.sign(value.real) or 1.0]), s)[0]
         delta = crossed.copy()
         for kind, r, c in zip(s.kinds, s.rows, s.cols, strict=True):
             if kind != "real":
@@ -258,7 +262,7 @@ def real_crossing(N: np.ndarray, delta: np.ndarray, s: BlockStructure) -> np.nda
     return best
 
 
-def moved(delta: np.ndarray, x: np.ndarray, s: BlockStructure) -> np.ndarray:
+def move_perturbation(delta: np.ndarray, x: np.ndarray, s: BlockStructure) -> np.ndarray:
     """The perturbation with its real blocks at x and its complex ones turned by x [rad]."""
     out = np.zeros_like(delta)
     for k, (kind, row, col) in enumerate(zip(s.kinds, s.rows, s.cols, strict=True)):
@@ -266,7 +270,7 @@ def moved(delta: np.ndarray, x: np.ndarray, s: BlockStructure) -> np.ndarray:
     return out
 
 
-def eigenvalue(
+def eigenvalue_and_slopes(
     N: np.ndarray, delta: np.ndarray, s: BlockStructure, x: tuple[float, ...]
 ) -> tuple[complex, np.ndarray, np.ndarray, np.ndarray]:
     """An eigenvalue of N times the moved perturbation, its slopes along x, and N* l and r for its vectors.
@@ -274,7 +278,7 @@ def eigenvalue(
     It is the one that is largest for how far it is from the real axis.
     """
     point = np.array(x)
-    perturbed = moved(delta, point, s)
+    perturbed = move_perturbation(delta, point, s)
     values, vectors = np.linalg.eig(N @ perturbed)
     k = int(np.argmax(np.abs(values) - 2 * np.abs(values.imag)))
     right = vectors[:, k]
@@ -285,7 +289,7 @@ def eigenvalue(
     return complex(values[k]), slopes, drives.conj(), right
 
 
-def on_the_axis(x: np.ndarray, at: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def make_eigenvalue_real(x: np.ndarray, at: Any, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """The last digits: Newton steps of least length that bring the eigenvalue onto the real axis, inside the bounds."""
     for _ in range(12):
         value, slopes = at(tuple(x))[:2]

@@ -19,16 +19,16 @@ import numpy as np
 from nlfrf._base.arguments import positive
 from nlfrf._base.values import value
 from robust.lti.grids import structure_grid
-from robust.lti.lti import along, in_s, timebase
+from robust.lti.lti import response_by_channel, timebase, to_s_plane
 from robust.lti.realisation import multivariable
-from robust.mu.blocks import BlockStructure, fitting
+from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.certify import certify_mu
-from robust.mu.lower import searched
-from robust.mu.upper import bounded, refined
+from robust.mu.lower import search_perturbation
+from robust.mu.upper import refine_grid, upper_bound
 from robust.proofs.search.certificate import Certificate
-from robust.proofs.search.stability import instability
+from robust.proofs.search.stability import decide_stability
 
-__all__ = ["Crossing", "ParameterMargin", "crossing", "parameter_margin"]
+__all__ = ["Crossing", "ParameterMargin", "find_crossing", "parameter_margin"]
 
 
 # ---- The smallest real parameters that take a loop to its stability boundary, found by its poles.
@@ -39,10 +39,10 @@ __all__ = ["Crossing", "ParameterMargin", "crossing", "parameter_margin"]
 # it, and from the best of them uphill (de Gaston & Safonov 1988 look at corners; first-order moves as in Seiler 2010).
 # What is found is a fact about the loop; that nothing was found proves nothing.
 
-CORNERS = 6  # parameters up to which every corner is looked at
-SOME = 48  # random directions beside them
-STEPS = 24  # sizes looked at on the way out
-MOVES = 12  # attempts to do better from the best direction
+MAX_CORNER_PARAMETERS = 6  # parameters up to which every corner is looked at
+N_DIRECTIONS = 48  # random directions beside them
+N_SIZES = 24  # sizes looked at on the way out
+N_IMPROVEMENTS = 12  # attempts to do better from the best direction
 
 
 @value
@@ -65,7 +65,7 @@ class Crossing:
 
 
 @value(copy=False)
-class Parametric:
+class ParametricLoop:
     """A loop as a function of its real parameters x (K, r), one for each real block.
 
     Fields
@@ -113,7 +113,7 @@ class Parametric:
         return np.bincount(self.of, weights=moves, minlength=x.size)
 
 
-def crossing(
+def find_crossing(
     N: control.StateSpace, s: BlockStructure, least: float, limit: float, *, time_cap: float = 2.0
 ) -> Crossing | None:
     """The smallest real parameters found that take a stable loop to the boundary.
@@ -135,10 +135,10 @@ def crossing(
     real = [k for k, kind in enumerate(s.kinds) if kind == "real"]
     rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in real]) for cut in (s.rows, s.cols))
     of = np.repeat(np.arange(len(real)), [s.rows[k].stop - s.rows[k].start for k in real])
-    loop = Parametric(A=N.A, B=N.B[:, cols], C=N.C[rows], D=N.D[np.ix_(rows, cols)], of=of, dt=timebase(N))
-    around = directions(len(real))
+    loop = ParametricLoop(A=N.A, B=N.B[:, cols], C=N.C[rows], D=N.D[np.ix_(rows, cols)], of=of, dt=timebase(N))
+    around = search_directions(len(real))
     inner = 0.0
-    for size in np.geomspace(least, limit, STEPS):
+    for size in np.geomspace(least, limit, N_SIZES):
         excess = loop.excess(size * around)
         if excess.max() > 0 or time.monotonic() > deadline:
             break
@@ -146,8 +146,8 @@ def crossing(
     if excess.max() <= 0:
         return None
     y = around[excess.argmax()]
-    size = halved(loop, y, inner, size)
-    for _ in range(MOVES):
+    size = bisect_direction(loop, y, inner, size)
+    for _ in range(N_IMPROVEMENTS):
         if time.monotonic() > deadline:
             break
         # uphill at the present size: the best corner by the slope, and part of the way to it
@@ -157,30 +157,34 @@ def crossing(
         if excess.max() <= 0:
             break
         y = tried[excess.argmax()]
-        size = halved(loop, y, 0.0, 0.999 * size)
+        size = bisect_direction(loop, y, 0.0, 0.999 * size)
         y, size = y / np.abs(y).max(), size * float(np.abs(y).max())
     delta = np.zeros(s.shape[::-1])
     delta[cols, rows] = size * y[of]
     at, beyond = loop.closed(size * y * np.array([[1.0], [1.001]]))
     farther = control.StateSpace(beyond, np.zeros((N.nstates, 1)), np.zeros((1, N.nstates)), 0.0, N.dt)
-    if not instability(farther).unstable:
+    if not decide_stability(farther).unstable:
         return None
     poles = np.linalg.eigvals(at)
     pole = poles[np.argmax(np.abs(poles) if loop.dt else poles.real)]
-    omega = abs(in_s(np.array([pole]), loop.dt)[0].imag)
+    omega = abs(to_s_plane(np.array([pole]), loop.dt)[0].imag)
     return Crossing(size=float(size), delta=delta, omega=float(omega))
 
 
-def directions(n: int) -> np.ndarray:
+def search_directions(n: int) -> np.ndarray:
     """(K, n) corners of the box, all of them or some, each parameter alone, and points inside."""
     rng = np.random.default_rng(0)
-    corners = np.array(list(product((-1.0, 1.0), repeat=n))) if n <= CORNERS else np.sign(rng.standard_normal((64, n)))
-    inside = rng.uniform(-1, 1, (SOME, n))
+    corners = (
+        np.array(list(product((-1.0, 1.0), repeat=n)))
+        if n <= MAX_CORNER_PARAMETERS
+        else np.sign(rng.standard_normal((64, n)))
+    )
+    inside = rng.uniform(-1, 1, (N_DIRECTIONS, n))
     inside /= np.abs(inside).max(axis=1, keepdims=True)
     return np.concatenate([corners, np.eye(n), -np.eye(n), inside]) if n > 1 else corners
 
 
-def halved(loop: Parametric, y: np.ndarray, inner: float, outer: float) -> float:
+def bisect_direction(loop: ParametricLoop, y: np.ndarray, inner: float, outer: float) -> float:
     """The size between a stable and an unstable one where the direction y crosses, from above."""
     for _ in range(40):
         middle = (inner + outer) / 2
@@ -193,11 +197,11 @@ def halved(loop: Parametric, y: np.ndarray, inner: float, outer: float) -> float
     return outer
 
 
-LARGEST = 1e6  # factor beyond which nothing is looked for
-FEW = 32  # frequencies that tell whether a box is worth a proof
-ROOM = 0.999  # what the bound there has to stay below
-THINNEST = 1e-3  # of the whole box: thinner ones are not cut any more
-PROOF = 5.0  # [s] for one box
+MAX_FACTOR = 1e6  # factor beyond which nothing is looked for
+N_TEST_FREQUENCIES = 32  # frequencies that tell whether a box is worth a proof
+BOUND_LIMIT = 0.999  # what the bound there has to stay below
+MIN_BOX_WIDTH = 1e-3  # of the whole box: thinner ones are not cut any more
+BOX_TIME_CAP = 5.0  # [s] for one box
 
 
 @value
@@ -246,7 +250,7 @@ class ParameterMargin:
 
 
 @value(copy=False)
-class Search:
+class BoxSearch:
     """A loop, what breaks it, and the boxes that were proved at a level.
 
     Fields
@@ -317,17 +321,17 @@ def parameter_margin(N_ss: Any, blocks: Any, *, gap: float = 0.05, time_cap: flo
     (inf, True)
     """
     N = multivariable("N_ss", N_ss)
-    s = fitting("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
+    s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
     gap, deadline = positive("gap", gap), time.monotonic() + positive("time_cap", time_cap)
     if "real" not in s.kinds:
         raise ValueError("blocks must hold a real one, got none: certify_mu is for complex ones")
-    nominal = instability(N)
+    nominal = decide_stability(N)
     if not nominal.stable:
         raise ValueError(f"N_ss must be stable, got one that is {nominal}")
-    search, low = begun(N, s, blocks, deadline)
+    search, low = begin_search(N, s, blocks, deadline)
     kept = search
-    while search.broken > low * (1 + gap) and low < LARGEST:
-        tried = decided(replace(search, level=next_level(low, search.broken, gap), reason=""))
+    while search.broken > low * (1 + gap) and low < MAX_FACTOR:
+        tried = prove_level(replace(search, level=next_level(low, search.broken, gap), reason=""))
         if tried.reason and not tried.broken < search.broken:
             kept = replace(kept, reason=tried.reason)
             break
@@ -336,7 +340,7 @@ def parameter_margin(N_ss: Any, blocks: Any, *, gap: float = 0.05, time_cap: flo
         else:
             search = replace(search, broken=tried.broken, worst=tried.worst, omega=tried.omega)
     middles, halves = (np.array([box[k] for box in kept.boxes]).reshape(-1, len(s.kinds)) for k in (0, 1))
-    met = bool(search.broken <= low * (1 + gap) or low >= LARGEST)
+    met = bool(search.broken <= low * (1 + gap) or low >= MAX_FACTOR)
     return ParameterMargin(
         proved=low,
         broken=search.broken,
@@ -351,20 +355,20 @@ def parameter_margin(N_ss: Any, blocks: Any, *, gap: float = 0.05, time_cap: flo
 
 def next_level(low: float, broken: float, gap: float) -> float:
     """The level to be proved next: all that the gap leaves where that is near, else between what is known."""
-    near = min(broken, LARGEST) / (1 + 0.9 * gap)
+    near = min(broken, MAX_FACTOR) / (1 + 0.9 * gap)
     if np.isinf(broken):
-        return min(2 * low, LARGEST) if low else 1.0
+        return min(2 * low, MAX_FACTOR) if low else 1.0
     return near if near < 1.5 * low or not low else float(np.sqrt(low * near))
 
 
-def begun(N: control.StateSpace, s: BlockStructure, blocks: Any, deadline: float) -> tuple[Search, float]:
+def begin_search(N: control.StateSpace, s: BlockStructure, blocks: Any, deadline: float) -> tuple[BoxSearch, float]:
     """What the bounds of mu say of the whole box, and the factor proved."""
     now, r = time.monotonic(), len(s.kinds)
     omega = structure_grid(N)
-    omega = omega[:: max(1, omega.size // FEW)]  # a first guess: what counts is proved or broken later
-    omega, mu = refined(N, blocks, omega, now + 0.3 * (deadline - now))
+    omega = omega[:: max(1, omega.size // N_TEST_FREQUENCIES)]  # a first guess: what counts is proved or broken later
+    omega, mu = refine_grid(N, blocks, omega, now + 0.3 * (deadline - now))
     whole = ((np.zeros(r), np.ones(r)),)
-    search = Search(
+    search = BoxSearch(
         N=N,
         s=s,
         blocks=blocks,
@@ -375,53 +379,57 @@ def begun(N: control.StateSpace, s: BlockStructure, blocks: Any, deadline: float
         omega=np.nan,
         boxes=whole,
     )
-    peak = max(float(mu.max()), 1 / LARGEST)
-    search = broken_by_poles(search, N, (np.zeros(r), np.ones(r)), 1e-3 / peak, 100 / peak)
+    peak = max(float(mu.max()), 1 / MAX_FACTOR)
+    search = try_poles(search, N, (np.zeros(r), np.ones(r)), 1e-3 / peak, 100 / peak)
     at = np.sort(np.argsort(-mu)[:4])
-    found = searched(
-        np.moveaxis(along(N, omega[at]), 2, 0), s, 2, np.random.default_rng(0), now + 0.4 * (deadline - now)
+    found = search_perturbation(
+        np.moveaxis(response_by_channel(N, omega[at]), 2, 0),
+        s,
+        2,
+        np.random.default_rng(0),
+        now + 0.4 * (deadline - now),
     )
     k = int(found.value.argmax())
     if found.value[k] > 0 and 1 / found.value[k] < search.broken:
-        x = parameters_of(found.delta[:, :, k], s) * float(found.value[k])
+        x = real_parameters(found.delta[:, :, k], s) * float(found.value[k])
         search = replace(search, broken=1 / float(found.value[k]), worst=x, omega=float(omega[at[k]]))
-    level = min(0.99 / peak, LARGEST)
-    proof = certify_mu(N, blocks, 1 / level, time_cap=max(min(PROOF, deadline - time.monotonic()), 0.1))
+    level = min(0.99 / peak, MAX_FACTOR)
+    proof = certify_mu(N, blocks, 1 / level, time_cap=max(min(BOX_TIME_CAP, deadline - time.monotonic()), 0.1))
     if not proof.holds:
         return search, 0.0
     return replace(search, level=level, certificates=(proof,)), level
 
 
-def decided(search: Search) -> Search:
+def prove_level(search: BoxSearch) -> BoxSearch:
     """The level proved on every part of the box; or broken below it, or the reason why it stays open."""
     level, waiting, proved, proofs = search.level, list(search.boxes), [], []
     while waiting:
         if time.monotonic() > search.deadline:
             return replace(search, reason=f"the time cap was reached with {len(waiting)} parts of the box open")
         box = waiting.pop()
-        N = part_of(search, box)
-        if N is not None and instability(N).stable:
-            proof, peak_at = proof_of(search, N)
+        N = box_system(search, box)
+        if N is not None and decide_stability(N).stable:
+            proof, peak_at = prove_box(search, N)
             if proof is not None:
                 proved.append(box)
                 proofs.append(proof)
                 continue
-            found = broken_by_poles(search, N, box, 1e-3, 1.0)
+            found = try_poles(search, N, box, 1e-3, 1.0)
             if found.broken < search.broken:
                 return replace(found, reason="broken")
         else:
             peak_at = np.nan
-            found = along_ray(search, level * box[0])
+            found = try_multiple(search, level * box[0])
             if found.broken < search.broken:
                 return replace(found, reason="broken")
-        parts = halves_of(search, box, peak_at)
+        parts = split_box(search, box, peak_at)
         if not parts:
             return replace(search, reason="a part of the box is too thin to be cut, and open")
         waiting += parts
     return replace(search, boxes=tuple(proved), certificates=tuple(proofs), reason="")
 
 
-def part_of(search: Search, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
+def box_system(search: BoxSearch, box: tuple[np.ndarray, np.ndarray]) -> control.StateSpace | None:
     """What perturbations of size one close of a part of the box at the level: Delta = middle + half delta."""
     N, s, (middle, half) = search.N, search.s, box
     C, H = np.zeros(s.shape[::-1]), np.zeros(s.shape[1])
@@ -437,34 +445,36 @@ def part_of(search: Search, box: tuple[np.ndarray, np.ndarray]) -> control.State
     return control.StateSpace(N.A + N.B @ C @ y_x, N.B @ (C @ y_v + np.diag(H)), y_x, y_v, N.dt)
 
 
-def proof_of(search: Search, N: control.StateSpace) -> tuple[Certificate | None, float]:
+def prove_box(search: BoxSearch, N: control.StateSpace) -> tuple[Certificate | None, float]:
     """The proof that mu of a part stays below one, where a few frequencies do not contradict it; and where it peaks."""
     omega = structure_grid(N)
-    omega = omega[np.linspace(0, omega.size - 1, FEW).astype(int)]
+    omega = omega[np.linspace(0, omega.size - 1, N_TEST_FREQUENCIES).astype(int)]
     if np.isfinite(search.omega):
         omega = np.union1d(omega, search.omega * np.array([0.9, 0.97, 1.0, 1.03, 1.1]))
-    mu = bounded(np.moveaxis(along(N, omega), 2, 0), search.blocks, ROOM, search.deadline).value
+    mu = upper_bound(
+        np.moveaxis(response_by_channel(N, omega), 2, 0), search.blocks, BOUND_LIMIT, search.deadline
+    ).value
     where = float(omega[mu.argmax()])
-    if not mu.max() < ROOM:
+    if not mu.max() < BOUND_LIMIT:
         return None, where
-    left = max(min(PROOF, search.deadline - time.monotonic()), 0.05)
+    left = max(min(BOX_TIME_CAP, search.deadline - time.monotonic()), 0.05)
     proof = certify_mu(N, search.blocks, 1.0, time_cap=left)
     return (proof if proof.holds else None), where
 
 
-def broken_by_poles(
-    search: Search, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray], least: float, most: float
-) -> Search:
+def try_poles(
+    search: BoxSearch, N: control.StateSpace, box: tuple[np.ndarray, np.ndarray], least: float, most: float
+) -> BoxSearch:
     """With parameters of a part that take a pole across the boundary, if they are smaller than those known."""
-    found = crossing(N, search.s, least, most, time_cap=min(1.0, max(search.deadline - time.monotonic(), 0.01)))
+    found = find_crossing(N, search.s, least, most, time_cap=min(1.0, max(search.deadline - time.monotonic(), 0.01)))
     if found is None:
         return search
     middle, half = box
     scale = search.level or 1.0
-    return along_ray(search, scale * (middle + half * np.nan_to_num(parameters_of(found.delta, search.s))))
+    return try_multiple(search, scale * (middle + half * np.nan_to_num(real_parameters(found.delta, search.s))))
 
 
-def along_ray(search: Search, x: np.ndarray) -> Search:
+def try_multiple(search: BoxSearch, x: np.ndarray) -> BoxSearch:
     """With the smallest multiple of these parameters that breaks the loop, if it is smaller than what is known."""
     size = float(np.abs(x).max())
     if not size:
@@ -472,8 +482,8 @@ def along_ray(search: Search, x: np.ndarray) -> Search:
     point = replace(search, level=1.0)
 
     def unstable(t: float) -> bool:
-        N = part_of(point, (t * x, np.zeros(x.size)))
-        return N is None or instability(N).unstable
+        N = box_system(point, (t * x, np.zeros(x.size)))
+        return N is None or decide_stability(N).unstable
 
     high = next((t for t in (1.0, 1.0 + 1e-6, 1.0 + 1e-3) if unstable(t)), None)
     if high is None or high * size >= search.broken:
@@ -484,7 +494,7 @@ def along_ray(search: Search, x: np.ndarray) -> Search:
         low, high = (low, middle) if unstable(middle) else (middle, high)
         if high - low < 1e-9 * high:
             break
-    N = part_of(point, (high * x, np.zeros(x.size)))
+    N = box_system(point, (high * x, np.zeros(x.size)))
     poles = np.linalg.eigvals(N.A) if N is not None else np.array([np.nan + 0j])
     pole = poles[np.argmax(np.abs(poles) if N is not None and N.dt else poles.real)]
     omega = float(abs(np.angle(pole)) / N.dt) if N is not None and N.dt else float(abs(pole.imag))
@@ -492,7 +502,7 @@ def along_ray(search: Search, x: np.ndarray) -> Search:
     return replace(search, broken=high * size, worst=np.where(real, x / size, np.nan), omega=omega)
 
 
-def parameters_of(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
+def real_parameters(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     """(r,) the numbers of the real blocks of a perturbation, nan for the others."""
     return np.array(
         [
@@ -502,21 +512,23 @@ def parameters_of(delta: np.ndarray, s: BlockStructure) -> np.ndarray:
     )
 
 
-def halves_of(search: Search, box: tuple[np.ndarray, np.ndarray], omega: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def split_box(
+    search: BoxSearch, box: tuple[np.ndarray, np.ndarray], omega: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """The part cut in two across the parameter for which the bound where it peaks falls most; none where it is thin."""
     middle, half = box
     best: tuple[float, list[Any]] = (np.inf, [])
     for k in np.flatnonzero([kind == "real" for kind in search.s.kinds]):
-        if half[k] < THINNEST:
+        if half[k] < MIN_BOX_WIDTH:
             continue
         move = half * (np.arange(half.size) == k) / 2
         parts = [(middle - move, half - move), (middle + move, half - move)]
         worst = -half[k]
         if np.isfinite(omega):
-            cut = [part_of(search, part) for part in parts]
+            cut = [box_system(search, part) for part in parts]
             if all(N is not None for N in cut):
-                responses = np.concatenate([np.moveaxis(along(N, np.array([omega])), 2, 0) for N in cut])
-                worst = float(bounded(responses, search.blocks, 0.0, search.deadline).value.max())
+                responses = np.concatenate([np.moveaxis(response_by_channel(N, np.array([omega])), 2, 0) for N in cut])
+                worst = float(upper_bound(responses, search.blocks, 0.0, search.deadline).value.max())
         if worst < best[0]:
             best = (worst, parts)
     return best[1]

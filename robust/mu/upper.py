@@ -17,30 +17,30 @@ import numpy as np
 
 from nlfrf._base.arguments import shown
 from nlfrf._base.values import value
-from robust.lti.lti import along
+from robust.lti.lti import response_by_channel
 from robust.lti.norms import EPS
-from robust.mu.blocks import BlockStructure, fitting, structure
+from robust.mu.blocks import BlockStructure, block_structure, structure_for
 
 __all__ = [
     "MuBound",
-    "bound",
-    "bounded",
-    "hermitian",
+    "bound_from_scalings",
+    "conjugate_transpose",
+    "mu_bound_at",
     "mu_upper",
-    "osborne",
-    "recomputed",
-    "refined",
+    "optimal_scalings",
+    "osborne_balance",
+    "refine_grid",
     "response_matrices",
-    "scalings",
+    "upper_bound",
     "worst_gain",
 ]
 
 
-MOST_STEPS = 80
-MOST_STEPS_REAL = 200
-GAP = 1e-9
-SPRING = 0.1
-MOST_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a second
+MAX_STEPS = 80
+MAX_STEPS_REAL = 200
+CENTRE_GAP = 1e-9
+CENTRE_REGULARISATION = 0.1
+MAX_ENTRIES = 500_000  # of the arrays of one Newton step, a fraction of a second
 
 
 @value(copy=False)
@@ -110,29 +110,29 @@ def mu_upper(N: np.ndarray, blocks: Any) -> MuBound:
     >>> [round(float(mu_upper(M, b).value[0]), 3) for b in ([(2, 2)], [(1, 1), (1, 1)], [(2, 2, "repeated")])]
     [3.162, 3.0, 1.0]
     """
-    return bounded(response_matrices("N", N), blocks)
+    return upper_bound(response_matrices("N", N), blocks)
 
 
-def bounded(M: np.ndarray, blocks: Any, target: float = 0.0, deadline: float = np.inf) -> MuBound:
+def upper_bound(M: np.ndarray, blocks: Any, target: float = 0.0, deadline: float = np.inf) -> MuBound:
     """The bound on (W, n_out, n_in) matrices; with a target, from scalings that leave most room under it.
 
     Whatever scalings there are at the deadline (of time.monotonic()) make a bound too.
     """
-    s = fitting("blocks", blocks, M.shape[1:])
+    s = structure_for("blocks", blocks, M.shape[1:])
     size = np.linalg.norm(M, axis=(1, 2))
     scale = np.where(size > 0, size, 1.0)
     M = M / scale[:, None, None]
-    D_L, D_R, G = scalings(M, s, target / scale, deadline)
+    D_L, D_R, G = optimal_scalings(M, s, target / scale, deadline)
     one_L, one_R = (np.broadcast_to(np.eye(n, dtype=complex), (M.shape[0], n, n)) for n in s.shape)
-    best = recomputed(M, D_L, D_R, G)
+    best = bound_from_scalings(M, D_L, D_R, G)
     best = np.where(best * scale < target, 0.0, best)  # good enough: no other is looked at
     for others in ((D_L, D_R, 0 * G), (one_L, one_R, 0 * G)):
-        other = recomputed(M, *others)
+        other = bound_from_scalings(M, *others)
         D_L, D_R, G = (
             np.where((other < best)[:, None, None], new, old) for new, old in zip(others, (D_L, D_R, G), strict=True)
         )
         best = np.minimum(best, other)
-    best = np.where(best == 0, recomputed(M, D_L, D_R, G), best)
+    best = np.where(best == 0, bound_from_scalings(M, D_L, D_R, G), best)
     scaling = (np.moveaxis(m, 0, 2) for m in (D_L, D_R, G * scale[:, None, None]))
     return MuBound(value=best * scale, scaling=tuple(scaling))
 
@@ -149,7 +149,7 @@ def response_matrices(name: str, N: Any) -> np.ndarray:
     return np.ascontiguousarray(np.moveaxis(N, 2, 0), dtype=complex)
 
 
-def recomputed(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -> np.ndarray:
+def bound_from_scalings(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -> np.ndarray:
     """(W,) the bound that these scalings prove; inf where they are not fit to prove any."""
     with np.errstate(all="ignore"):
         scaled = D_L @ N @ np.linalg.inv(D_R)
@@ -160,18 +160,18 @@ def recomputed(N: np.ndarray, D_L: np.ndarray, D_R: np.ndarray, G: np.ndarray) -
         return np.where(fine, bound, np.inf)
     G = np.where(fine[:, None, None], G, 0)
     skew = 1j * G @ scaled
-    square = hermitian(scaled) @ scaled
+    square = conjugate_transpose(scaled) @ scaled
     rounding = 20 * N.shape[-1] * EPS * (np.linalg.norm(square, axis=(1, 2)) + np.linalg.norm(skew, axis=(1, 2)))
-    largest = np.linalg.eigvalsh(square + skew + hermitian(skew))[:, -1] + rounding
+    largest = np.linalg.eigvalsh(square + skew + conjugate_transpose(skew))[:, -1] + rounding
     return np.where(fine, np.sqrt(np.maximum(largest, 0.0)), np.inf)
 
 
-def hermitian(M: np.ndarray) -> np.ndarray:
+def conjugate_transpose(M: np.ndarray) -> np.ndarray:
     """Conjugate transpose of every matrix."""
     return M.conj().swapaxes(-1, -2)
 
 
-def osborne(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
+def osborne_balance(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
     """(W, blocks) numbers d that balance the Frobenius norms of the blocks d_i N_ik / d_k."""
     sizes = np.stack(
         [np.stack([np.linalg.norm(N[:, r, c], axis=(1, 2)) for c in s.cols], axis=1) for r in s.rows], axis=1
@@ -188,7 +188,7 @@ def osborne(N: np.ndarray, s: BlockStructure, n_steps: int = 12) -> np.ndarray:
     return np.sqrt(d2)
 
 
-def scalings(
+def optimal_scalings(
     N: np.ndarray, s: BlockStructure, target: np.ndarray | float = 0.0, deadline: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """D_L, D_R and G (W, ., .) of least bound: Osborne's balance, then the method of centres.
@@ -198,22 +198,22 @@ def scalings(
     """
     W = N.shape[0]
     target = np.broadcast_to(np.square(target), W)
-    parts = np.array_split(np.arange(W), max(1, W * (len(s.left) + len(s.skew)) * N.shape[2] ** 2 // MOST_ENTRIES))
+    parts = np.array_split(np.arange(W), max(1, W * (len(s.left) + len(s.skew)) * N.shape[2] ** 2 // MAX_ENTRIES))
     found = []
     for k, part in enumerate(parts):
         now = time.monotonic()
         share = now + (deadline - now) / (len(parts) - k)
-        found.append(centres(N[part], s, target[part], share))
+        found.append(method_of_centres(N[part], s, target[part], share))
     D_L, D_R, G = (np.concatenate(each) for each in zip(*found, strict=True))
     return D_L, D_R, G
 
 
-def centres(
+def method_of_centres(
     N: np.ndarray, s: BlockStructure, target: np.ndarray, deadline: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same for (W,) squares of the target, by steps of all frequencies at once."""
     W = N.shape[0]
-    d = osborne(N, s)
+    d = osborne_balance(N, s)
     D_L, D_R = (
         np.stack([np.diag(np.repeat(row, [p.stop - p.start for p in parts])) for row in d]).astype(complex)
         for parts in (s.rows, s.cols)
@@ -224,10 +224,10 @@ def centres(
     bound = top_eigenvalue(M, g)
     best = bound.copy()
     alpha = np.where(bound < target, target, np.maximum(bound * 1.3, bound + 0.1 * np.abs(bound) + 1e-9))
-    for _ in range(MOST_STEPS_REAL if s.skew.size else MOST_STEPS):
+    for _ in range(MAX_STEPS_REAL if s.skew.size else MAX_STEPS):
         if time.monotonic() > deadline:
             break
-        M, L, R, g, near, lost = centred(M, L, R, g, alpha, s)
+        M, L, R, g, near, lost = newton_step_to_centre(M, L, R, g, alpha, s)
         bound = top_eigenvalue(M, g)
         goal = target[todo]
         better = (bound < best[todo]) | (alpha == goal)
@@ -235,7 +235,7 @@ def centres(
         D_L[at], D_R[at], G[at], best[at] = L[better], R[better], g[better], bound[better]
         # far from the centre alpha waits; near it, it goes down towards the bound reached
         gap = alpha - bound
-        done = lost | (gap <= GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
+        done = lost | (gap <= CENTRE_GAP * np.abs(alpha)) | (bound < 1e-14) & (goal == 0) | near & (alpha == goal)
         alpha = np.where(near, np.where(bound < goal, goal, bound + 0.2 * gap), alpha)
         keep = ~done & np.isfinite(bound)
         todo, M, L, R, g, alpha = todo[keep], M[keep], L[keep], R[keep], g[keep], alpha[keep]
@@ -246,14 +246,14 @@ def centres(
 
 def top_eigenvalue(M: np.ndarray, G: np.ndarray) -> np.ndarray:
     """(W,) largest eigenvalue of M^H M + j (G M - M^H G^H)."""
-    A = hermitian(M) @ M
+    A = conjugate_transpose(M) @ M
     if G.any():
         skew = 1j * G @ M
-        A = A + skew + hermitian(skew)
+        A = A + skew + conjugate_transpose(skew)
     return np.linalg.eigvalsh(A)[:, -1]
 
 
-def centred(
+def newton_step_to_centre(
     M: np.ndarray, L: np.ndarray, R: np.ndarray, G: np.ndarray, alpha: np.ndarray, s: BlockStructure
 ) -> tuple[np.ndarray, ...]:
     """One Newton step from X = I towards the centre of the scalings that prove alpha; whether it was near, or lost.
@@ -263,14 +263,14 @@ def centred(
     """
     W, n = M.shape[0], M.shape[2]
     K = s.left.shape[0]
-    F = alpha[:, None, None, None] * s.right - hermitian(M)[:, None] @ s.left @ M[:, None]
+    F = alpha[:, None, None, None] * s.right - conjugate_transpose(M)[:, None] @ s.left @ M[:, None]
     if s.skew.size:
         skew = 1j * s.skew @ M[:, None]
-        F = np.concatenate([F, -(skew + hermitian(skew))], axis=1)
-    A = hermitian(M) @ M
+        F = np.concatenate([F, -(skew + conjugate_transpose(skew))], axis=1)
+    A = conjugate_transpose(M) @ M
     if s.skew.size:
         now = 1j * G @ M
-        A = A + now + hermitian(now)
+        A = A + now + conjugate_transpose(now)
     inverse = np.linalg.inv(alpha[:, None, None] * np.eye(n) - A)
     P = inverse[:, None] @ F
     flat = P.reshape(W, -1, n * n)
@@ -284,7 +284,7 @@ def centred(
     gradient[:, :K] -= trace
     size = H.shape[1]
     # a spring on G, which the barrier alone may let run away, weaker as the bound is approached
-    spring = SPRING * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
+    spring = CENTRE_REGULARISATION * np.clip(1 - np.linalg.eigvalsh(A)[:, -1] / alpha, 1e-9, 1.0)
     gradient[:, K:] += spring[:, None] * (G.reshape(W, n * M.shape[1]) @ G_rows.conj().T).real
     H[:, K:, K:] += spring[:, None, None] * (G_rows.conj() @ G_rows.T).real
     H = H + 1e-13 * np.einsum("wkk->w", H)[:, None, None] * np.eye(size) / size
@@ -313,27 +313,34 @@ def centred(
     if s.skew.size:
         G = G + np.where(lost[:, None, None], 0, np.tensordot(step[:, K:], s.skew, 1))
     C_L, C_R = np.linalg.cholesky(X_L), np.linalg.cholesky(X_R)
-    into = np.linalg.inv(hermitian(C_R))
+    into = np.linalg.inv(conjugate_transpose(C_R))
     if s.skew.size:
-        G = hermitian(into) @ G @ np.linalg.inv(hermitian(C_L))
-    return hermitian(C_L) @ M @ into, hermitian(C_L) @ L, hermitian(C_R) @ R, G, near, lost
+        G = conjugate_transpose(into) @ G @ np.linalg.inv(conjugate_transpose(C_L))
+    return (
+        conjugate_transpose(C_L) @ M @ into,
+        conjugate_transpose(C_L) @ L,
+        conjugate_transpose(C_R) @ R,
+        G,
+        near,
+        lost,
+    )
 
 
-ZOOMS = 4
+N_REFINEMENTS = 4
 
 
-def bound(N: control.StateSpace, blocks: Any, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
+def mu_bound_at(N: control.StateSpace, blocks: Any, omega: np.ndarray, deadline: float = np.inf) -> np.ndarray:
     """(W,) upper bound at omega."""
-    return np.asarray(bounded(response_matrices("N", along(N, omega)), blocks, 0.0, deadline).value)
+    return np.asarray(upper_bound(response_matrices("N", response_by_channel(N, omega)), blocks, 0.0, deadline).value)
 
 
-def refined(
+def refine_grid(
     N: control.StateSpace, blocks: Any, omega: np.ndarray, deadline: float = np.inf
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies with more of them around the peak, and the bound there."""
     now = time.monotonic()
-    mu = bound(N, blocks, omega, now + 0.7 * (deadline - now))
-    for _ in range(ZOOMS):  # around the largest, five times closer each time
+    mu = mu_bound_at(N, blocks, omega, now + 0.7 * (deadline - now))
+    for _ in range(N_REFINEMENTS):  # around the largest, five times closer each time
         if time.monotonic() > deadline:
             break
         k = int(mu.argmax())
@@ -342,7 +349,7 @@ def refined(
         more = np.setdiff1d(more, omega)
         both = np.concatenate([omega, more])
         order = np.argsort(both)
-        omega, mu = both[order], np.concatenate([mu, bound(N, blocks, more, deadline)])[order]
+        omega, mu = both[order], np.concatenate([mu, mu_bound_at(N, blocks, more, deadline)])[order]
     return omega, mu
 
 
@@ -385,7 +392,7 @@ def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
     0.666667
     """
     M = response_matrices("N", N)
-    rows, cols = structure("blocks", blocks).shape
+    rows, cols = block_structure("blocks", blocks).shape
     W, n_out, n_in = M.shape
     if rows >= n_out or cols >= n_in:
         raise ValueError(
@@ -393,7 +400,7 @@ def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
             f"got {rows} rows and {cols} columns"
         )
     whole = [*blocks, (n_out - rows, n_in - cols)]
-    stability = bounded(M[:, :rows, :cols], blocks).value
+    stability = upper_bound(M[:, :rows, :cols], blocks).value
     open_ = np.flatnonzero(stability < 1)
     gain = np.full(W, np.inf)
     if not open_.size:
@@ -402,7 +409,7 @@ def worst_gain(N: np.ndarray, blocks: Any) -> np.ndarray:
     def fits(g: np.ndarray) -> np.ndarray:
         scaled = M[open_].copy()
         scaled[:, rows:] /= g[:, None, None]
-        return np.asarray(bounded(scaled, whole).value < 1)
+        return np.asarray(upper_bound(scaled, whole).value < 1)
 
     size = np.linalg.norm(M[open_][:, rows:, cols:], axis=(1, 2)) + 1e-300
     low, high = size * 1e-3, size * 1.0001

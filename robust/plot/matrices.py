@@ -14,7 +14,7 @@ from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, low
 from robust._base.channels import require_matrix
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.performance import LoopGains
-from robust.lti.lti import along, timebase
+from robust.lti.lti import response_by_channel, timebase
 from robust.models.fit.nominal import behind_hold
 from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.plot.look import BESIDE, COLOR, MEASURED, OVER, hz, mark_band, show_all_of
@@ -51,7 +51,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Bla | Sequence[Bla] | None = 
     for one in frms:
         require_matrix("frm", one)
     frms = [behind_hold(one, timebase(model.nominal)) for one in frms]
-    f, size, reach = hz(omega), np.abs(along(model.nominal, omega)), model.reach(omega)
+    f, size, reach = hz(omega), np.abs(response_by_channel(model.nominal, omega)), model.reach(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
     for (j, i), one in np.ndenumerate(made):
@@ -94,7 +94,7 @@ def plot_matrix_weights(model: MatrixUncertainty, *, ax: Axes | None = None) -> 
             one.set_visible(False)
             continue
         k = places[place]
-        weight = np.abs(along(weights[k], omega)[0, 0]) * np.ones(omega.size)
+        weight = np.abs(response_by_channel(weights[k], omega)[0, 0]) * np.ones(omega.size)
         one.plot(hz(model.omega), db(model.radius[k]), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
         one.plot(hz(omega), db(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
         one.set_xscale("log")

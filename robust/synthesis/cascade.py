@@ -13,7 +13,7 @@ from typing import Any
 import control
 
 from robust.lti.connections import in_parallel, in_series
-from robust.lti.lti import constant, timebase
+from robust.lti.lti import is_constant, timebase
 from robust.lti.realisation import state_space
 
 __all__ = ["cascade"]
@@ -57,7 +57,7 @@ def cascade(K_outer: Any, K_inner: Any, *, outer: Any = 1.0, inner: Any = 1.0) -
     """
     parts = {"K_outer": K_outer, "K_inner": K_inner, "outer": outer, "inner": inner}
     systems = {name: state_space(name, part) for name, part in parts.items()}
-    clocks = {name: timebase(system) for name, system in systems.items() if not constant(system)}
+    clocks = {name: timebase(system) for name, system in systems.items() if not is_constant(system)}
     if len(set(clocks.values())) > 1:
         told = ", ".join(f"{name} {dt:g} s" for name, dt in clocks.items())
         raise ValueError(f"K_inner must have the sampling time of all other parts, 0 for continuous, got {told}")

@@ -16,12 +16,19 @@ from robust._base.channels import is_single
 from robust.analysis.check import check
 from robust.analysis.loop import assemble
 from robust.lti.connections import closed_loop
-from robust.lti.lti import Matrices, along, named, response, timebase
+from robust.lti.lti import Matrices, response, response_by_channel, timebase, with_names
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.matrix_model import MatrixUncertainty
 
-__all__ = ["Reduction", "balanced", "of_factors", "reduce_controller", "split", "weighted"]
+__all__ = [
+    "Reduction",
+    "balanced_candidates",
+    "coprime_factor_candidates",
+    "reduce_controller",
+    "split_modes",
+    "weighted_candidates",
+]
 
 
 # ---- Model reduction by balanced truncation: of a system itself, seen through weights, or of its coprime factors.
@@ -32,12 +39,12 @@ __all__ = ["Reduction", "balanced", "of_factors", "reduce_controller", "split", 
 #
 # (Moore 1981; Enns 1984 for weights; Meyer 1990 for coprime factors; SP 11.2 to 11.4.)
 
-SLOW = 1e-9  # of the size of A: modes nearer to the axis are kept as they are
+AXIS_TOLERANCE = 1e-9  # of the size of A: modes nearer to the axis are kept as they are
 
 
-def split(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+def split_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
     """(A, B, C) of the modes that are kept, those not strictly stable, and of the others."""
-    n, size = A.shape[0], SLOW * max(float(np.linalg.norm(A)), 1e-300)
+    n, size = A.shape[0], AXIS_TOLERANCE * max(float(np.linalg.norm(A)), 1e-300)
     T, Z, k = schur(A, output="real", sort=lambda re, im=0.0: re >= -size) if n else (A, np.eye(0), 0)
     # T = [T11 T12; 0 T22] made block diagonal: T11 X - X T22 = -T12
     X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
@@ -48,30 +55,30 @@ def split(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[tuple[np.ndarray
     return (T[:k, :k], moved[:k], shown[:, :k]), (T[k:, k:], moved[k:], shown[:, k:])
 
 
-def balanced(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
+def balanced_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
     """(way, order, system) for every order: of the strictly stable part of a system, the rest beside it."""
     A, B, C, D = K
-    kept, (A, B, C) = split(A, B, C)
+    kept, (A, B, C) = split_modes(A, B, C)
     P, Q = solve_continuous_lyapunov(A, -B @ B.T), solve_continuous_lyapunov(A.T, -C.T @ C)
-    for way, small in cut((A, B, C, D), P, Q):
-        yield f"balanced, {way}", small[0].shape[0] + kept[0].shape[0], beside(kept, small)
+    for way, small in truncations((A, B, C, D), P, Q):
+        yield f"balanced, {way}", small[0].shape[0] + kept[0].shape[0], add_systems(kept, small)
 
 
-def weighted(K: Matrices, before: Matrices, behind: Matrices) -> Iterator[tuple[str, int, Matrices]]:
+def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iterator[tuple[str, int, Matrices]]:
     """The same with the error seen through stable weights, behind (K - K_r) before (Enns)."""
     A, B, C, D = K
-    kept, (A, B, C) = split(A, B, C)
+    kept, (A, B, C) = split_modes(A, B, C)
     n, (Ab, Bb, Cb, Db), (Aa, Ba, Ca, _) = A.shape[0], before, behind
     driven = np.block([[A, B @ Cb], [np.zeros((Ab.shape[0], n)), Ab]])
     seen = np.block([[A, np.zeros((n, Aa.shape[0]))], [Ba @ C, Aa]])
     into, out = np.vstack([B @ Db, Bb]), np.hstack([behind[3] @ C, Ca])
     P = solve_continuous_lyapunov(driven, -into @ into.T)[:n, :n]
     Q = solve_continuous_lyapunov(seen.T, -out.T @ out)[:n, :n]
-    for way, small in cut((A, B, C, D), P, Q):
-        yield f"weighted by the loop, {way}", small[0].shape[0] + kept[0].shape[0], beside(kept, small)
+    for way, small in truncations((A, B, C, D), P, Q):
+        yield f"weighted by the loop, {way}", small[0].shape[0] + kept[0].shape[0], add_systems(kept, small)
 
 
-def of_factors(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
+def coprime_factor_candidates(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
     """The same of the normalised left coprime factors of a system, K = M^-1 N: unstable modes are reduced with it."""
     A, B, C, D = K
     R, S = np.eye(D.shape[0]) + D @ D.T, np.eye(D.shape[1]) + D.T @ D
@@ -83,7 +90,7 @@ def of_factors(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
     P = solve_continuous_lyapunov(factors[0], -factors[1] @ factors[1].T)
     Q = solve_continuous_lyapunov(factors[0].T, -factors[2].T @ factors[2])
     m = B.shape[1]
-    for way, (Ar, Br, Cr, Dr) in cut(factors, P, Q):
+    for way, (Ar, Br, Cr, Dr) in truncations(factors, P, Q):
         N, M, into = Dr[:, :m], Dr[:, m:], Br[:, m:]
         if np.linalg.cond(M) < 1e12:
             back = np.linalg.solve(M, np.hstack([Cr, N]))
@@ -91,10 +98,10 @@ def of_factors(K: Matrices) -> Iterator[tuple[str, int, Matrices]]:
             yield f"coprime factors, {way}", Ar.shape[0], (Ar - into @ C_K, Br[:, :m] - into @ D_K, C_K, D_K)
 
 
-def cut(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tuple[str, Matrices]]:
+def truncations(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tuple[str, Matrices]]:
     """Every smaller order, truncated and residualised, from the Gramians of a system (square root, Tombs 1987)."""
     A, B, C, D = system
-    Lc, Lo = root_of(P), root_of(Q)
+    Lc, Lo = gramian_root(P), gramian_root(Q)
     U, sizes, V = np.linalg.svd(Lo.T @ Lc)
     n = int(np.sum(sizes > 1e-12 * sizes.max(initial=0.0)))  # what neither drives nor shows is left out exactly
     scale = np.sqrt(sizes[:n])
@@ -111,19 +118,19 @@ def cut(system: Matrices, P: np.ndarray, Q: np.ndarray) -> Iterator[tuple[str, M
             )  # fmt: skip
 
 
-def root_of(gramian: np.ndarray) -> np.ndarray:
+def gramian_root(gramian: np.ndarray) -> np.ndarray:
     """L with L L' the positive part of a Gramian."""
     values, vectors = np.linalg.eigh((gramian + gramian.T) / 2)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def beside(kept: tuple[np.ndarray, ...], small: Matrices) -> Matrices:
+def add_systems(kept: tuple[np.ndarray, ...], small: Matrices) -> Matrices:
     """The sum of the modes that were kept and a reduced part."""
     A, B, C, D = small
     return block_diag(kept[0], A), np.vstack([kept[1], B]), np.hstack([kept[2], C]), D
 
 
-CLOSE = 0.1  # max |T_r - T| where no performance was proved
+MAX_CHANGE_OF_T = 0.1  # max |T_r - T| where no performance was proved
 
 
 @value
@@ -238,13 +245,13 @@ def reduce_controller(
             reason = f"the time cap was reached below order {n}"
             break
         n_tried += len(by_order[n])
-        for method, small in ranked(by_order[n], model, w_P, delay, K, before, every=order is not None):
+        for method, small in rank_candidates(by_order[n], model, w_P, delay, K, before, every=order is not None):
             report = check(model, small, w_P=w_P, delay=delay)
-            kept, lost = compared(report, before, moved(model, K, small, before))
+            kept, lost = compare_reports(report, before, change_of_T(model, K, small, before))
             if kept or order is not None:
                 told = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
                 return Reduction(
-                    K=named(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **told
+                    K=with_names(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **told
                 )
     return Reduction(
         K=K,
@@ -266,8 +273,8 @@ def candidates(
         return
     dt = timebase(K)
     image = continuous_image(K)
-    ways = [lambda: balanced(image), lambda: of_factors(image)]
-    if not measured(model):
+    ways = [lambda: balanced_candidates(image), lambda: coprime_factor_candidates(image)]
+    if not is_measured(model):
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
         if isinstance(model, MatrixUncertainty):
             around = [control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs]
@@ -276,7 +283,7 @@ def candidates(
             around = [loop.closed(*pair) for pair in pairs]
         before, behind = map(continuous_image, around)
         if np.all(np.linalg.eigvals(before[0]).real < 0):
-            ways.append(lambda: weighted(image, before, behind))
+            ways.append(lambda: weighted_candidates(image, before, behind))
     for way in ways:
         try:
             for method, n, small in way():
@@ -286,14 +293,14 @@ def candidates(
             continue
 
 
-def measured(model: Any) -> bool:
+def is_measured(model: Any) -> bool:
     """Whether the plant is known on its lines only."""
     return (
         is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False)
     )
 
 
-def ranked(
+def rank_candidates(
     small: list[tuple[str, control.StateSpace]],
     model: Any,
     w_P: Any,
@@ -310,30 +317,33 @@ def ranked(
             report = check(model, K, w_P=w_P, delay=delay, certify=False)
         except ValueError:  # a loop without a solution
             continue
-        change = moved(model, whole, K, before)
-        performs = report.margin_rp >= 1 if before.robust_performance else change <= CLOSE
+        change = change_of_T(model, whole, K, before)
+        performs = report.margin_rp >= 1 if before.robust_performance else change <= MAX_CHANGE_OF_T
         if (report.margin_rs > 1 and performs) or every:
             size = report.margin_rp if before.robust_performance else -change
             found.append((report.nominally_stable, float(np.nan_to_num(size)), method, K))
     return [(method, K) for _, _, method, K in sorted(found, key=lambda one: one[:2], reverse=True)]
 
 
-def compared(report: Any, before: Any, change: float) -> tuple[bool, str]:
+def compare_reports(report: Any, before: Any, change: float) -> tuple[bool, str]:
     """Whether everything that was proved before is proved again, and what is not."""
     if before.verdict.is_robust and report.verdict != before.verdict:
         return False, f"the verdict is '{report.verdict}' where it was '{before.verdict}': {report.reason}"
     if before.robust_performance and not report.robust_performance:
         return False, "robust performance is not proved any more"
-    if not before.robust_performance and not change <= CLOSE:
+    if not before.robust_performance and not change <= MAX_CHANGE_OF_T:
         return False, f"the closed loop moved by {change:.3g}"
     return True, ""
 
 
-def moved(model: Any, K: control.StateSpace, small: control.StateSpace, before: Any) -> float:
+def change_of_T(model: Any, K: control.StateSpace, small: control.StateSpace, before: Any) -> float:
     """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
     if isinstance(model, MatrixUncertainty):
-        G, one = along(model.nominal, before.omega), np.eye(model.n_outputs)
-        L = (np.moveaxis(np.einsum("jkw,klw->jlw", G, along(part, before.omega)), 2, 0) for part in (K, small))
+        G, one = response_by_channel(model.nominal, before.omega), np.eye(model.n_outputs)
+        L = (
+            np.moveaxis(np.einsum("jkw,klw->jlw", G, response_by_channel(part, before.omega)), 2, 0)
+            for part in (K, small)
+        )
         S, S_r = (np.linalg.inv(one + part) for part in L)
         return float(np.linalg.norm(S_r - S, 2, axis=(1, 2)).max())
     with np.errstate(all="ignore"):

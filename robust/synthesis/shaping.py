@@ -50,7 +50,7 @@ def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
     if phase >= np.pi / 2:
         raise ValueError(f"phase must be below pi/2 rad for one lead, got {phase:g}. Take two")
     ratio = np.sqrt((1 + np.sin(phase)) / (1 - np.sin(phase)))
-    return timed(from_roots(np.array([-omega / ratio]), np.array([-omega * ratio]), ratio, 0.0), omega, dt)
+    return on_time_base(from_roots(np.array([-omega / ratio]), np.array([-omega * ratio]), ratio, 0.0), omega, dt)
 
 
 def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
@@ -88,7 +88,7 @@ def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
         gain = real("gain", gain)
     if gain <= 1:
         raise ValueError(f"gain must be above 1, got {gain:g}")
-    return timed(from_roots(np.array([-omega]), np.array([-omega / gain]), 1.0, 0.0), omega, dt)
+    return on_time_base(from_roots(np.array([-omega]), np.array([-omega / gain]), 1.0, 0.0), omega, dt)
 
 
 def notch(omega: float, *, depth: float = 0.1, width: float = 0.5, dt: float = 0.0) -> control.StateSpace:
@@ -128,7 +128,7 @@ def notch(omega: float, *, depth: float = 0.1, width: float = 0.5, dt: float = 0
     """
     omega, depth, width = positive("omega", omega), nonnegative("depth", depth), positive("width", width)
     top, bottom = (np.roots([1.0, d * width * omega, omega**2]) for d in (depth, 1.0))
-    return timed(from_roots(top, bottom, 1.0, 0.0), omega, dt)
+    return on_time_base(from_roots(top, bottom, 1.0, 0.0), omega, dt)
 
 
 def roll_off(omega: float, *, order: int = 1, zeta: float = 0.7, dt: float = 0.0) -> control.StateSpace:
@@ -168,7 +168,7 @@ def roll_off(omega: float, *, order: int = 1, zeta: float = 0.7, dt: float = 0.0
     if order > 2:
         raise ValueError(f"order must be 1 or 2, got {order}")
     poles = np.array([-omega]) if order == 1 else np.roots([1.0, 2 * zeta * omega, omega**2])
-    return timed(from_roots(np.zeros(0), poles, omega**order, 0.0), omega, dt)
+    return on_time_base(from_roots(np.zeros(0), poles, omega**order, 0.0), omega, dt)
 
 
 def pid(
@@ -220,7 +220,7 @@ def pid(
     return discretize(K, dt) if dt else K
 
 
-def timed(K: control.StateSpace, omega: float, dt: float) -> control.StateSpace:
+def on_time_base(K: control.StateSpace, omega: float, dt: float) -> control.StateSpace:
     """The element on its time base, exact at its frequency."""
     dt = nonnegative("dt", dt)
     return discretize(K, dt, prewarp=omega) if dt else K

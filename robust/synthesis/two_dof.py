@@ -18,30 +18,30 @@ from nlfrf._base.arguments import nonnegative, positive
 from nlfrf._base.values import value
 from robust.analysis.loop import Loop, assemble, nominal_instability
 from robust.lti.connections import in_series
-from robust.lti.lti import constant, response, timebase
+from robust.lti.lti import is_constant, response, timebase
 from robust.lti.norms import continuous_image, to_discrete
-from robust.lti.realisation import least_stable, stable_weight
+from robust.lti.realisation import rightmost_pole, stable_weight
 from robust.lti.sampling import discretize
-from robust.lti.stability import stable
+from robust.lti.stability import is_stable
 from robust.models.sets.forms import numerator
 from robust.models.sets.model import require_one_channel
 from robust.proofs.search.certificate import Certificate
 from robust.synthesis.hinf.hinfsyn import hinfsyn
-from robust.synthesis.reduction import balanced
+from robust.synthesis.reduction import balanced_candidates
 
 __all__ = [
     "Feedforward",
     "Prefilter",
     "feedforward",
     "fewest_states",
-    "following",
-    "matching",
+    "matching_plant",
     "on_time_base",
     "prefilter",
+    "reference_loop",
 ]
 
 
-SMALL = 0.01  # what leaving out states of F may change of T F
+REDUCTION_TOLERANCE = 0.01  # what leaving out states of F may change of T F
 
 
 @value
@@ -123,15 +123,15 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     >>> found.F.nstates, round(float(found.F.D[0, 0]), 2)
     (0, 1.0)
     """
-    effort, loop = positive("effort", effort), following(model, K, delay)
+    effort, loop = positive("effort", effort), reference_loop(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
     T = loop.closed(("y",), ("r",))
-    found = hinfsyn(matching(T_ref, T, effort, loop.dt), 1, 1)
+    found = hinfsyn(matching_plant(T_ref, T, effort, loop.dt), 1, 1)
     if not found.found:
         raise ValueError(f"reference must be one that a prefilter can be found for: {found.reason}")
     omega = loop.grid(model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
-    error, worst = errors(loop, response(F, omega), response(T_ref, omega), omega)
+    error, worst = tracking_errors(loop, response(F, omega), response(T_ref, omega), omega)
     return Prefilter(
         F=F,
         gamma=found.gamma,
@@ -143,7 +143,7 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     )
 
 
-def following(model: Any, K: Any, delay: float) -> Loop:
+def reference_loop(model: Any, K: Any, delay: float) -> Loop:
     """The loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
@@ -157,10 +157,10 @@ def following(model: Any, K: Any, delay: float) -> Loop:
 def on_time_base(reference: Any, dt: float) -> control.StateSpace:
     """The reference model, stable, on the time base of the loop."""
     T_ref = stable_weight("reference", reference, dt)
-    return discretize(T_ref, dt) if dt and not timebase(T_ref) and not constant(T_ref) else T_ref
+    return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
 
 
-def matching(T_ref: control.StateSpace, T: control.StateSpace, effort: float, dt: float) -> control.StateSpace:
+def matching_plant(T_ref: control.StateSpace, T: control.StateSpace, effort: float, dt: float) -> control.StateSpace:
     """From (r, u) to (T_ref r - T u, effort u; r)."""
     n, m = T_ref.nstates, T.nstates
     A = np.block([[T_ref.A, np.zeros((n, m))], [np.zeros((m, n)), T.A]])
@@ -173,9 +173,9 @@ def matching(T_ref: control.StateSpace, T: control.StateSpace, effort: float, dt
 def fewest_states(F: control.StateSpace, T: control.StateSpace, omega: np.ndarray, dt: float) -> control.StateSpace:
     """F without the states that T F hardly shows."""
     shown_by, whole = np.abs(response(T, omega)), response(F, omega)
-    for _, _, small in balanced(continuous_image(F)):
+    for _, _, small in balanced_candidates(continuous_image(F)):
         less = control.StateSpace(*(to_discrete(*small) if dt else small), dt)
-        if np.max(shown_by * np.abs(response(less, omega) - whole)) < SMALL:
+        if np.max(shown_by * np.abs(response(less, omega) - whole)) < REDUCTION_TOLERANCE:
             return less
     return F
 
@@ -187,7 +187,7 @@ def exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.S
     return control.StateSpace(F.A, F.B, F.C * scale, F.D * scale, T.dt)
 
 
-def errors(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def tracking_errors(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(W,) |T_ref - T F| and the largest |T_ref - T_p F|: S_p fills a disc, and T_p = 1 - S_p."""
     curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
@@ -290,20 +290,20 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
     >>> round(float(found.F.dcgain()), 2), bool(abs(abs(found.F(2j)) - np.sqrt(5 / 2)) < 0.02)
     (1.0, True)
     """
-    effort, loop = positive("effort", effort), following(model, K, delay)
-    if not stable(loop.G):
+    effort, loop = positive("effort", effort), reference_loop(model, K, delay)
+    if not is_stable(loop.G):
         raise ValueError(
-            f"model must have a stable nominal to be fed forward to, got a pole at {least_stable(loop.G):.4g}. Close a "
-            "loop around it first (cascade), or take prefilter, which feeds the closed loop"
+            f"model must have a stable nominal to be fed forward to, got a pole at {rightmost_pole(loop.G):.4g}. Close "
+            "a loop around it first (cascade), or take prefilter, which feeds the closed loop"
         )
     T_ref = on_time_base(reference, loop.dt)
-    found = hinfsyn(matching(T_ref, loop.G, effort, loop.dt), 1, 1)
+    found = hinfsyn(matching_plant(T_ref, loop.G, effort, loop.dt), 1, 1)
     if not found.found:
         raise ValueError(f"reference must be one that a feedforward can be found for: {found.reason}")
     omega = loop.grid(model.omega)
     F = fewest_states(found.K, loop.G, omega, loop.dt)
     wanted = response(T_ref, omega)
-    error, worst = missed(loop, response(F, omega), wanted, omega)
+    error, worst = feedforward_errors(loop, response(F, omega), wanted, omega)
     return Feedforward(
         F=F,
         gamma=found.gamma,
@@ -312,11 +312,13 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
         omega=omega,
         error=error,
         error_worst=worst,
-        error_without=missed(loop, np.zeros_like(wanted), wanted, omega)[1],
+        error_without=feedforward_errors(loop, np.zeros_like(wanted), wanted, omega)[1],
     )
 
 
-def missed(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def feedforward_errors(
+    loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """(W,) |S (T_ref - G F)| and the largest |S_p (T_ref - G_p F)| over the set, which no controller divides.
 
     S_p (T_ref - G_p F) = S (p + q Delta)/(1 + b Delta) fills a disc; inf where |b| reaches one.

@@ -12,7 +12,7 @@ import numpy as np
 
 from nlfrf._base.files import parse_json, require_schema, write_text
 from nlfrf._base.values import value
-from robust.proofs.exact.claim import Matrices, digest
+from robust.proofs.exact.claim import Matrices, content_digest
 
 __all__ = [
     "SCHEMA",
@@ -193,7 +193,7 @@ def write_friction_claim(
         "claim": claim_to_dict(claim),
         "found": list(found),
     }
-    entries["digest"] = digest(entries)
+    entries["digest"] = content_digest(entries)
     write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
 
 
@@ -204,7 +204,7 @@ def read_friction_claim(path: str | os.PathLike[str]) -> FrictionClaim | None:
         return None
     if entries.get("version") not in READABLE_VERSIONS:
         raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
-    if entries.get("digest") != digest({name: entry for name, entry in entries.items() if name != "digest"}):
+    if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
             "Something in it was changed."

@@ -8,7 +8,7 @@ from flint import fmpq, fmpq_mat
 
 from nlfrf._base.values import value
 from robust.friction.exact.claim import FrictionClaim
-from robust.proofs.exact.polynomials import rational, rational_matrix
+from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
 __all__ = [
     "ExactBlock",
@@ -45,17 +45,17 @@ class ExactLoop:
 
 def exact_loop(claim: FrictionClaim) -> ExactLoop:
     """The loop of machine, hold, delay and controller, with the state (machine, held force, waiting forces, K)."""
-    A, B, C = (rational_matrix(getattr(claim.machine, name)).tolist() for name in "ABC")
-    K = {name: rational_matrix(getattr(claim.controller, name)).tolist() for name in "ABCD"}
+    A, B, C = (to_rational_matrix(getattr(claim.machine, name)).tolist() for name in "ABC")
+    K = {name: to_rational_matrix(getattr(claim.controller, name)).tolist() for name in "ABCD"}
     n, s = claim.machine.order, claim.controller.order
-    D, T = K["D"][0][0], rational(claim.controller.dt)
+    D, T = K["D"][0][0], to_rational(claim.controller.dt)
     if not T:
         size = n + s
         F = [[A[i][j] - D * B[i][0] * C[0][j] for j in range(n)] + [B[i][0] * c for c in K["C"][0]] for i in range(n)]
         F += [[-K["B"][i][0] * C[0][j] for j in range(n)] + list(K["A"][i]) for i in range(s)]
         spans, jumps = [], []
     else:
-        whole, part = split_delay(rational(claim.delay), T)
+        whole, part = split_delay(to_rational(claim.delay), T)
         waiting = whole + (part > 0)
         size, own = n + 1 + waiting + s, n + 1 + waiting
         F = [list(A[i]) + [B[i][0]] + [0] * (size - n - 1) for i in range(n)] + [[0] * size for _ in range(size - n)]
@@ -73,7 +73,7 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
             spans, jumps = [part, T - part], [rows, late]
         else:
             rows[n] = forces[waiting]
-    velocity = [sum((C[1][i] * A[i][j] for i in range(n)), start=rational(0.0)) for j in range(n)]
+    velocity = [sum((C[1][i] * A[i][j] for i in range(n)), start=to_rational(0.0)) for j in range(n)]
     return ExactLoop(
         F=fmpq_mat(F),
         B=fmpq_mat([[-B[i][1]] for i in range(n)] + [[0]] * (size - n)),
@@ -153,10 +153,10 @@ def check_actuator(claim: FrictionClaim) -> str:
 
 def commanded_force_row(claim: FrictionClaim, size: int) -> list[Any]:
     """Return the row (size,) of the commanded force in the states."""
-    C, D = rational_matrix(claim.controller.C).tolist(), rational_matrix(claim.controller.D).tolist()[0][0]
-    measured = rational_matrix(claim.machine.C).tolist()[0]
+    C, D = to_rational_matrix(claim.controller.C).tolist(), to_rational_matrix(claim.controller.D).tolist()[0][0]
+    measured = to_rational_matrix(claim.machine.C).tolist()[0]
     n, s = claim.machine.order, claim.controller.order
-    row = [-D * c for c in measured] + [rational(0.0)] * (size - n)
+    row = [-D * c for c in measured] + [to_rational(0.0)] * (size - n)
     own = size - s - (0 if claim.actuator is None else len(claim.actuator.forgets))
     for i in range(s):
         row[own + i] = C[0][i]
@@ -166,14 +166,14 @@ def commanded_force_row(claim: FrictionClaim, size: int) -> list[Any]:
 def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     """Append the filters u_j+ = u_j + phi (u_commanded - u_j) of the actuator to the loop, as its last states."""
     assert claim.actuator is not None
-    forgets = [rational(phi) for phi in claim.actuator.forgets]
+    forgets = [to_rational(phi) for phi in claim.actuator.forgets]
     n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
-    asked, zero, unit = commanded_force_row(claim, size), rational(0.0), identity(size)
+    asked, zero, unit = commanded_force_row(claim, size), to_rational(0.0), identity(size)
 
     def wide(M: Any, still: bool) -> list[list[Any]]:
         rows = [list(row) + [zero] * (size - n) for row in M.tolist()]
         return rows + [
-            list(map(rational, map(float, unit[n + j]))) if still else [zero] * size for j in range(size - n)
+            list(map(to_rational, map(float, unit[n + j]))) if still else [zero] * size for j in range(size - n)
         ]
 
     F, jumps = wide(loop.F, False), [wide(jump, True) for jump in loop.jumps]
@@ -196,19 +196,19 @@ def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBl
     """Return theta_0 w (share c'y - w) + sum theta_j w (c'y - w - u_j) of a loop with filters, among `size` states."""
     own = claim.actuator
     assert own is not None
-    theta, sector, share = [rational(x) for x in own.weights], rational(own.sector), rational(own.share)
+    theta, sector, share = [to_rational(x) for x in own.weights], to_rational(own.sector), to_rational(own.share)
     n, m = claim.machine.order, loop.F.nrows()
     first = m - len(theta)
-    total = sum(theta, start=rational(0.0))
-    seen = [(share * sector + total) / 2 * a for a in commanded_force_row(claim, m)] + [rational(0.0)] * (size - m)
-    enters = [rational(0.0)] * size
+    total = sum(theta, start=to_rational(0.0))
+    seen = [(share * sector + total) / 2 * a for a in commanded_force_row(claim, m)] + [to_rational(0.0)] * (size - m)
+    enters = [to_rational(0.0)] * size
     for j, (weight, phi) in enumerate(zip(theta, own.forgets, strict=True)):
         seen[first + j] -= weight / 2
-        enters[first + j] = rational(phi)
+        enters[first + j] = to_rational(phi)
     if loop.spans:
-        enters[n + 1 if first > n + 1 + claim.controller.order else n] = rational(1.0)
+        enters[n + 1 if first > n + 1 + claim.controller.order else n] = to_rational(1.0)
     else:
-        for i, row in enumerate(rational_matrix(claim.machine.B).tolist()):
+        for i, row in enumerate(to_rational_matrix(claim.machine.B).tolist()):
             enters[i] = row[0]
     return ExactBlock(enters=fmpq_mat([[e] for e in enters]), seen=fmpq_mat([[c] for c in seen]), weight=sector + total)
 
@@ -224,21 +224,21 @@ def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], 
     m, size = loop.F.nrows(), claim.V.shape[0]
     asked = commanded_force_row(claim, m)
     rest = [row[0] for row in equilibrium(loop).tolist()]
-    held = sum((a * r for a, r in zip(asked, rest, strict=True)), start=rational(0.0))
-    left = rational(own.limit) - rational(own.Fs) * abs(held)
+    held = sum((a * r for a, r in zip(asked, rest, strict=True)), start=to_rational(0.0))
+    left = to_rational(own.limit) - to_rational(own.Fs) * abs(held)
     if left <= 0:
         return "holding the friction takes all of the limit"
-    V = rational_matrix(claim.V)
-    wide = [*asked, *[rational(0.0)] * (size - m)]
+    V = to_rational_matrix(claim.V)
+    wide = [*asked, *[to_rational(0.0)] * (size - m)]
     read = V.transpose() * fmpq_mat([[a] for a in wide])
-    read = fmpq_mat(read.tolist() + [[rational(0.0)]] * (stored.nrows() - size))
+    read = fmpq_mat(read.tolist() + [[to_rational(0.0)]] * (stored.nrows() - size))
     asked_for = (read.transpose() * stored.solve(read)).tolist()[0][0]
-    B, v = rational_matrix(claim.machine.B).tolist(), loop.v.tolist()[0]
-    through = sum((v[i] * B[i][1] for i in range(claim.machine.order)), start=rational(0.0))
+    B, v = to_rational_matrix(claim.machine.B).tolist(), loop.v.tolist()[0]
+    through = sum((v[i] * B[i][1] for i in range(claim.machine.order)), start=to_rational(0.0))
     if through <= 0:
         return "" if own.share == 1 else "a kick moves no velocity"
-    hit = fmpq_mat([[B[i][1] / through] if i < claim.machine.order else [rational(0.0)] for i in range(size)])
+    hit = fmpq_mat([[B[i][1] / through] if i < claim.machine.order else [to_rational(0.0)] for i in range(size)])
     start = V.solve(hit)
     put_in = max((start.transpose() * P * start).tolist()[0][0] for interval in energy for P in interval)
-    over = (1 - rational(own.share)) * rational(own.kick)
+    over = (1 - to_rational(own.share)) * to_rational(own.kick)
     return "" if over * over * put_in * asked_for <= left * left else "a kick of that size may leave the sector"

@@ -27,7 +27,7 @@ from robust.friction.exact.loops import (
 )
 from robust.proofs.exact.loops import Verification
 from robust.proofs.exact.matrices import positive_definite
-from robust.proofs.exact.polynomials import rational, rational_matrix
+from robust.proofs.exact.polynomials import to_rational, to_rational_matrix
 
 __all__ = ["ExactSupply", "check_weights", "exact_supply", "verify_friction"]
 
@@ -67,15 +67,15 @@ def check_weights(claim: FrictionClaim) -> str:
     if not (claim.K0 > 0 and claim.stiction >= 1):
         return "K0 is not positive, or stiction below one"
     if claim.kind == "Maxwell slip":
-        tau = rational(claim.bristle_time)
-        late = any(rational(a) * tau >= 1 for a in claim.rates)
+        tau = to_rational(claim.bristle_time)
+        late = any(to_rational(a) * tau >= 1 for a in claim.rates)
         return "a filter is faster than the bristles" if late or not claim.rates.size else check_actuator(claim)
-    M, rho = [[rational(x) for x in row] for row in claim.block], rational(claim.stiction)
+    M, rho = [[to_rational(x) for x in row] for row in claim.block], to_rational(claim.stiction)
     if M[2][2] > 0 or min(claim.bounds) < 0:
         return "the block is not concave in the slope, or a bound is negative"
     ends = [(M[0][0], M[0][1], M[1][1]), (M[0][0], M[0][1] + M[0][2], M[1][1] + 2 * M[1][2] + M[2][2])]
     for (p, cross, r), bound in zip(ends, claim.bounds, strict=True):
-        m = rational(bound)
+        m = to_rational(bound)
         left = fmpq_mat([[p - m * (rho * rho - 1), cross - m], [cross - m, r + m]])
         if not positive_definite(left):
             return "the block is negative somewhere in the sector"
@@ -97,15 +97,15 @@ def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exa
         return fmpq_mat([[*row, *more] for row, more in zip(M.tolist(), column, strict=True)])
 
     m = form.R.nrows()
-    R = beside(form.R, [[rational(0.0)]] * m).tolist()
-    R.append([*[rational(0.0)] * m, -block.weight])
+    R = beside(form.R, [[to_rational(0.0)]] * m).tolist()
+    R.append([*[to_rational(0.0)] * m, -block.weight])
     B, N = beside(form.B, (-block.enters).tolist()), beside(form.N, block.seen.tolist())
     return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
 def zero_matrix(rows: int, columns: int) -> list[list[Any]]:
     """Return a matrix of rational zeros."""
-    zero = rational(0.0)
+    zero = to_rational(0.0)
     return [[zero] * columns for _ in range(rows)]
 
 
@@ -123,21 +123,25 @@ def with_force_filters(loop: ExactLoop, rates: list[Any]) -> tuple[list[list[Any
         for i, row in enumerate(jump.tolist()):
             J[i][:n] = row
         for j in range(extra):
-            J[n + j][n + j] = rational(1.0)
+            J[n + j][n + j] = to_rational(1.0)
         jumps.append(fmpq_mat(J))
     return A, jumps
 
 
 def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """Return the supply of Maxwell-slip friction: states (y, e_j), input d = f - fh_1; theorems T1 and T2."""
-    a, mu, free = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
+    a, mu, free = (
+        [to_rational(x) for x in claim.rates],
+        [to_rational(x) for x in claim.weights],
+        to_rational(claim.free),
+    )
     # at one itself the energy is not positive; certificates of version 0.1 say one and were made with 1.001
-    K0, rho = rational(claim.K0), rational(claim.stiction if claim.stiction > 1 else 1.001)
+    K0, rho = to_rational(claim.K0), to_rational(claim.stiction if claim.stiction > 1 else 1.001)
     rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
     size = n + len(a) - 1
     A, jumps = with_force_filters(loop, a[1:])
     B = [[b[0] - a[0] * r] for b, r in zip(loop.B.tolist(), rest, strict=True)] + [[aj - a[0]] for aj in a[1:]]
-    x, v = (row.tolist()[0] + [rational(0.0)] * (size - n) for row in (loop.x, loop.v))
+    x, v = (row.tolist()[0] + [to_rational(0.0)] * (size - n) for row in (loop.x, loop.v))
     total = sum(mu)
     s = free + (1 - 1 / rho) * total
     lost = [m * aj / (rho * K0) for m, aj in zip(mu, a, strict=True)]
@@ -168,15 +172,15 @@ def maxwell_slip_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
 
 def bristle_supply(claim: FrictionClaim, loop: ExactLoop) -> ExactSupply:
     """Return the supply of bristles: states (y, e_j), inputs gamma = F'/K0 and q = z'; theorem T3."""
-    a, nu, mu = [rational(x) for x in claim.rates], [rational(x) for x in claim.weights], rational(claim.free)
-    K0, sigma = rational(claim.K0), rational(claim.microdamping)
-    M = [[rational(x) for x in row] for row in claim.block]
+    a, nu, mu = [to_rational(x) for x in claim.rates], [to_rational(x) for x in claim.weights], to_rational(claim.free)
+    K0, sigma = to_rational(claim.K0), to_rational(claim.microdamping)
+    M = [[to_rational(x) for x in row] for row in claim.block]
     rest, n = [row[0] for row in equilibrium(loop).tolist()], loop.F.nrows()
     size = n + len(a)
     A, jumps = with_force_filters(loop, a)
     B = [[-K0 * r, sigma * b[0]] for b, r in zip(loop.B.tolist(), rest, strict=True)]
-    B += [[-K0, rational(0.0)] for _ in a]
-    x, v = (row.tolist()[0] + [rational(0.0)] * (size - n) for row in (loop.x, loop.v))
+    B += [[-K0, to_rational(0.0)] for _ in a]
+    x, v = (row.tolist()[0] + [to_rational(0.0)] * (size - n) for row in (loop.x, loop.v))
     Q = [[M[0][0] * v[i] * v[j] for j in range(size)] for i in range(size)]
     N = [[M[0][2] * v[i] - mu * K0 / 2 * x[i], M[0][1] * v[i]] for i in range(size)]
     kept = size + (mu > 0)
@@ -218,7 +222,7 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
         loop = exact_loop(claim)
         loop = loop if claim.actuator is None else with_actuator_filters(claim, loop)
         form = in_coordinates(exact_supply(claim, loop), claim)
-        energy = [[rational_matrix(P) for P in interval] for interval in claim.P]
+        energy = [[to_rational_matrix(P) for P in interval] for interval in claim.P]
         failed |= check_decrease(claim, loop, form, energy, deadline)
         if not all(positive_definite(full_storage(form.stored, P)) for P in (energy[0][0], energy[-1][-1])):
             failed[PARTS[3]] = "it is not"
@@ -234,7 +238,7 @@ def verify_friction(claim: FrictionClaim, *, time_cap: float = 60.0) -> Verifica
 
 def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     """The inequality in the coordinates of the energy, exactly."""
-    V = rational_matrix(claim.V)
+    V = to_rational_matrix(claim.V)
     n, size = V.nrows(), form.stored.nrows()
     if form.A.nrows() != n:
         raise ValueError(f"V must have {form.A.nrows()} rows for this loop, got {n}")

@@ -14,9 +14,9 @@ from nlfrf import Bla, bla_from_frf
 from nlfrf._base.arguments import integer, nonnegative, real_array, shown
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
-from robust.lti.lti import SAME_CLOCK, named, response
-from robust.lti.realisation import from_roots, in_order
-from robust.lti.sampling import delay_samples, discretize, hold_between
+from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
+from robust.lti.realisation import from_roots, order_roots
+from robust.lti.sampling import delay_samples, discretize, hold_correction
 from robust.models.fit.fit_uncertainty import estimate_uncertainty, probability_of_cost, told_roots
 from robust.models.fit.rational import (
     Roots,
@@ -156,7 +156,7 @@ def fit_matrix(
     weighted = left @ np.moveaxis(residual, 2, 0) @ right
     L = np.minimum(np.concatenate([one.dof for one in frms]), 1e12)
     expected = frm.n_outputs * frm.n_inputs * np.sum(L / np.maximum(L - frm.n_outputs, np.finfo(float).tiny))
-    G = named(model.state_space(), frm.inputs, frm.outputs)
+    G = with_names(model.state_space(), frm.inputs, frm.outputs)
     return dict(
         G=discretize(G, dt) if dt else G,
         delay=float(tau.min()),
@@ -623,7 +623,7 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
     if isinstance(bla, control.FrequencyResponseData):
         if (bla.ninputs, bla.noutputs) != (1, 1):
             raise ValueError(f"bla must have one input and one output, got {bla.ninputs} and {bla.noutputs}")
-        if bla.dt and abs(bla.dt - dt) > SAME_CLOCK * bla.dt:
+        if bla.dt and abs(bla.dt - dt) > SAMPLING_TOLERANCE * bla.dt:
             raise ValueError(f"dt must be that of bla, a sampled FRF at {bla.dt:g} s, got {dt:g} s")
         G = np.asarray(bla.frdata[0, 0], dtype=complex)
         if std is None:
@@ -666,7 +666,7 @@ def behind_hold(bla: Bla, dt: float) -> Bla:
 
     What the record's hold was is said by `hold`; where nobody said it, nothing is changed.
     """
-    factor = hold_between(bla.omega, bla.hold, bla.fs, dt)
+    factor = hold_correction(bla.omega, bla.hold, bla.fs, dt)
     return bla if np.all(factor == 1) else bla.times(factor)
 
 
@@ -711,7 +711,7 @@ def on_peaks(s: np.ndarray, data: np.ndarray, n: int) -> np.ndarray:
         peak = x[np.argmax(size)]
         poles += [peak * (-0.05 + 1j), peak * (-0.05 - 1j)]
         size = np.where(np.abs(x - peak) < 0.2 * peak, size * 1e-6, size)
-    return in_order(np.array(poles))
+    return order_roots(np.array(poles))
 
 
 def estimate_delay(lines: Lines, orders: tuple[int, int], dt: float, stable: bool) -> Roots:

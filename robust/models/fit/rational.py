@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from robust.lti.realisation import in_order
+from robust.lti.realisation import order_roots
 
 __all__ = [
     "Roots",
@@ -67,7 +67,7 @@ def vector_fit(
         moved = np.where(
             np.abs(moved.real) < UNDAMPED * np.abs(moved), moved.imag * 1j - UNDAMPED * np.abs(moved), moved
         )
-        moved = in_order(moved)
+        moved = order_roots(moved)
         done = moved.size == poles.size and np.all(np.abs(moved - poles) < 1e-10 * np.abs(poles).max())
         poles = moved
         if done:
@@ -131,7 +131,7 @@ def numerator(
         up[j + 1] = np.linalg.norm(column)
         basis.append(column / up[j + 1])
     beta = np.linalg.lstsq(stacked(np.column_stack(basis)), stacked(weight * data), rcond=None)[0]
-    zeros = in_order(roots_of(beta, up))
+    zeros = order_roots(roots_of(beta, up))
     shape = over * np.prod(s[:, None] - zeros[None, :], axis=1)
     return zeros, float(np.vdot(shape, weight * data).real / np.vdot(shape, shape).real)
 
@@ -166,8 +166,8 @@ def to_plane(
     """Zeros, poles and gain in the plane of the model: unchanged, or from s to z = (1 + s dt/2)/(1 - s dt/2)."""
     if not dt:
         return zeros, poles, gain
-    z = in_order((1 + zeros * dt / 2) / (1 - zeros * dt / 2))
-    p = in_order((1 + poles * dt / 2) / (1 - poles * dt / 2))
+    z = order_roots((1 + zeros * dt / 2) / (1 - zeros * dt / 2))
+    p = order_roots((1 + poles * dt / 2) / (1 - poles * dt / 2))
     # s - a = (2/dt) (z - z_a) / ((z + 1)(1 + z_a)/2 ...): collected, each root contributes (1 - a dt/2) / (dt/2)
     scale = np.prod((1 - zeros * dt / 2) / (dt / 2)) / np.prod((1 - poles * dt / 2) / (dt / 2))
     return z, p, float((gain * scale).real * 2.0**excess)

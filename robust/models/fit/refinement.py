@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.lti.realisation import in_order, paired
+from robust.lti.realisation import order_roots, pair_roots
 from robust.models.fit.rational import Roots, stacked
 
 __all__ = [
@@ -90,8 +90,8 @@ def refine(
             damping *= 6
         if not cost < before * (1 - 1e-8):
             break
-    zeros = in_order(roots_from(theta[1 : 1 + n_zero], n_zero) * unit)
-    poles = in_order(roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable) * unit)
+    zeros = order_roots(roots_from(theta[1 : 1 + n_zero], n_zero) * unit)
+    poles = order_roots(roots_from(theta[1 + n_zero : 1 + n_zero + n_pole], n_pole, log=stable) * unit)
     tau = delay + (theta[-1] * delay_unit if free_delay else 0.0)
     return zeros, poles, base * theta[0] * unit ** float(n_pole - n_zero), tau, cost
 
@@ -101,7 +101,7 @@ def coefficients(roots: np.ndarray, *, log: bool = False) -> np.ndarray:
 
     With log, the logarithms of natural frequency and damping instead: stable whatever their values.
     """
-    pairs, rest = paired(roots)
+    pairs, rest = pair_roots(roots)
     out: list[float] = []
     for a, b in pairs:
         c1, c0 = -(a + b).real, (a * b).real
@@ -295,8 +295,8 @@ def slope_at_zero(n: int) -> np.ndarray:
 def zeros_and_poles(theta: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
     """Roots behind the parameters."""
     return (
-        in_order(roots_from(theta[:order], order, log=True)),
-        in_order(roots_from(theta[order:], order, log=True)),
+        order_roots(roots_from(theta[:order], order, log=True)),
+        order_roots(roots_from(theta[order:], order, log=True)),
     )
 
 

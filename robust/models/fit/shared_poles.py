@@ -18,7 +18,7 @@ from scipy.linalg import block_diag
 
 from nlfrf import Bla
 from nlfrf._base.values import value
-from robust.lti.realisation import in_order
+from robust.lti.realisation import order_roots
 from robust.models.fit.rational import partial_fractions, relocated, stacked, starting_poles
 
 __all__ = ["SharedPoles", "fit_shared_poles", "improve", "rough_fit", "tangents", "whitening"]
@@ -173,7 +173,7 @@ def relocate(
         if stable:
             moved = np.where(moved.real > 0, -moved.conj(), moved)
         moved = np.where(np.abs(moved.real) < CLOSEST * np.abs(moved), moved - CLOSEST * np.abs(moved), moved)
-        poles = in_order(moved)
+        poles = order_roots(moved)
     return best
 
 

@@ -17,7 +17,7 @@ from nlfrf._base.arguments import integer, nonnegative, positive, real_array
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
-from robust.lti.realisation import from_roots, in_order, paired
+from robust.lti.realisation import from_roots, order_roots, pair_roots
 from robust.models.fit.rational import numerator, starting_poles, to_plane, vector_fit
 from robust.models.fit.refinement import (
     Problem,
@@ -312,7 +312,7 @@ def magnitude_fit(problem: Problem, order: int) -> np.ndarray | None:
     guess = starting_poles(order, x[0], x[-1], spacing="log")
     damped = np.where(guess.imag == 0, guess, -0.2 * np.abs(guess.imag) + 1j * guess.imag)
     with np.errstate(all="ignore"):
-        q = vector_fit(y, power + 0j, 1 / power, in_order(damped**2), n_iterations=8, stable=False)
+        q = vector_fit(y, power + 0j, 1 / power, order_roots(damped**2), n_iterations=8, stable=False)
         if np.any(np.abs(y[:, None] - q).min(axis=0) < 1e-12 * np.abs(q)):
             return None
         try:
@@ -331,7 +331,7 @@ def from_square(q: np.ndarray) -> np.ndarray:
     """Parameters of the stable square roots of q; one on the negative axis would be undamped and gets damping."""
     p = -np.sqrt(q.astype(complex))
     p = np.where(np.abs(p.real) < 1e-9 * np.abs(p), -np.abs(p), p)
-    pairs, rest = paired(in_order(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
+    pairs, rest = pair_roots(order_roots(np.where(np.abs(p.imag) < 1e-9 * np.abs(p), p.real, p)))
     theta: list[float] = []
     for a, b in pairs:
         w = np.sqrt(max(abs(a * b), 1e-30))

@@ -16,10 +16,18 @@ import control
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
-from robust.lti.lti import Matrices, constant, evaluate, evened, finite, response, timebase
-from robust.lti.norms import continuous_image, hinf_norm, stabilising, to_discrete
+from robust.lti.lti import (
+    Matrices,
+    balance_matrix,
+    evaluate_transfer,
+    is_constant,
+    replace_infinite,
+    response,
+    timebase,
+)
+from robust.lti.norms import continuous_image, hinf_norm, stabilising_riccati, to_discrete
 from robust.lti.realisation import state_space
-from robust.lti.stability import stable
+from robust.lti.stability import is_stable
 
 __all__ = [
     "as_shaping",
@@ -42,13 +50,17 @@ INEXACT = 1e-8  # chordal distance that the quotient of the factors may have fro
 def as_shaping(name: str, W: Any, nominal: Any) -> control.StateSpace:
     """A scaling of the plant that can be taken back: stable with a stable inverse, on the time base of the plant."""
     W = state_space(name, 1.0 if W is None else W)
-    if not constant(W) and not isinstance(nominal, control.FrequencyResponseData) and timebase(W) != timebase(nominal):
+    if (
+        not is_constant(W)
+        and not isinstance(nominal, control.FrequencyResponseData)
+        and timebase(W) != timebase(nominal)
+    ):
         raise ValueError(
             f"{name} must have the sampling time of the nominal, {timebase(nominal):g} s, got {timebase(W):g} s"
         )
     d = W.D[0, 0]
     inverse = None if d == 0 else control.StateSpace(W.A - W.B @ W.C / d, W.B / d, W.C / d, [[1 / d]], W.dt)
-    if inverse is None or not stable(W) or not stable(inverse):
+    if inverse is None or not is_stable(W) or not is_stable(inverse):
         raise ValueError(
             f"{name} must be stable with a stable inverse and a direct term, got {W.nstates} states and D = {d:g}. "
             "For an integrator take (s + a)/(s + b) with b small"
@@ -87,7 +99,7 @@ def coprime_factors(name: str, G: control.StateSpace) -> tuple[Matrices, np.ndar
     """
     A, B, C, D = scaled_apart(G)
     R = np.eye(G.ninputs) + D.T @ D
-    X = stabilising(A, B, C.T @ C, R, C.T @ D)
+    X = stabilising_riccati(A, B, C.T @ C, R, C.T @ D)
     if X is None:
         raise ValueError(
             f"{name} must be stabilisable and detectable, got a plant whose Riccati equation has no solution"
@@ -108,7 +120,7 @@ def well_scaled(matrices: Matrices) -> Matrices:
     A, B, C, D = matrices
     if not A.size:
         return matrices
-    weights = evened(bordered(A, B, C))[1]  # an entry at rounding level says nothing of the size of its state
+    weights = balance_matrix(bordered(A, B, C))[1]  # an entry at rounding level says nothing of the size of its state
     units = weights[: len(A)] / weights[-1]
     A, B, C = A * units / units[:, None], B / units[:, None], C * units
     size = np.sqrt(np.linalg.norm(C) / np.linalg.norm(B)) if B.any() and C.any() else 1.0
@@ -169,8 +181,8 @@ def refuse_inexact(G: control.StateSpace, factors: Matrices, poles: np.ndarray) 
         return
     fast, slow = np.abs(poles).max(), max(np.abs(poles).min(), 1e-12 * np.abs(poles).max())
     x = np.geomspace(1e-2 * slow, 1e2 * fast, 200)
-    plant = finite(evaluate(*scaled_apart(G), 1j * x)[:, 0, 0])
-    N, M = np.moveaxis(evaluate(*factors, 1j * x)[:, :, 0], 0, 1)
+    plant = replace_infinite(evaluate_transfer(*scaled_apart(G), 1j * x)[:, 0, 0])
+    N, M = np.moveaxis(evaluate_transfer(*factors, 1j * x)[:, :, 0], 0, 1)
     off = float(np.max(np.abs(N - plant * M) / np.hypot(1, np.abs(plant))))
     if not off <= INEXACT:
         raise ValueError(
@@ -200,7 +212,7 @@ def tangent_system(w: control.StateSpace) -> control.StateSpace:
     dt = timebase(w)
     A, B, C, D = well_scaled(continuous_image(w) if w.nstates else (w.A, w.B, w.C, w.D))
     # 1 - |w|^2 = |V|^2 with V = (A, B, gain, root), by the same equation with R = D'D - 1, which is negative
-    Y = stabilising(A, B, C.T @ C, D.T @ D - 1, C.T @ D) if D[0, 0] ** 2 < 1 else None
+    Y = stabilising_riccati(A, B, C.T @ C, D.T @ D - 1, C.T @ D) if D[0, 0] ** 2 < 1 else None
     if Y is None:
         raise ValueError(
             "weight must stay below one at all frequencies for plants of the set to be made, got one that reaches it"

@@ -21,7 +21,7 @@ import numpy as np
 
 from nlfrf._base.arguments import inverse_unit
 from nlfrf._base.values import value
-from robust.lti.connections import feedback, in_parallel, in_series, inverse, one_plus
+from robust.lti.connections import feedback, in_parallel, in_series, inverse_system, one_plus
 from robust.models.sets.coprime import chord, other_plant, tangent, tangent_system, turned
 
 __all__ = [
@@ -189,7 +189,7 @@ FORMS = {
         Form(
             name="inverse-multiplicative",
             perturbed=lambda G, w, Delta: G / (1 + w * Delta),
-            system=lambda G, w, D: in_series(inverse(one_plus(in_series(D, w))), G),
+            system=lambda G, w, D: in_series(inverse_system(one_plus(in_series(D, w))), G),
             deviation=lambda G_p, G: (G - G_p) / G_p,
             scale=lambda center, absolute: 1 / (center - absolute),
             largest=lambda center: center,

@@ -16,10 +16,10 @@ import numpy as np
 
 from nlfrf._base.arguments import one_of, shown
 from nlfrf._base.values import value
-from robust.lti.connections import joined, lower, upper
-from robust.lti.lti import fits_any_clock, timebase
+from robust.lti.connections import block_diagonal, lower_lft, upper_lft
+from robust.lti.lti import is_clockless, timebase
 from robust.lti.realisation import multivariable
-from robust.lti.stability import stable
+from robust.lti.stability import is_stable
 from robust.models.sets.forms import PERTURBATIONS
 from robust.mu.blocks import KINDS
 
@@ -71,7 +71,7 @@ class Block:
         if self.kind != "full" and len(self.reads) != len(self.drives):
             raise ValueError(f"drives must name as many signals as reads for a {self.kind} block, {len(self.reads)}")
         size = multivariable("size", self.size)
-        if (size.ninputs, size.noutputs) != (1, 1) or not stable(size):
+        if (size.ninputs, size.noutputs) != (1, 1) or not is_stable(size):
             raise ValueError(
                 f"size must be a number or a stable weight with one input and output, got {shown(self.size)}"
             )
@@ -165,7 +165,7 @@ class UncertainSystem:
         N = self.N
         if not self.inputs:
             N = control.StateSpace(N.A, np.tile(N.B, (1, 2)), np.tile(N.C, (2, 1)), np.tile(N.D, (2, 2)), N.dt)
-        return upper(N, control.StateSpace([], [], [], Delta, N.dt))
+        return upper_lft(N, control.StateSpace([], [], [], Delta, N.dt))
 
 
 def interconnection(
@@ -224,9 +224,9 @@ def interconnection(
     read = [*(label for block in blocks.values() for label in block.reads), *outputs]
     external = [*(label for block in blocks.values() for label in block.drives), *inputs]
     refuse_signals(named_in, named_out, read, external)
-    N = joined_by_name(joined(parts, dt), (named_in, named_out), external, read)
+    N = joined_by_name(block_diagonal(parts, dt), (named_in, named_out), external, read)
     if weights:
-        size = joined([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
+        size = block_diagonal([*weights, control.StateSpace([], [], [], np.eye(len(outputs)), dt)], dt)
         N = in_front(size, N, dt)
     return UncertainSystem(N=N, blocks=dict(blocks), inputs=inputs, outputs=outputs)
 
@@ -262,12 +262,12 @@ def joined_by_name(
         np.vstack([np.hstack([out @ parts.D @ into, out @ parts.D]), np.hstack([parts.D @ into, parts.D])]),
         parts.dt,
     )
-    return lower(P, control.StateSpace([], [], [], inside, parts.dt))
+    return lower_lft(P, control.StateSpace([], [], [], inside, parts.dt))
 
 
 def common_timebase(parts: list[control.StateSpace]) -> float:
     """The sampling time of all parts that have one, or a refusal."""
-    steps = {timebase(part) for part in parts if not fits_any_clock(part)}
+    steps = {timebase(part) for part in parts if not is_clockless(part)}
     if len(steps) > 1:
         raise ValueError(f"systems must have one sampling time, got {', '.join(f'{s:g} s' for s in sorted(steps))}")
     return steps.pop() if steps else 0.0

@@ -28,10 +28,18 @@ from scipy.linalg import block_diag
 from nlfrf._base.arguments import one_of, real_array
 from nlfrf._base.numbers import squared
 from nlfrf._base.values import value
-from robust.lti.connections import joined, lower, refuse_shape, weighted_plant
-from robust.lti.lti import SAME_CLOCK, along, clock_of, fits_any_clock, names_of, refuse_other_clock, timebase
-from robust.lti.realisation import multivariable, over_channels
-from robust.lti.stability import stable
+from robust.lti.connections import block_diagonal, lower_lft, require_shape, weighted_plant
+from robust.lti.lti import (
+    SAMPLING_TOLERANCE,
+    common_sampling_time,
+    is_clockless,
+    require_sampling_time,
+    response_by_channel,
+    signal_names,
+    timebase,
+)
+from robust.lti.realisation import multivariable, repeat_over_channels
+from robust.lti.stability import is_stable
 from robust.models.fit.weights import cover_sampled
 from robust.models.sets.evidence import MatrixEvidence
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT, MATRIX_FORMS, PERTURBATIONS
@@ -140,14 +148,14 @@ class MatrixUncertainty:
         if self.radius.shape != (sum(wanted), self.omega.size):
             raise ValueError(f"radius must have shape {(sum(wanted), self.omega.size)}, got {self.radius.shape}")
         for k, weight in enumerate((*self.left, *self.right)):
-            if not stable(weight):
+            if not is_stable(weight):
                 raise ValueError(f"weights must be stable, got an unstable one in place {k}")
             if weight.nstates and timebase(weight) != timebase(G):
                 raise ValueError(f"weights must have the sampling time of the nominal, {timebase(G):g} s")
             cover = np.abs(gain_of(weight, self.omega)) / self.radius[k]
             if cover.min() < 1 - 1e-6:
                 raise ValueError(f"weights must cover their radius, got a ratio of {cover.min():g} in place {k}")
-        for name, known in zip(("inputs", "outputs"), names_of(G), strict=True):
+        for name, known in zip(("inputs", "outputs"), signal_names(G), strict=True):
             object.__setattr__(self, name, tuple(getattr(self, name)) or known)
         if self.other is not None and self.other.confidence != self.confidence:
             raise ValueError(
@@ -218,7 +226,7 @@ class MatrixUncertainty:
             return np.swapaxes(right.reshape(self.n_inputs, self.n_outputs, -1), 0, 1)
         left = np.array([np.abs(gain_of(weight, omega)) for weight in self.left])
         if self.form == INPUT:  # row j of G W_l Delta W_r
-            left = np.sqrt(np.einsum("jkw,kw->jw", np.abs(along(self.nominal, omega)) ** 2, left**2))
+            left = np.sqrt(np.einsum("jkw,kw->jw", np.abs(response_by_channel(self.nominal, omega)) ** 2, left**2))
         return left[:, None] * right
 
     def open_loop(self) -> control.StateSpace:
@@ -229,9 +237,9 @@ class MatrixUncertainty:
             reads, acts = np.repeat(np.eye(n_u), n_y, axis=0), np.tile(np.eye(n_y), n_u)
             W_l: control.StateSpace = control.StateSpace([], [], [], np.eye(n_y * n_u), dt)
         else:
-            reads, W_l = np.eye(n_u), joined(list(self.left), dt)
+            reads, W_l = np.eye(n_u), block_diagonal(list(self.left), dt)
             acts = np.eye(n_y) if self.form == ADDITIVE else np.eye(n_u)
-        W_r = joined(list(self.right), dt)
+        W_r = block_diagonal(list(self.right), dt)
         m = W_l.ninputs
         into = acts if self.form == INPUT else np.zeros((n_u, acts.shape[1]))  # of d behind W_l into G
         onto = np.zeros((n_y, acts.shape[1])) if self.form == INPUT else acts
@@ -259,7 +267,7 @@ class MatrixUncertainty:
         Delta : control.StateSpace from what it reads to what it drives, or a real matrix; of "elements" diagonal.
         """
         P, Delta = self.open_loop(), multivariable("Delta", Delta)
-        refuse_other_clock("Delta", Delta, "the model", clock_of(P))
+        require_sampling_time("Delta", Delta, "the model", common_sampling_time(P))
         n, m = Delta.ninputs, Delta.noutputs
         if (P.noutputs - self.n_outputs, P.ninputs - self.n_inputs) != (n, m):
             raise ValueError(
@@ -268,7 +276,7 @@ class MatrixUncertainty:
             )
         rows, columns = np.r_[n : P.noutputs, :n], np.r_[m : P.ninputs, :m]
         turned = control.StateSpace(P.A, P.B[:, columns], P.C[rows], P.D[np.ix_(rows, columns)], P.dt)
-        return lower(turned, Delta)
+        return lower_lft(turned, Delta)
 
     def loop(self, K: Any, *, w_P: Any = None) -> UncertainSystem:
         """The loop u = K (r - y) with the perturbations pulled out, for `check_structure`, `mu_upper`, `dk_iteration`.
@@ -279,8 +287,8 @@ class MatrixUncertainty:
         """
         K = multivariable("K", K)
         n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
-        refuse_shape(K, n_y, n_u)
-        if not fits_any_clock(K) and abs(timebase(K) - dt) > SAME_CLOCK * dt:
+        require_shape(K, n_y, n_u)
+        if not is_clockless(K) and abs(timebase(K) - dt) > SAMPLING_TOLERANCE * dt:
             raise ValueError(
                 f"K must have the sampling time of the model, {dt:g} s, got {timebase(K):g} s. A model for a sampled "
                 "controller starts from fit_nominal(frm, ..., dt=) or sampled(nominal, dt)."
@@ -291,10 +299,10 @@ class MatrixUncertainty:
             w_P = multivariable("w_P", w_P)
             if w_P.nstates and not timebase(w_P) and (w_P.ninputs, w_P.noutputs) == (1, 1):
                 w_P = cover_sampled(w_P, dt)
-        weights = [] if w_P is None else [("e", over_channels("w_P", w_P, n_y))]
+        weights = [] if w_P is None else [("e", repeat_over_channels("w_P", w_P, n_y))]
         for _, weight in weights:
-            refuse_other_clock("w_P", weight, "the model", clock_of(P))
-        N = lower(weighted_plant(P, n_y, n_u, weights, reference=bool(weights)), K)
+            require_sampling_time("w_P", weight, "the model", common_sampling_time(P))
+        N = lower_lft(weighted_plant(P, n_y, n_u, weights, reference=bool(weights)), K)
         same = N.noutputs - n_z == n_y
         return UncertainSystem(
             N=N,

@@ -10,7 +10,7 @@ import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.arguments import integer, one_of, probability
-from robust.lti.connections import in_series, joined
+from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import timebase
 from robust.lti.realisation import multivariable
 from robust.lti.sampling import delayed
@@ -138,7 +138,7 @@ def behind_delays(G: control.StateSpace, delays: np.ndarray | None) -> control.S
     if delays is None or not np.any(delays):
         return G
     through = control.StateSpace([], [], [], [[1.0]], G.dt)
-    return in_series(joined([delayed(through, float(tau), order=PADE_ORDER) for tau in delays], G.dt), G)
+    return in_series(block_diagonal([delayed(through, float(tau), order=PADE_ORDER) for tau in delays], G.dt), G)
 
 
 def entry_discs(frm: Bla, model: np.ndarray, p: float, simultaneous: bool, even: bool) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf._base.arguments import shown
 from robust._base.channels import is_single
 from robust.lti.lti import response, timebase
-from robust.lti.sampling import hold_between, hold_response
+from robust.lti.sampling import hold_correction, hold_response
 from robust.models.fit.nominal import DesignWarning, frd
 from robust.models.sets.forms import RELATIVE
 from robust.models.sets.model import UncertaintyModel
@@ -36,7 +36,7 @@ def as_seen(model: Any, omega: np.ndarray, G: np.ndarray, dt: float, delay: floa
     """
     hold = getattr(model, "hold", "unknown")
     if hold != "unknown":
-        G = G * hold_between(omega, hold, model.fs, dt)
+        G = G * hold_correction(omega, hold, model.fs, dt)
     elif dt and not sampling_time(model):
         warn_of_unknown_hold(model, dt)
         G = G * hold_response(omega, dt)

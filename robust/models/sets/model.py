@@ -24,9 +24,9 @@ from nlfrf import Bla
 from nlfrf._base.arguments import generator, one_of, probability, real, real_array, shown
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
-from robust.lti.lti import finite, response, timebase
-from robust.lti.realisation import frequency_response, least_stable, state_space
-from robust.lti.stability import stable
+from robust.lti.lti import replace_infinite, response, timebase
+from robust.lti.realisation import frequency_response, rightmost_pole, state_space
+from robust.lti.stability import is_stable
 from robust.models.fit.nominal import as_matrices, behind_hold, of_own_fit, suspected
 from robust.models.fit.weights import fit_weight
 from robust.models.sets.coprime import as_shaping, refuse_everything
@@ -162,8 +162,8 @@ class UncertaintyModel:
             dt = timebase(nominal)
             if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
                 raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
-        if not stable(weight):
-            raise ValueError(f"weight must be stable, got a pole at {least_stable(weight):.4g}")
+        if not is_stable(weight):
+            raise ValueError(f"weight must be stable, got a pole at {rightmost_pole(weight):.4g}")
         cover = np.abs(response(weight, omega)) / radius
         if cover.min() < 1 - 1e-6:
             raise ValueError(
@@ -230,7 +230,7 @@ class UncertaintyModel:
         """(..., W) smallest |weight Delta| that turns responses (W,) of a nominal into responses (..., W)."""
         if FORMS[self.form].scaled:  # at a pole too: it is as far from zero as a plant can be
             W = response(self.shaping, omega)
-            G, nominal = W * finite(G), W * finite(nominal)
+            G, nominal = W * replace_infinite(G), W * replace_infinite(nominal)
         return np.abs(FORMS[self.form].deviation(G, nominal))
 
     def at(self, omega: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import integer
-from robust.lti.connections import in_series, inverse
+from robust.lti.connections import in_series, inverse_system
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
@@ -30,7 +30,7 @@ def perturbed(
     row = FORMS[form]
     if W is None or not row.scaled:
         return row.system(G, w, Delta)
-    return in_series(row.system(in_series(G, W), w, Delta), inverse(W))
+    return in_series(row.system(in_series(G, W), w, Delta), inverse_system(W))
 
 
 def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import counted, nonnegative, one_of, real_array, shown
 from robust._base.channels import is_single
-from robust.lti.grids import interpolated
+from robust.lti.grids import interpolate_frf
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import frequency_response, state_space
 from robust.lti.sampling import delayed
@@ -54,7 +54,7 @@ def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
     known, G = frequency_response("nominal", nominal, omega)
     if omega[0] < known[0] * (1 - 1e-6) or omega[-1] > known[-1] * (1 + 1e-6):
         raise ValueError("nominal must be an FRF over the whole band of bla, got one that is shorter")
-    return interpolated(omega, known, G)
+    return interpolate_frf(omega, known, G)
 
 
 def family(

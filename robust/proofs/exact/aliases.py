@@ -28,27 +28,34 @@ from flint import arb, arb_poly
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import ALIASED, OPERATOR_PERFORMANCE, STABILITY, LoopClaim
 from robust.proofs.exact.conditions import Terms
-from robust.proofs.exact.polynomials import Decision, Quotient, proved, quotient, rational, undecided
-from robust.proofs.exact.stability import WHOLE_SAMPLES, Axis, Squares, loop_axis, squared, squares
+from robust.proofs.exact.polynomials import Decision, Quotient, proved, to_rational, transfer_quotient, undecided
+from robust.proofs.exact.stability import (
+    WHOLE_SAMPLES,
+    Axis,
+    Squares,
+    loop_on_axis,
+    squared_magnitude,
+    squared_magnitudes,
+)
 from robust.proofs.exact.taylor_models import (
-    LOWEST,
-    MOST_INTERVALS,
-    NARROWEST,
-    Jet,
-    line,
+    MAX_INTERVALS,
+    MIN_OMEGA_SHARE,
+    MIN_RELATIVE_WIDTH,
+    TaylorModel,
+    compose_polynomial,
+    linear_model,
     lower_bound,
-    of_polynomial,
     sampled_terms,
 )
 
-__all__ = ["below_one_with_aliases"]
+__all__ = ["prove_with_aliases"]
 
 
 SINGLE, MOST_SINGLE = 12, 60  # aliases on either side that are taken one by one: at least, and at most
 LONGER, FAR = 1.1, 30.0  # blocks beyond them: each so much longer, up to so many times the farthest root
 TIGHT, DEEPEST = 1.05, 40  # a largest value is cut for until its bounds are so close, so often at most
-NEARLY = 4  # a bound so far above one at most may be brought below it by looking closer
-LOOSE = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
+REFINEMENT_FACTOR = 4  # a bound so far above one at most may be brought below it by looking closer
+LOOSE_RADIUS = 0.05  # relative radius of a ball from which on a Taylor model is worth its price
 
 
 @value(copy=False)
@@ -65,35 +72,35 @@ class Ratio:
         found = []
         for p in (self.num, self.den):
             ball = p(y)
-            if not ball > 0 or ball.rad() > LOOSE * abs(ball.mid()):
-                first, *others = of_polynomial(p, squared_line(low, high)).p.coeffs()
+            if not ball > 0 or ball.rad() > LOOSE_RADIUS * abs(ball.mid()):
+                first, *others = compose_polynomial(p, squared_line(low, high)).p.coeffs()
                 ball = first + arb(0, sum((abs(c) for c in others), arb(0)).abs_upper())
             found.append(ball)
         return found
 
     def upper(self, low: Any, high: Any) -> Any:
         """Upper bound of |X| on omega in [low, high] (arb); infinite where none is found."""
-        return root_of(*self.squares(low, high))
+        return sqrt_upper(*self.squares(low, high))
 
     def bounds(self, low: Any, high: Any) -> tuple[Any, Any]:
         """Upper bound of |X|, and one of 1/|X|."""
         num, den = self.squares(low, high)
-        return root_of(num, den), root_of(den, num)
+        return sqrt_upper(num, den), sqrt_upper(den, num)
 
     def beyond(self, low: Any) -> Any:
         """c with |X| <= c omega^-order for all omega >= low; infinite where none is found."""
         v = arb(0).union(1 / (low * low))
-        top, bottom = (reversed_at(p, v) for p in (self.num, self.den))
-        return root_of(top, bottom)
+        top, bottom = (reversed_polynomial(p, v) for p in (self.num, self.den))
+        return sqrt_upper(top, bottom)
 
 
-def squared_line(low: Any, high: Any) -> Jet:
+def squared_line(low: Any, high: Any) -> TaylorModel:
     """omega^2 on an interval as a Taylor model."""
-    omega = line((low + high) / 2, (high - low) / 2)
+    omega = linear_model((low + high) / 2, (high - low) / 2)
     return omega * omega
 
 
-def root_of(top: Any, bottom: Any) -> Any:
+def sqrt_upper(top: Any, bottom: Any) -> Any:
     """An upper bound of sqrt(top/bottom), where the bottom is positive for sure."""
     if not bottom > 0:
         return arb.pos_inf()
@@ -101,7 +108,7 @@ def root_of(top: Any, bottom: Any) -> Any:
     return found.sqrt().abs_upper() if found.is_finite() else arb.pos_inf()
 
 
-def reversed_at(p: Any, v: Any) -> Any:
+def reversed_polynomial(p: Any, v: Any) -> Any:
     """p(y) y^-degree at v = 1/y."""
     total = arb(0)
     for c in p.coeffs():
@@ -109,9 +116,9 @@ def reversed_at(p: Any, v: Any) -> Any:
     return total
 
 
-def ratio(system: Quotient) -> Ratio:
-    """|X|^2 of a continuous system."""
-    num, den = squared(arb_poly(system.num)), squared(arb_poly(system.den))
+def magnitude_ratio(system: Quotient) -> Ratio:
+    """Return |X|^2 of a continuous system as a quotient of polynomials in omega^2."""
+    num, den = squared_magnitude(arb_poly(system.num)), squared_magnitude(arb_poly(system.den))
     return Ratio(num=num, den=den, order=true_degree(system.den) - true_degree(system.num))
 
 
@@ -120,7 +127,7 @@ def true_degree(p: Any) -> int:
     return max(int(p.degree()), 0)
 
 
-def series(one: Quotient, other: Quotient) -> Quotient:
+def product_of_systems(one: Quotient, other: Quotient) -> Quotient:
     """The product of two systems."""
     return Quotient(num=one.num * other.num, den=one.den * other.den, degree=one.degree + other.degree)
 
@@ -141,13 +148,13 @@ class Aliases:
     """Plant and perturbation channel of a claim at every alias: sum |h F|, |h G|, |F|^2, |h G|^2, |h G F|/(1 - |F|)."""
 
     def __init__(self, claim: LoopClaim, dt: Any) -> None:
-        plant, weight = quotient(claim.plant), quotient(claim.weight)
+        plant, weight = transfer_quotient(claim.plant), transfer_quotient(claim.weight)
         self.through = "G" in claim.reads
         self.dt = arb(dt)
         self.step = 2 * arb.pi() / self.dt
-        self.G, self.w = ratio(plant), ratio(weight)
-        self.F = ratio(series(plant, weight)) if self.through else self.w
-        farthest = float(farthest_root(plant, weight)) / float(self.step.mid())
+        self.G, self.w = magnitude_ratio(plant), magnitude_ratio(weight)
+        self.F = magnitude_ratio(product_of_systems(plant, weight)) if self.through else self.w
+        farthest = float(root_radius(plant, weight)) / float(self.step.mid())
         self.n = min(max(SINGLE, ceil(min(farthest, 1e6)) + 2), MOST_SINGLE)
         self.rest = self.of_the_rest(farthest)
 
@@ -163,12 +170,12 @@ class Aliases:
         F, G, FF, GG, GF, F_max = zero, zero, zero, zero, zero, zero
         for a, b in pairwise(edges):
             low, high = (a - half) * self.step, (b - half) * self.step
-            f, g = largest_on(self.F, low, high), largest_on(self.G, low, high)
+            f, g = max_magnitude(self.F, low, high), max_magnitude(self.G, low, high)
             once = sum(((b + x).digamma() - (a + x).digamma() for x in (-half, half)), zero) * hold
             twice = sum((arb(2).zeta(a + x) - arb(2).zeta(b + x) for x in (-half, half)), zero) * hold**2
             F, G = F + once * f, G + once * g
             FF, GG = FF + 2 * (b - a) * f * f, GG + twice * g * g
-            GF, F_max = GF + once * g * over(f), larger(F_max, f)
+            GF, F_max = GF + once * g * over_one_minus(f), larger(F_max, f)
         last = (edges[-1] - half) * self.step
         f, g = self.F.beyond(last), self.G.beyond(last)
 
@@ -187,7 +194,7 @@ class Aliases:
             G=G + powers(g, self.G.order, 1),
             FF=FF + powers(f * f, 2 * self.F.order, 0),
             GG=GG + powers(g * g, 2 * self.G.order, 2),
-            GF=GF + powers(g * over(f_last), self.G.order, 1),
+            GF=GF + powers(g * over_one_minus(f_last), self.G.order, 1),
             F_max=larger(F_max, f_last),
         )
 
@@ -203,16 +210,18 @@ class Aliases:
                 f, g = self.F.upper(near, far), self.G.upper(near, far)
                 hold = (2 * sine / (near * self.dt)).abs_upper()
                 F, G, FF, GG = F + hold * f, G + hold * g, FF + f * f, GG + (hold * g) ** 2
-                GF, F_max = GF + (hold * g * over(f) if g != 0 else arb(0)), larger(F_max, f)
-        return Sums(F=up(F), G=up(G), FF=up(FF), GG=up(GG), GF=up(GF), F_max=up(F_max))
+                GF, F_max = GF + (hold * g * over_one_minus(f) if g != 0 else arb(0)), larger(F_max, f)
+        return Sums(
+            F=upper_end(F), G=upper_end(G), FF=upper_end(FF), GG=upper_end(GG), GF=upper_end(GF), F_max=upper_end(F_max)
+        )
 
 
-def up(x: Any) -> Any:
+def upper_end(x: Any) -> Any:
     """The upper end of a ball that holds no negative number that matters."""
     return x.abs_upper() if x.is_finite() else arb.pos_inf()
 
 
-def over(f: Any) -> Any:
+def over_one_minus(f: Any) -> Any:
     """f/(1 - f), infinite where f may reach one."""
     return f / (1 - f) if f < 1 else arb.pos_inf()
 
@@ -227,8 +236,8 @@ def sine_up(x: Any) -> Any:
     return x.sin().abs_upper() if x < arb.pi() / 2 else arb(1)
 
 
-def farthest_root(*systems: Quotient) -> float:
-    """About how far from zero the roots of some systems lie, by Fujiwara's bound: only where blocks begin and end."""
+def root_radius(*systems: Quotient) -> float:
+    """Return about how far from zero the roots of some systems lie (Fujiwara); it only places the first cuts."""
     found = 0.0
     for system in systems:
         for p in (system.num, system.den):
@@ -238,7 +247,7 @@ def farthest_root(*systems: Quotient) -> float:
     return found
 
 
-def largest_on(X: Ratio, low: Any, high: Any) -> Any:
+def max_magnitude(X: Ratio, low: Any, high: Any) -> Any:
     """An upper bound of |X| on a block, cut until it is close to the largest value."""
     todo, found = [(low, high, 0)], X.upper(low, low)  # mostly it falls
     while todo:
@@ -250,7 +259,7 @@ def largest_on(X: Ratio, low: Any, high: Any) -> Any:
             found = larger(found, top)
         else:
             todo += [(a, middle, depth + 1), (middle, b, depth + 1)]
-    return up(found)
+    return upper_end(found)
 
 
 @value(copy=False)
@@ -267,16 +276,16 @@ class Sizes:
     centre: Any = None
 
 
-def sizes_on(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> Sizes:
-    """Upper bounds of all that a claim is made of.
+def bound_sizes(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> Sizes:
+    """Return upper bounds of all terms of a claim on an interval.
 
     |q S| is bounded by |q| |S|; where G rules the aliases, at a pole of it or of K too, by |q/(K h_0 G)| |T|/(1 - e).
     """
     closed = lower_bound(t.closed)
 
-    def quotient_up(*factors: Jet) -> Any:
+    def quotient_up(*factors: TaylorModel) -> Any:
         top = factors[0] * factors[1]
-        return root_of(-lower_bound(top * arb(-1)), closed)
+        return sqrt_upper(-lower_bound(top * arb(-1)), closed)
 
     S, KS, T = quotient_up(t.G_den, t.K_den), quotient_up(t.G_den, t.K_num), quotient_up(t.G_num, t.K_num)
     GS = quotient_up(t.G_num, t.K_den)
@@ -289,7 +298,7 @@ def sizes_on(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> S
     factor = 1 / (hold_low * (1 - share)) if share < 1 else arb.pos_inf()  # |h_0 G| over |G_d|, at most, over h_0
 
     def least(*bounds: Any) -> Any:
-        finite = [up(b) for b in bounds if b.is_finite()]
+        finite = [upper_end(b) for b in bounds if b.is_finite()]
         return min(finite, key=lambda b: float(b.mid())) if finite else arb.pos_inf()
 
     KS_ = least(KS, T * G_inverse * factor)
@@ -298,12 +307,12 @@ def sizes_on(aliases: Aliases, t: Terms, low: Any, high: Any, others: Sums) -> S
     FS, FKS = (GS_ * w, GKS0 * w) if aliases.through else (S * w, KS_ * w)
     found = {"KS": KS_, "FS": FS, "FKS": FKS, "GKS": GKS0 * hold, "hold": hold}
     if t.P_num is not None:
-        size = root_of(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
-        found |= {"PS": S * size, "PFS": FS * size, "centre": centre_up(aliases, t, closed, S, low, high)}
-    return Sizes(**{name: up(x) for name, x in found.items()})
+        size = sqrt_upper(-lower_bound(t.P_num * arb(-1)), lower_bound(t.P_den))
+        found |= {"PS": S * size, "PFS": FS * size, "centre": bound_centre(aliases, t, closed, S, low, high)}
+    return Sizes(**{name: upper_end(x) for name, x in found.items()})
 
 
-def centre_up(aliases: Aliases, t: Terms, closed: Any, S: Any, low: Any, high: Any) -> Any:
+def bound_centre(aliases: Aliases, t: Terms, closed: Any, S: Any, low: Any, high: Any) -> Any:
     """An upper bound of |1 - |F|^2 S|: |F|^2 that in the middle, a, and how far it is from there.
 
     |1 - a S|^2 = (|D + N|^2 - 2 a (|D|^2 + Re N D*) + a^2 |D|^2)/|D + N|^2.
@@ -314,57 +323,57 @@ def centre_up(aliases: Aliases, t: Terms, closed: Any, S: Any, low: Any, high: A
     a = (aliases.F.num(y) / aliases.F.den(y)).mid()
     if not (top.is_finite() and a.is_finite()):
         return arb.pos_inf()
-    moved = larger(up(top**2 - a), up(a - 1 / inverse**2) if inverse.is_finite() else a)
+    moved = larger(upper_end(top**2 - a), upper_end(a - 1 / inverse**2) if inverse.is_finite() else a)
     D = t.G_den * t.K_den
     size = t.closed - (D + t.cross) * (2 * a) + D * (a * a)
-    return root_of(-lower_bound(size * arb(-1)), closed) + moved * S
+    return sqrt_upper(-lower_bound(size * arb(-1)), closed) + moved * S
 
 
-def asked_of(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: Any) -> Any:
-    """An upper bound of what has to stay below one."""
+def claim_measure(claim: LoopClaim, name: str, u: Sizes, s: Sums, scaling: Any) -> Any:
+    """Return an upper bound of the quantity that a claim needs below one."""
     operator, performance = claim.perturbation == "operator", name != ALIASED[STABILITY]
     if not claim.inverse and operator:
-        gain = u.FKS**2 + times(u.KS**2, s.FF)
+        gain = u.FKS**2 + product_or_zero(u.KS**2, s.FF)
         if name == ALIASED[OPERATOR_PERFORMANCE]:
-            return gain + u.KS**2 * scaling + u.PS**2 + (u.PFS**2 + times(u.PS**2, s.FF)) / scaling
+            return gain + u.KS**2 * scaling + u.PS**2 + (u.PFS**2 + product_or_zero(u.PS**2, s.FF)) / scaling
         return gain
     if not claim.inverse:
-        return u.hold * u.FKS + times(u.KS, s.F) + (u.PS if performance else 0)
+        return u.hold * u.FKS + product_or_zero(u.KS, s.F) + (u.PS if performance else 0)
     own = u.FS + u.FKS * s.G
     if operator:
         F, G = s.FF.sqrt(), s.GG.sqrt()
-        return largest_of_two(own, u.GKS * F, u.FKS * G, s.F_max + times(u.KS * G, F))
+        return largest_singular_value_2x2(own, u.GKS * F, u.FKS * G, s.F_max + product_or_zero(u.KS * G, F))
     if not performance:
-        return own + times(u.KS + u.FKS, s.GF)
-    r, q, A = times(u.KS, s.GF), times(u.FKS, s.GF), u.FKS * s.G
+        return own + product_or_zero(u.KS + u.FKS, s.GF)
+    r, q, A = product_or_zero(u.KS, s.GF), product_or_zero(u.FKS, s.GF), u.FKS * s.G
     return (u.PS + r) * (u.centre + r) + (u.PFS + q) * (A + q + u.GKS) + (u.FS + A + q) ** 2 + 2 * r
 
 
-def holds_together(
-    aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, scaling: Any, y: Jet
+def joint_claim_measure(
+    aliases: Aliases, claim: LoopClaim, name: str, t: Terms, u: Sizes, s: Sums, scaling: Any, y: TaylorModel
 ) -> bool:
-    """The same with what acts at the frequency itself taken as one quotient, which is sharper near its peak.
+    """Return the bound with all terms at the frequency itself as one quotient, which is sharper near its peak.
 
     The bounds of single factors err by how far each moves on the interval, those of the quotient by the square of that.
     """
     performance = name != ALIASED[STABILITY]
     if claim.inverse and (performance or claim.perturbation == "operator"):
         return False
-    num, den = of_polynomial(aliases.F.num, y), of_polynomial(aliases.F.den, y)
+    num, den = compose_polynomial(aliases.F.num, y), compose_polynomial(aliases.F.den, y)
     if name == ALIASED[OPERATOR_PERFORMANCE]:  # (|F|^2 + sum |F_k|^2 + d^2) (|K S|^2 + |w_P S|^2/d^2)
         if not s.FF.is_finite():
             return False
         rows = t.G_den * (t.K_num * t.P_den + t.P_num * t.K_den * (1 / scaling))
         return bool(lower_bound(den * t.closed * t.P_den - (num + den * (s.FF + scaling)) * rows) > 0)
     if claim.inverse:
-        left = 1 - u.FKS * s.G - times(u.KS + u.FKS, s.GF)
+        left = 1 - u.FKS * s.G - product_or_zero(u.KS + u.FKS, s.GF)
         channel = t.K_den
     elif claim.perturbation == "operator":
-        left = 1 - times(u.KS**2, s.FF)
+        left = 1 - product_or_zero(u.KS**2, s.FF)
         left = left.abs_lower().sqrt() if left > 0 else left
         channel = t.K_num
     else:
-        left = (1 - times(u.KS, s.F)) / (1 if performance else u.hold)
+        left = (1 - product_or_zero(u.KS, s.F)) / (1 if performance else u.hold)
         channel = t.K_num
     if not left > 0:
         return False
@@ -376,60 +385,60 @@ def holds_together(
     return bool(lower_bound(rest) > 0 and lower_bound(rest * rest - a * b * 4) > 0)
 
 
-def times(size: Any, total: Any) -> Any:
-    """size times total, nothing where the size is zero."""
+def product_or_zero(size: Any, total: Any) -> Any:
+    """Return size times total, zero where the size is zero."""
     return arb(0) if size == 0 else size * total
 
 
-def largest_of_two(a: Any, b: Any, c: Any, d: Any) -> Any:
+def largest_singular_value_2x2(a: Any, b: Any, c: Any, d: Any) -> Any:
     """Largest singular value of [[a, b], [c, d]], all nonnegative."""
     return (((a + d) ** 2 + (b - c) ** 2).sqrt() + ((a - d) ** 2 + (b + c) ** 2).sqrt()) / 2
 
 
-def below_one_with_aliases(
+def prove_with_aliases(
     claim: LoopClaim, names: list[str], axis: Axis, found: Squares, scaling: Any, deadline: float
 ) -> dict[str, Decision]:
     """Prove claims from zero to Nyquist, interval by interval; what is known of an interval serves all of them."""
     if claim.plant.dt or not axis.dt or "M" in claim.reads:
         raise ValueError(f"claims must be about a continuous plant under a sampled controller to be {names[0]!r}")
     aliases = Aliases(claim, axis.dt)
-    samples = int((rational(claim.delay) / axis.dt + rational(WHOLE_SAMPLES)).floor())
+    samples = int((to_rational(claim.delay) / axis.dt + to_rational(WHOLE_SAMPLES)).floor())
     if samples:
-        G, K, *_ = loop_axis(claim.plant, claim.controller, rational(claim.delay) - samples * axis.dt)
+        G, K, *_ = loop_on_axis(claim.plant, claim.controller, to_rational(claim.delay) - samples * axis.dt)
         axis = replace(axis, G=G, K=K)
-        found = squares(axis)
+        found = squared_magnitudes(axis)
     terms: Callable[[Any, Any], Terms] = sampled_terms(axis, found, samples)
 
     @lru_cache(maxsize=4096)  # some 15 kB each
     def known(low: float, high: float) -> tuple[Terms, Sizes, Sums]:
         a, b = arb(low), arb(high)
         others, t = aliases.sums(a, b), terms((a + b) / 2, (b - a) / 2)
-        return t, sizes_on(aliases, t, a, b, others), others
+        return t, bound_sizes(aliases, t, a, b, others), others
 
     def holds(name: str, low: float, high: float) -> bool:
         t, sizes, others = known(low, high)
-        bound = asked_of(claim, name, sizes, others, scaling)
+        bound = claim_measure(claim, name, sizes, others, scaling)
         y = squared_line(arb(low), arb(high))
-        near = bool(bound < NEARLY)
-        return bool(bound < 1) or (near and holds_together(aliases, claim, name, t, sizes, others, scaling, y))
+        near = bool(bound < REFINEMENT_FACTOR)
+        return bool(bound < 1) or (near and joint_claim_measure(aliases, claim, name, t, sizes, others, scaling, y))
 
     top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
-    return {name: below_one(partial(holds, name), top, deadline) for name in names}
+    return {name: bisect_until_below_one(partial(holds, name), top, deadline) for name in names}
 
 
-def below_one(holds: Callable[[float, float], bool], top: float, deadline: float) -> Decision:
+def bisect_until_below_one(holds: Callable[[float, float], bool], top: float, deadline: float) -> Decision:
     """Cut the axis until a claim holds on every interval."""
     todo = [(0.0, top)]
-    for count in range(MOST_INTERVALS):
+    for count in range(MAX_INTERVALS):
         if not todo:
             return proved()
         low, high = todo.pop()
         if holds(low, high):
             continue
-        if high - low <= NARROWEST * high or high < LOWEST * top:
+        if high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]
-    return undecided(f"undecided after {MOST_INTERVALS} intervals")
+    return undecided(f"undecided after {MAX_INTERVALS} intervals")

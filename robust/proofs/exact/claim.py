@@ -21,12 +21,12 @@ __all__ = [
     "STABILITY",
     "LoopClaim",
     "Matrices",
-    "as_given",
-    "content",
-    "differences",
-    "digest",
-    "from_content",
+    "claim_from_dict",
+    "claim_to_dict",
+    "content_digest",
+    "differing_fields",
     "read_claim",
+    "to_matrices",
     "write_claim",
 ]
 
@@ -67,8 +67,8 @@ class Matrices:
         return int(self.A.shape[0])
 
 
-def as_given(system: Any) -> Matrices:
-    """The matrices of anything that has A, B, C, D and dt (a state space), number by number."""
+def to_matrices(system: Any) -> Matrices:
+    """Return the matrices of anything that has A, B, C, D and dt (a state space), number by number."""
     D = np.array(system.D, dtype=float, ndmin=2)
     n = int(np.size(system.A) ** 0.5 + 0.5)
     return Matrices(
@@ -156,9 +156,9 @@ class LoopClaim:
 SYSTEMS = ("plant", "controller", "weight", "performance")
 
 
-def content(claim: LoopClaim) -> dict[str, Any]:
-    """The claim as plain numbers and words, floats to be written with the digits that give them back exactly."""
-    systems = {name: system_content(getattr(claim, name)) for name in SYSTEMS}
+def claim_to_dict(claim: LoopClaim) -> dict[str, Any]:
+    """Return the claim as plain numbers and strings; floats are written with the digits that restore them exactly."""
+    systems = {name: system_to_dict(getattr(claim, name)) for name in SYSTEMS}
     return (
         systems
         | {
@@ -169,24 +169,24 @@ def content(claim: LoopClaim) -> dict[str, Any]:
             "claims": list(claim.claims),
             "scaling": float(claim.scaling),
         }
-        | ({"shaping": [system_content(W) for W in claim.shaping]} if claim.shaping else {})
+        | ({"shaping": [system_to_dict(W) for W in claim.shaping]} if claim.shaping else {})
     )
 
 
-def system_content(system: Matrices | None) -> dict[str, Any] | None:
-    """One system as lists of numbers."""
+def system_to_dict(system: Matrices | None) -> dict[str, Any] | None:
+    """Return one system as lists of numbers."""
     if system is None:
         return None
     return {name: getattr(system, name).tolist() for name in "ABCD"} | {"dt": float(system.dt)}
 
 
-def from_content(given: Any) -> LoopClaim:
-    """The claim back from `content`, or a ValueError that says what is wrong with it."""
+def claim_from_dict(given: Any) -> LoopClaim:
+    """Return the claim that `claim_to_dict` wrote, or raise a ValueError that says what is wrong with it."""
     wanted = {*SYSTEMS, "reads", "inverse", "perturbation", "delay", "claims", "scaling"}
     if not isinstance(given, dict) or set(given) - {"shaping"} != wanted:
         raise ValueError(f"claim must have the entries {', '.join(sorted(wanted))}, got something else")
     try:
-        systems = {name: system_from(given[name]) for name in SYSTEMS}
+        systems = {name: system_from_dict(given[name]) for name in SYSTEMS}
         return LoopClaim(
             **systems,  # type: ignore[arg-type]
             reads=tuple(str(name) for name in given["reads"]),
@@ -195,14 +195,14 @@ def from_content(given: Any) -> LoopClaim:
             delay=float(given["delay"]),
             claims=tuple(str(claim) for claim in given["claims"]),
             scaling=float(given["scaling"]),
-            shaping=tuple(system_from(W) for W in given.get("shaping", ())),  # type: ignore[misc]
+            shaping=tuple(system_from_dict(W) for W in given.get("shaping", ())),  # type: ignore[misc]
         )
     except (TypeError, KeyError, IndexError) as error:
         raise ValueError(f"claim must hold matrices and words as it was written, got {error}") from None
 
 
-def system_from(given: Any) -> Matrices | None:
-    """One system from lists of numbers."""
+def system_from_dict(given: Any) -> Matrices | None:
+    """Return one system from lists of numbers."""
     if given is None:
         return None
     if set(given) != {*"ABCD", "dt"}:
@@ -219,7 +219,7 @@ def system_from(given: Any) -> Matrices | None:
     return Matrices(A=A, B=B, C=C, D=D, dt=float(given["dt"]))
 
 
-def digest(given: Any) -> str:
+def content_digest(given: Any) -> str:
     """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
 
     >>> digest({"a": 1.0})[:8], digest({"a": 1.0000000000000002})[:8]
@@ -229,9 +229,9 @@ def digest(given: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def differences(claim: LoopClaim, other: LoopClaim, names: tuple[str, ...]) -> list[str]:
-    """Which of the named fields are not the same, number by number."""
-    mine, theirs = content(claim), content(other)
+def differing_fields(claim: LoopClaim, other: LoopClaim, names: tuple[str, ...]) -> list[str]:
+    """Return which of the named fields differ, number by number."""
+    mine, theirs = claim_to_dict(claim), claim_to_dict(other)
     return [name for name in names if mine[name] != theirs[name]]
 
 
@@ -248,10 +248,10 @@ def write_claim(path: str | os.PathLike[str], claim: LoopClaim, found: Sequence[
         "version": VERSION,
         "units": {"dt": "s", "delay": "s"},
         "loop": "u = K (r - y), S = 1/(1 + G K); a continuous plant under a sampled K is held and delayed exactly",
-        "claim": content(claim),
+        "claim": claim_to_dict(claim),
         "found": list(found),
     }
-    entries["digest"] = digest(entries)
+    entries["digest"] = content_digest(entries)
     write_text(path, json.dumps(entries, indent=1, allow_nan=False) + "\n")
 
 
@@ -266,10 +266,10 @@ def read_claim(path: str | os.PathLike[str]) -> LoopClaim:
         raise ValueError(f"path must be a certificate written by this package, got {str(path)!r}")
     if entries.get("version") != VERSION:
         raise ValueError(f"path must have version {VERSION} at most, got {entries.get('version')!r} in {str(path)!r}")
-    if entries.get("digest") != digest({name: entry for name, entry in entries.items() if name != "digest"}):
+    if entries.get("digest") != content_digest({name: entry for name, entry in entries.items() if name != "digest"}):
         raise ValueError(
             f"path must be a certificate as it was written, got {str(path)!r} whose digest does not fit. "
             "Something in it was changed."
         )
     require_schema(entries, path, "robust", SCHEMA)
-    return from_content(entries["claim"])
+    return claim_from_dict(entries["claim"])

@@ -22,20 +22,20 @@ from flint import acb, acb_mat, arb, arb_mat, ctx
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.loops import Verification, verification
-from robust.proofs.exact.matrices import pivots_of
+from robust.proofs.exact.loops import Verification, summarise_claims
+from robust.proofs.exact.matrices import ldl_pivots
 from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
 
 __all__ = ["ClosedLoopClaim", "decide_closed_loop", "norm_of_closed_loop", "poles_of_closed_loop", "verify_closed_loop"]
 
 
 BITS = (320, 1024)
-MOST_STATES = 80  # of loops whose sign is computed: minutes beyond
-MOST_STEPS = 80  # of Newton's iteration for the sign; thirty where the level is not touched
-MOST_REFINEMENTS = 60
-STARTS = (1.0, 1.001, 1.03, 1.5)  # times the level, squared
-MOST_RISES = 20
-NONE = 1e-30  # of the largest pole: a triple root keeps a third of the digits, and one this small is zero
+MAX_STATES = 80  # of loops whose sign is computed: minutes beyond
+MAX_SIGN_STEPS = 80  # of Newton's iteration for the sign; thirty where the level is not touched
+MAX_REFINEMENTS = 60
+LEVEL_FACTORS = (1.0, 1.001, 1.03, 1.5)  # times the level, squared
+MAX_RISES = 20
+ZERO_POLE = 1e-30  # of the largest pole: a triple root keeps a third of the digits, and one this small is zero
 TOLERANCE = 1e-9
 Balls = tuple[Any, Any, Any, Any]
 
@@ -57,7 +57,7 @@ class ClosedLoopClaim:
 def verify_closed_loop(claim: ClosedLoopClaim, *, time_cap: float = 60.0) -> Verification:
     """Prove stability and norm of a closed loop again, from plant and controller as they were given."""
     found = decide_closed_loop(claim, deadline=time.thread_time() + time_cap)
-    return verification({"stability and norm": found}, BITS[-1])
+    return summarise_claims({"stability and norm": found}, BITS[-1])
 
 
 def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf, thorough: bool = True) -> Decision:
@@ -78,7 +78,9 @@ def decide_closed_loop(claim: ClosedLoopClaim, *, deadline: float = inf, thoroug
             return undecided("undecided, as time was up")
         with ctx.workprec(bits):
             try:
-                found = bounded_by(closed_loop(claim.plant, claim.controller), claim, bits, deadline, thorough)
+                found = decide_norm_at_precision(
+                    closed_loop(claim.plant, claim.controller), claim, bits, deadline, thorough
+                )
             except ZeroDivisionError:
                 found = undecided("a matrix to be inverted cannot be told from a singular one", needs_digits=True)
         if not found.needs_digits:
@@ -99,7 +101,7 @@ def norm_of_closed_loop(plant: Matrices, controller: Matrices, *, deadline: floa
             poles = eigenvalues(loop[0])
             if any(p.real.mid() >= 0 for p in poles) if not sampled else any(abs(p).mid() >= 1 for p in poles):
                 return inf, nan
-            norm, peak = highest(continuous(loop) if sampled else loop, deadline)
+            norm, peak = peak_gain(continuous_image(loop) if sampled else loop, deadline)
         except (ZeroDivisionError, ValueError):
             return nan, nan
     return norm, 2 / dt * atan(peak) if sampled else peak
@@ -119,7 +121,7 @@ def poles_of_closed_loop(plant: Matrices, controller: Matrices) -> np.ndarray | 
             found = np.array([complex(p) for p in eigenvalues(closed_loop(plant, controller)[0])], dtype=complex)
         except (ZeroDivisionError, ValueError):
             return None
-    nothing = NONE * np.abs(found).max(initial=0.0)  # what is left of a zero is no slow mode
+    nothing = ZERO_POLE * np.abs(found).max(initial=0.0)  # what is left of a zero is no slow mode
     real, imag = (np.where(np.abs(part) <= nothing, 0.0, part) for part in (found.real, found.imag))
     return np.asarray(real + 1j * imag)
 
@@ -128,40 +130,42 @@ def closed_loop(plant: Matrices, controller: Matrices) -> Balls:
     """F_l(P, K) in balls, all states kept; a ZeroDivisionError where the loop has no solution."""
     n_u, n_y = controller.D.shape
     w, z = plant.D.shape[1] - n_u, plant.D.shape[0] - n_y
-    A, B1, B2 = balls(plant.A), balls(plant.B[:, :w]), balls(plant.B[:, w:])
-    C1, C2 = balls(plant.C[:z]), balls(plant.C[z:])
-    D11, D12, D21, D22 = (balls(D) for D in (plant.D[:z, :w], plant.D[:z, w:], plant.D[z:, :w], plant.D[z:, w:]))
-    A_K, B_K, C_K, D_K = (balls(getattr(controller, name)) for name in "ABCD")
-    around = (identity(n_u) - D_K * D22).inv()
-    gain, direct = around * beside(D_K * C2, C_K), around * D_K * D21  # u = gain (x, x_K) + direct w
+    A, B1, B2 = to_balls(plant.A), to_balls(plant.B[:, :w]), to_balls(plant.B[:, w:])
+    C1, C2 = to_balls(plant.C[:z]), to_balls(plant.C[z:])
+    D11, D12, D21, D22 = (to_balls(D) for D in (plant.D[:z, :w], plant.D[:z, w:], plant.D[z:, :w], plant.D[z:, w:]))
+    A_K, B_K, C_K, D_K = (to_balls(getattr(controller, name)) for name in "ABCD")
+    around = (identity_balls(n_u) - D_K * D22).inv()
+    gain, direct = around * stack_columns(D_K * C2, C_K), around * D_K * D21  # u = gain (x, x_K) + direct w
     n, m = plant.order, controller.order
-    through = above(B2, B_K * D22)
+    through = stack_rows(B2, B_K * D22)
     return (
-        above(beside(A, zeros(n, m)), beside(B_K * C2, A_K)) + through * gain,
-        above(B1, B_K * D21) + through * direct,
-        beside(C1, zeros(z, m)) + D12 * gain,
+        stack_rows(stack_columns(A, zero_balls(n, m)), stack_columns(B_K * C2, A_K)) + through * gain,
+        stack_rows(B1, B_K * D21) + through * direct,
+        stack_columns(C1, zero_balls(z, m)) + D12 * gain,
         D11 + D12 * direct,
     )
 
 
-def bounded_by(loop: Balls, claim: ClosedLoopClaim, bits: int, deadline: float, thorough: bool) -> Decision:
+def decide_norm_at_precision(
+    loop: Balls, claim: ClosedLoopClaim, bits: int, deadline: float, thorough: bool
+) -> Decision:
     """Decide at the precision of the moment."""
     A, B, C, D = loop
     level = arb(claim.level)
     n, square = A.nrows(), level * level
-    direct = identity(D.ncols()) * square - D.transpose() * D
-    pivots = pivots_of(direct.tolist())
+    direct = identity_balls(D.ncols()) * square - D.transpose() * D
+    pivots = ldl_pivots(direct.tolist())
     if not all(p > 0 for p in pivots):
         said = "not below the level at infinite frequency"
         return refuted(said) if any(p <= 0 for p in pivots) else undecided(said, needs_digits=True)
     if not n:
         return proved()
-    scaled = in_balance(loop)
-    image = continuous(scaled) if claim.sampled else scaled
+    scaled = balance_states(loop)
+    image = continuous_image(scaled) if claim.sampled else scaled
     more = arb(2) ** -(bits // 3)
-    P = refined(image, square, more)
-    if P is None and thorough and n <= MOST_STATES:
-        P = by_sign(image, square, more, bits, deadline)
+    P = refine_storage(image, square, more)
+    if P is None and thorough and n <= MAX_STATES:
+        P = storage_by_matrix_sign(image, square, more, bits, deadline)
     if P is None:
         return undecided("no energy was found: the level is reached, or the loop is not stable", needs_digits=True)
     A, B, C, D = scaled
@@ -171,13 +175,13 @@ def bounded_by(loop: Balls, claim: ClosedLoopClaim, bits: int, deadline: float, 
     else:
         top, side, corner = A.transpose() * P + P * A, P * B, direct
     top, side = top + C.transpose() * C, side + C.transpose() * D
-    M = symmetric(above(beside(-top, -side), beside(-side.transpose(), corner)))
-    if all(p > 0 for p in pivots_of(P.tolist())) and all(p > 0 for p in pivots_of(M.tolist())):
+    M = symmetric_part(stack_rows(stack_columns(-top, -side), stack_columns(-side.transpose(), corner)))
+    if all(p > 0 for p in ldl_pivots(P.tolist())) and all(p > 0 for p in ldl_pivots(M.tolist())):
         return proved()
     return undecided("the energy that was found does not pass", needs_digits=True)
 
 
-def refined(loop: Balls, square: Any, more: Any) -> Any:
+def refine_storage(loop: Balls, square: Any, more: Any) -> Any:
     """P of a continuous loop at a level, squared: that of doubles, refined by Newton's iteration; None where it stalls.
 
     What is left of the Riccati equation is put together in many digits, the Lyapunov equation of a step solved in
@@ -186,49 +190,49 @@ def refined(loop: Balls, square: Any, more: Any) -> Any:
     from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
     A, B, C, D = loop
-    Q = C.transpose() * C + identity(A.nrows()) * (more * (size(C) ** 2))
+    Q = C.transpose() * C + identity_balls(A.nrows()) * (more * (frobenius_norm(C) ** 2))
     S = C.transpose() * D
-    inverse = (identity(D.ncols()) * square - D.transpose() * D).inv()
-    enough = size(Q) * more * arb(2) ** -20
-    a, b, q, s, r = (doubles(M) for M in (A, B, Q, S, inverse.inv()))
-    for farther in STARTS:  # nearer to the level doubles may find no solution to begin with
-        first = attempted(lambda r=farther * r: solve_continuous_are(a, b, q, -r, s=s))  # type: ignore[misc]
+    inverse = (identity_balls(D.ncols()) * square - D.transpose() * D).inv()
+    enough = frobenius_norm(Q) * more * arb(2) ** -20
+    a, b, q, s, r = (to_doubles(M) for M in (A, B, Q, S, inverse.inv()))
+    for farther in LEVEL_FACTORS:  # nearer to the level doubles may find no solution to begin with
+        first = symmetric_or_none(lambda r=farther * r: solve_continuous_are(a, b, q, -r, s=s))  # type: ignore[misc]
         if first is None:
             continue
         P, before = arb_mat(first.tolist()), inf
-        for _ in range(MOST_REFINEMENTS):
+        for _ in range(MAX_REFINEMENTS):
             gain = inverse * (B.transpose() * P + S.transpose())
-            left = symmetric(A.transpose() * P + P * A + Q + (P * B + S) * gain).mid()
-            norm = size(left)
+            left = symmetric_part(A.transpose() * P + P * A + Q + (P * B + S) * gain).mid()
+            norm = frobenius_norm(left)
             if norm <= enough:
                 return P
-            F, rest = doubles(A + B * gain), doubles(left * (1 / norm))
-            moved = attempted(lambda F=F, rest=rest: solve_continuous_lyapunov(F.T, -rest))  # type: ignore[misc]
+            F, rest = to_doubles(A + B * gain), to_doubles(left * (1 / norm))
+            moved = symmetric_or_none(lambda F=F, rest=rest: solve_continuous_lyapunov(F.T, -rest))  # type: ignore[misc]
             if moved is None:
                 break
             following = (P + arb_mat(moved.tolist()) * norm).mid()
-            step = size(following - P)
+            step = frobenius_norm(following - P)
             if not step < (2 * before if before < inf else inf):
                 break
             P, before = following, step
     return None
 
 
-def by_sign(loop: Balls, square: Any, more: Any, bits: int, deadline: float) -> Any:
+def storage_by_matrix_sign(loop: Balls, square: Any, more: Any, bits: int, deadline: float) -> Any:
     """P of a continuous loop at a level, squared, by the sign of the Hamiltonian matrix; None where there is none."""
     H = hamiltonian(loop, square, more)
     n = loop[0].nrows()
     near = arb(2) ** -(bits // 2)
     S = H
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_SIGN_STEPS):
         if time.thread_time() > deadline:
             return None
         inverse = S.inv().mid()
-        c = (size(inverse) / size(S)).sqrt()
+        c = (frobenius_norm(inverse) / frobenius_norm(S)).sqrt()
         following = ((S * c + inverse * (1 / c)) * arb(0.5)).mid()
-        moved = size(following - S)
+        moved = frobenius_norm(following - S)
         S = following
-        if moved <= near * size(S):
+        if moved <= near * frobenius_norm(S):
             break
     else:
         return None
@@ -236,26 +240,26 @@ def by_sign(loop: Balls, square: Any, more: Any, bits: int, deadline: float) -> 
     left = arb_mat([[rows[i][n + j] + (i == n + j) for j in range(n)] for i in range(2 * n)])
     right = arb_mat([[-rows[i][j] - (i == j) for j in range(n)] for i in range(2 * n)])
     P = (left.transpose() * left).solve(left.transpose() * right).mid()
-    return symmetric(P).mid()
+    return symmetric_part(P).mid()
 
 
 def hamiltonian(loop: Balls, square: Any, more: Any) -> Any:
     """The Hamiltonian matrix of a level, squared, with `more` of every state asked for, relative to what is."""
     A, B, C, D = loop
-    inverse = (identity(D.ncols()) * square - D.transpose() * D).inv()
+    inverse = (identity_balls(D.ncols()) * square - D.transpose() * D).inv()
     across = B * inverse * D.transpose()
     F = A + across * C
     Q = C.transpose() * C + C.transpose() * D * inverse * D.transpose() * C
-    Q = Q + identity(A.nrows()) * (more * (size(C) ** 2))
-    return above(beside(F, B * inverse * B.transpose()), beside(-Q, -F.transpose())).mid()
+    Q = Q + identity_balls(A.nrows()) * (more * (frobenius_norm(C) ** 2))
+    return stack_rows(stack_columns(F, B * inverse * B.transpose()), stack_columns(-Q, -F.transpose())).mid()
 
 
-def highest(loop: Balls, deadline: float) -> tuple[float, float]:
+def peak_gain(loop: Balls, deadline: float) -> tuple[float, float]:
     """Norm and peak of a stable continuous loop, from evaluation at its poles on."""
     poles = [complex(p) for p in eigenvalues(loop[0])]
-    found = [(gain(loop, omega), omega) for omega in {0.0, inf, *map(abs, poles), *(abs(p.imag) for p in poles)}]
+    found = [(gain_at(loop, omega), omega) for omega in {0.0, inf, *map(abs, poles), *(abs(p.imag) for p in poles)}]
     norm, peak = max(found)
-    for _ in range(MOST_RISES):
+    for _ in range(MAX_RISES):
         if time.thread_time() > deadline:
             return nan, nan
         level = arb(norm) * (1 + arb(TOLERANCE))
@@ -267,37 +271,40 @@ def highest(loop: Balls, deadline: float) -> tuple[float, float]:
             if x.imag.mid() > 0 and abs(x.real.mid()) < arb(2) ** -(BITS[0] // 4) * abs(x).mid()
         )
         between = [np.sqrt(a * b) for a, b in pairwise(crossings)]
-        tried = [(gain(loop, omega), omega) for omega in between]
+        tried = [(gain_at(loop, omega), omega) for omega in between]
         if not tried or max(tried)[0] <= norm:
             break
         norm, peak = max(tried)
     return norm, peak
 
 
-def gain(loop: Balls, omega: float) -> float:
+def gain_at(loop: Balls, omega: float) -> float:
     """Largest singular value at j omega."""
     A, B, C, D = loop
     if omega < inf and A.nrows():
         s = acb(0, omega)
-        pencil = acb_mat(identity(A.nrows())) * s - acb_mat(A)
+        pencil = acb_mat(identity_balls(A.nrows())) * s - acb_mat(A)
         values = acb_mat(D) + acb_mat(C) * pencil.solve(acb_mat(B))
     else:
         values = acb_mat(D)
     return float(np.linalg.svd(np.array([[complex(x) for x in row] for row in values.tolist()]), compute_uv=False)[0])
 
 
-def continuous(loop: Balls) -> Balls:
-    """The image of a discrete loop on the axis, z = (1 + s)/(1 - s): P is that of the loop itself."""
+def continuous_image(loop: Balls) -> Balls:
+    """Return the image of a discrete loop on the imaginary axis, z = (1 + s)/(1 - s).
+
+    P stays that of the loop itself.
+    """
     A, B, C, D = loop
-    one, root = identity(A.nrows()), arb(2).sqrt()
+    one, root = identity_balls(A.nrows()), arb(2).sqrt()
     back = (A + one).inv()
     return back * (A - one), back * B * root, C * back * root, D - C * back * B
 
 
-def in_balance(loop: Balls) -> Balls:
+def balance_states(loop: Balls) -> Balls:
     """The loop with its states in units, powers of two, in which none acts on the others far more than they on it."""
     A, B, C, D = loop
-    sizes = [logarithms(M) for M in (A, B, C)]
+    sizes = [log_magnitudes(M) for M in (A, B, C)]
     n = A.nrows()
     logs = np.zeros(n)
     total = np.full((n + 1, n + 1), -inf)
@@ -313,11 +320,11 @@ def in_balance(loop: Balls) -> Balls:
                 total[:, i] += step
                 logs[i] += step
     units = [arb(2) ** round(log / np.log(2)) for log in logs]
-    forth, back = diagonal([1 / u for u in units]), diagonal(units)
+    forth, back = diagonal_balls([1 / u for u in units]), diagonal_balls(units)
     return forth * A * back, forth * B, C * back, D
 
 
-def logarithms(matrix: Any) -> np.ndarray:
+def log_magnitudes(matrix: Any) -> np.ndarray:
     """The logarithms of the moduli of the entries, of zero minus infinity."""
     rows = [[float(abs(x).log().mid()) if abs(x) > 0 else -inf for x in row] for row in matrix.tolist()]
     return np.array(rows).reshape(matrix.nrows(), -1)
@@ -328,17 +335,17 @@ def eigenvalues(matrix: Any) -> list[Any]:
     return list(acb_mat(matrix).eig(algorithm="approx")) if matrix.nrows() else []
 
 
-def balls(matrix: np.ndarray) -> Any:
-    """A matrix of doubles, exactly."""
+def to_balls(matrix: np.ndarray) -> Any:
+    """Return a matrix of doubles as balls, exactly."""
     return arb_mat(*matrix.shape, [arb(float(x)) for x in np.ravel(matrix)])
 
 
-def doubles(matrix: Any) -> np.ndarray:
-    """The nearest doubles."""
+def to_doubles(matrix: Any) -> np.ndarray:
+    """Return the nearest doubles."""
     return np.array([[float(x.mid()) for x in row] for row in matrix.tolist()]).reshape(matrix.nrows(), -1)
 
 
-def attempted(solve: Callable[[], np.ndarray]) -> np.ndarray | None:
+def symmetric_or_none(solve: Callable[[], np.ndarray]) -> np.ndarray | None:
     """The symmetric part of what doubles find, or None where they find nothing to be trusted."""
     try:
         with warnings.catch_warnings():
@@ -349,38 +356,38 @@ def attempted(solve: Callable[[], np.ndarray]) -> np.ndarray | None:
     return (found + found.T) / 2 if np.isfinite(found).all() else None
 
 
-def symmetric(matrix: Any) -> Any:
+def symmetric_part(matrix: Any) -> Any:
     """The symmetric part of a matrix that is symmetric but for its errors."""
     return (matrix + matrix.transpose()) * arb(0.5)
 
 
-def size(matrix: Any) -> Any:
+def frobenius_norm(matrix: Any) -> Any:
     """Frobenius norm, as far as its midpoint."""
     return sum((x.mid() * x.mid() for x in matrix.entries()), arb(0)).sqrt().mid()
 
 
-def identity(n: int) -> Any:
+def identity_balls(n: int) -> Any:
     """The identity in balls."""
     return arb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
 
 
-def diagonal(numbers: list[Any]) -> Any:
+def diagonal_balls(numbers: list[Any]) -> Any:
     """A diagonal matrix."""
     n = len(numbers)
     return arb_mat(n, n, [numbers[i] if i == j else 0 for i in range(n) for j in range(n)])
 
 
-def zeros(rows: int, columns: int) -> Any:
-    """Nothing, of a shape."""
+def zero_balls(rows: int, columns: int) -> Any:
+    """Return a matrix of zeros."""
     return arb_mat(rows, columns)
 
 
-def beside(left: Any, right: Any) -> Any:
-    """Two matrices side by side."""
+def stack_columns(left: Any, right: Any) -> Any:
+    """Return two matrices side by side."""
     rows = [a + b for a, b in zip(left.tolist(), right.tolist(), strict=True)]
     return arb_mat(left.nrows(), left.ncols() + right.ncols(), [x for row in rows for x in row])
 
 
-def above(upper: Any, under: Any) -> Any:
-    """One matrix on top of another."""
+def stack_rows(upper: Any, under: Any) -> Any:
+    """Return one matrix on top of another."""
     return arb_mat(upper.nrows() + under.nrows(), upper.ncols(), [*upper.entries(), *under.entries()])

@@ -12,7 +12,7 @@ from typing import Any
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import OPERATOR_PERFORMANCE, STABILITY
 
-__all__ = ["Terms", "conditions"]
+__all__ = ["Terms", "claim_inequalities"]
 
 
 @value
@@ -33,49 +33,51 @@ class Terms:
     W_den: Any = None
 
 
-def conditions(claim: str, reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -> list[Any]:
+def claim_inequalities(claim: str, reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -> list[Any]:
     """Expressions all of which are positive where the claim holds; the form as in `LoopClaim`, scaling is d^2."""
     if "M" in reads:
-        return coprime(claim, t, scaling)
+        return coprime_inequalities(claim, t, scaling)
     if claim == STABILITY:
-        return [stability(reads, t)]
+        return [stability_inequality(reads, t)]
     if claim == OPERATOR_PERFORMANCE:
-        return one_scaling(reads, inverse, t, scaling)
-    return performance(reads, inverse, t)
+        return scaled_norm_inequality(reads, inverse, t, scaling)
+    return performance_inequality(reads, inverse, t)
 
 
-def channel(reads: tuple[str, ...], t: Terms) -> Any:
+def perturbation_channel(reads: tuple[str, ...], t: Terms) -> Any:
     """|X|^2 with b = w X/(D + N)."""
     return (t.G_num if "G" in reads else t.G_den) * (t.K_num if "K" in reads else t.K_den)
 
 
-def stability(reads: tuple[str, ...], t: Terms) -> Any:
-    """|b| < 1."""
-    return t.w_den * t.closed - t.w_num * channel(reads, t)
+def stability_inequality(reads: tuple[str, ...], t: Terms) -> Any:
+    """Return the inequality |b| < 1."""
+    return t.w_den * t.closed - t.w_num * perturbation_channel(reads, t)
 
 
-def performance(reads: tuple[str, ...], inverse: bool, t: Terms) -> list[Any]:
+def performance_inequality(reads: tuple[str, ...], inverse: bool, t: Terms) -> list[Any]:
     """|w_P| |S| (|1 - a b*| + |a - b|) < 1 - |b|^2 (SP 7.6 and `robust.lti.connections.worst_sensitivity`)."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     if not inverse:  # a = 0: |w_P S| + |b| < 1
-        return sum_of_roots(t.P_num * D * t.w_den, t.w_num * channel(reads, t) * t.P_den, t.P_den * t.w_den * t.closed)
-    inside = stability(reads, t)
+        return root_sum_inequality(
+            t.P_num * D * t.w_den, t.w_num * perturbation_channel(reads, t) * t.P_den, t.P_den * t.w_den * t.closed
+        )
+    inside = stability_inequality(reads, t)
     if reads:  # a = w G, b = a S
         size, outer, before = t.w_num * t.G_num, t.K_den, t.w_den * t.G_den
     else:  # a = w, b = a S
         size, outer, before = t.w_num, D, t.w_den
     centre = t.w_den * before * t.closed + size * size * outer - t.w_den * size * (D + t.cross) * 2
     edge = size * t.w_den * N
-    return [inside, *sum_of_roots(t.P_num * outer * centre, t.P_num * outer * edge, t.P_den * inside * inside)]
+    return [inside, *root_sum_inequality(t.P_num * outer * centre, t.P_num * outer * edge, t.P_den * inside * inside)]
 
 
-def sum_of_roots(a: Any, b: Any, c: Any) -> list[Any]:
-    """sqrt(a) + sqrt(b) < sqrt(c) without roots."""
+def root_sum_inequality(a: Any, b: Any, c: Any) -> list[Any]:
+    """Return sqrt(a) + sqrt(b) < sqrt(c) as inequalities without roots."""
     rest = c - a - b
     return [rest, rest * rest - a * b * 4]
 
 
-def one_scaling(reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -> list[Any]:
+def scaled_norm_inequality(reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -> list[Any]:
     """Largest singular value of diag(w, w_P/d) M diag(1, d) below one: |M|_F^2 < 1 + |det M|^2 and |det M| < 1."""
     D, N = t.G_den * t.K_den, t.G_num * t.K_num
     whole = t.w_den * t.P_den * t.closed
@@ -85,12 +87,12 @@ def one_scaling(reads: tuple[str, ...], inverse: bool, t: Terms, scaling: Any) -
         rows = w * t.K_num + P * t.K_den * (1 / scaling)
         columns = (t.G_num if "G" in reads else t.G_den) + t.G_den * scaling
         return [whole - rows * columns]
-    through = channel(reads, t)
+    through = perturbation_channel(reads, t)
     size, determinant = w * (through + N * scaling) + P * (through * (1 / scaling) + D), both * through
     return [whole - determinant, whole - size + determinant]
 
 
-def coprime(claim: str, t: Terms, scaling: Any) -> list[Any]:
+def coprime_inequalities(claim: str, t: Terms, scaling: Any) -> list[Any]:
     """The claims about normalised coprime factors, with k and g = |K|, |G| of the shaped loop, eps = |w|.
 
     Stability: eps^2 (1 + g^2)(1 + k^2) < |1 + L|^2. Performance: |w_P| (|1 + L - eps^2 (1 + g^2)| + eps sqrt(1 - eps^2)
@@ -109,7 +111,7 @@ def coprime(claim: str, t: Terms, scaling: Any) -> list[Any]:
         centre = centre + t.w_num * t.w_num * plants * plants * t.K_den
         edge = t.w_num * (t.w_den - t.w_num) * t.K_num * WW * plants * plants
         over = t.P_num * t.K_den
-        return [inside, *sum_of_roots(over * t.W_num * t.W_num * centre, over * edge, t.P_den * inside * inside)]
+        return [inside, *root_sum_inequality(over * t.W_num * t.W_num * centre, over * edge, t.P_den * inside * inside)]
     whole = t.w_den * t.w_den * t.P_den * WW * t.closed
     errors = t.K_den * plants * (1 / scaling) + D * t.W_den
     inputs = controllers + t.K_num * t.W_den * scaling

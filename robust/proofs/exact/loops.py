@@ -15,18 +15,26 @@ from flint import arb, ctx
 
 from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
-from robust.proofs.exact.aliases import below_one_with_aliases
+from robust.proofs.exact.aliases import prove_with_aliases
 from robust.proofs.exact.claim import ALIASED, LoopClaim
-from robust.proofs.exact.conditions import Terms, conditions
-from robust.proofs.exact.polynomials import Decision, positive_on_half_line, proved, rational, refuted, undecided
-from robust.proofs.exact.stability import Axis, at_infinity, axis_of, polynomials, routh, squares, stable_quotients
+from robust.proofs.exact.conditions import Terms, claim_inequalities
+from robust.proofs.exact.polynomials import Decision, positive_on_half_line, proved, refuted, to_rational, undecided
+from robust.proofs.exact.stability import (
+    Axis,
+    claim_on_axis,
+    decide_quotient_stability,
+    polynomial_terms,
+    routh,
+    squared_magnitudes,
+    terms_at_infinity,
+)
 from robust.proofs.exact.taylor_models import positive_on_intervals
 
-__all__ = ["NOMINAL", "WEIGHTS", "Verification", "verification", "verify_loop"]
+__all__ = ["NOMINAL", "WEIGHTS", "Verification", "summarise_claims", "verify_loop"]
 
 
 BITS = (192, 640, 2048)
-MOST_STATES = 400
+MAX_STATES = 400
 NOMINAL, WEIGHTS = "nominal stability", "stable weights"
 
 
@@ -105,17 +113,17 @@ def verify_loop(claim: LoopClaim, *, time_cap: float = 60.0) -> Verification:
         bits = BITS[0]
         for bits in BITS:
             with ctx.workprec(bits):
-                judge(claim, decided, deadline)
+                decide_claims(claim, decided, deadline)
             if not any(found.needs_digits for found in decided.values()) or time.thread_time() > deadline:
                 break
     except ValueError as error:
         return Verification(verified=False, proved=(), failed=(("the loop", str(error)),), bits=0)
-    return verification(decided, bits)
+    return summarise_claims(decided, bits)
 
 
-def verification(decided: dict[str, Decision], bits: int) -> Verification:
+def summarise_claims(decided: dict[str, Decision], bits: int) -> Verification:
     """Return what was decided, claim by claim."""
-    failed = tuple((name, described(found)) for name, found in decided.items() if not found.holds)
+    failed = tuple((name, describe_failure(found)) for name, found in decided.items() if not found.holds)
     return Verification(
         verified=not failed,
         proved=tuple(name for name, found in decided.items() if found.holds),
@@ -125,36 +133,38 @@ def verification(decided: dict[str, Decision], bits: int) -> Verification:
     )
 
 
-def judge(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
-    """Decide at the precision of the moment what more digits may still decide."""
-    axis = axis_of(claim)
-    if axis.G.degree + axis.K.degree > MOST_STATES:
-        raise ValueError(f"the loop must have at most {MOST_STATES} states to be verified")
+def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: float) -> None:
+    """Decide the claims that are still open, at the precision of the moment."""
+    axis = claim_on_axis(claim)
+    if axis.G.degree + axis.K.degree > MAX_STATES:
+        raise ValueError(f"the loop must have at most {MAX_STATES} states to be verified")
 
     def open_still(name: str) -> bool:
         return name not in decided or decided[name].needs_digits
 
     if open_still(NOMINAL):
-        decided[NOMINAL] = stable_quotients(axis.G, axis.K, axis.delay)
+        decided[NOMINAL] = decide_quotient_stability(axis.G, axis.K, axis.delay)
     if open_still(WEIGHTS):
-        decided[WEIGHTS] = stable_weights(axis)
+        decided[WEIGHTS] = check_weights(axis)
     if not (decided[NOMINAL].holds and decided[WEIGHTS].holds):
         needs_digits = decided[NOMINAL].needs_digits or decided[WEIGHTS].needs_digits
         decided.update({name: undecided("not looked at", needs_digits=needs_digits) for name in claim.claims})
         return
-    found = squares(axis)
-    scaling = rational(claim.scaling)
+    found = squared_magnitudes(axis)
+    scaling = to_rational(claim.scaling)
     names = list(filter(open_still, claim.claims))
     aliased = [name for name in names if name in ALIASED.values()]
     if aliased:
-        decided |= below_one_with_aliases(claim, aliased, axis, found, squared_scaling(scaling), deadline)
+        decided |= prove_with_aliases(claim, aliased, axis, found, squared_scaling(scaling), deadline)
     for name in [name for name in names if name not in aliased]:
 
         def asked(terms: Terms, name: str = name) -> list[Any]:
-            return conditions(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
+            return claim_inequalities(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
 
         if axis.algebraic:
-            decided[name] = on_the_half_line(axis, asked(polynomials(found)), asked(at_infinity(found)), deadline)
+            decided[name] = prove_on_half_line(
+                axis, asked(polynomial_terms(found)), asked(terms_at_infinity(found)), deadline
+            )
         else:
             decided[name] = positive_on_intervals(axis, found, asked, deadline)
 
@@ -164,7 +174,7 @@ def squared_scaling(scaling: Any) -> Any:
     return arb(scaling * scaling)
 
 
-def stable_weights(axis: Axis) -> Decision:
+def check_weights(axis: Axis) -> Decision:
     """Every pole of the weights strictly stable; of what scales the plant every zero too."""
     parts = [(part.den, part.degree) for part in (axis.w, axis.P, axis.W) if part is not None]
     for polynomial, degree in parts + ([] if axis.W is None else [(axis.W.num, axis.W.degree)]):
@@ -173,7 +183,7 @@ def stable_weights(axis: Axis) -> Decision:
     return proved()
 
 
-def on_the_half_line(axis: Axis, expressions: list[Any], ends: list[Any], deadline: float) -> Decision:
+def prove_on_half_line(axis: Axis, expressions: list[Any], ends: list[Any], deadline: float) -> Decision:
     """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:
@@ -181,11 +191,11 @@ def on_the_half_line(axis: Axis, expressions: list[Any], ends: list[Any], deadli
             return refuted(said) if end <= 0 else undecided(said, needs_digits=True)
         found = positive_on_half_line(expression, deadline=deadline)
         if not found.holds:
-            return located(axis, found)
+            return frequency_of(axis, found)
     return proved()
 
 
-def located(axis: Axis, found: Decision) -> Decision:
+def frequency_of(axis: Axis, found: Decision) -> Decision:
     """A place y on the axis as a frequency [rad/s], only to be read."""
     from math import atan, sqrt
 
@@ -197,8 +207,8 @@ def located(axis: Axis, found: Decision) -> Decision:
     return replace(found, violated_at=omega)
 
 
-def described(found: Decision) -> str:
-    """Why a claim was not verified, in words."""
+def describe_failure(found: Decision) -> str:
+    """Say why a claim was not verified."""
     if found.violated_at >= 0:
         return f"violated at {hertz(found.violated_at)}"
     return found.reason

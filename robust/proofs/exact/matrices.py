@@ -1,7 +1,7 @@
 """Matrix inequalities decided over the rationals: positive definite or not, with nothing in between.
 
 Inequalities that hold on an interval of a parameter are such at the Bernstein coefficients of the interval: build those
-from `rational_matrix` and exact sums and products, and ask for each.
+from `to_rational_matrix` and exact sums and products, and ask for each.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from flint import arb, arb_poly, ctx, fmpq_mat
 
 from nlfrf._base.values import value
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.loops import Verification, verification
+from robust.proofs.exact.loops import Verification, summarise_claims
 from robust.proofs.exact.polynomials import (
     Decision,
     positive_on_half_line,
     proved,
-    rational,
-    rational_matrix,
     refuted,
+    to_rational,
+    to_rational_matrix,
     undecided,
 )
 from robust.proofs.exact.stability import routh
 
-__all__ = ["NormClaim", "decide_norm", "pivots_of", "positive_definite", "verify_norm"]
+__all__ = ["NormClaim", "decide_norm", "ldl_pivots", "positive_definite", "verify_norm"]
 
 
 BITS = (128, 512)
@@ -45,15 +45,15 @@ def positive_definite(matrix: Any) -> bool:
         raise ValueError("matrix must be symmetric, got one that is not")
     for bits in BITS:
         with ctx.workprec(bits):
-            pivots = pivots_of([[arb(x) for x in row] for row in rows])
+            pivots = ldl_pivots([[arb(x) for x in row] for row in rows])
         if all(p > 0 for p in pivots):
             return True
         if any(p < 0 for p in pivots):
             return False
-    return all(p > 0 for p in pivots_of(rows))
+    return all(p > 0 for p in ldl_pivots(rows))
 
 
-def pivots_of(rows: list[list[Any]]) -> list[Any]:
+def ldl_pivots(rows: list[list[Any]]) -> list[Any]:
     """Pivots of the LDL' of a symmetric matrix, up to the first that is not certainly positive."""
     left = [list(row) for row in rows]
     pivots = []
@@ -75,9 +75,9 @@ def pivots_of(rows: list[list[Any]]) -> list[Any]:
 # eigenvalue on the imaginary axis (Boyd, Balakrishnan & Kabamba 1989). Its characteristic polynomial has rational
 # coefficients and only even powers.
 
-MOST_STATES = 40
+MAX_STATES = 40
 NORM_BITS = (256, 1024, 4096)
-UNSTABLE = undecided("not looked at")
+NOT_EXAMINED = undecided("not looked at")
 
 
 @value
@@ -94,7 +94,7 @@ def verify_norm(claim: NormClaim) -> Verification:
         decided = decide_norm(claim)
     except ValueError as error:
         return Verification(verified=False, proved=(), failed=(("the system", str(error)),), bits=0)
-    return verification(decided, NORM_BITS[-1])
+    return summarise_claims(decided, NORM_BITS[-1])
 
 
 def decide_norm(claim: NormClaim) -> dict[str, Decision]:
@@ -108,23 +108,23 @@ def decide_norm(claim: NormClaim) -> dict[str, Decision]:
     """
     system = claim.system
     n = system.order
-    if n > MOST_STATES:
-        raise ValueError(f"system must have at most {MOST_STATES} states to be verified, got {n}")
-    A, B, C, D = (rational_matrix(getattr(system, name)) for name in "ABCD")
+    if n > MAX_STATES:
+        raise ValueError(f"system must have at most {MAX_STATES} states to be verified, got {n}")
+    A, B, C, D = (to_rational_matrix(getattr(system, name)) for name in "ABCD")
     if system.dt and n:
         shifted = A + identity(n)
         if shifted.det() == 0:
             return {"stability": refuted("a pole at -1")}
         back = shifted.inv()
-        A, B, C, D = back * (A - identity(n)), back * B * rational(2.0), C * back, D - C * back * B
+        A, B, C, D = back * (A - identity(n)), back * B * to_rational(2.0), C * back, D - C * back * B
     stable = routh(A.charpoly(), n) if n else proved()
-    return {"stability": stable, "norm": bounded(A, B, C, D, claim.level) if stable.holds else UNSTABLE}
+    return {"stability": stable, "norm": gain_below_level(A, B, C, D, claim.level) if stable.holds else NOT_EXAMINED}
 
 
-def bounded(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
+def gain_below_level(A: Any, B: Any, C: Any, D: Any, level: float) -> Decision:
     """Whether the largest singular value of D + C (s - A)^-1 B stays below the level on the imaginary axis."""
     n, m = A.nrows(), D.ncols()
-    R = identity(m) * (rational(level) ** 2) - D.transpose() * D
+    R = identity(m) * (to_rational(level) ** 2) - D.transpose() * D
     if not positive_definite(R):
         return refuted("not below the level at infinite frequency")
     if n == 0:

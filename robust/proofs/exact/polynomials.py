@@ -23,18 +23,18 @@ __all__ = [
     "Decision",
     "Quotient",
     "Roots",
-    "behind_samples",
-    "bernstein",
-    "held",
-    "mapped",
+    "bernstein_coefficients",
+    "bilinear_image",
+    "delay_by_samples",
+    "exact_roots",
     "positive_on_half_line",
     "proved",
-    "quotient",
-    "rational",
-    "rational_matrix",
     "refuted",
-    "roots_of",
+    "to_rational",
+    "to_rational_matrix",
+    "transfer_quotient",
     "undecided",
+    "zoh_quotient",
 ]
 
 
@@ -47,17 +47,17 @@ class Quotient:
     degree: int
 
 
-def rational(x: float) -> Any:
-    """A double as the rational number that it is (fmpq)."""
+def to_rational(x: float) -> Any:
+    """Return a double as the rational number that it is (fmpq)."""
     return fmpq(*float(x).as_integer_ratio())
 
 
-def rational_matrix(matrix: np.ndarray) -> Any:
-    """A matrix of doubles as rationals (fmpq_mat)."""
-    return fmpq_mat(*matrix.shape, [rational(x) for x in matrix.ravel()])
+def to_rational_matrix(matrix: np.ndarray) -> Any:
+    """Return a matrix of doubles as rationals (fmpq_mat)."""
+    return fmpq_mat(*matrix.shape, [to_rational(x) for x in matrix.ravel()])
 
 
-def quotient(system: Matrices) -> Quotient:
+def transfer_quotient(system: Matrices) -> Quotient:
     """The transfer function of a single-loop system, exactly.
 
     >>> import numpy as np
@@ -66,39 +66,39 @@ def quotient(system: Matrices) -> Quotient:
     >>> str(g.num), str(g.den)
     ('1/2*x + 2', 'x + 2')
     """
-    direct = rational(system.D[0, 0])
+    direct = to_rational(system.D[0, 0])
     if system.order == 0:
         return Quotient(num=fmpq_poly([direct]), den=fmpq_poly([1]), degree=0)
-    A = rational_matrix(system.A)
+    A = to_rational_matrix(system.A)
     den = A.charpoly()
-    num = den - (A + rational_matrix(system.B) * rational_matrix(system.C)).charpoly()
+    num = den - (A + to_rational_matrix(system.B) * to_rational_matrix(system.C)).charpoly()
     return Quotient(num=num + direct * den, den=den, degree=system.order)
 
 
-def behind_samples(system: Quotient, whole: int) -> Quotient:
+def delay_by_samples(system: Quotient, whole: int) -> Quotient:
     """A discrete system behind a delay of whole samples."""
     return Quotient(num=system.num, den=system.den.left_shift(whole), degree=system.degree + whole)
 
 
-def held(plant: Matrices, dt: Any, whole: int, rest: Any) -> Quotient:
+def zoh_quotient(plant: Matrices, dt: Any, whole: int, rest: Any) -> Quotient:
     """A continuous plant as a sampled controller sees it: zero-order hold, delay of whole dt + rest, sampler.
 
     The input changes inside a sample where rest > 0 (Åström & Wittenmark, 3rd ed., 2.3). Coefficients are balls that
     hold the exponentials; dt and rest are rationals.
     """
-    direct = arb(rational(plant.D[0, 0]))
+    direct = arb(to_rational(plant.D[0, 0]))
     n, memory = plant.order, whole + (1 if rest > 0 else 0)
     if n == 0:
         num, den = arb_poly([0]), arb_poly([1])
     else:
-        both = [[rational(x) for x in (*plant.A[i], plant.B[i, 0])] for i in range(n)] + [[0] * (n + 1)]
+        both = [[to_rational(x) for x in (*plant.A[i], plant.B[i, 0])] for i in range(n)] + [[0] * (n + 1)]
         generator = fmpq_mat(both)
 
         def step(duration: Any) -> tuple[Any, Any]:
             moved = arb_mat(generator * duration).exp().tolist()
             return arb_mat([row[:n] for row in moved[:n]]), arb_mat([row[n:] for row in moved[:n]])
 
-        C = arb_mat(rational_matrix(plant.C))
+        C = arb_mat(to_rational_matrix(plant.C))
         Phi, late = step(dt)
         parts = [(late, whole)]
         if rest > 0:
@@ -111,14 +111,16 @@ def held(plant: Matrices, dt: Any, whole: int, rest: Any) -> Quotient:
     return Quotient(num=num + direct * den, den=den.left_shift(memory), degree=n + memory)
 
 
-def mapped(system: Quotient) -> Quotient:
+def bilinear_image(system: Quotient) -> Quotient:
     """The image of a discrete system under z = (1 + s)/(1 - s): the unit circle becomes the imaginary axis."""
     return Quotient(
-        num=moebius(system.num, system.degree), den=moebius(system.den, system.degree), degree=system.degree
+        num=moebius_transform(system.num, system.degree),
+        den=moebius_transform(system.den, system.degree),
+        degree=system.degree,
     )
 
 
-def moebius(p: Any, degree: int) -> Any:
+def moebius_transform(p: Any, degree: int) -> Any:
     """(1 - s)^degree p((1 + s)/(1 - s)); with v = 1 - s the argument is 2/v - 1."""
     kind = type(p)
     shifted = p(kind([-1, 2]))
@@ -146,7 +148,7 @@ class Roots:
         return np.where(on_pole, np.inf, np.where((points[:, None] == self.zeros).any(axis=1), 0.0, values))
 
 
-def roots_of(system: Matrices) -> Roots:
+def exact_roots(system: Matrices) -> Roots:
     """The exact transfer function, its roots to the last digit.
 
     >>> import numpy as np
@@ -155,16 +157,16 @@ def roots_of(system: Matrices) -> Roots:
     >>> found.zeros.real.tolist(), found.poles.real.tolist(), found.gain
     ([-2.0], [-1.0], 1.0)
     """
-    exact = quotient(system)
+    exact = transfer_quotient(system)
     shift = fmpq_poly([1, 1] if system.dt else [0, 1])
     num, den = exact.num(shift), exact.den(shift)
     if not num:
-        return Roots(zeros=np.zeros(0, complex), poles=roots(den), gain=0.0)
+        return Roots(zeros=np.zeros(0, complex), poles=polynomial_roots(den), gain=0.0)
     lead = num[num.degree()] / den[den.degree()]
-    return Roots(zeros=roots(num), poles=roots(den), gain=float(int(lead.p) / int(lead.q)))
+    return Roots(zeros=polynomial_roots(num), poles=polynomial_roots(den), gain=float(int(lead.p) / int(lead.q)))
 
 
-def roots(p: Any) -> np.ndarray:
+def polynomial_roots(p: Any) -> np.ndarray:
     """All roots of a fmpq_poly, each as often as it is one."""
     found = [complex(root) for root, many in p.numer().complex_roots() for _ in range(many)] if p.degree() > 0 else []
     return np.array(found, dtype=complex)
@@ -176,8 +178,8 @@ def roots(p: Any) -> np.ndarray:
 # Bernstein coefficients (Descartes, Bernstein, Vincent). The half-line is cut until every piece passes. Pieces shrink
 # with the square root of the distance from zero, so that a polynomial that nearly touches zero takes few more.
 
-NARROWEST = 1e-13
-MOST_PIECES = 4000
+MIN_RELATIVE_WIDTH = 1e-13
+MAX_PIECES = 4000
 
 
 @value
@@ -226,7 +228,7 @@ class Signs(Enum):
     UNCLEAR = auto()
 
 
-def bernstein(p: Any, low: Any, high: Any) -> list[Any]:
+def bernstein_coefficients(p: Any, low: Any, high: Any) -> list[Any]:
     """Coefficients with the signs of the Bernstein coefficients of p on [low, high] (each a positive multiple)."""
     kind = type(p)
     n = p.degree()
@@ -258,35 +260,43 @@ def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
         return refuted(said, 0.0) if below else undecided(said, needs_digits=True)
     low, high = root_bounds([arb(c) for c in coefficients])
     todo: list[tuple[float, float]] = [(0.0, low), (low, high), (high, np.inf)]
-    for _ in range(MOST_PIECES):
+    for _ in range(MAX_PIECES):
         if not todo:
             return proved()
         if time.thread_time() > deadline:
             return undecided("undecided, as time was up")
         a, b = todo.pop()
-        found = bernstein_signs(bernstein(p, exactly(p, a), exactly(p, b)) if np.isfinite(b) else beyond(p, a))
+        found = bernstein_signs(
+            bernstein_coefficients(p, to_exact_number(p, a), to_exact_number(p, b))
+            if np.isfinite(b)
+            else shifted_coefficients(p, a)
+        )
         if found is Signs.POSITIVE:
             continue
-        middle = between(a, b)
-        if p(exactly(p, middle)) <= 0:
+        middle = geometric_midpoint(a, b)
+        if p(to_exact_number(p, middle)) <= 0:
             return refuted("negative there", middle)
-        if found is Signs.UNCLEAR or (np.isfinite(b) and b - a <= NARROWEST * b) or not 1e-290 < middle < 1e290:
+        if (
+            found is Signs.UNCLEAR
+            or (np.isfinite(b) and b - a <= MIN_RELATIVE_WIDTH * b)
+            or not 1e-290 < middle < 1e290
+        ):
             return undecided(f"undecided near {middle:.6g}", needs_digits=True)
         todo += [(a, middle), (middle, b)]
-    return undecided(f"undecided after {MOST_PIECES} pieces")
+    return undecided(f"undecided after {MAX_PIECES} pieces")
 
 
-def beyond(p: Any, low: float) -> list[Any]:
+def shifted_coefficients(p: Any, low: float) -> list[Any]:
     """Coefficients of p(low + y): all nonnegative where p has no root beyond; the last is only its sign at infinity."""
-    return list(p(type(p)([exactly(p, low), 1])).coeffs())
+    return list(p(type(p)([to_exact_number(p, low), 1])).coeffs())
 
 
-def exactly(p: Any, x: float) -> Any:
+def to_exact_number(p: Any, x: float) -> Any:
     """A double as an exact number of the kind that p has."""
     return fmpq(*float(x).as_integer_ratio()) if isinstance(p, fmpq_poly) else arb(float(x))
 
 
-def between(a: float, b: float) -> float:
+def geometric_midpoint(a: float, b: float) -> float:
     """Where to cut: geometrically, as roots lie decades apart."""
     if a == 0:
         return b / 64

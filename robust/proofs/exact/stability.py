@@ -19,41 +19,41 @@ from robust.proofs.exact.conditions import Terms
 from robust.proofs.exact.polynomials import (
     Decision,
     Quotient,
-    behind_samples,
-    held,
-    mapped,
+    bilinear_image,
+    delay_by_samples,
     proved,
-    quotient,
-    rational,
-    rational_matrix,
     refuted,
+    to_rational,
+    to_rational_matrix,
+    transfer_quotient,
     undecided,
+    zoh_quotient,
 )
 
 __all__ = [
     "WHOLE_SAMPLES",
     "Axis",
     "Squares",
-    "at_infinity",
-    "axis_of",
-    "each_part",
+    "claim_on_axis",
+    "decide_loop_stability",
+    "decide_matrix_stability",
+    "decide_quotient_stability",
     "hurwitz",
     "hurwitz_with_delay",
-    "loop_axis",
-    "polynomials",
+    "loop_on_axis",
+    "loop_terms",
+    "map_parts",
+    "polynomial_terms",
     "routh",
-    "squared",
-    "squares",
-    "stable_loop",
-    "stable_matrix",
-    "stable_quotients",
-    "terms_of",
+    "squared_magnitude",
+    "squared_magnitudes",
+    "terms_at_infinity",
 ]
 
 
 BITS = (192, 768, 3072)
-MOST_BITS = 4096
-BESIDE = "not told from the stability boundary"
+MAX_BITS = 4096
+TOO_NEAR_BOUNDARY = "not told from the stability boundary"
 
 
 def hurwitz(p: Any, degree: int) -> Decision:
@@ -72,7 +72,7 @@ def hurwitz(p: Any, degree: int) -> Decision:
     for _ in range(degree + 1):
         pivot = rows[0][0]
         if not pivot > 0:
-            return refuted("a pole is not stable") if pivot <= 0 else undecided(BESIDE, needs_digits=True)
+            return refuted("a pole is not stable") if pivot <= 0 else undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
         above, below = rows
         if not below:
             break
@@ -97,7 +97,7 @@ def routh(p: Any, degree: int) -> Decision:
     return hurwitz(p, degree)
 
 
-def squared(p: Any) -> Any:
+def squared_magnitude(p: Any) -> Any:
     """|p(j x)|^2 as a polynomial in y = x^2."""
     kind = type(p)
     mirrored = kind([c if k % 2 == 0 else -c for k, c in enumerate(p.coeffs())])
@@ -115,16 +115,16 @@ def hurwitz_with_delay(den: Any, num: Any, degree: int, delay: Any) -> Decision:
     if total[degree] == 0:
         return undecided("the loop without its delay is not well posed", needs_digits=True)
     bits = 128
-    while bits <= MOST_BITS:
+    while bits <= MAX_BITS:
         with ctx.workprec(bits):
             outside = roots_outside(total)
             if outside is not None:
-                moved = crossed(den, num, arb(delay))
+                moved = delay_crossings(den, num, arb(delay))
                 if moved is not None:
                     count = outside + moved
                     return proved() if count == 0 else refuted(f"{count} poles are not stable")
         bits *= 4
-    return undecided(BESIDE, needs_digits=True)
+    return undecided(TOO_NEAR_BOUNDARY, needs_digits=True)
 
 
 def roots_outside(p: Any) -> int | None:
@@ -138,9 +138,9 @@ def roots_outside(p: Any) -> int | None:
     return count
 
 
-def crossed(den: Any, num: Any, delay: Any) -> int | None:
+def delay_crossings(den: Any, num: Any, delay: Any) -> int | None:
     """How many roots of den + num exp(-s tau) move out of the left half plane as tau grows from 0 to the delay."""
-    balance = squared(den) - squared(num)
+    balance = squared_magnitude(den) - squared_magnitude(num)
     if balance.degree() <= 0:
         return 0 if balance[0] != 0 else None
     count, pi = 0, arb.pi()
@@ -158,7 +158,7 @@ def crossed(den: Any, num: Any, delay: Any) -> int | None:
         turns = (omega * delay - angle) / (2 * pi)
         # crossings at tau > 0 have angle + 2 pi k > 0, those up to the delay k <= turns
         first, last = (-angle / (2 * pi)), turns
-        low, high = whole_below(first), whole_below(last)
+        low, high = floor_or_none(first), floor_or_none(last)
         if low is None or high is None:
             return None
         if many % 2:
@@ -179,7 +179,7 @@ def acb_coefficient(c: Any) -> Any:
     return acb(arb(c))
 
 
-def whole_below(x: Any) -> int | None:
+def floor_or_none(x: Any) -> int | None:
     """floor(x), None where the ball holds an integer."""
     floor = x.floor().unique_fmpz()
     return None if floor is None or x.contains_integer() else int(floor)
@@ -232,69 +232,69 @@ class Axis:
         return bool(self.delay == 0) and not self.w_timed and not self.P_timed
 
 
-def axis_of(claim: LoopClaim) -> Axis:
+def claim_on_axis(claim: LoopClaim) -> Axis:
     """Put the parts of a claim on one axis, by the rules that `LoopClaim` states, or refuse with a ValueError."""
-    G, K, dt, delay = loop_axis(claim.plant, claim.controller, claim.delay)
-    w, w_timed = weight("weight", claim.weight, dt)
-    P, P_timed = (None, False) if claim.performance is None else weight("performance", claim.performance, dt)
-    W = shaping(claim, dt) if "M" in claim.reads else None
+    G, K, dt, delay = loop_on_axis(claim.plant, claim.controller, claim.delay)
+    w, w_timed = weight_quotient("weight", claim.weight, dt)
+    P, P_timed = (None, False) if claim.performance is None else weight_quotient("performance", claim.performance, dt)
+    W = shaping_product(claim, dt) if "M" in claim.reads else None
     return Axis(G=G, K=K, w=w, P=P, dt=dt, delay=delay, w_timed=w_timed, P_timed=P_timed, W=W)
 
 
-def shaping(claim: LoopClaim, dt: Any) -> Quotient:
+def shaping_product(claim: LoopClaim, dt: Any) -> Quotient:
     """The product of the shaping functions, on the axis of the loop."""
     if dt and not claim.plant.dt:
         raise ValueError("plant must be sampled as the controller is for coprime factors, got a continuous one")
-    num = den = quotient(UNITY).num
+    num = den = transfer_quotient(UNITY).num
     degree = 0
     for W in claim.shaping:
-        part, timed = weight("shaping", W, dt)
+        part, timed = weight_quotient("shaping", W, dt)
         if timed:
             raise ValueError("shaping must be sampled as the loop is, got a continuous one")
         num, den, degree = num * part.num, den * part.den, degree + part.degree
     return Quotient(num=num, den=den, degree=degree)
 
 
-def loop_axis(plant: Matrices, K: Matrices, seconds: Any) -> tuple[Quotient, Quotient, Any, Any]:
+def loop_on_axis(plant: Matrices, K: Matrices, seconds: Any) -> tuple[Quotient, Quotient, Any, Any]:
     """Plant and controller on one axis, the sampling time, and the delay [s] that is not in the plant.
 
     `seconds` is a double or a rational.
     """
-    delay = rational(seconds) if isinstance(seconds, float) else seconds
-    dt = rational(plant.dt or K.dt)
+    delay = to_rational(seconds) if isinstance(seconds, float) else seconds
+    dt = to_rational(plant.dt or K.dt)
     if plant.dt:
-        if K.order and not same_clock(K.dt, plant.dt):
+        if K.order and not is_same_sampling_time(K.dt, plant.dt):
             raise ValueError(f"controller must have the sampling time of the plant, {plant.dt} s, got {K.dt} s")
         samples = delay / dt
-        whole = int((samples + rational(0.5)).floor())
-        if abs(samples - whole) > rational(WHOLE_SAMPLES_DISCRETE):
+        whole = int((samples + to_rational(0.5)).floor())
+        if abs(samples - whole) > to_rational(WHOLE_SAMPLES_DISCRETE):
             raise ValueError(f"delay must be whole samples of {plant.dt} s, got {seconds} s")
-        G, delay = mapped(behind_samples(quotient(plant), whole)), rational(0.0)
+        G, delay = bilinear_image(delay_by_samples(transfer_quotient(plant), whole)), to_rational(0.0)
     elif dt:
-        whole = int((delay / dt + rational(WHOLE_SAMPLES)).floor())
+        whole = int((delay / dt + to_rational(WHOLE_SAMPLES)).floor())
         rest = delay - whole * dt
-        if rest < rational(WHOLE_SAMPLES) * dt:
-            rest = rational(0.0)
-        G, delay = mapped(held(plant, dt, whole, rest)), rational(0.0)
+        if rest < to_rational(WHOLE_SAMPLES) * dt:
+            rest = to_rational(0.0)
+        G, delay = bilinear_image(zoh_quotient(plant, dt, whole, rest)), to_rational(0.0)
     else:
-        G = quotient(plant)
-    return G, mapped(quotient(K)) if dt else quotient(K), dt, delay
+        G = transfer_quotient(plant)
+    return G, bilinear_image(transfer_quotient(K)) if dt else transfer_quotient(K), dt, delay
 
 
-def same_clock(dt: float, other: float) -> bool:
+def is_same_sampling_time(dt: float, other: float) -> bool:
     """Whether two sampling times are the same but for rounding."""
     return abs(dt - other) <= SAME_CLOCK * other
 
 
-def weight(name: str, system: Matrices, dt: Any) -> tuple[Quotient, bool]:
+def weight_quotient(name: str, system: Matrices, dt: Any) -> tuple[Quotient, bool]:
     """A weight as a quotient, and whether it is continuous around a sampled loop."""
-    found = quotient(system)
+    found = transfer_quotient(system)
     if system.order == 0:
         return found, False
     if system.dt:
-        if not dt or not same_clock(system.dt, int(dt.p) / int(dt.q)):
+        if not dt or not is_same_sampling_time(system.dt, int(dt.p) / int(dt.q)):
             raise ValueError(f"{name} must be continuous or sampled as the loop is, got {system.dt} s")
-        return mapped(found), False
+        return bilinear_image(found), False
     return found, bool(dt)
 
 
@@ -316,7 +316,7 @@ class Squares:
     W: tuple[Any, Any, int] | None = None
 
 
-def squares(axis: Axis) -> Squares:
+def squared_magnitudes(axis: Axis) -> Squares:
     """The squared magnitudes of what the loop is made of."""
     G_num, G_den, K_num, K_den = (arb_poly(p) for p in (axis.G.num, axis.G.den, axis.K.num, axis.K.den))
     N, D = G_num * K_num, G_den * K_den
@@ -326,14 +326,14 @@ def squares(axis: Axis) -> Squares:
         return arb_poly([c if k % 2 == 0 else -c for k, c in enumerate(coefficients)])
 
     def of_weight(part: Quotient) -> tuple[Any, Any, int]:
-        return squared(arb_poly(part.num)), squared(arb_poly(part.den)), part.degree
+        return squared_magnitude(arb_poly(part.num)), squared_magnitude(arb_poly(part.den)), part.degree
 
     return Squares(
-        G=(squared(G_num), squared(G_den), axis.G.degree),
-        K=(squared(K_num), squared(K_den), axis.K.degree),
+        G=(squared_magnitude(G_num), squared_magnitude(G_den), axis.G.degree),
+        K=(squared_magnitude(K_num), squared_magnitude(K_den), axis.K.degree),
         even=signed(both[::2]),
         odd=signed(both[1::2]),
-        closed=squared(N + D),
+        closed=squared_magnitude(N + D),
         w=of_weight(axis.w),
         P=None if axis.P is None else of_weight(axis.P),
         W=None if axis.W is None else of_weight(axis.W),
@@ -343,7 +343,7 @@ def squares(axis: Axis) -> Squares:
 Pair = tuple[Any, Any]
 
 
-def terms_of(G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cross: Any, closed: Any) -> Terms:
+def loop_terms(G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cross: Any, closed: Any) -> Terms:
     """The terms from numerator and denominator of each part."""
     P, W = P or (None, None), W or (None, None)
     return Terms(
@@ -362,21 +362,21 @@ def terms_of(G: Pair, K: Pair, w: Pair, P: Pair | None, W: Pair | None, *, cross
     )
 
 
-def each_part(found: Squares, pair: Callable[[tuple[Any, Any, int]], Pair]) -> list[Any]:
+def map_parts(found: Squares, pair: Callable[[tuple[Any, Any, int]], Pair]) -> list[Any]:
     """What `pair` makes of plant, controller and weights; None where there is none."""
     return [None if part is None else pair(part) for part in (found.G, found.K, found.w, found.P, found.W)]
 
 
-def polynomials(found: Squares) -> Terms:
+def polynomial_terms(found: Squares) -> Terms:
     """The terms as polynomials in y, where everything is one."""
-    return terms_of(*each_part(found, lambda part: part[:2]), cross=found.even, closed=found.closed)
+    return loop_terms(*map_parts(found, lambda part: part[:2]), cross=found.even, closed=found.closed)
 
 
-def at_infinity(found: Squares) -> Terms:
+def terms_at_infinity(found: Squares) -> Terms:
     """The same at the far end of the axis: coefficients at the formal degrees."""
     n = found.G[2] + found.K[2]
-    ends = each_part(found, lambda part: (part[0][part[2]], part[1][part[2]]))
-    return terms_of(*ends, cross=found.even[n], closed=found.closed[n])
+    ends = map_parts(found, lambda part: (part[0][part[2]], part[1][part[2]]))
+    return loop_terms(*ends, cross=found.even[n], closed=found.closed[n])
 
 
 # ---- Stability of a loop or of a matrix of doubles, decided where floating point cannot tell.
@@ -388,7 +388,7 @@ def at_infinity(found: Squares) -> Terms:
 POLE_BITS = (256, 1024, 4096)
 
 
-def stable_loop(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
+def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float = 0.0) -> Decision:
     """Whether every pole of u = K (r - y) around the plant, hidden modes included, is strictly stable.
 
     Hold and delay count as in `LoopClaim`, the delay of a continuous loop as it is. It `holds` where
@@ -404,14 +404,14 @@ def stable_loop(plant: Matrices, controller: Matrices, *, delay: float = 0.0) ->
     found = undecided("not looked at", needs_digits=True)
     for bits in POLE_BITS:
         with ctx.workprec(bits):
-            G, K, _, rest = loop_axis(plant, controller, delay)
-            found = stable_quotients(G, K, rest)
+            G, K, _, rest = loop_on_axis(plant, controller, delay)
+            found = decide_quotient_stability(G, K, rest)
         if not found.needs_digits:
             break
     return found
 
 
-def stable_matrix(A: np.ndarray, *, discrete: bool = False) -> Decision:
+def decide_matrix_stability(A: np.ndarray, *, discrete: bool = False) -> Decision:
     """Whether every eigenvalue of a matrix of doubles lies in the open left half plane, or inside the unit circle.
 
     >>> import numpy as np
@@ -421,11 +421,11 @@ def stable_matrix(A: np.ndarray, *, discrete: bool = False) -> Decision:
     n = len(A)
     if not n:
         return proved()
-    p = rational_matrix(np.asarray(A, dtype=float)).charpoly()
-    return routh(mapped(Quotient(num=p, den=p, degree=n)).den if discrete else p, n)
+    p = to_rational_matrix(np.asarray(A, dtype=float)).charpoly()
+    return routh(bilinear_image(Quotient(num=p, den=p, degree=n)).den if discrete else p, n)
 
 
-def stable_quotients(G: Quotient, K: Quotient, delay: Any) -> Decision:
+def decide_quotient_stability(G: Quotient, K: Quotient, delay: Any) -> Decision:
     """Whether the loop of two quotients on one axis, and a delay (fmpq), is stable, at the precision of the moment."""
     kind = type(G.num) if type(G.num) is type(K.num) else arb_poly
     N, D = kind(G.num) * kind(K.num), kind(G.den) * kind(K.den)

@@ -16,17 +16,17 @@ from flint import arb, arb_poly
 
 from robust.proofs.exact.conditions import Terms
 from robust.proofs.exact.polynomials import Decision, proved, refuted, undecided
-from robust.proofs.exact.stability import Axis, Squares, each_part, terms_of
+from robust.proofs.exact.stability import Axis, Squares, loop_terms, map_parts
 
 __all__ = [
-    "LOWEST",
-    "MOST_INTERVALS",
-    "NARROWEST",
-    "Jet",
+    "MAX_INTERVALS",
+    "MIN_OMEGA_SHARE",
+    "MIN_RELATIVE_WIDTH",
+    "TaylorModel",
+    "compose_polynomial",
     "cosine",
-    "line",
+    "linear_model",
     "lower_bound",
-    "of_polynomial",
     "positive_on_intervals",
     "sampled_terms",
     "sine",
@@ -36,7 +36,7 @@ __all__ = [
 ORDER = 5
 
 
-class Jet:
+class TaylorModel:
     """A polynomial in x (arb_poly) of degree at most `ORDER` that encloses a function on [-1, 1]."""
 
     __slots__ = ("p",)
@@ -44,35 +44,35 @@ class Jet:
     def __init__(self, p: Any) -> None:
         self.p = p
 
-    def __add__(self, other: Any) -> Jet:
-        return Jet(self.p + (other.p if isinstance(other, Jet) else other))
+    def __add__(self, other: Any) -> TaylorModel:
+        return TaylorModel(self.p + (other.p if isinstance(other, TaylorModel) else other))
 
     __radd__ = __add__
 
-    def __sub__(self, other: Any) -> Jet:
-        return Jet(self.p - (other.p if isinstance(other, Jet) else other))
+    def __sub__(self, other: Any) -> TaylorModel:
+        return TaylorModel(self.p - (other.p if isinstance(other, TaylorModel) else other))
 
-    def __mul__(self, other: Any) -> Jet:
-        return shortened(self.p * other.p) if isinstance(other, Jet) else Jet(self.p * other)
+    def __mul__(self, other: Any) -> TaylorModel:
+        return truncate(self.p * other.p) if isinstance(other, TaylorModel) else TaylorModel(self.p * other)
 
     __rmul__ = __mul__
 
 
-def shortened(p: Any) -> Jet:
+def truncate(p: Any) -> TaylorModel:
     """What lies beyond the order goes into the constant, as a ball."""
     coefficients = p.coeffs()
     if len(coefficients) <= ORDER + 1:
-        return Jet(p)
+        return TaylorModel(p)
     left = sum((abs(c) for c in coefficients[ORDER + 1 :]), arb(0)).abs_upper()
-    return Jet(arb_poly([coefficients[0] + arb(0, left), *coefficients[1 : ORDER + 1]]))
+    return TaylorModel(arb_poly([coefficients[0] + arb(0, left), *coefficients[1 : ORDER + 1]]))
 
 
-def line(middle: Any, half: Any) -> Jet:
+def linear_model(middle: Any, half: Any) -> TaylorModel:
     """The variable itself: middle + half x."""
-    return Jet(arb_poly([middle, half]))
+    return TaylorModel(arb_poly([middle, half]))
 
 
-def sine_and_cosine(middle: Any, half: Any) -> tuple[Jet, Jet]:
+def sine_and_cosine(middle: Any, half: Any) -> tuple[TaylorModel, TaylorModel]:
     """sin and cos of middle + half x: their Taylor polynomials and half^(n+1)/(n+1)! for the rest."""
     at = (middle.sin(), middle.cos())
     cycle = (at[0], at[1], -at[0], -at[1], at[0])
@@ -84,21 +84,21 @@ def sine_and_cosine(middle: Any, half: Any) -> tuple[Jet, Jet]:
     out = []
     for phase in (0, 1):
         coefficients = [cycle[(k + phase) % 4] * powers[k] for k in range(ORDER + 1)]
-        out.append(Jet(arb_poly([coefficients[0] + rest, *coefficients[1:]])))
+        out.append(TaylorModel(arb_poly([coefficients[0] + rest, *coefficients[1:]])))
     return out[0], out[1]
 
 
-def sine(middle: Any, half: Any) -> Jet:
+def sine(middle: Any, half: Any) -> TaylorModel:
     """sin(middle + half x)."""
     return sine_and_cosine(middle, half)[0]
 
 
-def cosine(middle: Any, half: Any) -> Jet:
+def cosine(middle: Any, half: Any) -> TaylorModel:
     """cos(middle + half x)."""
     return sine_and_cosine(middle, half)[1]
 
 
-def of_polynomial(p: Any, argument: Jet) -> Jet:
+def compose_polynomial(p: Any, argument: TaylorModel) -> TaylorModel:
     """p of a jet, by the Taylor coefficients of p at the middle; those beyond the order are bounded by their sum."""
     middle = argument.p[0].mid()
     away = argument.p - middle
@@ -108,14 +108,14 @@ def of_polynomial(p: Any, argument: Jet) -> Jet:
     for c in reversed(coefficients[ORDER + 1 :]):
         left = left * reach + abs(c)
     left *= reach ** (ORDER + 1)
-    total = Jet(arb_poly([0]))
-    moved = Jet(away)
+    total = TaylorModel(arb_poly([0]))
+    moved = TaylorModel(away)
     for c in reversed(coefficients[: ORDER + 1]):
         total = total * moved + c
     return total + arb(0, left.abs_upper())
 
 
-def lower_bound(jet: Jet) -> Any:
+def lower_bound(jet: TaylorModel) -> Any:
     """A number that the jet does not fall below on [-1, 1]: its least Bernstein coefficient, rounded down."""
     from math import comb
 
@@ -137,22 +137,22 @@ def lower_bound(jet: Jet) -> Any:
 # what has to be positive decides. Intervals that fail are cut; in a continuous loop what lies beyond the last one is
 # decided at once, whatever the phase of the delay is there.
 
-NARROWEST = 1e-12
-MOST_INTERVALS = 50_000
-FARTHEST = 1e18  # [rad/s]
-LOWEST = 1e-30  # of the highest frequency
+MIN_RELATIVE_WIDTH = 1e-12
+MAX_INTERVALS = 50_000
+MAX_OMEGA = 1e18  # [rad/s]
+MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
 
-Asked = Callable[[Terms], list[Any]]
+Inequalities = Callable[[Terms], list[Any]]
 
 
-def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: float) -> Decision:
+def positive_on_intervals(axis: Axis, found: Squares, asked: Inequalities, deadline: float) -> Decision:
     """Prove that all that is asked of the terms is positive from zero to Nyquist, or to infinity."""
     if axis.dt:
         # a little beyond Nyquist, as pi is no double
         top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
         terms = sampled_terms(axis, found)
     else:
-        top = first_of_tail(found, asked)
+        top = tail_frequency(found, asked)
         if top == inf:
             return undecided("undecided at infinite frequency", needs_digits=True)
         terms = delayed_terms(axis, found)
@@ -161,7 +161,7 @@ def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: fl
             said = "not positive at zero"
             return refuted(said, 0.0) if expression.p[0] <= 0 else undecided(said, needs_digits=True)
     todo = [(0.0, top)]
-    for count in range(MOST_INTERVALS):
+    for count in range(MAX_INTERVALS):
         if not todo:
             return proved()
         low, high = todo.pop()
@@ -171,13 +171,13 @@ def positive_on_intervals(axis: Axis, found: Squares, asked: Asked, deadline: fl
         narrow = high - low <= 1e-3 * high
         if narrow and any(jet.p[0] <= 0 for jet in asked(terms(middle, arb(0)))):
             return refuted("negative there", (low + high) / 2)
-        if high - low <= NARROWEST * high or high < LOWEST * top:
+        if high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
         if count % 64 == 63 and time.thread_time() > deadline:
             return undecided(f"undecided after {count} intervals, as time was up")
         cut = high / 16 if low == 0 else sqrt(low) * sqrt(high) if high > 4 * low else (low + high) / 2
         todo += [(cut, high), (low, cut)]
-    return undecided(f"undecided after {MOST_INTERVALS} intervals")
+    return undecided(f"undecided after {MAX_INTERVALS} intervals")
 
 
 def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
@@ -185,12 +185,14 @@ def delayed_terms(axis: Axis, found: Squares) -> Callable[[Any, Any], Terms]:
     tau = arb(axis.delay)
 
     def terms(middle: Any, half: Any) -> Terms:
-        omega = line(middle, half)
+        omega = linear_model(middle, half)
         y = omega * omega
         phase = middle * tau, half * tau
-        G, K, *weights = each_part(found, lambda part: at(part, y))
-        cross = of_polynomial(found.even, y) * cosine(*phase) + of_polynomial(found.odd, y) * omega * sine(*phase)
-        return terms_of(G, K, *weights, cross=cross, closed=G[0] * K[0] + G[1] * K[1] + cross * 2)
+        G, K, *weights = map_parts(found, lambda part: quotient_at(part, y))
+        cross = compose_polynomial(found.even, y) * cosine(*phase) + compose_polynomial(found.odd, y) * omega * sine(
+            *phase
+        )
+        return loop_terms(G, K, *weights, cross=cross, closed=G[0] * K[0] + G[1] * K[1] + cross * 2)
 
     return terms
 
@@ -205,47 +207,51 @@ def sampled_terms(axis: Axis, found: Squares, samples: int = 0) -> Callable[[Any
     timed = (False, False, axis.w_timed, axis.P_timed, False)  # those stay polynomials in omega^2
     parts = (found.G, found.K, found.w, found.P, found.W)
     known = [
-        part if part is None or own else (*(in_sine(p, part[2]) for p in part[:2]), part[2])
+        part if part is None or own else (*(polynomial_in_sine(p, part[2]) for p in part[:2]), part[2])
         for part, own in zip(parts, timed, strict=True)
     ]
     n = found.G[2] + found.K[2]
-    even, whole, odd = in_sine(found.even, n), in_sine(found.closed, n), in_sine(found.odd, max(n - 1, 0))
+    even, whole, odd = (
+        polynomial_in_sine(found.even, n),
+        polynomial_in_sine(found.closed, n),
+        polynomial_in_sine(found.odd, max(n - 1, 0)),
+    )
 
     def terms(middle: Any, half: Any) -> Terms:
-        omega = line(middle, half)
+        omega = linear_model(middle, half)
         u = (cosine(middle * dt, half * dt) - 1) * arb("-0.5")
         y = omega * omega
         along: list[Any] = [
-            None if part is None else at(part, y if own else u) for part, own in zip(known, timed, strict=True)
+            None if part is None else quotient_at(part, y if own else u) for part, own in zip(known, timed, strict=True)
         ]
         G, K, *weights = along
-        cross, closed = of_polynomial(even, u), of_polynomial(whole, u)
+        cross, closed = compose_polynomial(even, u), compose_polynomial(whole, u)
         if samples:
             # x (1 - u) = sin(omega dt)/2: what is odd in x = tan(omega dt/2) has one power of 1 - u less
             phase, turn = (middle * dt * samples, half * dt * samples), sine(middle * dt, half * dt)
-            cross = cross * cosine(*phase) + of_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
+            cross = cross * cosine(*phase) + compose_polynomial(odd, u) * turn * sine(*phase) * arb("0.5")
             closed = G[0] * K[0] + G[1] * K[1] + cross * 2
-        return terms_of(G, K, *weights, cross=cross, closed=closed)
+        return loop_terms(G, K, *weights, cross=cross, closed=closed)
 
     return terms
 
 
-def at(part: tuple[Any, Any, int], argument: Jet) -> tuple[Jet, Jet]:
+def quotient_at(part: tuple[Any, Any, int], argument: TaylorModel) -> tuple[TaylorModel, TaylorModel]:
     """Numerator and denominator along a jet."""
-    return of_polynomial(part[0], argument), of_polynomial(part[1], argument)
+    return compose_polynomial(part[0], argument), compose_polynomial(part[1], argument)
 
 
-def in_sine(p: Any, degree: int) -> Any:
+def polynomial_in_sine(p: Any, degree: int) -> Any:
     """(1 - u)^degree p(u/(1 - u)), a polynomial in u; with v = 1 - u the argument is 1/v - 1."""
     kind = type(p)
     shifted = p(kind([-1, 1]))
     return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
 
 
-def first_of_tail(found: Squares, asked: Asked) -> float:
+def tail_frequency(found: Squares, asked: Inequalities) -> float:
     """A frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
     omega = 1e-3
-    while omega < FARTHEST:
+    while omega < MAX_OMEGA:
         v = arb(0).union(1 / arb(omega) ** 2)
 
         def ratio(p: Any, degree: int, v: Any = v) -> Any:  # p(y)/y^degree at v = 1/y
@@ -254,10 +260,10 @@ def first_of_tail(found: Squares, asked: Asked) -> float:
                 total = total * v + p[k]
             return total
 
-        G, K, *weights = each_part(found, lambda part: (ratio(part[0], part[2]), ratio(part[1], part[2])))
+        G, K, *weights = map_parts(found, lambda part: (ratio(part[0], part[2]), ratio(part[1], part[2])))
         N, D = G[0] * K[0], G[1] * K[1]
         cross = arb(0, (N.abs_upper() * D.abs_upper()).sqrt().abs_upper())
-        terms = terms_of(G, K, *weights, cross=cross, closed=N + D + cross * 2)
+        terms = loop_terms(G, K, *weights, cross=cross, closed=N + D + cross * 2)
         if all(x > 0 for x in asked(terms)):
             return omega
         omega *= 4

@@ -15,11 +15,11 @@ from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import positive, shown
 from robust._base.states import Outcome
-from robust.lti.lti import Matrices, scaled_states, timebase
+from robust.lti.lti import Matrices, scale_states, timebase
 from robust.lti.norms import EPS, hinf_norm, to_continuous, to_discrete, well_conditioned
-from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.matrices import NormClaim
-from robust.proofs.search.certificate import TIME_CAP, Certificate, attempt, refused
+from robust.proofs.search.certificate import TIME_CAP, Certificate, failed_certificate, solve_program
 
 __all__ = ["certify_norm"]
 
@@ -86,34 +86,38 @@ def certify_norm(
             method=method,
             intervals=everywhere,
             reason="",
-            claim=NormClaim(system=as_given(system), level=level),
+            claim=NormClaim(system=to_matrices(system), level=level),
         )
 
     inner = level * (1 - SLACK)
     A, B, C, D = system.A, system.B / np.sqrt(inner), system.C / np.sqrt(inner), system.D / inner
     if not all(np.isfinite(m).all() for m in (A, B, C, D)):
-        return refused(subject, level, "the system has coefficients that are not finite")
+        return failed_certificate(subject, level, "the system has coefficients that are not finite")
     if not n:
         gain = np.linalg.norm(D, 2)
-        return proved("KYP") if gain < 1 - 10 * EPS else refused(subject, level, f"the gain is {gain * level:.6g}")
-    A, B, C = scaled_states(A, B, C)  # by powers of two, which is exact
+        return (
+            proved("KYP")
+            if gain < 1 - 10 * EPS
+            else failed_certificate(subject, level, f"the gain is {gain * level:.6g}")
+        )
+    A, B, C = scale_states(A, B, C)  # by powers of two, which is exact
     if n > LARGEST_KYP:
-        return refused(
+        return failed_certificate(
             subject, level, f"{n} states are too many for a linear matrix inequality (at most {LARGEST_KYP})"
         )
     p = np.linalg.eigvals(A)
     if np.any(np.abs(p) >= 1) if dt else np.any(p.real >= 0):
-        return refused(subject, level, "the system is not stable")
+        return failed_certificate(subject, level, "the system is not stable")
     method, reason = prove_inequality((A, B, C, D), bool(dt), solver, time_cap)
-    return proved(method) if method else refused(subject, level, reason)
+    return proved(method) if method else failed_certificate(subject, level, reason)
 
 
 def prove_inequality(matrices: Matrices, discrete: bool, solver: str, time_cap: float) -> tuple[str, str]:
     """The method that proves the norm of a stable system below one, or why none does."""
     image = well_conditioned(to_continuous(*matrices) if discrete else matrices)
-    there = transformed(image, preconditioner(image))
+    there = change_coordinates(image, preconditioning_coordinates(image))
     reasons = []
-    for method, proposal in (("KYP", proposed), ("KYP, P from a Riccati equation", None)):
+    for method, proposal in (("KYP", solve_kyp), ("KYP, P from a Riccati equation", None)):
         X, said = (np.eye(len(there[0])), "") if proposal is None else proposal(there, solver, time_cap)
         if X is None:
             reasons.append(said)
@@ -126,14 +130,14 @@ def prove_inequality(matrices: Matrices, discrete: bool, solver: str, time_cap: 
     return "", "; ".join(reasons)
 
 
-def transformed(matrices: Matrices, T: np.ndarray) -> Matrices:
+def change_coordinates(matrices: Matrices, T: np.ndarray) -> Matrices:
     """The system in the coordinates T x."""
     A, B, C, D = matrices
     back = np.linalg.inv(T)
     return T @ A @ back, T @ B, C @ back, D
 
 
-def preconditioner(matrices: Matrices) -> np.ndarray:
+def preconditioning_coordinates(matrices: Matrices) -> np.ndarray:
     """Coordinates in which the identity is already close to a solution: T'T solves the Riccati equation nearby.
 
     With poles over many decades the inequality is hopeless for a solver in the coordinates of the model.
@@ -155,7 +159,7 @@ def preconditioner(matrices: Matrices) -> np.ndarray:
     return np.eye(n)
 
 
-def proposed(matrices: Matrices, solver: str, time_cap: float) -> tuple[np.ndarray | None, str]:
+def solve_kyp(matrices: Matrices, solver: str, time_cap: float) -> tuple[np.ndarray | None, str]:
     """X from cvxpy for the inequality with the largest margin, or None and what went wrong."""
     import cvxpy as cp
 
@@ -167,7 +171,7 @@ def proposed(matrices: Matrices, solver: str, time_cap: float) -> tuple[np.ndarr
     scale = np.diag(1 / np.sqrt(np.concatenate([np.maximum(np.linalg.norm(A, axis=0), 1e-6), np.ones(m)])))
     constraints = [scale @ M @ scale << -t * np.eye(n + m), X >> 1e-6 * np.eye(n), t <= 1]
     problem = cp.Problem(cp.Maximize(t), constraints)
-    failed = attempt(problem, solver, time_cap)
+    failed = solve_program(problem, solver, time_cap)
     if failed:
         return None, failed
     if X.value is None or np.shape(X.value) != (n, n) or not np.isfinite(X.value).all():

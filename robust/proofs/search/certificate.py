@@ -14,7 +14,7 @@ from robust.proofs.exact.claim import LoopClaim
 from robust.proofs.exact.loops import Verification, verify_loop
 from robust.proofs.exact.matrices import NormClaim, verify_norm
 
-__all__ = ["EXACT", "SOLVERS", "TIME_CAP", "Certificate", "attempt", "refused"]
+__all__ = ["EXACT", "SOLVERS", "TIME_CAP", "Certificate", "failed_certificate", "solve_program"]
 
 
 EXACT = "exact arithmetic"  # where nothing is left to floating point
@@ -116,8 +116,8 @@ class Certificate:
         return Verification(verified=False, proved=(), failed=((self.subject, reason),), bits=0)
 
 
-def refused(subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED) -> Certificate:
-    """A certificate that does not hold: undecided, or violated."""
+def failed_certificate(subject: str, level: float, reason: str, *, outcome: Outcome = Outcome.UNDECIDED) -> Certificate:
+    """Return a certificate that does not hold: undecided, or violated."""
     nothing = np.zeros((0, 2))
     return Certificate(subject=subject, outcome=outcome, level=level, method="", intervals=nothing, reason=reason)
 
@@ -125,7 +125,7 @@ def refused(subject: str, level: float, reason: str, *, outcome: Outcome = Outco
 # ---- Convex programs, solved under a time cap by solvers that may fail in any way.
 
 
-def attempt(problem: Any, solver: str, time_cap: float, *, eps: float = 1e-7) -> str:
+def solve_program(problem: Any, solver: str, time_cap: float, *, eps: float = 1e-7) -> str:
     """Solve a cvxpy problem. Empty where the solver came back, else what failed; what it found is for others to judge.
 
     problem : cvxpy.Problem; solver : its name there; time_cap : seconds; eps : tolerance of SCS.

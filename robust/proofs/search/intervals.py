@@ -16,27 +16,27 @@ import control
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.lti.lti import Matrices, beside_one, poles, responder, timebase, zeros
+from robust.lti.lti import Matrices, axis_offset, make_response, poles, timebase, zeros
 from robust.lti.norms import crossings, largest_gain
-from robust.lti.stability import certain_poles
-from robust.proofs.exact.claim import as_given
-from robust.proofs.exact.polynomials import roots_of
+from robust.lti.stability import poles_with_rounding
+from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.polynomials import exact_roots
 
 __all__ = [
     "SLACK",
     "IntervalProof",
     "Magnitude",
-    "around",
-    "in_doubt",
-    "inside",
-    "magnitude",
+    "initial_cuts",
+    "interior_point",
+    "magnitude_of",
+    "poles_are_uncertain",
     "prove",
     "trusted_responder",
 ]
 
 
 MAX_INTERVALS = 600
-NARROWEST = 1e-9
+MIN_RELATIVE_WIDTH = 1e-9
 SLACK = 3e-6  # above what coordinates and the check against `exact` may be off
 
 
@@ -53,7 +53,7 @@ class Magnitude:
         z, p = self.zeros / 1j, self.poles / 1j
         middle, half = (low + high) / 2, (high - low) / 2
         with np.errstate(divide="ignore", invalid="ignore"):
-            crude = log_farthest(z, low, high) - log_nearest(p, low, high)
+            crude = log_max_distance(z, low, high) - log_min_distance(p, low, high)
             at = np.log(np.abs(middle[:, None] - z)).sum(axis=1) - np.log(np.abs(middle[:, None] - p)).sum(axis=1)
             z_low, z_high = slope_range(z, low, high)
             p_low, p_high = slope_range(p, low, high)
@@ -61,13 +61,13 @@ class Magnitude:
             return self.gain * np.exp(np.fmin(crude, fine)) * (1 + 1e-9)
 
 
-def log_farthest(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def log_max_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """(I,) log of the product of the largest distances of the roots from each real interval."""
     ends = np.maximum(np.abs(low[:, None] - roots), np.abs(high[:, None] - roots))
     return np.asarray(np.log(ends).sum(axis=1))
 
 
-def log_nearest(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def log_min_distance(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """(I,) log of the product of the smallest distances."""
     with np.errstate(divide="ignore"):
         nearest = np.clip(roots.real, low[:, None], high[:, None]) - roots
@@ -86,7 +86,7 @@ def slope_range(roots: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[n
     return np.nan_to_num(least, nan=-np.inf).sum(axis=1), np.nan_to_num(most, nan=np.inf, posinf=np.inf).sum(axis=1)
 
 
-def magnitude(system: control.StateSpace) -> Magnitude:
+def magnitude_of(system: control.StateSpace) -> Magnitude:
     """The magnitude of a single-loop system over omega, or over x = tan(omega dt/2) where it is discrete."""
     z, p = zeros(system), poles(system)
     dt = timebase(system)
@@ -133,9 +133,9 @@ def prove(
     edges = np.unique(np.concatenate([[0.0], starts[(starts > 0) & (starts < top)], [top]]))
 
     def narrow(low: float, high: float) -> bool:
-        return bool(low > edges[-2] / NARROWEST if np.isinf(high) else high - low <= NARROWEST * high)
+        return bool(low > edges[-2] / MIN_RELATIVE_WIDTH if np.isinf(high) else high - low <= MIN_RELATIVE_WIDTH * high)
 
-    nothing_below = NARROWEST * edges[1] if np.isfinite(edges[1]) else 0.0
+    nothing_below = MIN_RELATIVE_WIDTH * edges[1] if np.isfinite(edges[1]) else 0.0
     todo = list(itertools.pairwise(edges.tolist()))[::-1]
     done: list[tuple[float, float]] = []
     count = 0
@@ -148,7 +148,7 @@ def prove(
         if count > most or time.thread_time() > deadline:
             return stop("undecided after " + (f"{count - 1} intervals" if count > most else f"{time_cap:g} s"))
         low, high = todo.pop()
-        inner = inside(low, high)
+        inner = interior_point(low, high)
         if not (truth := exact(inner)) < 1:
             return stop(f"the value there is {truth:.6g}", inner)
         A, B, C, D = frozen(low, high)
@@ -160,8 +160,8 @@ def prove(
         if truth > at_inner * (1 + 1e-9 - slack / 2) + 1e-9:
             return stop("the state space of the loop does not reproduce its frequency response")
         if at_inner < 1 and (
-            no_crossing(changes(low, high) if changes else crossings(matrices, 1.0), low, high)
-            or nearby(matrices, inner, max(inner - low, high - inner))
+            has_no_crossing(changes(low, high) if changes else crossings(matrices, 1.0), low, high)
+            or below_one_nearby(matrices, inner, max(inner - low, high - inner))
         ):
             done.append((low, high))
         elif narrow(low, high) or high <= nothing_below:
@@ -171,7 +171,7 @@ def prove(
     return IntervalProof(intervals=np.array(sorted(done)), holds=True, violated_at=np.nan, reason="")
 
 
-def around(points: np.ndarray) -> np.ndarray:
+def initial_cuts(points: np.ndarray) -> np.ndarray:
     """Where to cut the axis first: a third and three times every point, those that crowd left out."""
     x = np.unique(np.concatenate([points / 3, points * 3]))
     keep = [x[0]]
@@ -181,7 +181,7 @@ def around(points: np.ndarray) -> np.ndarray:
     return np.array(keep)
 
 
-def no_crossing(found: tuple[np.ndarray, np.ndarray] | None, low: float, high: float) -> bool:
+def has_no_crossing(found: tuple[np.ndarray, np.ndarray] | None, low: float, high: float) -> bool:
     """Whether no singular value of the frozen loop can reach one on the interval."""
     if found is None:
         return False
@@ -189,7 +189,7 @@ def no_crossing(found: tuple[np.ndarray, np.ndarray] | None, low: float, high: f
     return not np.any((omega + moved >= low) & (omega - moved <= high))
 
 
-def nearby(matrices: Matrices, middle: float, reach: float) -> bool:
+def below_one_nearby(matrices: Matrices, middle: float, reach: float) -> bool:
     """Whether the loop stays below one within `reach` of the middle by the size of its resolvent alone.
 
     With R = (j middle - A)^-1 and reach |R| < 1, the response moves by at most reach |C R| |R B|/(1 - reach |R|): a
@@ -206,7 +206,7 @@ def nearby(matrices: Matrices, middle: float, reach: float) -> bool:
     return bool(largest_gain(matrices, np.array([middle]))[0] + moves < 1)
 
 
-def inside(low: float, high: float) -> float:
+def interior_point(low: float, high: float) -> float:
     """A point well inside: the geometric middle, a decade from an end at zero or infinity."""
     if low == 0 and np.isinf(high):
         return 1.0
@@ -217,22 +217,22 @@ def inside(low: float, high: float) -> float:
 
 # ---- Responses in doubles: from the matrices where rounding hardly moves a mode, from exact roots where it may.
 
-MOVED = 0.1  # of its distance to the axis, by which rounding may move a pole unnoticed
-UNDAMPED = 1e-8  # of its modulus: what counts as the distance of a pole on the axis
-LARGEST = 40  # states of which exact roots are taken
+MAX_POLE_SHIFT = 0.1  # of its distance to the axis, by which rounding may move a pole unnoticed
+AXIS_DISTANCE = 1e-8  # of its modulus: what counts as the distance of a pole on the axis
+MAX_EXACT_STATES = 40  # states of which exact roots are taken
 
 
-def in_doubt(poles: np.ndarray, moved: np.ndarray, discrete: bool) -> bool:
+def poles_are_uncertain(poles: np.ndarray, moved: np.ndarray, discrete: bool) -> bool:
     """Whether rounding may have moved a pole by about as much as it is damped."""
     damping = np.abs(np.abs(poles) - 1) if discrete else np.abs(poles.real)
     size = np.abs(poles - 1) if discrete else np.abs(poles)
-    return bool(np.any(moved > MOVED * np.maximum(damping, UNDAMPED * size)))
+    return bool(np.any(moved > MAX_POLE_SHIFT * np.maximum(damping, AXIS_DISTANCE * size)))
 
 
 def trusted_responder(system: control.StateSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """`robust.lti.lti.responder`, from exact roots where modes over decades share poor coordinates."""
+    """`robust.lti.lti.make_response`, from exact roots where modes over decades share poor coordinates."""
     dt = timebase(system)
-    if not 1 < system.nstates <= LARGEST or not in_doubt(*certain_poles(system), bool(dt)):
-        return responder(system)
-    roots = roots_of(as_given(system))
-    return lambda omega: roots.at(beside_one(omega, dt))
+    if not 1 < system.nstates <= MAX_EXACT_STATES or not poles_are_uncertain(*poles_with_rounding(system), bool(dt)):
+        return make_response(system)
+    roots = exact_roots(to_matrices(system))
+    return lambda omega: roots.at(axis_offset(omega, dt))

@@ -10,41 +10,41 @@ import numpy as np
 from robust._base.states import Outcome, Stability
 from robust.lti.lti import timebase
 from robust.lti.norms import EPS
-from robust.lti.stability import StabilityResult, apparent_instability, certain_poles
-from robust.proofs.exact.claim import as_given
+from robust.lti.stability import StabilityResult, assess_stability, poles_with_rounding
+from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.closed_loops import (
     ClosedLoopClaim,
     decide_closed_loop,
     norm_of_closed_loop,
     verify_closed_loop,
 )
-from robust.proofs.exact.stability import stable_matrix
-from robust.proofs.search.certificate import EXACT, Certificate, refused
+from robust.proofs.exact.stability import decide_matrix_stability
+from robust.proofs.search.certificate import EXACT, Certificate, failed_certificate
 
 __all__ = [
-    "LARGEST_EXACT",
-    "beside_boundary",
+    "MAX_EXACT_STATES",
     "certify_closed_loop",
-    "instability",
+    "decide_stability",
+    "is_near_boundary",
 ]
 
 
-BESIDE = 1e6  # times what rounding moves a pole by
-LARGEST_EXACT = 60  # states: seconds beyond
+BOUNDARY_FACTOR = 1e6  # times what rounding moves a pole by
+MAX_EXACT_STATES = 60  # states: seconds beyond
 
 
-def beside_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.ndarray] | None = None) -> bool:
+def is_near_boundary(system: control.StateSpace, found: tuple[np.ndarray, np.ndarray] | None = None) -> bool:
     """Whether a pole lies so near the stability boundary that rounding may matter, by a wide margin.
 
-    `found` are its `certain_poles`, where they are known.
+    `found` are its `poles_with_rounding`, where they are known.
     """
-    poles, moved = certain_poles(system) if found is None else found
+    poles, moved = poles_with_rounding(system) if found is None else found
     excess = np.abs(poles) - 1 if timebase(system) else poles.real
     rounding = np.maximum(moved, EPS * np.linalg.norm(system.A))  # putting the system together rounds too
-    return bool(np.any(np.abs(excess) <= BESIDE * rounding))
+    return bool(np.any(np.abs(excess) <= BOUNDARY_FACTOR * rounding))
 
 
-def instability(system: control.StateSpace) -> StabilityResult:
+def decide_stability(system: control.StateSpace) -> StabilityResult:
     """Whether every pole of the system, its matrix taken as it is, is strictly stable.
 
     >>> on_the_axis = control.ss([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
@@ -52,15 +52,15 @@ def instability(system: control.StateSpace) -> StabilityResult:
     >>> found.state, found.at_boundary
     ('unstable', True)
     """
-    apparent = apparent_instability(system)
-    if not system.nstates or system.nstates > LARGEST_EXACT or not beside_boundary(system):
+    apparent = assess_stability(system)
+    if not system.nstates or system.nstates > MAX_EXACT_STATES or not is_near_boundary(system):
         return apparent
-    exact = stable_matrix(system.A, discrete=bool(timebase(system)))
+    exact = decide_matrix_stability(system.A, discrete=bool(timebase(system)))
     if exact.holds:
         return StabilityResult(state=Stability.STABLE)
     if not exact.violated or apparent.unstable:
         return apparent
-    poles = certain_poles(system)[0]
+    poles = poles_with_rounding(system)[0]
     worst = poles[int(np.argmax(np.abs(poles) if timebase(system) else poles.real))]
     return StabilityResult(state=Stability.UNSTABLE, pole=complex(worst), at_boundary=True)
 
@@ -68,7 +68,7 @@ def instability(system: control.StateSpace) -> StabilityResult:
 # ---- The norm that a controller reaches with a plant, certified from both as they are given.
 
 #: How far above the norm that was computed a level is tried, relative to it: near it rounding has the word.
-ABOVE = (1e-7, 1e-5, 1e-3)
+LEVEL_MARGINS = (1e-7, 1e-5, 1e-3)
 
 
 def certify_closed_loop(
@@ -80,10 +80,10 @@ def certify_closed_loop(
     as its level (inf: the loop is not stable), or gamma where there was no time for it.
     """
     deadline = time.thread_time() + time_cap
-    plant, controller = as_given(P), as_given(K)
+    plant, controller = to_matrices(P), to_matrices(K)
 
     def proof(norm: float, *, thorough: bool = False) -> Certificate | None:
-        for more in ABOVE[thorough:]:
+        for more in LEVEL_MARGINS[thorough:]:
             level = norm * (1 + more) if norm > 0 else np.finfo(float).tiny
             claim = ClosedLoopClaim(plant=plant, controller=controller, level=level)
             if decide_closed_loop(claim, deadline=deadline, thorough=thorough).holds:
@@ -106,11 +106,13 @@ def certify_closed_loop(
     if np.isnan(precise) and (found := proof(gamma, thorough=True)):
         return found
     if np.isnan(precise):
-        return refused(
+        return failed_certificate(
             subject, gamma, f"the norm, {gamma:.6g} in floating point, could not be proved in {time_cap:.3g} s"
         )
     if np.isinf(precise):
-        return refused(subject, precise, "in more digits than floating point has, the loop is not stable")
+        return failed_certificate(subject, precise, "in more digits than floating point has, the loop is not stable")
     if found := proof(precise) or proof(precise, thorough=True):
         return found
-    return refused(subject, precise, f"the norm, {precise:.6g} in many digits, could not be proved in {time_cap:.3g} s")
+    return failed_certificate(
+        subject, precise, f"the norm, {precise:.6g} in many digits, could not be proved in {time_cap:.3g} s"
+    )

@@ -18,9 +18,9 @@ from nlfrf._base.files import path_of, write_text
 from robust.analysis.bounds import loop_bounds
 from robust.analysis.loop import Loop, assemble
 from robust.lti.connections import in_series
-from robust.lti.lti import constant, scaled_states, timebase
+from robust.lti.lti import is_constant, scale_states, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import certain_poles
+from robust.lti.stability import poles_with_rounding
 from robust.models.sets.forms import FORMS, worst_terms
 from robust.models.sets.measured import warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
@@ -76,7 +76,7 @@ def encoded_response(system: control.StateSpace) -> dict[str, Any]:
     A sampled system is given by A - I: its slow poles crowd around one, and would lose their digits there.
     """
     dt = timebase(system)
-    A, B, C = scaled_states(system.A - np.eye(system.nstates) * (dt > 0), system.B, system.C)
+    A, B, C = scale_states(system.A - np.eye(system.nstates) * (dt > 0), system.B, system.C)
     H, Q = hessenberg(A, calc_q=True) if A.size else (A, A)
     return {
         "dt": dt,
@@ -90,7 +90,7 @@ def encoded_response(system: control.StateSpace) -> dict[str, Any]:
 def doubtful_poles(system: control.StateSpace) -> list[list[float]]:
     """[re, im] of the poles that are not stable beyond rounding; of a sampled system under s = 2/dt (z - 1)/(z + 1)."""
     dt = timebase(system)
-    poles, moved = certain_poles(system)
+    poles, moved = poles_with_rounding(system)
     found = poles[(np.abs(poles) - 1 if dt else poles.real) >= -moved]
     if dt:
         found = 2 / dt * (found - 1) / (found + 1)
@@ -137,7 +137,7 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
         "w_P": None if w_P is None else encoded_response(loops[0].w_P),
         "K": encoded_response(start) | {name: getattr(start, name).tolist() for name in "ABCD"},
         "K_poles": doubtful_poles(start),
-        "begun": not constant(start) or float(start.D[0, 0]) != 1.0,
+        "begun": not is_constant(start) or float(start.D[0, 0]) != 1.0,
         "python": python_to_paste(told, models, w_P, start, dt, delay),
         "command": to_prove(told, w_P, delay),
     }
@@ -146,13 +146,13 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
 def time_step(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
     """The sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
     dt = nonnegative("dt", dt)
-    known = {timebase(model.nominal) for model in models} | ({0.0} if constant(K) else {timebase(K)})
+    known = {timebase(model.nominal) for model in models} | ({0.0} if is_constant(K) else {timebase(K)})
     known = {step for step in known | {dt} if step}
     if len(known) > 1:
         raise ValueError(
             f"dt must be one for models and controller, got {' and '.join(f'{s:g} s' for s in sorted(known))}"
         )
-    if not constant(K) and known and not timebase(K):
+    if not is_constant(K) and known and not timebase(K):
         raise ValueError(f"K must be sampled at {known.pop():g} s as the loop is, got a continuous one. Use discretize")
     return known.pop() if known else 0.0
 

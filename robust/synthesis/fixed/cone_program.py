@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.proofs.search.certificate import attempt
+from robust.proofs.search.certificate import solve_program
 
-__all__ = ["Rows", "Step", "solve"]
+__all__ = ["Rows", "Step", "solve_step"]
 
 
-REACH = 100.0
+MAX_STEP_RATIO = 100.0
 
 
 @value(copy=False)
@@ -65,7 +65,7 @@ class Step:
     scale: np.ndarray
 
 
-def solve(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
+def solve_step(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
     """eta, or None and what went wrong; whether it is any good is judged by whoever asked."""
     import cvxpy as cp
 
@@ -75,7 +75,9 @@ def solve(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
     lines = np.unique(np.concatenate([step.hard.line[both["hard"]], step.aim.line[both["aim"]]]))
     place = np.zeros(step.Y.shape[0], dtype=int)
     place[lines] = np.arange(lines.size)
-    constraints = [cp.norm(eta) <= REACH * np.linalg.norm(step.eta)]  # a step, where there is no end to improvement
+    constraints = [
+        cp.norm(eta) <= MAX_STEP_RATIO * np.linalg.norm(step.eta)
+    ]  # a step, where there is no end to improvement
     constraints += [step.linear @ eta >= 0] if step.linear.size else []
     sizes: list[Any] = []
     for part in (step.Y, step.X):
@@ -121,7 +123,7 @@ def solve(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
         constraints.append(step.scale @ eta == 1)
         goal = cp.Maximize(step.gain @ eta)
     problem = cp.Problem(goal, constraints)
-    failed = attempt(problem, "CLARABEL", seconds)
+    failed = solve_program(problem, "CLARABEL", seconds)
     if failed:
         return None, failed
     if eta.value is None or not np.isfinite(eta.value).all():

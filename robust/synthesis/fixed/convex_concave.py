@@ -14,19 +14,19 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.lti.stability import unstable_poles
-from robust.synthesis.fixed.cone_program import Rows, Step, solve
+from robust.synthesis.fixed.cone_program import Rows, Step, solve_step
 from robust.synthesis.fixed.demands import Demand
-from robust.synthesis.fixed.plants import SeenPlant
+from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.starts import loops_stable
 from robust.synthesis.fixed.structures import Basis
 
-__all__ = ["DesignTask", "better", "iterate", "linear_rows"]
+__all__ = ["DesignTask", "is_lower", "iterate", "linear_rows"]
 
 
 WORKING_LINES = 80
 TOLERANCE = 1e-6
 STEP_GAIN = 1e-4
-UNBOUNDED = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
+MAX_GAIN_RATIO = 1e6  # times the first gain at low frequency: nothing that is asked for holds it
 
 
 @value
@@ -34,8 +34,8 @@ class DesignTask:
     """All there is to a design: the lines, the demands, and the columns of Y and F X on the lines."""
 
     basis: Basis
-    seen: list[SeenPlant]
-    at: SeenPlant
+    seen: list[PlantOnLines]
+    at: PlantOnLines
     aim: str
     rows: list[Demand]
     gamma: Demand | None
@@ -135,10 +135,10 @@ def working_lines(task: DesignTask, theta: np.ndarray) -> np.ndarray:
     mask = np.zeros(W, dtype=bool)
     for target in np.linspace(log.min(), np.log(task.at.highest), WORKING_LINES):
         mask[int(np.argmin(np.abs(log - target)))] = True
-    return mask | peaks(task, theta, 8)
+    return mask | demand_peaks(task, theta, 8)
 
 
-def peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
+def demand_peaks(task: DesignTask, theta: np.ndarray, most: int) -> np.ndarray:
     """(W,) bool: the largest local maxima of each demand, and every line of a demand on few lines."""
     mask = np.zeros(task.at.omega.size, dtype=bool)
     Y, X = task.split(theta)
@@ -216,11 +216,11 @@ def iterate(
     progress: Callable[[int, float], Any] | None,
 ) -> tuple[np.ndarray, tuple[float, ...], str]:
     """The best of what the iteration makes of each start: parameters, history and why it ended."""
-    found = [improved(task, theta, n_iterations, deadline, progress) for theta in starts]
+    found = [improve_start(task, theta, n_iterations, deadline, progress) for theta in starts]
     return min(found, key=lambda result: task.merit(result[0]))
 
 
-def improved(
+def improve_start(
     task: DesignTask,
     theta: np.ndarray,
     n_iterations: int,
@@ -238,26 +238,26 @@ def improved(
             break
         level = task.hard(theta) > 1 + TOLERANCE
         step, T = convex_step(task, theta, mask, level)
-        eta, trouble = solve(step, left)
+        eta, trouble = solve_step(step, left)
         if eta is None:
             why = f"{trouble}; the last controller before is kept"
             break
         new = T @ eta
         before = task.merit(theta)
-        best, obstacle = chosen(task, theta, new)
+        best, obstacle = line_search(task, theta, new)
         after = task.merit(best)
-        missed = peaks(task, new, 6) & ~mask
-        if missed.any() and not better(after, before, 1e-2):
+        missed = demand_peaks(task, new, 6) & ~mask
+        if missed.any() and not is_lower(after, before, 1e-2):
             mask = mask | missed  # the program did not see what held the step back
-            if not better(after, before, 0.0):
+            if not is_lower(after, before, 0.0):
                 continue
-        slow = 0 if better(after, before, STEP_GAIN) else slow + 1
-        if better(after, before, 0.0):
+        slow = 0 if is_lower(after, before, STEP_GAIN) else slow + 1
+        if is_lower(after, before, 0.0):
             theta = best / np.linalg.norm(best)
         history.append(after[0] if after[0] > 1 + TOLERANCE else abs(after[1]))
         if progress is not None:
             progress(k + 1, history[-1])
-        if first < 0 and after[1] < UNBOUNDED * first:
+        if first < 0 and after[1] < MAX_GAIN_RATIO * first:
             why = "stopped: the gain at low frequency grows without bound; limit K S, or the crossover from above"
             break
         if slow >= 2:
@@ -269,14 +269,14 @@ def improved(
     return theta, tuple(history), why
 
 
-def better(after: tuple[float, float], before: tuple[float, float], by: float) -> bool:
+def is_lower(after: tuple[float, float], before: tuple[float, float], by: float) -> bool:
     """Whether a merit is lower by more than a fraction."""
     if after[0] != before[0]:
         return after[0] < before[0] - by * abs(before[0])
     return after[1] < before[1] - by * abs(before[1])
 
 
-def chosen(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
+def line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.ndarray, str]:
     """The best, with the same stability, on the way to the new iterate and beyond; and what stood in the way."""
     P_old, P = task.loop(old), task.loop(new)
     new = new / max(float(np.median(np.abs(P / P_old))), 1e-300)  # the same scale, so that the way is a short one

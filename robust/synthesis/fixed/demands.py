@@ -23,7 +23,7 @@ from nlfrf._base.arguments import hertz, real
 from nlfrf._base.values import value
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
-from robust.synthesis.fixed.plants import SeenPlant
+from robust.synthesis.fixed.plants import PlantOnLines
 
 __all__ = ["Demand", "end_row", "limit_rows", "objective_row", "weight_rows"]
 
@@ -70,7 +70,7 @@ class Demand:
         return np.where(np.isnan(ratio), np.inf, ratio)
 
 
-def limit(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
+def limit_on_lines(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
     """(W,) a limit given as a number, or as the magnitude of a system."""
     if isinstance(bound, (control.StateSpace, control.TransferFunction)):
         out = np.abs(response(state_space(name, bound), omega))
@@ -81,7 +81,7 @@ def limit(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
     return out
 
 
-def objective_row(at: SeenPlant, w_P: Any, w_T: Any, w_u: Any) -> Demand | None:
+def objective_row(at: PlantOnLines, w_P: Any, w_T: Any, w_u: Any) -> Demand | None:
     """[worst-case performance; w_T T; w_u K S] stacked, whose largest value over the lines is gamma."""
     if w_P is None and w_T is None and w_u is None:
         return None
@@ -90,14 +90,14 @@ def objective_row(at: SeenPlant, w_P: Any, w_T: Any, w_u: Any) -> Demand | None:
         sizes[name] = np.zeros(at.omega.size) if w is None else np.abs(response(state_space(name, w), at.omega))
         if not np.isfinite(sizes[name]).all():
             raise ValueError(f"{name} must be finite on the lines, got a pole on one")
-    a, b = worst(at, sizes["w_P"])
+    a, b = worst_case_terms(at, sizes["w_P"])
     if w_P is None:
         a, b = 0 * a, 0 * b  # stability of the set is a demand of its own
     c = np.hypot(sizes["w_u"], sizes["w_T"] * np.abs(at.G))
-    return row("gamma", at, a, b, c)
+    return demand_row("gamma", at, a, b, c)
 
 
-def weight_rows(at: SeenPlant, *, w_P: Any, w_T: Any, w_u: Any) -> list[Demand]:
+def weight_rows(at: PlantOnLines, *, w_P: Any, w_T: Any, w_u: Any) -> list[Demand]:
     """The weights as demands of their own."""
     rows = []
     for name, w, said in (
@@ -111,14 +111,14 @@ def weight_rows(at: SeenPlant, *, w_P: Any, w_T: Any, w_u: Any) -> list[Demand]:
     return rows
 
 
-def worst(at: SeenPlant, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def worst_case_terms(at: PlantOnLines, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """a and b of p |Y (1 + w Delta)| <= |1 + L over the set|: exact for discs, sufficient where the set is none."""
     return p * (1 + at.outside) + at.outside, at.radius
 
 
-def row(
+def demand_row(
     name: str,
-    at: SeenPlant,
+    at: PlantOnLines,
     a: Any,
     b: Any,
     c: Any = 0.0,
@@ -135,7 +135,7 @@ def row(
     return Demand(name=name, index=index, **wide, **right)
 
 
-def end_row(seen: list[SeenPlant], at: SeenPlant, most: float) -> list[Demand]:
+def end_row(seen: list[PlantOnLines], at: PlantOnLines, most: float) -> list[Demand]:
     """|L| small from the last line of every FRF on, where the plant is taken to be no larger than there."""
     starts = np.cumsum([0, *(s.omega.size for s in seen)])
     lasts = [
@@ -147,36 +147,36 @@ def end_row(seen: list[SeenPlant], at: SeenPlant, most: float) -> list[Demand]:
     if not ends.size:
         return []
     name = f"|L| <= {most:g} from the last line on, above which the plant is not known"
-    return [row(name, at, 0.0, (np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
+    return [demand_row(name, at, 0.0, (np.abs(at.centre) + at.radius) / most, y=1.0, x=0.0, index=ends)]
 
 
-def limit_rows(at: SeenPlant, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: Any) -> list[Demand]:
+def limit_rows(at: PlantOnLines, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, gain: Any) -> list[Demand]:
     """The demands that must be met, whatever else is minimised; stability of the whole set is the first of them."""
     rows = []
     if np.any(at.radius > 0) or np.any(at.outside > 0):
         direct = at.inverse > 0  # |w S| <= 1, as the disc of an inverse form grows without bound
         b, x = np.where(direct, 0.0, at.radius / BACK_OFF), np.where(direct, at.G, at.centre)
-        rows.append(row("robust stability", at, at.inverse / BACK_OFF, b, x=x))
+        rows.append(demand_row("robust stability", at, at.inverse / BACK_OFF, b, x=x))
     if M_S is not None:
-        a, b = worst(at, 1 / limit("M_S", M_S, at.omega))
-        rows.append(row(f"|S| <= {named(M_S)}", at, a, b))
+        a, b = worst_case_terms(at, 1 / limit_on_lines("M_S", M_S, at.omega))
+        rows.append(demand_row(f"|S| <= {describe_bound(M_S)}", at, a, b))
     if M_T is not None:
-        rows.append(peak_of_T(at, limit("M_T", M_T, at.omega), f"|T| <= {named(M_T)}"))
+        rows.append(peak_of_T(at, limit_on_lines("M_T", M_T, at.omega), f"|T| <= {describe_bound(M_T)}"))
     if M_u is not None:
-        most = limit("M_u", M_u, at.omega)
-        rows.append(row(f"|K S| <= {named(M_u)}", at, at.outside, at.radius + (1 + at.outside) / most))
+        most = limit_on_lines("M_u", M_u, at.omega)
+        rows.append(demand_row(f"|K S| <= {describe_bound(M_u)}", at, at.outside, at.radius + (1 + at.outside) / most))
     if omega_c is not None:
         least, most = omega_c if isinstance(omega_c, (tuple, list)) else (omega_c, None)
         rows.append(gain_row(at, "omega_c", least, 1.0))
         if most is not None:
-            where = nearest(at, "omega_c", most)
-            rows.append(row(f"|L| <= 1 at {hertz(most)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where))
+            where = nearest_lines(at, "omega_c", most)
+            rows.append(demand_row(f"|L| <= 1 at {hertz(most)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where))
     if gain is not None:
         rows.append(gain_row(at, "gain", *gain))
     return rows
 
 
-def peak_of_T(at: SeenPlant, M: np.ndarray, name: str) -> Demand:
+def peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
     """|T| <= M over the set: exact for M > 1, where L must stay out of a circle; by the triangle below that."""
     big = M > 1 + 1e-6
     square = np.where(big, M**2 - 1, 1.0)
@@ -187,19 +187,19 @@ def peak_of_T(at: SeenPlant, M: np.ndarray, name: str) -> Demand:
         a = np.where(at.outside > 0, at.outside, a)
         b = np.where(at.outside > 0, np.abs(at.centre) / M, b)
         x = np.where(at.outside > 0, at.centre, x)
-    return row(name, at, a, b, x=x)
+    return demand_row(name, at, a, b, x=x)
 
 
-def gain_row(at: SeenPlant, name: str, omega: Any, least: Any) -> Demand:
+def gain_row(at: PlantOnLines, name: str, omega: Any, least: Any) -> Demand:
     """|L| of the nominal at least so large at a frequency."""
     least = real(name, least)
     if least <= 0:
         raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
-    where = nearest(at, name, omega)
-    return row(f"|L| >= {least:g} at {hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
+    where = nearest_lines(at, name, omega)
+    return demand_row(f"|L| >= {least:g} at {hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
 
 
-def nearest(at: SeenPlant, name: str, omega: Any) -> np.ndarray:
+def nearest_lines(at: PlantOnLines, name: str, omega: Any) -> np.ndarray:
     """The lines nearest to a frequency, one for each plant, or a refusal outside the band."""
     omega = real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
@@ -215,6 +215,6 @@ def nearest(at: SeenPlant, name: str, omega: Any) -> np.ndarray:
     return np.array(found)
 
 
-def named(bound: Any) -> str:
+def describe_bound(bound: Any) -> str:
     """A limit in words."""
     return f"{bound:g}" if isinstance(bound, (int, float)) else "its limit"

@@ -13,15 +13,15 @@ import numpy as np
 from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, positive, real, shown
 from robust._base.channels import is_single
 from robust._base.states import Stability
-from robust.lti.lti import constant, fits_any_clock, response, timebase
+from robust.lti.lti import is_clockless, is_constant, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles
 from robust.models.sets.model import UncertaintyModel
-from robust.synthesis.fixed.convex_concave import DesignTask, better, iterate, linear_rows
+from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
 from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
-from robust.synthesis.fixed.plants import DiscsOnLines, SeenPlant, see, stacked_plants
+from robust.synthesis.fixed.plants import DiscsOnLines, PlantOnLines, plant_on_lines, stacked_plants
 from robust.synthesis.fixed.proved import largest_proved_gain, machines_of
-from robust.synthesis.fixed.starts import find_start, given_start, loops_stable
+from robust.synthesis.fixed.starts import find_start, loops_stable, start_from_controller
 from robust.synthesis.fixed.structures import (
     FASTEST,
     FASTEST_SAMPLED,
@@ -37,9 +37,9 @@ __all__ = ["design_loop"]
 #: How often a design is begun again on lines of the loop found, how much worse it has to be there, and what demands may
 #: be missed by for that to be done from where it is.
 LOOKS, LOOKED, NEARLY = 3, 1e-3, 1.1
-FILTERS = 6  # time constants of a derivative filter that are tried where gains have to be positive
+N_FILTER_TIMES = 6  # time constants of a derivative filter that are tried where gains have to be positive
 #: What a demand may be missed by, recomputed on those lines.
-MISSED = 1e-3
+LIMIT_TOLERANCE = 1e-3
 
 
 def design_loop(
@@ -83,18 +83,18 @@ def design_loop(
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
-    dt = time_base(plants, dt)
-    named = [*pair("omega_c", omega_c), *(pair("gain", gain)[:1] if gain is not None else [])]
+    dt = loop_sampling_time(plants, dt)
+    named = [*per_demand_list("omega_c", omega_c), *(per_demand_list("gain", gain)[:1] if gain is not None else [])]
     wanted = tuple(real("omega_c", w) for w in named)
-    look = partial(see, dt=dt, delay=delay, extra=wanted, weights=(w_P, w_T, w_u, M_S, M_T, M_u))
+    look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=(w_P, w_T, w_u, M_S, M_T, M_u))
     weights = {"w_P": w_P, "w_T": w_T, "w_u": w_u}
     limits = {"M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
-    ask = partial(asked, aim=aim, weights=weights, limits=limits, end_gain=positive("end_gain", end_gain))
+    ask = partial(split_demands, aim=aim, weights=weights, limits=limits, end_gain=positive("end_gain", end_gain))
     seen = [look(p) for p in plants]
-    basis = basis_for(shape, stacked_plants(seen), dt, fixed)
+    basis = structure_basis(shape, stacked_plants(seen), dt, fixed)
     if positive_gains and shape.name not in PID_PARTS:
         raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
-    if positive_gains and not constant(basis.fixed):
+    if positive_gains and not is_constant(basis.fixed):
         raise ValueError("positive must be left out with a factor that is fixed: the whole is no PID then")
     if positive_gains and shape.free:
         return best_filter(plant, structure, basis, given)
@@ -114,11 +114,11 @@ def design_loop(
         )
 
     task = closer([basis.known_modes()])
-    starts = [checked_start(task, start)] if start is not None else found_starts(task, n_starts)
-    theta, history, why = settled(task, starts, closer, n_iterations, began + time_cap, progress)
+    starts = [check_start(task, start)] if start is not None else search_starts(task, n_starts)
+    theta, history, why = iterate_on_loop_lines(task, starts, closer, n_iterations, began + time_cap, progress)
     if prove is not None:
         theta, why = proved_parameters(task, theta, prove, delay, why)
-    return judged_design(closer([basis.controller(theta)]), theta, history, why)
+    return evaluate_design(closer([basis.controller(theta)]), theta, history, why)
 
 
 def best_filter(plant: Any, structure: Any, basis: Basis, given: dict[str, Any]) -> Design:
@@ -131,8 +131,8 @@ def best_filter(plant: Any, structure: Any, basis: Basis, given: dict[str, Any])
     freely = design_loop(plant, structure, **{**given, "positive_gains": False})
     if has_positive_gains(freely.K, basis.dt):
         return freely
-    given |= {"time_cap": given["time_cap"] / FILTERS}
-    for pole in np.geomspace(basis.slowest, 0.9 * basis.fastest, FILTERS):
+    given |= {"time_cap": given["time_cap"] / N_FILTER_TIMES}
+    for pole in np.geomspace(basis.slowest, 0.9 * basis.fastest, N_FILTER_TIMES):
         try:
             found.append(design_loop(plant, structure, **{**given, "filter_time": float(1 / pole)}))
         except ValueError as error:  # no start, with this filter
@@ -161,7 +161,7 @@ def has_positive_gains(K: control.StateSpace, dt: float) -> bool:
     return bool(np.all(gains >= 0))
 
 
-def settled(
+def iterate_on_loop_lines(
     task: DesignTask,
     starts: list[np.ndarray],
     closer: Callable[[list[control.StateSpace]], DesignTask],
@@ -181,7 +181,7 @@ def settled(
         tried.append(task.basis.controller(theta))
         finer = closer(tried)
         found.append((finer.merit(theta), theta, why))
-        if not n_iterations or not better(task.merit(theta), finer.merit(theta), LOOKED):
+        if not n_iterations or not is_lower(task.merit(theta), finer.merit(theta), LOOKED):
             break
         task, begin = finer, [theta] if finer.hard(theta) < NEARLY else starts
     _, theta, why = min(found, key=lambda one: one[0])
@@ -204,8 +204,14 @@ def proved_parameters(
     return lowered, f"{why}; {said}"
 
 
-def asked(
-    seen: list[SeenPlant], at: SeenPlant, *, aim: str, weights: dict[str, Any], limits: dict[str, Any], end_gain: float
+def split_demands(
+    seen: list[PlantOnLines],
+    at: PlantOnLines,
+    *,
+    aim: str,
+    weights: dict[str, Any],
+    limits: dict[str, Any],
+    end_gain: float,
 ) -> dict[str, Any]:
     """What is to be made as good as possible, "gamma" or "gain", what gamma is, and what must be met."""
     weighted = any(w is not None for w in weights.values())
@@ -220,9 +226,9 @@ def asked(
     return {"aim": aim, "gamma": objective_row(at, **weights), "rows": rows + end_row(seen, at, end_gain)}
 
 
-def checked_start(task: DesignTask, start: Any) -> np.ndarray:
+def check_start(task: DesignTask, start: Any) -> np.ndarray:
     """The parameters of a controller that was given to start from, or a refusal."""
-    theta = given_start(task.basis, start, task.at)
+    theta = start_from_controller(task.basis, start, task.at)
     K = task.basis.controller(theta)
     state, why = loops_stable(K, task.seen, task.n_unstable)
     if state is not Stability.STABLE:
@@ -234,7 +240,7 @@ def checked_start(task: DesignTask, start: Any) -> np.ndarray:
     return theta
 
 
-def found_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
+def search_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
     """The best n_starts simple controllers that stabilise, or a refusal where there is none."""
     n_starts = integer("n_starts", n_starts, least=1)
     starts = find_start(
@@ -261,7 +267,7 @@ def found_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
     return sorted(starts, key=task.merit)[:n_starts]
 
 
-def pair(name: str, given: Any) -> list[Any]:
+def per_demand_list(name: str, given: Any) -> list[Any]:
     """What was given as one number or two, as a list; the gain always has two."""
     if given is None:
         return []
@@ -272,7 +278,7 @@ def pair(name: str, given: Any) -> list[Any]:
     return many
 
 
-def time_base(plants: list[Any], dt: float) -> float:
+def loop_sampling_time(plants: list[Any], dt: float) -> float:
     """Sampling time of the loop: that of the controller, or of plants that are sampled already."""
     steps = set()
     for p in plants:
@@ -289,10 +295,10 @@ def time_base(plants: list[Any], dt: float) -> float:
     return steps.pop() if steps else dt
 
 
-def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
+def structure_basis(shape: Any, at: PlantOnLines, dt: float, fixed: Any) -> Basis:
     """The structure on the band of the lines."""
     F = state_space("fixed", fixed)
-    if not fits_any_clock(F) and timebase(F) != dt:
+    if not is_clockless(F) and timebase(F) != dt:
         raise ValueError(f"fixed must have the sampling time of the controller, {dt:g} s, got {timebase(F):g} s")
     F = control.StateSpace(F.A, F.B, F.C, F.D, dt)
     omega = at.omega[at.known & (at.omega >= at.lowest * (1 - 1e-9)) & (at.omega <= at.highest * (1 + 1e-9))]
@@ -304,7 +310,7 @@ def basis_for(shape: Any, at: SeenPlant, dt: float, fixed: Any) -> Basis:
     return Basis(structure=shape, a=middle, dt=dt, slowest=slowest, fastest=top, fixed=F)
 
 
-def judged_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str) -> Design:
+def evaluate_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""
     K = task.basis.controller(theta)
     state, trouble = loops_stable(K, task.seen, task.n_unstable)
@@ -319,7 +325,7 @@ def judged_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...
     failed = []
     for row in task.rows:
         v = row.measure(ones, k)
-        if v.max() > 1 + MISSED:
+        if v.max() > 1 + LIMIT_TOLERANCE:
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
     if failed:
         failed.sort(reverse=True)

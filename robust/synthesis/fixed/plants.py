@@ -14,15 +14,15 @@ from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.analysis.loop import Loop, assemble
-from robust.lti.grids import beside_modes, interpolated, plant_lines
+from robust.lti.grids import controller_mode_lines, interpolate_frf, plant_features
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import continued, integrators, slope_at_start
+from robust.lti.stability import extend_below, integrator_poles, slope_at_start
 from robust.models.sets.forms import ADDITIVE, FORMS, RELATIVE, relative
 from robust.models.sets.measured import as_seen, on_lines, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
 
-__all__ = ["DiscsOnLines", "SeenPlant", "see", "stacked_plants"]
+__all__ = ["DiscsOnLines", "PlantOnLines", "plant_on_lines", "stacked_plants"]
 
 
 #: |w| from which an inverse form is no longer treated as a disc: towards one it becomes a half plane.
@@ -51,7 +51,7 @@ class DiscsOnLines:
 
 
 @value
-class SeenPlant:
+class PlantOnLines:
     """One plant as the controller sees it, hold and delay inside.
 
     Fields
@@ -90,9 +90,9 @@ class SeenPlant:
     highest: float
 
 
-def see(
+def plant_on_lines(
     plant: Any, dt: float, delay: float, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any] = ()
-) -> SeenPlant:
+) -> PlantOnLines:
     """The plant, its disc and its lines; `extra` frequencies [rad/s] are added where it is known everywhere.
 
     K : controllers whose modes, and whose loops, are looked at too: an FRF is interpolated there.
@@ -111,7 +111,7 @@ def see(
         G = G if given else as_seen(plant, omega, G, dt, delay)
         loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
         n = omega.size
-        omega, G = continued(omega, G, n_integrators, decades=3.0, points=60)
+        omega, G = extend_below(omega, G, n_integrators, decades=3.0, points=60)
         below = np.ones(omega.size - n) if FORMS[form].through else np.abs(G[:-n] / G[-n])
         w = np.concatenate([w[0] * below, w])
         above = omega[-1] * np.geomspace(1.2, 100, 14)
@@ -119,7 +119,7 @@ def see(
         known = np.arange(omega.size + above.size) < omega.size
         omega = np.concatenate([omega, above])
         G, w = (np.concatenate([part, np.full(above.size, part[-1])]) for part in (G, w))
-        omega, G, w, known = with_modes(K, omega, G, w, known)
+        omega, G, w, known = add_mode_lines(K, omega, G, w, known)
     else:
         if not isinstance(plant, UncertaintyModel):
             G_ss = state_space("plant", plant)
@@ -138,7 +138,7 @@ def see(
         above = np.geomspace(1, FAR, N_FAR)[1:] * highest
         omega = np.concatenate([omega, above[above < loop.top * (1 - 1e-9)]])
         G, w = loop.plant(omega), np.abs(response(loop.weight, omega))
-        n_integrators = integrators(loop.G, loop.dt)
+        n_integrators = integrator_poles(loop.G, loop.dt)
         known = np.ones(omega.size, dtype=bool)
     size = np.abs(G)
     inverse, w = FORMS[form].inverse, relative(form, w, size)
@@ -149,7 +149,7 @@ def see(
     if isinstance(plant, UncertaintyModel) and loop is not None and loop.aliases is not None:
         every = loop.aliases.radius(omega, G)
         radius = np.where(np.isfinite(every), every, radius)  # without a bound it is left to the check
-    return SeenPlant(
+    return PlantOnLines(
         omega=omega,
         G=G,
         centre=G * shrink,
@@ -164,22 +164,22 @@ def see(
     )
 
 
-def with_modes(
+def add_mode_lines(
     K: Sequence[Any], omega: np.ndarray, G: np.ndarray, w: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Lines, FRF, weight and what is known of it, with the lines that controllers have modes on."""
-    modes = [beside_modes(one, (omega[0], omega[-1])) for one in K]
+    modes = [controller_mode_lines(one, (omega[0], omega[-1])) for one in K]
     if not any(one.size for one in modes):
         return omega, G, w, known
     both, last = np.unique(np.concatenate([omega, *modes])), omega[known][-1]
-    return both, interpolated(both, omega, G), np.interp(both, omega, w), both <= last
+    return both, interpolate_frf(both, omega, G), np.interp(both, omega, w), both <= last
 
 
 def design_grid(
     loop: Loop, lines: np.ndarray, extra: tuple[float, ...], weights: tuple[Any, ...], K: Sequence[Any]
 ) -> np.ndarray:
     """Frequencies [rad/s] to look at a parametric plant: where it, its weight, demands or controllers have features."""
-    lines = lines if lines.size else plant_lines(loop.G, loop.dt, extra)
+    lines = lines if lines.size else plant_features(loop.G, loop.dt, extra)
     grids = [np.array(extra)]
     for w in (None, *(w for w in weights if isinstance(w, (control.StateSpace, control.TransferFunction)))):
         w = None if w is None else state_space("weight", w)
@@ -191,11 +191,11 @@ def design_grid(
     return omega[apart | np.isin(omega, extra)]
 
 
-def stacked_plants(seen: list[SeenPlant]) -> SeenPlant:
+def stacked_plants(seen: list[PlantOnLines]) -> PlantOnLines:
     """The plants of a family as one, line after line, so that a demand is asked of all of them."""
     parts: dict[str, Any] = {
         name: np.concatenate([getattr(s, name) for s in seen])
         for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
     }
     lowest, highest = max(s.lowest for s in seen), max(s.highest for s in seen)
-    return SeenPlant(**parts, loop=None, n_integrators=0, lowest=lowest, highest=highest)
+    return PlantOnLines(**parts, loop=None, n_integrators=0, lowest=lowest, highest=highest)

@@ -20,10 +20,10 @@ from robust.lti.sampling import discretize, sampled
 
 __all__ = ["ProvedDesign", "design_proved", "largest_proved_gain", "machines_of"]
 
-WITHIN = 1.03  # ratio of the two gains where a bisection stops
-FURTHEST = 256.0  # times the gain that was given, up and down
-STEP = 2.0
-POINTS = 400  # of the frequencies at which |S| is looked at
+BISECTION_RATIO = 1.03  # ratio of the two gains where a bisection stops
+MAX_GAIN_RATIO = 256.0  # times the gain that was given, up and down
+GAIN_STEP = 2.0
+N_FREQUENCIES = 400  # of the frequencies at which |S| is looked at
 
 
 @value
@@ -136,8 +136,10 @@ def design_proved(
     machines, friction = machines_of(machine, friction)
     dt, delay, M_S = positive("dt", dt), nonnegative("delay", delay), positive("M_S", M_S)
     one_of("structure", structure, ("PID", "PD"))
-    task = Search(machines=machines, friction=friction, dt=dt, delay=delay, M_S=M_S, factor=dipped(notch, dt))
-    shape = first_shape(machines[0], friction.K0) if start is None else np.array(start, float)
+    task = ProofSearch(
+        machines=machines, friction=friction, dt=dt, delay=delay, M_S=M_S, factor=sampled_notch(notch, dt)
+    )
+    shape = initial_gains(machines[0], friction.K0) if start is None else np.array(start, float)
     if structure == "PD":
         shape[1] = 0.0
     if np.any(shape < 0) or not shape[2] > 0:
@@ -161,7 +163,7 @@ def design_proved(
 
 
 @value(copy=False)
-class Search:
+class ProofSearch:
     """What every candidate is held against."""
 
     machines: tuple[FrictionPlant, ...]
@@ -173,7 +175,7 @@ class Search:
 
     def bent(self, shape: np.ndarray, tried: dict[str, Any]) -> float:
         """Minus the log bandwidth of the largest proved gain of a shape; the best one is kept."""
-        K = in_series(pid_of(shape, self.dt), self.factor)
+        K = in_series(sampled_pid(shape, self.dt), self.factor)
 
         def allowed(g: float) -> tuple[FrictionProof, ...] | None:
             if self.seen(g * K)[1] > self.M_S:
@@ -181,7 +183,7 @@ class Search:
             tried["n"] += 1
             return all_proved(g * K, self.machines, self.friction, self.delay)
 
-        g, proofs = largest(allowed, tried.get("gain", 1.0))
+        g, proofs = largest_allowed_gain(allowed, tried.get("gain", 1.0))
         if proofs is None:
             return 50.0
         tried["gain"] = g
@@ -200,7 +202,7 @@ class Search:
 
     def seen(self, K: control.StateSpace) -> tuple[float, float]:
         """Bandwidth and largest |S| over the machines, sliding and stuck; 0 and inf where one is unstable."""
-        omega = np.geomspace(1e-4, 1, POINTS) * np.pi / self.dt * 0.999
+        omega = np.geomspace(1e-4, 1, N_FREQUENCIES) * np.pi / self.dt * 0.999
         band, peak = np.inf, 0.0
         for machine in self.machines:
             for spring in (0.0, self.friction.K0):
@@ -211,12 +213,12 @@ class Search:
                     self.delay + machine.delay,
                 )
                 S = np.abs(1 / (1 + response(plant, omega) * response(K, omega)))
-                band = min(band, first_above(omega, S, np.sqrt(0.5)))
+                band = min(band, first_crossing(omega, S, np.sqrt(0.5)))
                 peak = max(peak, float(S.max()))
         return band, peak
 
 
-def first_above(omega: np.ndarray, S: np.ndarray, level: float) -> float:
+def first_crossing(omega: np.ndarray, S: np.ndarray, level: float) -> float:
     """The frequency at which |S| first passes a level, straight over logarithms between; 0 where it begins above."""
     above = np.flatnonzero(level < S)
     if not above.size:
@@ -235,7 +237,9 @@ def largest_proved_gain(
     whole = all_proved(K, machines, friction, delay)
     if whole is not None:
         return 1.0, whole
-    return largest(lambda g: all_proved(g * K, machines, friction, delay) if g < 1 else None, 1 / STEP)
+    return largest_allowed_gain(
+        lambda g: all_proved(g * K, machines, friction, delay) if g < 1 else None, 1 / GAIN_STEP
+    )
 
 
 def all_proved(
@@ -251,20 +255,20 @@ def all_proved(
     return tuple(proofs)
 
 
-def largest(allowed: Any, gain: float) -> tuple[float, Any]:
+def largest_allowed_gain(allowed: Any, gain: float) -> tuple[float, Any]:
     """The largest gain that is allowed around a first one: doubled or halved to the limit, then bisected."""
     found = allowed(gain)
     if found is not None:
-        low, high = gain, gain * STEP
-        while high <= gain * FURTHEST and (more := allowed(high)) is not None:
-            low, found, high = high, more, high * STEP
+        low, high = gain, gain * GAIN_STEP
+        while high <= gain * MAX_GAIN_RATIO and (more := allowed(high)) is not None:
+            low, found, high = high, more, high * GAIN_STEP
     else:
-        low, high = gain / STEP, gain
-        while low >= gain / FURTHEST and (found := allowed(low)) is None:
-            low, high = low / STEP, low
+        low, high = gain / GAIN_STEP, gain
+        while low >= gain / MAX_GAIN_RATIO and (found := allowed(low)) is None:
+            low, high = low / GAIN_STEP, low
         if found is None:
             return 0.0, None
-    while high / low > WITHIN:
+    while high / low > BISECTION_RATIO:
         middle = float(np.sqrt(low * high))
         more = allowed(middle)
         if more is None:
@@ -286,14 +290,14 @@ def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[Frict
     return (machine,), friction
 
 
-def first_shape(machine: FrictionPlant, K0: float) -> np.ndarray:
+def initial_gains(machine: FrictionPlant, K0: float) -> np.ndarray:
     """Kp, Ki, Kd around the resonance of a mass m: stiffness m w^2, damping m w, integration within ten swings."""
     mass = 1 / float(machine.velocity @ machine.B_port)
     omega = machine.resonance or np.sqrt(K0 / mass)
     return np.array([mass * omega**2, mass * omega**3, mass * omega]) / np.array([4, 10, 4])
 
 
-def pid_of(shape: np.ndarray, dt: float) -> control.StateSpace:
+def sampled_pid(shape: np.ndarray, dt: float) -> control.StateSpace:
     """Kp + Ki dt/(z - 1) + Kd (1 - 1/z)/dt; without integrator where Ki is zero."""
     Kp, Ki, Kd = map(float, shape)
     if not Ki:
@@ -301,7 +305,7 @@ def pid_of(shape: np.ndarray, dt: float) -> control.StateSpace:
     return control.StateSpace([[1, 0], [0, 0]], [[1], [1]], [[Ki * dt, -Kd / dt]], [[Kp + Kd / dt]], dt)
 
 
-def dipped(omega: float | None, dt: float) -> control.StateSpace:
+def sampled_notch(omega: float | None, dt: float) -> control.StateSpace:
     """A notch of a tenth at a frequency, sampled; one where none is asked for."""
     if omega is None:
         return control.StateSpace([], [], [], [[1.0]], dt)

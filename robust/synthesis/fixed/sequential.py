@@ -20,10 +20,10 @@ from nlfrf import Bla
 from nlfrf._base.arguments import hertz, integer, nonnegative, positive
 from nlfrf._base.values import value
 from robust.analysis.check import check
-from robust.lti.connections import joined
-from robust.lti.grids import beside_modes, interpolated, structure_grid
-from robust.lti.lti import named, over_frequency, response, timebase
-from robust.lti.stability import outside, unstable_poles, winding
+from robust.lti.connections import block_diagonal
+from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_grid
+from robust.lti.lti import frequency_response_matrices, response, timebase, with_names
+from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
 from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.matrix_radius import full_block
@@ -36,14 +36,14 @@ __all__ = ["close_in_turn"]
 
 
 SWEEPS = 6  # times each loop is designed with the others closed, at most
-TIGHTER = 0.97  # of what is allowed a peak, from one sweep to the next
+TIGHTENING = 0.97  # of what is allowed a peak, from one sweep to the next
 PEAKS = ("M_S", "M_T", "M_u")
 WIDENINGS = 3  # times the discs are made wider for the sake of the whole
-LINES = 300  # of a parametric plant, beside those of its modes
-BEYOND = 100.0  # of its fastest mode and of the last line measured, where a continuous one is looked at last
+N_LINES = 300  # of a parametric plant, beside those of its modes
+BAND_EXTENSION = 100.0  # of its fastest mode and of the last line measured, where a continuous one is looked at last
 CONFIDENCE = 0.95  # of the set around an FRM
-ONE_EACH = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain", "integrators",
-            "filter_time", "stable", "start", "n_starts")  # fmt: skip
+PER_LOOP_OPTIONS = ("w_P", "w_T", "w_u", "M_S", "M_T", "M_u", "omega_c", "gain", "aim", "fixed", "end_gain",
+            "integrators", "filter_time", "stable", "start", "n_starts")  # fmt: skip
 
 
 @value
@@ -84,11 +84,11 @@ class MatrixOnLines:
 
     def with_modes(self, K: list[Any]) -> MatrixOnLines:
         """The same on the lines too that controllers have modes on, where it is interpolated."""
-        modes = [beside_modes(one, (self.omega[0], self.omega[-1])) for one in K]
+        modes = [controller_mode_lines(one, (self.omega[0], self.omega[-1])) for one in K]
         omega = np.unique(np.concatenate([self.omega, *modes]))
 
         def between(x: np.ndarray) -> np.ndarray:
-            entries = [interpolated(omega, self.omega, one) for one in x.reshape(self.omega.size, -1).T]
+            entries = [interpolate_frf(omega, self.omega, one) for one in x.reshape(self.omega.size, -1).T]
             return np.array(entries).T.reshape(omega.size, *x.shape[1:])
 
         parts = {name: between(getattr(self, name)) for name in ("G", "left", "right")}
@@ -105,27 +105,27 @@ class MatrixOnLines:
 
 def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[str, Any]) -> Design:
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
-    dt = refuse_plant(plant, asked)
+    dt = require_plant(plant, asked)
     n = plant.n_inputs
-    each = [one_loop_of(k, n, structure, {**asked, "dt": dt, "delay": 0.0}) for k in range(n)]
+    each = [loop_demands(k, n, structure, {**asked, "dt": dt, "delay": 0.0}) for k in range(n)]
     deadline = time.perf_counter() + positive("time_cap", asked["time_cap"])
-    seen = on_lines(plant, dt, asked["delay"])
-    order = sorted(range(n), key=lambda k: -crossover(each[k][1]["omega_c"]))
+    seen = matrix_on_lines(plant, dt, asked["delay"])
+    order = sorted(range(n), key=lambda k: -crossover_of(each[k][1]["omega_c"]))
     K: list[Any] = [None] * n
     wider, history = 1.0, list[float]()
     for _ in range(WIDENINGS):
         for sweep in range(SWEEPS):
             for k in order:
-                if K[k] is None or not judged(seen, k, K, each[k], wider).met:
+                if K[k] is None or not evaluate_loop(seen, k, K, each[k], wider).met:
                     each[k][1]["time_cap"] = max((deadline - time.perf_counter()) / (2 * n), 0.2)
-                    made = design_one(plant, seen, k, K, tightened(each[k], TIGHTER**sweep), wider)
+                    made = design_loop_k(plant, seen, k, K, tighten_demands(each[k], TIGHTENING**sweep), wider)
                     history += made.history
                     K[k] = made.K
-            loops = [judged(seen, k, K, each[k], 1.0) for k in range(n)]
+            loops = [evaluate_loop(seen, k, K, each[k], 1.0) for k in range(n)]
             late = time.perf_counter() > deadline
             if late or all(loop.met for loop in loops):
                 break
-        whole, margin = checked(plant, seen, K, order, dt)
+        whole, margin = check_whole_set(plant, seen, K, order, dt)
         if not whole or not 0 < margin < np.inf or late:
             break
         wider *= 1.1 / margin
@@ -136,7 +136,7 @@ def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[st
         "designed again where it fell short"
     )
     return Design(
-        K=named(joined(K, dt), plant.outputs, plant.inputs),
+        K=with_names(block_diagonal(K, dt), plant.outputs, plant.inputs),
         gamma=float(np.max([loop.gamma for loop in loops])),
         met=not bad,
         reason="; ".join(bad) or f"{said}; the whole set is stable, up to {margin:.3g} times as large",
@@ -144,7 +144,7 @@ def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[st
     )
 
 
-def refuse_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> float:
+def require_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> float:
     """The sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
@@ -167,7 +167,7 @@ def refuse_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> float
             f"dt and delay must be in the nominal of a MatrixUncertainty, by sampled(), got {dt:g} s and "
             f"{asked['delay']:g} s on top of a nominal at {step:g} s"
         )
-    wild = outside(plant.nominal, step)
+    wild = unstable_pole_values(plant.nominal, step)
     if wild.size:
         raise ValueError(
             f"plant must be stable but for integrators for loops to be closed in turn, got a pole at {wild[0]:.4g}: "
@@ -176,7 +176,7 @@ def refuse_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> float
     return step
 
 
-def one_loop_of(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+def loop_demands(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
     """Structure and demands of one loop: of a list the one that is its own."""
 
     def own(name: str, given: Any) -> Any:
@@ -186,11 +186,11 @@ def one_loop_of(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple[
             raise ValueError(f"{name} must have one of {n} loops each where it is a list, got {len(given)}")
         return given[k]
 
-    rest = {name: own(name, given) if name in ONE_EACH else given for name, given in asked.items()}
+    rest = {name: own(name, given) if name in PER_LOOP_OPTIONS else given for name, given in asked.items()}
     return own("structure", structure), rest
 
 
-def on_lines(plant: Bla | MatrixUncertainty, dt: float, delay: float) -> MatrixOnLines:
+def matrix_on_lines(plant: Bla | MatrixUncertainty, dt: float, delay: float) -> MatrixOnLines:
     """The matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
@@ -198,31 +198,35 @@ def on_lines(plant: Bla | MatrixUncertainty, dt: float, delay: float) -> MatrixO
         left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), CONFIDENCE, False, True, ADDITIVE)
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
         return MatrixOnLines(
-            omega=plant.omega, G=G, left=diagonal(left), right=diagonal(right), radius=np.zeros(G.shape)
+            omega=plant.omega,
+            G=G,
+            left=diagonal_matrices(left),
+            right=diagonal_matrices(right),
+            radius=np.zeros(G.shape),
         )
     N = plant.nominal
     modes = structure_grid(N)
     low, high = min(modes[1], plant.omega[0]), max(modes[-1], plant.omega[-1])
-    far = np.pi / dt if dt else BEYOND * high
-    omega = np.unique(np.concatenate([plant.omega, modes, np.geomspace(low, far, LINES)]))
+    far = np.pi / dt if dt else BAND_EXTENSION * high
+    omega = np.unique(np.concatenate([plant.omega, modes, np.geomspace(low, far, N_LINES)]))
     omega = omega[(omega > 0) & (omega * dt < np.pi * (1 - 1e-6))]
-    G = over_frequency((N.A, N.B, N.C, N.D), omega, dt)
+    G = frequency_response_matrices((N.A, N.B, N.C, N.D), omega, dt)
     right = np.abs([response(w, omega) for w in plant.right])
     if plant.form == ELEMENTS:
         none = np.zeros((omega.size, n, 1))
         radius = right.reshape(n, n, -1).transpose(2, 1, 0)
         return MatrixOnLines(omega=omega, G=G, left=none, right=none.swapaxes(1, 2), radius=radius)
-    left = diagonal(np.abs([response(w, omega) for w in plant.left]))
+    left = diagonal_matrices(np.abs([response(w, omega) for w in plant.left]))
     left = G @ left if plant.form == INPUT else left
-    return MatrixOnLines(omega=omega, G=G, left=left, right=diagonal(right), radius=np.zeros(G.shape))
+    return MatrixOnLines(omega=omega, G=G, left=left, right=diagonal_matrices(right), radius=np.zeros(G.shape))
 
 
-def diagonal(sizes: np.ndarray) -> np.ndarray:
+def diagonal_matrices(sizes: np.ndarray) -> np.ndarray:
     """(W, n, n) diagonal matrices of (n, W) numbers."""
     return np.asarray(sizes.T[:, :, None] * np.eye(len(sizes)))
 
 
-def crossover(given: Any) -> float:
+def crossover_of(given: Any) -> float:
     """What a loop is ordered by: the fastest is closed first."""
     return float(np.min(given)) if given is not None else 0.0
 
@@ -232,7 +236,7 @@ def loop_name(plant: Bla | MatrixUncertainty, k: int) -> str:
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 
-def design_one(
+def design_loop_k(
     plant: Bla | MatrixUncertainty,
     seen: MatrixOnLines,
     k: int,
@@ -252,7 +256,7 @@ def design_one(
         ) from None
 
 
-def tightened(own: tuple[Any, dict[str, Any]], share: float) -> tuple[Any, dict[str, Any]]:
+def tighten_demands(own: tuple[Any, dict[str, Any]], share: float) -> tuple[Any, dict[str, Any]]:
     """The demands with a share of the peaks and crossovers allowed: room for what the other loops change afterwards."""
     structure, asked = own
     peaks = {name: share * asked[name] for name in PEAKS if asked[name] is not None}
@@ -265,29 +269,29 @@ def tightened(own: tuple[Any, dict[str, Any]], share: float) -> tuple[Any, dict[
     return structure, {**asked, **peaks, "omega_c": omega_c, "gain": gain}
 
 
-def judged(seen: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, Any]], wider: float) -> Design:
+def evaluate_loop(seen: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, Any]], wider: float) -> Design:
     """Loop k as it is, with all others closed."""
     structure, asked = own
     return design_loop(seen.seen_by(k, K, wider), structure, **{**asked, "start": K[k], "n_iterations": 0})
 
 
-def checked(
+def check_whole_set(
     plant: Bla | MatrixUncertainty, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float
 ) -> tuple[str, float]:
     """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
     if isinstance(plant, MatrixUncertainty):
         try:
-            report = check(plant, joined(K, dt))
+            report = check(plant, block_diagonal(K, dt))
         except ValueError as error:
             return f"the whole cannot be checked: {error}", np.nan
         good = report.robustly_stable
         return "" if good else f"the whole set is not stable: {report.reason}", float(report.margin_rs)
     finer = seen.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
     for lines in (seen, finer):
-        if why := unstable_in_turn(plant, lines, K, order, dt):
+        if why := check_sequential_stability(plant, lines, K, order, dt):
             return why, np.nan
     seen = finer
-    gains = diagonal(np.array([response(one, seen.omega) for one in K]))
+    gains = diagonal_matrices(np.array([response(one, seen.omega) for one in K]))
     N = seen.right @ gains @ np.linalg.inv(np.eye(len(K)) + seen.G @ gains) @ seen.left
     size = np.linalg.norm(N, 2, axis=(1, 2))
     worst = int(size.argmax())
@@ -295,12 +299,12 @@ def checked(
     return "" if margin > 1 else f"the whole set is not stable at {hertz(seen.omega[worst])}", margin
 
 
-def unstable_in_turn(plant: Bla, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
+def check_sequential_stability(plant: Bla, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
     """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
     closed: list[Any] = [None] * len(K)
     for k in order:
         loop = seen.seen_by(k, closed, 1.0)
-        turns, clear = winding(loop.omega, loop.G, K[k], dt)
+        turns, clear = winding_number(loop.omega, loop.G, K[k], dt)
         if not clear or turns != unstable_poles(K[k], dt):
             return f"the whole is not known to be stable: {loop_name(plant, k)} winds {turns} times about zero"
         closed[k] = K[k]

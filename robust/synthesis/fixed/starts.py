@@ -14,26 +14,26 @@ from robust.analysis.loop import Loop, nominal_instability
 from robust.lti.connections import closed_loop
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import continued, half_turns, integrators, unstable_poles, winding
+from robust.lti.stability import count_half_turns, extend_below, integrator_poles, unstable_poles, winding_number
 from robust.synthesis.fixed.demands import Demand
-from robust.synthesis.fixed.plants import SeenPlant
+from robust.synthesis.fixed.plants import PlantOnLines
 from robust.synthesis.fixed.structures import Basis
 
-__all__ = ["find_start", "given_start", "loops_stable"]
+__all__ = ["find_start", "loops_stable", "start_from_controller"]
 
 
 CROSSOVERS, LEADS, RESETS, GAINS = 20, (1.0, 3.0, 10.0, 30.0), (0.03, 0.1, 0.3, 3.0), (1.0, 0.3, 0.1)
-LEAKS = (1e-4, 1e-2)
-MOST_LINES = 60
+INTEGRATOR_LEAKS = (1e-4, 1e-2)
+MAX_LINES = 60
 
 
-def simple_controllers(basis: Basis, at: SeenPlant) -> tuple[np.ndarray, np.ndarray]:
+def simple_controllers(basis: Basis, at: PlantOnLines) -> tuple[np.ndarray, np.ndarray]:
     """(N, n) parameters and (N,) crossovers of PI-like, lead and mixed shapes with |L| = 1 all over the band."""
     shape = basis.structure
     sizes = np.abs(basis.plane(at.omega[at.known & (at.omega <= at.highest)]))
     n_pi = min(shape.n_zeros, shape.n_integrators)
     most = 0.5 * basis.fastest
-    leaks = (0.0, *LEAKS) if shape.free and shape.n_zeros > n_pi else (0.0,)
+    leaks = (0.0, *INTEGRATOR_LEAKS) if shape.free and shape.n_zeros > n_pi else (0.0,)
     leads = LEADS if shape.n_zeros > n_pi else LEADS[:1]
     resets = RESETS if n_pi or len(leaks) > 1 else RESETS[:1]
     zeros, poles, centres = [], [], []
@@ -54,7 +54,7 @@ def simple_controllers(basis: Basis, at: SeenPlant) -> tuple[np.ndarray, np.ndar
     return np.hstack([y, basis.coefficients(-at_zeros)]), np.array(centres)
 
 
-def in_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+def project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.ndarray:
     """Parameters of a given controller, as near as the structure comes to it on the lines."""
     s = basis.plane(omega)
     k = response(K0, omega)
@@ -70,7 +70,7 @@ def in_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray) -> np.
     return theta if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0 else -theta
 
 
-def loops_stable(K: control.StateSpace, seen: list[SeenPlant], n_unstable: int) -> tuple[Stability, str]:
+def loops_stable(K: control.StateSpace, seen: list[PlantOnLines], n_unstable: int) -> tuple[Stability, str]:
     """Whether K stabilises every plant of the family, by poles or by winding number, and if not, what was found."""
     for i, at in enumerate(seen):
         who = f" of plant {i + 1}" if len(seen) > 1 else ""
@@ -80,7 +80,7 @@ def loops_stable(K: control.StateSpace, seen: list[SeenPlant], n_unstable: int) 
                 return found, f"the loop{who} {why}"
             continue
         dt = timebase(K)
-        turns, clear = winding(at.omega[at.known], at.G[at.known], K, dt)
+        turns, clear = winding_number(at.omega[at.known], at.G[at.known], K, dt)
         if not clear:
             return (
                 Stability.UNDECIDED,
@@ -104,8 +104,8 @@ def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
 
 def find_start(
     basis: Basis,
-    seen: list[SeenPlant],
-    at: SeenPlant,
+    seen: list[PlantOnLines],
+    at: PlantOnLines,
     rows: list[Demand],
     aim: Demand | None,
     *,
@@ -117,9 +117,9 @@ def find_start(
     """Parameters of stabilising simple controllers, those that come nearest to the demands first; may be empty."""
     theta, centres = simple_controllers(basis, at)
     thin = np.zeros(at.omega.size, dtype=bool)
-    thin[np.unique(np.linspace(0, at.omega.size - 1, MOST_LINES).astype(int))] = True
+    thin[np.unique(np.linspace(0, at.omega.size - 1, MAX_LINES).astype(int))] = True
     for row in rows:
-        if row.index.size < MOST_LINES:
+        if row.index.size < MAX_LINES:
             thin[row.index] = True
     s = basis.plane(at.omega[thin])
     Y = theta[:, : basis.n_y] @ (basis.Y(s) * basis.integrals(s)[:, None]).T
@@ -148,7 +148,7 @@ def find_start(
     used: list[float] = []
     order = np.lexsort((best, hard))
     for batch in np.array_split(order, max(1, order.size // 200)) if order.size else []:
-        for k in batch[likely(basis, theta[batch], seen, n_unstable)]:
+        for k in batch[winding_is_right(basis, theta[batch], seen, n_unstable)]:
             if any(abs(np.log(centres[k] / c)) < 0.5 for c in used):
                 continue
             K = basis.controller(theta[k])
@@ -161,18 +161,18 @@ def find_start(
     return found
 
 
-def likely(basis: Basis, theta: np.ndarray, seen: list[SeenPlant], n_unstable: int) -> np.ndarray:
+def winding_is_right(basis: Basis, theta: np.ndarray, seen: list[PlantOnLines], n_unstable: int) -> np.ndarray:
     """(N,) bool: whether 1 + L winds as it has to for each of many stable controllers, on the lines."""
     out = np.ones(theta.shape[0], dtype=bool)
-    n_K = basis.structure.n_integrators + integrators(basis.fixed, basis.dt)
+    n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
     for at in seen:
         omega, G = at.omega[at.known], at.G[at.known]
         if at.loop is None:
-            omega, G = continued(omega, G, at.n_integrators)
+            omega, G = extend_below(omega, G, at.n_integrators)
         Y, X = basis.columns(omega)
         with np.errstate(all="ignore"):
             F = 1 + G * (theta @ X.T) / (theta @ Y.T)
-            turns, clear = half_turns(F, n_K + at.n_integrators)
+            turns, clear = count_half_turns(F, n_K + at.n_integrators)
         if at.loop is None:
             out &= clear & (np.round(turns) == n_unstable)
         else:  # a guess: the poles decide
@@ -180,13 +180,13 @@ def likely(basis: Basis, theta: np.ndarray, seen: list[SeenPlant], n_unstable: i
     return out
 
 
-def given_start(basis: Basis, start: Any, at: SeenPlant) -> np.ndarray:
+def start_from_controller(basis: Basis, start: Any, at: PlantOnLines) -> np.ndarray:
     """Parameters of a controller the user gave, or a refusal when it does not have the structure."""
     K0 = state_space("start", start)
     if K0.nstates and timebase(K0) != basis.dt:
         raise ValueError(f"start must have the sampling time of the design, {basis.dt:g} s, got {timebase(K0):g} s")
     omega = at.omega[at.omega <= at.highest * (1 + 1e-9)]
-    theta = in_structure(basis, K0, omega)
+    theta = project_on_structure(basis, K0, omega)
     K, k = basis.controller(theta), response(K0, omega)
     error = float(np.max(np.abs(response(K, omega) - k) / np.abs(k)))
     if not error < 0.1:

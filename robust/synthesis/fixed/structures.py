@@ -24,7 +24,7 @@ __all__ = ["FASTEST", "FASTEST_SAMPLED", "PID_PARTS", "Basis", "ControllerStruct
 FASTEST, FASTEST_SAMPLED = 10.0, 5.0
 LARGEST_ORDER = 12
 # zeros, integrators, other poles
-NAMED = {
+NAMED_STRUCTURES = {
     "P": (0, 0, 0),
     "I": (0, 1, 0),
     "PI": (1, 1, 0),
@@ -129,15 +129,15 @@ def structure_of(name: Any, integrators: int, filter_time: float | None) -> Cont
                 f"structure must have an order from {integrators} (its integrators) to {LARGEST_ORDER}, got {n}"
             )
         found = ControllerStructure(name=text, n_zeros=n, n_integrators=integrators, n_poles=n - integrators)
-    elif text in NAMED:
+    elif text in NAMED_STRUCTURES:
         if integrators:
             raise ValueError(f'integrators must only be given with "order-n", got {integrators} with {text!r}')
-        zeros, own, rest = NAMED[text]
+        zeros, own, rest = NAMED_STRUCTURES[text]
         found = ControllerStructure(
             n_zeros=zeros, n_integrators=own, n_poles=rest, real=text.startswith("lead"), name=text
         )
     else:
-        words = ", ".join(NAMED)
+        words = ", ".join(NAMED_STRUCTURES)
         raise ValueError(f'structure must be one of {words}, "order-n" or a ControllerStructure, got {shown(name)}')
     if filter_time is None:
         return found
@@ -275,7 +275,7 @@ class Basis:
         """A system with the poles that every controller of the structure has, but for its integrators."""
         y = np.array(self.structure.poles, dtype=complex)
         y = (1 + y * self.dt / 2) / (1 - y * self.dt / 2)
-        return in_series(from_roots(np.zeros(0), conjugated(y), 1.0, self.dt), self.fixed, dt=self.dt)
+        return in_series(from_roots(np.zeros(0), pair_conjugates(y), 1.0, self.dt), self.fixed, dt=self.dt)
 
     def zeros_and_poles(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Zeros and poles of K without its known factor, in the s plane."""
@@ -291,7 +291,7 @@ class Basis:
             h = self.dt / 2
             x = np.concatenate([(1 + x * h) / (1 - x * h), np.full(y.size - x.size, -1.0)])
             y = (1 + y * h) / (1 - y * h)
-        K = from_roots(conjugated(x), conjugated(y), 1.0, self.dt)
+        K = from_roots(pair_conjugates(x), pair_conjugates(y), 1.0, self.dt)
         ratio = wanted / response(K, np.array([self.omega_mid]))[0]
         K = control.StateSpace(K.A, K.B, K.C * ratio.real, K.D * ratio.real, self.dt)
         return in_series(K, self.fixed, dt=self.dt)
@@ -302,7 +302,7 @@ class Basis:
         return 2 / self.dt * float(np.arctan(self.a * self.dt / 2)) if self.dt else self.a
 
 
-def conjugated(roots: np.ndarray) -> np.ndarray:
+def pair_conjugates(roots: np.ndarray) -> np.ndarray:
     """Roots of a real polynomial, with pairs made exactly conjugate."""
     roots = np.asarray(roots, dtype=complex)
     real = np.abs(roots.imag) <= 1e-9 * np.abs(roots)

@@ -16,23 +16,23 @@ import numpy as np
 
 from nlfrf._base.arguments import integer, positive
 from nlfrf._base.values import value
-from robust.lti.connections import joined, lower, weighted_plant
+from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
 from robust.lti.grids import structure_grid
-from robust.lti.lti import along, response, timebase
+from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.models.fit.weights import minimum_phase
 from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.mu.blocks import BlockStructure, fitting
+from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
-from robust.proofs.search.stability import instability
+from robust.proofs.search.stability import decide_stability
 from robust.synthesis.hinf.hinfsyn import synthesise
-from robust.synthesis.hinf.mixsyn import on_time_base
+from robust.synthesis.hinf.mixsyn import weight_on_time_base
 
 __all__ = ["DkDesign", "dk_iteration"]
 
 
-CLOSE = 1.02  # peak of the fitted scalings over mu that is good enough for a lower order
+FIT_TOLERANCE = 1.02  # peak of the fitted scalings over mu that is good enough for a lower order
 
 
 @value
@@ -140,17 +140,17 @@ def dk_iteration(
     SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower) it makes 1.19, 1.05, 1.045, ...
     """
     if isinstance(P, MatrixUncertainty):
-        P, blocks, n_y, n_u = of_set(P, w_P, w_u, blocks)
+        P, blocks, n_y, n_u = performance_plant(P, w_P, w_u, blocks)
     elif w_P is not None or w_u is not None:
         raise ValueError("w_P and w_u must be left out but for a MatrixUncertainty: of a system they are part of P")
     P = multivariable("P", P)
     n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
     order, n_rounds = integer("order", order, least=0), integer("n_rounds", n_rounds, least=1)
     deadline = time.monotonic() + positive("time_cap", time_cap)
-    s = fitting("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
+    s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     dt = timebase(P)
-    best, reason = no_design(P, n_y, n_u), f"{n_rounds} rounds were made"
-    scaling, used, history = [one(dt)] * len(s.kinds), 0, []
+    best, reason = empty_design(P, n_y, n_u), f"{n_rounds} rounds were made"
+    scaling, used, history = [identity_scaling(dt)] * len(s.kinds), 0, []
     for _ in range(n_rounds):
         K, gamma, failed = synthesise_scaled(P, scaling, s, (n_y, n_u), max(deadline - time.monotonic(), 0.1))
         if failed:
@@ -164,24 +164,26 @@ def dk_iteration(
         if late or not improved:
             reason = "the time cap was reached" if late else "mu did not fall any more"
             break
-        scaling, used = fitted(along(lower(P, K), found.omega), s, found.omega, dt, order)
-    certificate = certify_mu(lower(P, best.K), blocks, 1.01 * best.mu) if np.isfinite(best.mu) else None
+        scaling, used = fit_scalings(response_by_channel(lower_lft(P, K), found.omega), s, found.omega, dt, order)
+    certificate = certify_mu(lower_lft(P, best.K), blocks, 1.01 * best.mu) if np.isfinite(best.mu) else None
     return replace(best, history=tuple(history), certificate=certificate, reason=reason)
 
 
-def of_set(model: MatrixUncertainty, w_P: Any, w_u: Any, blocks: Any) -> tuple[control.StateSpace, list[Any], int, int]:
+def performance_plant(
+    model: MatrixUncertainty, w_P: Any, w_u: Any, blocks: Any
+) -> tuple[control.StateSpace, list[Any], int, int]:
     """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
     if w_P is None or blocks is not None:
         raise ValueError("w_P must be given for a MatrixUncertainty, and no blocks: they are its own")
     n_y, n_u, dt = model.n_outputs, model.n_inputs, timebase(model.nominal)
-    weights = [("e", on_time_base("w_P", w_P, dt, n_y))]
-    weights += [] if w_u is None else [("u", on_time_base("w_u", w_u, dt, n_u))]
+    weights = [("e", weight_on_time_base("w_P", w_P, dt, n_y))]
+    weights += [] if w_u is None else [("u", weight_on_time_base("w_u", w_u, dt, n_u))]
     P = weighted_plant(model.open_loop(), n_y, n_u, weights)
     of_performance = (sum(w.noutputs for _, w in weights), n_y)
     return P, [*model.structure, of_performance], n_y, n_u
 
 
-def no_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
+def empty_design(P: control.StateSpace, n_y: int, n_u: int) -> DkDesign:
     """What there is before the first round."""
     return DkDesign(
         K=control.StateSpace([], [], [], np.zeros((n_u, n_y)), P.dt),
@@ -200,41 +202,45 @@ def synthesise_scaled(
     """The controller of the scaled plant, the norm it reaches there, and why it is none."""
     n_y, n_u = sizes
     dt = timebase(P)
-    left, right = scaled_by(scaling, s, dt)
-    found = synthesise(padded(left, n_y, dt) * P * padded(right, n_u, dt), n_y, n_u, time_cap=time_cap)
+    left, right = scaling_systems(scaling, s, dt)
+    found = synthesise(
+        append_passthrough(left, n_y, dt) * P * append_passthrough(right, n_u, dt), n_y, n_u, time_cap=time_cap
+    )
     if not found.found:
         return found.K, found.gamma, f"synthesis found nothing: {found.reason}"
-    plain = instability(lower(P, found.K))
+    plain = decide_stability(lower_lft(P, found.K))
     return found.K, found.gamma, "" if plain.stable else f"the loop without its scalings is {plain}"
 
 
 def judge_by_mu(P: control.StateSpace, K: control.StateSpace, blocks: Any, omega: Any) -> DkDesign:
     """The loop with a controller, by the upper bound of mu with the structure as it is."""
-    N = lower(P, K)
+    N = lower_lft(P, K)
     at = structure_grid(N)[1:] if omega is None else np.asarray(omega, dtype=float)
-    curve = mu_upper(along(N, at), blocks).value
+    curve = mu_upper(response_by_channel(N, at), blocks).value
     return DkDesign(K=K, mu=float(curve.max()), omega=at, curve=curve, history=(), certificate=None, reason="")
 
 
-def one(dt: float) -> control.StateSpace:
+def identity_scaling(dt: float) -> control.StateSpace:
     """The scaling to begin with."""
     return control.StateSpace([], [], [], [[1.0]], dt)
 
 
-def scaled_by(scaling: list[Any], s: BlockStructure, dt: float) -> tuple[control.StateSpace, control.StateSpace]:
+def scaling_systems(scaling: list[Any], s: BlockStructure, dt: float) -> tuple[control.StateSpace, control.StateSpace]:
     """D_L and D_R^-1 from one function per block (given with its inverse where it has states)."""
     pairs = [d if isinstance(d, tuple) else (d, d) for d in scaling]
     left = [d for (d, _), row in zip(pairs, s.rows, strict=True) for _ in range(row.stop - row.start)]
     right = [d for (_, d), col in zip(pairs, s.cols, strict=True) for _ in range(col.stop - col.start)]
-    return joined(left, dt), joined(right, dt)
+    return block_diagonal(left, dt), block_diagonal(right, dt)
 
 
-def padded(system: control.StateSpace, n: int, dt: float) -> control.StateSpace:
+def append_passthrough(system: control.StateSpace, n: int, dt: float) -> control.StateSpace:
     """The system beside n signals that pass."""
-    return joined([system, control.StateSpace([], [], [], np.eye(n), dt)], dt)
+    return block_diagonal([system, control.StateSpace([], [], [], np.eye(n), dt)], dt)
 
 
-def fitted(response_: np.ndarray, s: BlockStructure, omega: np.ndarray, dt: float, order: int) -> tuple[list[Any], int]:
+def fit_scalings(
+    response_: np.ndarray, s: BlockStructure, omega: np.ndarray, dt: float, order: int
+) -> tuple[list[Any], int]:
     """Functions of the lowest order whose scaled loop comes close to mu, the last block unscaled; and that order."""
     full = [(r.stop - r.start, c.stop - c.start) for r, c in zip(s.rows, s.cols, strict=True)]
     bound = mu_upper(response_, full)
@@ -243,11 +249,11 @@ def fitted(response_: np.ndarray, s: BlockStructure, omega: np.ndarray, dt: floa
     d = d / d[-1]
     n = min(order, 12)
     for k in range(n + 1):
-        fits = [minimum_phase(omega, each, dt, k) for each in d[:-1]] + [(one(dt), one(dt))]
+        fits = [minimum_phase(omega, each, dt, k) for each in d[:-1]] + [(identity_scaling(dt), identity_scaling(dt))]
         sizes = np.array([np.abs(response(D, omega)) for D, _ in fits])
         left, right = (np.repeat(sizes, [p.stop - p.start for p in parts], axis=0) for parts in (s.rows, s.cols))
         scaled = left[:, None] * response_ / right[None]
         peak = np.linalg.norm(np.moveaxis(scaled, 2, 0), 2, axis=(1, 2)).max()
-        if peak <= CLOSE * bound.value.max() or k == n:
+        if peak <= FIT_TOLERANCE * bound.value.max() or k == n:
             return fits, k
     raise AssertionError("an order is always returned")

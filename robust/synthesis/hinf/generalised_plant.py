@@ -12,20 +12,20 @@ import control
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.lti.lti import Matrices, evaluate, scaled_states, timebase
-from robust.lti.norms import from_half_plane, modal, to_continuous, to_discrete, to_half_plane
+from robust.lti.lti import Matrices, evaluate_transfer, scale_states, timebase
+from robust.lti.norms import from_half_plane, modal_coordinates, to_continuous, to_discrete, to_half_plane
 
 __all__ = [
     "Plant",
-    "controller_of",
-    "dual",
+    "dual_plant",
+    "has_full_ranks",
+    "has_zero_on_axis",
     "hidden_mode",
-    "in_region",
-    "normalised",
-    "prepared",
-    "ranks",
-    "regularised",
-    "zero_on_axis",
+    "map_region",
+    "normalise_plant",
+    "prepare_plant",
+    "regularise_plant",
+    "restore_controller",
 ]
 
 
@@ -75,7 +75,7 @@ class Plant:
     added: bool = False
 
 
-def prepared(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
+def prepare_plant(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
     """P in continuous time with D22 = 0, its time and its states scaled to numbers near one."""
     dt = timebase(P)
     w, z = P.ninputs - n_u, P.noutputs - n_y
@@ -85,13 +85,13 @@ def prepared(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
     first = np.zeros((n_u, n_y))
     if dt:
         if A.size and np.linalg.cond(A + np.eye(A.shape[0])) > 1e8:
-            first = away_from_minus_one(A, B[:, w:], C[z:])
+            first = shift_from_minus_one(A, B[:, w:], C[z:])
             left, right = np.vstack([B[:, w:] @ first, D[:z, w:] @ first]), np.hstack([C[z:], D[z:, :w]])
             change, n = left @ right, A.shape[0]
             A, B[:, :w] = A + change[:n, :n], B[:, :w] + change[:n, n:]
             C[:z], D[:z, :w] = C[:z] + change[n:, :n], D[:z, :w] + change[n:, n:]
         A, B, C, D = to_continuous(A, B, C, D)
-    A, B, C, speed = scaled(A, B, C)
+    A, B, C, speed = scale_plant(A, B, C)
     return Plant(
         A=A,
         B1=B[:, :w],
@@ -111,7 +111,7 @@ def prepared(P: control.StateSpace, n_y: int, n_u: int) -> Plant:
     )
 
 
-def away_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
+def shift_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.ndarray:
     """A feedback u = F y that moves poles away from z = -1, which the bilinear map sends to infinity."""
     rng = np.random.default_rng(0)
     size = 0.3 / max(float(np.linalg.norm(B2)) * float(np.linalg.norm(C2)), 1e-300)
@@ -119,11 +119,11 @@ def away_from_minus_one(A: np.ndarray, B2: np.ndarray, C2: np.ndarray) -> np.nda
     return min(tries, key=lambda F: np.linalg.cond(A + B2 @ F @ C2 + np.eye(A.shape[0])).item())
 
 
-def scaled(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def scale_plant(A: np.ndarray, B: np.ndarray, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Time in the geometric mean of the poles; states so that rows of [A B] and columns of [A; C] have like sizes."""
     if not A.size:
         return A, B, C, 1.0
-    A, B, C = scaled_states(A, B, C)
+    A, B, C = scale_states(A, B, C)
     size = np.abs(np.linalg.eigvals(A))
     size = size[size > 1e-12 * size.max(initial=0.0)]
     speed = float(np.exp(np.mean(np.log(size)))) if size.size else 1.0
@@ -158,7 +158,7 @@ def hidden_mode(plant: Plant) -> str:
     return ""
 
 
-def in_region(plant: Plant, a: float, b: float) -> Plant:
+def map_region(plant: Plant, a: float, b: float) -> Plant:
     """The plant with the circle through a and b in place of the axis: what is asked for inside or outside of it.
 
     A disc in the right half plane (0 < a < b) asks for less than the half plane: its least norm is a lower bound. All
@@ -169,7 +169,7 @@ def in_region(plant: Plant, a: float, b: float) -> Plant:
     B, C = np.hstack([plant.B1, plant.B2]), np.vstack([plant.C1, plant.C2])
     D = np.block([[plant.D11, plant.D12], [plant.D21, np.zeros((plant.C2.shape[0], plant.B2.shape[1]))]])
     A, B, C, D = to_half_plane((plant.A, B, C, D), a, b)
-    A, B, C = scaled_states(A, B, C)
+    A, B, C = scale_states(A, B, C)
     return replace(
         plant,
         A=A,
@@ -185,7 +185,7 @@ def in_region(plant: Plant, a: float, b: float) -> Plant:
     )
 
 
-def dual(plant: Plant) -> Plant:
+def dual_plant(plant: Plant) -> Plant:
     """The transposed plant: its control is the filtering of this one."""
     return replace(
         plant, A=plant.A.T, B1=plant.C1.T, B2=plant.C2.T, C1=plant.B1.T, C2=plant.B2.T,
@@ -193,7 +193,7 @@ def dual(plant: Plant) -> Plant:
     )  # fmt: skip
 
 
-def zero_on_axis(plant: Plant) -> bool:
+def has_zero_on_axis(plant: Plant) -> bool:
     """Whether P12 (D12 of full rank) has a zero on the axis: no Riccati equation has a stabilising solution there."""
     back = np.linalg.pinv(plant.D12)
     A = plant.A - plant.B2 @ back @ plant.C1
@@ -207,16 +207,16 @@ def zero_on_axis(plant: Plant) -> bool:
     return False
 
 
-def regularised(plant: Plant, size: float) -> Plant:
+def regularise_plant(plant: Plant, size: float) -> Plant:
     """The plant with small outputs of u and disturbances of y where D12, D21 lack rank."""
     n, n_u, n_y, n_w = plant.A.shape[0], plant.B2.shape[1], plant.C2.shape[0], plant.B1.shape[1]
-    reaches, sees = ranks(plant)
+    reaches, sees = has_full_ranks(plant)
     if not reaches:
-        u_size = size * usual_gain(plant.A, plant.B2, plant.C1, plant.D12)
+        u_size = size * typical_gain(plant.A, plant.B2, plant.C1, plant.D12)
         C1, D12 = np.vstack([plant.C1, np.zeros((n_u, n))]), np.vstack([plant.D12, u_size * np.eye(n_u)])
         plant = replace(plant, added=True, C1=C1, D12=D12, D11=np.vstack([plant.D11, np.zeros((n_u, n_w))]))
     if not sees:
-        y_size = size * usual_gain(plant.A, plant.B1, plant.C2, plant.D21)
+        y_size = size * typical_gain(plant.A, plant.B1, plant.C2, plant.D21)
         B1, D21 = np.hstack([plant.B1, np.zeros((n, n_y))]), np.hstack([plant.D21, y_size * np.eye(n_y)])
         plant = replace(
             plant, added=True, B1=B1, D21=D21, D11=np.hstack([plant.D11, np.zeros((plant.D11.shape[0], n_y))])
@@ -224,34 +224,34 @@ def regularised(plant: Plant, size: float) -> Plant:
     return plant
 
 
-def ranks(plant: Plant) -> tuple[bool, bool]:
+def has_full_ranks(plant: Plant) -> tuple[bool, bool]:
     """Whether D12 and D21 have full rank: u shows in z, w in y."""
-    return full_rank(plant.D12), full_rank(plant.D21.T)
+    return has_full_rank(plant.D12), has_full_rank(plant.D21.T)
 
 
-def full_rank(D: np.ndarray) -> bool:
+def has_full_rank(D: np.ndarray) -> bool:
     """Whether the columns are independent beyond rounding."""
     sizes = np.linalg.svd(D, compute_uv=False)
     return D.shape[0] >= D.shape[1] and bool(sizes[-1] > 1e-9 * max(1e-3, sizes[0]))
 
 
-def usual_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
+def typical_gain(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> float:
     """Median gain around the poles, one where there is none."""
     speed = np.abs(np.linalg.eigvals(A)) if A.size else np.ones(1)
     speed = speed[speed > 1e-9]
     low, high = min(speed.min(initial=1.0), 1.0), max(speed.max(initial=1.0), 1.0)
-    gains = np.linalg.norm(evaluate(A, B, C, D, 1j * np.geomspace(low / 3, high * 3, 15)), axis=(1, 2))
+    gains = np.linalg.norm(evaluate_transfer(A, B, C, D, 1j * np.geomspace(low / 3, high * 3, 15)), axis=(1, 2))
     return float(np.median(gains)) or 1.0
 
 
-def normalised(plant: Plant) -> Plant | None:
+def normalise_plant(plant: Plant) -> Plant | None:
     """The plant with D12 = [0; I] and D21 = [0 I] by rotations of z and w and a change of u and y.
 
     None where one of them lacks rank.
     """
     n_u, n_y = plant.B2.shape[1], plant.C2.shape[0]
     n_z, n_w = plant.D11.shape
-    if not all(ranks(plant)):
+    if not all(has_full_ranks(plant)):
         return None
     Uz, su, Vu = np.linalg.svd(plant.D12)
     Uy, sy, Vw = np.linalg.svd(plant.D21)
@@ -273,32 +273,32 @@ def normalised(plant: Plant) -> Plant | None:
     )
 
 
-def controller_of(plant: Plant, K: Matrices) -> control.StateSpace:
+def restore_controller(plant: Plant, K: Matrices) -> control.StateSpace:
     """The controller of the normalised plant as one of the plant that was given."""
     A, B, C, D = K
     B, C, D = B @ plant.out_of_y, plant.into_u @ C, plant.into_u @ D @ plant.out_of_y
     if plant.region:
-        A, B, C, D = in_modes(*from_half_plane(behind(plant.D22_region, A, B, C, D), *plant.region))
+        A, B, C, D = to_modal_form(*from_half_plane(restore_feedthrough(plant.D22_region, A, B, C, D), *plant.region))
     A, B, C = A * plant.speed, B * np.sqrt(plant.speed), C * np.sqrt(plant.speed)
-    A, B, C, D = behind(plant.D22_image, A, B, C, D)
+    A, B, C, D = restore_feedthrough(plant.D22_image, A, B, C, D)
     if plant.dt:
         A, B, C, D = to_discrete(A, B, C, D)
-    return control.StateSpace(*behind(plant.D22, A, B, C, D + plant.first), plant.dt)
+    return control.StateSpace(*restore_feedthrough(plant.D22, A, B, C, D + plant.first), plant.dt)
 
 
-def in_modes(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+def to_modal_form(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
     """In modal coordinates where it has them: near the least level modes lie decades apart and hide one another."""
     if not A.size:
         return A, B, C, D
-    A, B, C = scaled_states(A, B, C)
-    coordinates = modal(A)
+    A, B, C = scale_states(A, B, C)
+    coordinates = modal_coordinates(A)
     if coordinates is None:
         return A, B, C, D
     forth, back = coordinates
     return forth @ A @ back, forth @ B, C @ back, D
 
 
-def behind(D22: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
+def restore_feedthrough(D22: np.ndarray, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> Matrices:
     """u = K (y - D22 u) solved for u."""
     if not D22.any():
         return A, B, C, D

@@ -17,39 +17,39 @@ from scipy.linalg import cholesky
 
 from nlfrf._base.arguments import integer, nonnegative, positive, real
 from nlfrf._base.values import value
-from robust.lti.connections import lower
-from robust.lti.lti import Matrices, along, evaluate, in_s, on_axis, timebase
-from robust.lti.norms import hinf_norm, stabilising
+from robust.lti.connections import lower_lft
+from robust.lti.lti import Matrices, axis_points, evaluate_transfer, response_by_channel, timebase, to_s_plane
+from robust.lti.norms import hinf_norm, stabilising_riccati
 from robust.lti.realisation import multivariable
 from robust.proofs.search.certificate import Certificate
-from robust.proofs.search.stability import certify_closed_loop, instability
+from robust.proofs.search.stability import certify_closed_loop, decide_stability
 from robust.synthesis.hinf.generalised_plant import (
     Plant,
-    controller_of,
-    dual,
+    dual_plant,
+    has_full_ranks,
+    has_zero_on_axis,
     hidden_mode,
-    in_region,
-    normalised,
-    prepared,
-    ranks,
-    regularised,
-    zero_on_axis,
+    map_region,
+    normalise_plant,
+    prepare_plant,
+    regularise_plant,
+    restore_controller,
 )
 
 __all__ = [
     "LARGEST_GAMMA",
-    "Found",
+    "CircleResult",
     "Synthesis",
-    "between_circles",
-    "bracket",
-    "central",
-    "control_equation",
-    "fixed_gain",
+    "bisect_level",
+    "central_controller",
+    "control_riccati",
+    "direct_term_bound",
     "hinfsyn",
-    "least_level",
-    "left_by_control",
-    "solved",
+    "solve_riccati_pair",
     "synthesise",
+    "synthesise_between_circles",
+    "unchangeable_gain",
+    "uncontrolled_direct_term",
 ]
 
 
@@ -57,7 +57,9 @@ __all__ = [
 # controller.
 
 LARGEST_GAMMA = 1e10
-CHANGED = 100.0  # of its size A may change by another choice of the control: a nearly singular D12 asks for more
+MAX_CHANGE_OF_A = (
+    100.0  # of its size A may change by another choice of the control: a nearly singular D12 asks for more
+)
 
 
 @value(copy=False)
@@ -71,50 +73,50 @@ class Solution:
     H: np.ndarray
 
 
-def least_level(plant: Plant) -> float:
+def direct_term_bound(plant: Plant) -> float:
     """What the direct term alone leaves: no controller gets below it."""
-    return max(left_by_control(plant), left_by_control(dual(plant)))
+    return max(uncontrolled_direct_term(plant), uncontrolled_direct_term(dual_plant(plant)))
 
 
-def left_by_control(plant: Plant) -> float:
+def uncontrolled_direct_term(plant: Plant) -> float:
     """The part of the direct term in outputs that u does not reach."""
     upper = plant.D11[: plant.D11.shape[0] - plant.B2.shape[1]]
     return float(np.linalg.norm(upper, 2)) if upper.size else 0.0
 
 
-def solved(plant: Plant, gamma: float, *, quick: bool = False) -> Solution | None:
+def solve_riccati_pair(plant: Plant, gamma: float, *, quick: bool = False) -> Solution | None:
     """X and Y where the level can be reached: both stabilising, semidefinite, with spectral radius under gamma^2."""
-    if gamma <= least_level(plant) * (1 + 1e-9):
+    if gamma <= direct_term_bound(plant) * (1 + 1e-9):
         return None
-    control = control_equation(plant, gamma, quick=quick)
+    control = control_riccati(plant, gamma, quick=quick)
     if control is None:
         return None
-    filtering = control_equation(dual(plant), gamma, quick=quick)
+    filtering = control_riccati(dual_plant(plant), gamma, quick=quick)
     if filtering is None or np.max(np.linalg.eigvals(control[0] @ filtering[0]).real, initial=0.0) >= gamma**2:
         return None
     return Solution(gamma=gamma, X=control[0], Y=filtering[0], F=control[1], H=filtering[1].T)
 
 
-def control_equation(plant: Plant, gamma: float, *, quick: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
+def control_riccati(plant: Plant, gamma: float, *, quick: bool = False) -> tuple[np.ndarray, np.ndarray] | None:
     """X and F of a level where the states and w are known; of the dual plant, Y and H'. Only D12 need be [0; I].
 
     What is not possible with all of x and w known is not possible with y either: where there is no X, the level is a
     lower bound. The outputs that u reaches are taken as the control in its place where that changes little: cross terms
     that would cancel in rounding are then never made, and where y tells all of w, Y is zero to the last bit.
     """
-    if gamma <= left_by_control(plant) * (1 + 1e-9):
+    if gamma <= uncontrolled_direct_term(plant) * (1 + 1e-9):
         return None
     n_w, n_u = plant.B1.shape[1], plant.B2.shape[1]
     free = plant.C1.shape[0] - n_u
     A, B1, C1, D11 = plant.A, plant.B1, plant.C1, plant.D11
     C_u, D_u = C1[free:], D11[free:]
-    instead = bool(np.linalg.norm(plant.B2 @ C_u) < CHANGED * np.linalg.norm(A))
+    instead = bool(np.linalg.norm(plant.B2 @ C_u) < MAX_CHANGE_OF_A * np.linalg.norm(A))
     if instead:
         A, B1 = A - plant.B2 @ C_u, B1 - plant.B2 @ D_u
         C1, D11 = (np.vstack([rows[:free], np.zeros_like(rows[free:])]) for rows in (C1, D11))
     B, D = np.hstack([B1, plant.B2]), np.hstack([D11, plant.D12])
     R = D.T @ D - np.diag(np.r_[np.full(n_w, gamma**2), np.zeros(n_u)])
-    X = stabilising(A, B, C1.T @ C1, R, C1.T @ D, quick=quick)
+    X = stabilising_riccati(A, B, C1.T @ C1, R, C1.T @ D, quick=quick)
     if X is None:
         return None
     F = -np.linalg.solve(R, D.T @ C1 + B.T @ X)
@@ -123,7 +125,7 @@ def control_equation(plant: Plant, gamma: float, *, quick: bool = False) -> tupl
     return X, F
 
 
-def central(plant: Plant, at: Solution, *, rolled_off: bool = False) -> Matrices:
+def central_controller(plant: Plant, at: Solution, *, rolled_off: bool = False) -> Matrices:
     """The central controller of a level, or the one of least direct term (Zhou, Doyle & Glover 1996, Theorem 17.1).
 
     All controllers of the level are F_l(M, Q) with |Q| < gamma; the central one has Q = 0. In a problem of one block
@@ -153,7 +155,7 @@ def central(plant: Plant, at: Solution, *, rolled_off: bool = False) -> Matrices
     return A_K, B_K, C_K, D_hat
 
 
-def bracket(
+def bisect_level(
     holds: Callable[[float], Any], ends: tuple[float, float], tolerance: float, deadline: float, *, enough: float = 0.0
 ) -> tuple[float, float, int]:
     """Largest level seen to fail, smallest seen to hold (inf: none), and how many were tried; from what is known."""
@@ -189,21 +191,24 @@ def bracket(
 # second, which asks for more again.
 
 #: Decades between the circles and the slowest pole, and the fastest.
-RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
-ADDED = (1e-2, 1e-6)  # where rank is lacking everywhere, relative to the scaled plant: a decade less a rung, and least
-WITHOUT_CIRCLE = 1e-4  # added where the axis is kept: the last resort
-COARSE = (1, 1), (0, 0)  # of these: where finer ones found nothing near the bound
-NOT_NEAR = 1.1
-ENOUGH = 1.005  # beside `factor`: how near the lower bound is near enough
-DISTINCT = (1e6, 1e4)  # condition of D12 and D21 up to which bounds are drawn from both, from one alone
+CIRCLE_RUNGS = ((1, 2), (1, 1), (1, 3), (1, 4), (2, 3), (3, 4), (4, 5), (0, 0))
+REGULARISATIONS = (
+    1e-2,
+    1e-6,
+)  # where rank is lacking everywhere, relative to the scaled plant: a decade less a rung, and least
+AXIS_REGULARISATION = 1e-4  # added where the axis is kept: the last resort
+COARSE_RUNGS = (1, 1), (0, 0)  # of these: where finer ones found nothing near the bound
+FAR_FROM_BOUND = 1.1
+NEAR_ENOUGH = 1.005  # beside `factor`: how near the lower bound is near enough
+MAX_CONDITIONS = (1e6, 1e4)  # condition of D12 and D21 up to which bounds are drawn from both, from one alone
 TOLERANCE = 1e-3  # to which the levels of a rung are found
-TRUSTED = 1.003  # a bound may contradict a controller by this before rounding is blamed
-SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail too, or rounding has the word
+ROUNDING_FACTOR = 1.003  # a bound may contradict a controller by this before rounding is blamed
+CHECKED_SHARES = (0.98, 0.9, 0.7, 0.4)  # of a level that fails: they must fail too, or rounding has the word
 SINGULAR_STEPS_UP = (1.0, 1.02, 1.1, 1.3)
 
 
 @value
-class Found:
+class CircleResult:
     """What the circles gave so far.
 
     Fields
@@ -233,26 +238,28 @@ class Found:
     late: bool = False
 
 
-def between_circles(P: control.StateSpace, plant: Plant, enough: float, factor: float, deadline: float) -> Found:
+def synthesise_between_circles(
+    P: control.StateSpace, plant: Plant, enough: float, factor: float, deadline: float
+) -> CircleResult:
     """The best controller by circles that close in on the axis, until it is within `factor` of the lower bound."""
-    found, step = Found(), max(1.001, factor**0.5)
-    for rung in RUNGS:
-        if rung in COARSE and found.gamma <= NOT_NEAR * found.low:
+    found, step = CircleResult(), max(1.001, factor**0.5)
+    for rung in CIRCLE_RUNGS:
+        if rung in COARSE_RUNGS and found.gamma <= FAR_FROM_BOUND * found.low:
             continue
-        for problem in outside(plant, *rung):
-            found = judged(P, problem, replace(found, tried=10.0 ** -rung[0]), step, deadline)
+        for problem in regular_outside(plant, *rung):
+            found = keep_better(P, problem, replace(found, tried=10.0 ** -rung[0]), step, deadline)
         if found.K is not None:
-            found = replace(found, low=max(found.low, fixed_gain(P, found.K)))
-            found = bounded(plant, rung, found, deadline)
-        if found.gamma <= max(ENOUGH * factor * found.low, enough) or time.monotonic() > deadline:
+            found = replace(found, low=max(found.low, unchangeable_gain(P, found.K)))
+            found = raise_lower_bound(plant, rung, found, deadline)
+        if found.gamma <= max(NEAR_ENOUGH * factor * found.low, enough) or time.monotonic() > deadline:
             return replace(found, late=time.monotonic() > deadline)
-    last = normalised(regularised(plant, WITHOUT_CIRCLE))
-    if last is not None and not (zero_on_axis(last) or zero_on_axis(dual(last))):
-        found = judged(P, last, replace(found, tried=WITHOUT_CIRCLE), step, deadline)
+    last = normalise_plant(regularise_plant(plant, AXIS_REGULARISATION))
+    if last is not None and not (has_zero_on_axis(last) or has_zero_on_axis(dual_plant(last))):
+        found = keep_better(P, last, replace(found, tried=AXIS_REGULARISATION), step, deadline)
     return replace(found, late=time.monotonic() > deadline)
 
 
-def circle(plant: Plant, below: int, above: int) -> tuple[float, float]:
+def circle_ends(plant: Plant, below: int, above: int) -> tuple[float, float]:
     """Where a circle crosses the real axis: decades below the slowest pole and above the fastest."""
     speeds = np.abs(np.linalg.eigvals(plant.A)) if plant.A.size else np.ones(1)
     speeds = speeds[speeds > 1e-9 * max(1.0, float(speeds.max()))]
@@ -261,43 +268,47 @@ def circle(plant: Plant, below: int, above: int) -> tuple[float, float]:
     return slow * 10.0**-below, fast * 10.0**above
 
 
-def outside(plant: Plant, below: int, above: int) -> list[Plant]:
+def regular_outside(plant: Plant, below: int, above: int) -> list[Plant]:
     """What is asked for outside of a disc in the left half plane, made regular, the hardest first."""
-    a, b = circle(plant, below, above)
-    problem = in_region(plant, -a, -b)
+    a, b = circle_ends(plant, below, above)
+    problem = map_region(plant, -a, -b)
     if hidden_mode(problem):
         return []
-    sizes = (0.0,) if all(ranks(problem)) else (ADDED[0] * 10.0**-below, ADDED[1])
-    regular = (normalised(regularised(problem, size)) for size in sizes)
+    sizes = (0.0,) if all(has_full_ranks(problem)) else (REGULARISATIONS[0] * 10.0**-below, REGULARISATIONS[1])
+    regular = (normalise_plant(regularise_plant(problem, size)) for size in sizes)
     return [one for one in regular if one is not None]
 
 
-def bounded(plant: Plant, rung: tuple[int, int], found: Found, deadline: float) -> Found:
+def raise_lower_bound(plant: Plant, rung: tuple[int, int], found: CircleResult, deadline: float) -> CircleResult:
     """With the level that fails inside a disc in the right half plane, which no controller reaches."""
-    problem = in_region(plant, *circle(plant, *rung))
+    problem = map_region(plant, *circle_ends(plant, *rung))
     # a bound is only as good as the rank: columns that nearly depend on one another would make it a false one
     spread = [
         float(np.linalg.cond(D)) if full else np.inf
-        for full, D in zip(ranks(problem), (problem.D12, problem.D21), strict=True)
+        for full, D in zip(has_full_ranks(problem), (problem.D12, problem.D21), strict=True)
     ]
-    both = max(spread) < DISTINCT[0]
+    both = max(spread) < MAX_CONDITIONS[0]
     # where rank is lacking on one side everywhere, what the other side alone leaves
-    known = [all_known(side) for side, size in zip((problem, dual(problem)), spread, strict=True) if size < DISTINCT[1]]
-    sides, test = ([problem], partial(solved, quick=True)) if both else (known, control_equation)
+    known = [
+        full_information_plant(side)
+        for side, size in zip((problem, dual_plant(problem)), spread, strict=True)
+        if size < MAX_CONDITIONS[1]
+    ]
+    sides, test = ([problem], partial(solve_riccati_pair, quick=True)) if both else (known, control_riccati)
     for side in sides:
-        regular, reached = normalised(side), found.gamma * TRUSTED
+        regular, reached = normalise_plant(side), found.gamma * ROUNDING_FACTOR
         # a level that a controller reaches cannot fail: then rounding has the word, and nothing is learnt
         if regular is None or reached <= found.low or not test(regular, reached):
             continue
         ends = found.low, reached
-        low, _, n_steps = bracket(partial(test, regular), ends, TOLERANCE, deadline)
-        if low > found.low and not any(test(regular, share * low) for share in SHARES):
+        low, _, n_steps = bisect_level(partial(test, regular), ends, TOLERANCE, deadline)
+        if low > found.low and not any(test(regular, share * low) for share in CHECKED_SHARES):
             found = replace(found, low=low)
-        found = replace(found, n_steps=found.n_steps + n_steps + 1 + len(SHARES))
+        found = replace(found, n_steps=found.n_steps + n_steps + 1 + len(CHECKED_SHARES))
     return found
 
 
-def all_known(plant: Plant) -> Plant:
+def full_information_plant(plant: Plant) -> Plant:
     """The plant with w measured, as it has to be put to normalise D12 alone."""
     n_w = plant.B1.shape[1]
     return replace(
@@ -305,27 +316,29 @@ def all_known(plant: Plant) -> Plant:
     )
 
 
-def judged(P: control.StateSpace, problem: Plant, found: Found, step: float, deadline: float) -> Found:
+def keep_better(
+    P: control.StateSpace, problem: Plant, found: CircleResult, step: float, deadline: float
+) -> CircleResult:
     """With the controller a little above the least level of a problem if it is better, by the norm that was asked."""
-    test = partial(solved, problem, quick=not problem.added)
-    ends = max(least_level(problem), found.low), found.level if test(found.level) else np.inf
-    _, level, n_steps = bracket(test, ends, TOLERANCE, deadline)
+    test = partial(solve_riccati_pair, problem, quick=not problem.added)
+    ends = max(direct_term_bound(problem), found.low), found.level if test(found.level) else np.inf
+    _, level, n_steps = bisect_level(test, ends, TOLERANCE, deadline)
     found = replace(found, n_steps=found.n_steps + n_steps + 1)
     if not np.isfinite(level):
         return found
     found = replace(found, level=level)
     for gamma in level * step * np.array(SINGULAR_STEPS_UP):
         try:
-            solution = solved(problem, gamma)
+            solution = solve_riccati_pair(problem, gamma)
             K = (
-                controller_of(problem, central(problem, solution, rolled_off=bool(problem.region)))
+                restore_controller(problem, central_controller(problem, solution, rolled_off=bool(problem.region)))
                 if solution
                 else None
             )
-            closed = lower(P, K) if K else None
+            closed = lower_lft(P, K) if K else None
         except (ValueError, np.linalg.LinAlgError):
             continue
-        if K is None or closed is None or not instability(closed).stable:
+        if K is None or closed is None or not decide_stability(closed).stable:
             continue
         achieved = norm_as_given(closed)
         if achieved < found.gamma:
@@ -337,16 +350,16 @@ def judged(P: control.StateSpace, problem: Plant, found: Found, step: float, dea
 
 def norm_as_given(closed: control.StateSpace) -> float:
     """The norm, and at least what evaluation finds in the coordinates of the loop as they are."""
-    poles = in_s(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
+    poles = to_s_plane(np.linalg.eigvals(closed.A), timebase(closed)) if closed.nstates else np.zeros(0)
     near = np.concatenate([np.abs(poles.imag), np.abs(poles)])
     omega = np.unique(near[:, None] * (1 + np.linspace(-0.03, 0.03, 31)))
     if timebase(closed):
         omega = omega[omega <= np.pi / timebase(closed)]
-    gains = np.linalg.svd(np.moveaxis(along(closed, omega), 2, 0), compute_uv=False)
+    gains = np.linalg.svd(np.moveaxis(response_by_channel(closed, omega), 2, 0), compute_uv=False)
     return max(hinf_norm(closed)[0], float(gains.max(initial=0.0)))
 
 
-def fixed_gain(P: control.StateSpace, K: control.StateSpace) -> float:
+def unchangeable_gain(P: control.StateSpace, K: control.StateSpace) -> float:
     """What no controller changes where P12 or P21 loses rank: at infinity, and at poles of the plant on the axis.
 
     At such a point T = T1 + T2 Q T3, and v' T is the same for all Q where v' T2 = 0; so is T v where T3 v = 0.
@@ -358,16 +371,20 @@ def fixed_gain(P: control.StateSpace, K: control.StateSpace) -> float:
         np.vstack([P.C, P.C[z:]]),
         np.block([[P.D, P.D[:, w:]], [P.D[z:], P.D[z:, w:]]]),
     )
-    closed = lower(control.StateSpace(P.A, B, C, D, P.dt), K)  # (w, beside u) -> (z, y)
+    closed = lower_lft(control.StateSpace(P.A, B, C, D, P.dt), K)  # (w, beside u) -> (z, y)
     poles = np.linalg.eigvals(P.A) if P.nstates else np.zeros(0)
     size = max(1.0, float(np.abs(poles).max(initial=0.0)))
     off = np.abs(np.abs(poles) - 1) if dt else np.abs(poles.real)
     on = poles[(off < 1e-9 * size) & (poles.imag >= 0)]
     points = np.concatenate([np.exp(1j * np.angle(on)) if dt else 1j * on.imag, [-1.0 if dt else np.inf]])
-    usual = evaluate(
-        closed.A, closed.B, closed.C, closed.D, on_axis(np.geomspace(1e-2, 1, 20) * (np.pi / dt if dt else size), dt)
+    usual = evaluate_transfer(
+        closed.A,
+        closed.B,
+        closed.C,
+        closed.D,
+        axis_points(np.geomspace(1e-2, 1, 20) * (np.pi / dt if dt else size), dt),
     )
-    values = evaluate(closed.A, closed.B, closed.C, closed.D, points)
+    values = evaluate_transfer(closed.A, closed.B, closed.C, closed.D, points)
     gains = [0.0]
     for T in values:
         for M, typical in ((T, usual), (T.T, np.swapaxes(usual, 1, 2))):
@@ -380,7 +397,7 @@ def fixed_gain(P: control.StateSpace, K: control.StateSpace) -> float:
     return max(gains)
 
 
-NEAR = 1.03  # gamma over the lower bound of a singular problem that needs no comment
+SINGULAR_TOLERANCE = 1.03  # gamma over the lower bound of a singular problem that needs no comment
 STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
 
 
@@ -506,10 +523,10 @@ def hinfsyn(
     P = multivariable("P", P)
     deadline = time.monotonic() + positive("time_cap", time_cap)
     options = {"gamma_min": gamma_min, "tolerance": tolerance, "factor": factor, "time_cap": time_cap}
-    return certified(P, synthesise(P, n_y, n_u, **options), max(deadline - time.monotonic(), time_cap / 4))
+    return with_certificate(P, synthesise(P, n_y, n_u, **options), max(deadline - time.monotonic(), time_cap / 4))
 
 
-def certified(P: control.StateSpace, found: Synthesis, time_cap: float) -> Synthesis:
+def with_certificate(P: control.StateSpace, found: Synthesis, time_cap: float) -> Synthesis:
     """The same with gamma proved, or the reason why it is not."""
     if not found.found:
         return found
@@ -541,7 +558,7 @@ def synthesise(
             f"P must have more than n_y = {n_y} outputs and n_u = {n_u} inputs, got {P.noutputs} and {P.ninputs}"
         )
     deadline = time.monotonic() + time_cap
-    plant = prepared(P, n_y, n_u)
+    plant = prepare_plant(P, n_y, n_u)
     hidden = hidden_mode(plant)
     if hidden:
         raise ValueError(f"P must be one that a controller can stabilise, got one where {hidden}")
@@ -549,25 +566,25 @@ def synthesise(
     best = Synthesis(
         K=nothing, gamma=np.inf, gamma_min=np.inf, gamma_low=0.0, regularisation=0.0, n_steps=0, reason="no time"
     )
-    problem = normalised(plant)
-    if problem is not None and not (zero_on_axis(problem) or zero_on_axis(dual(problem))):
-        best = synthesised(P, problem, best, (gamma_min, tolerance, factor), deadline)
+    problem = normalise_plant(plant)
+    if problem is not None and not (has_zero_on_axis(problem) or has_zero_on_axis(dual_plant(problem))):
+        best = synthesise_regular(P, problem, best, (gamma_min, tolerance, factor), deadline)
     if best.found or time.monotonic() > deadline:
         return best
-    return without_axis(P, plant, best, (gamma_min, factor), deadline)
+    return synthesise_singular(P, plant, best, (gamma_min, factor), deadline)
 
 
-def without_axis(
+def synthesise_singular(
     P: control.StateSpace, plant: Plant, nothing: Synthesis, wanted: tuple[float, float], deadline: float
 ) -> Synthesis:
     """The best controller of a singular problem, with a lower bound of the problem itself."""
-    found = between_circles(P, plant, *wanted, deadline)
+    found = synthesise_between_circles(P, plant, *wanted, deadline)
     if found.K is None:
         why = "the time cap was reached" if found.late else "no level met the existence conditions, however regularised"
         return replace(nothing, n_steps=nothing.n_steps + found.n_steps, reason=why)
     low = min(found.low, found.gamma)
     reason = ""
-    if found.gamma > NEAR * low and found.gamma > wanted[0]:
+    if found.gamma > SINGULAR_TOLERANCE * low and found.gamma > wanted[0]:
         why = "the time cap was reached" if found.late else "the problem is singular"
         reason = f"{why}: gamma {found.gamma:.4g} was reached, and below {low:.4g} there is nothing"
     return replace(
@@ -582,12 +599,12 @@ def without_axis(
     )
 
 
-def better(a: Synthesis, b: Synthesis) -> Synthesis:
+def better_synthesis(a: Synthesis, b: Synthesis) -> Synthesis:
     """The one with the smaller norm, the later one where neither has one."""
     return a if a.gamma < b.gamma else b
 
 
-def synthesised(
+def synthesise_regular(
     P: control.StateSpace,
     problem: Plant,
     nothing: Synthesis,
@@ -596,8 +613,10 @@ def synthesised(
 ) -> Synthesis:
     """The best controller of one regular problem, judged on P itself; `nothing` with the reason where none is good."""
     enough, tolerance, factor = wanted
-    ends = least_level(problem), np.inf
-    low, high, n_steps = bracket(lambda gamma: solved(problem, gamma), ends, tolerance, deadline, enough=enough)
+    ends = direct_term_bound(problem), np.inf
+    low, high, n_steps = bisect_level(
+        lambda gamma: solve_riccati_pair(problem, gamma), ends, tolerance, deadline, enough=enough
+    )
     best = replace(nothing, gamma_low=low, gamma_min=high, n_steps=nothing.n_steps + n_steps)
     late = time.monotonic() > deadline
     if not np.isfinite(high):
@@ -609,17 +628,21 @@ def synthesised(
     for step in STEPS_UP:
         gamma = high * factor * step
         try:
-            K = controller_of(problem, central(problem, solution)) if (solution := solved(problem, gamma)) else None
-            closed = lower(P, K) if K else None
+            K = (
+                restore_controller(problem, central_controller(problem, solution))
+                if (solution := solve_riccati_pair(problem, gamma))
+                else None
+            )
+            closed = lower_lft(P, K) if K else None
         except (ValueError, np.linalg.LinAlgError):
             continue
-        if K is None or not instability(closed).stable:
+        if K is None or not decide_stability(closed).stable:
             continue
         achieved = hinf_norm(closed)[0]
         reason = "" if achieved <= gamma * 1.001 else f"the norm reached is above the level {gamma:.4g} asked for"
         if late:
             reason = f"the time cap was reached with gamma between {low:.4g} and {high:.4g}"
-        best = better(best, replace(best, K=K, gamma=achieved, reason=reason))
+        best = better_synthesis(best, replace(best, K=K, gamma=achieved, reason=reason))
         if achieved <= gamma * 1.001 or time.monotonic() > deadline:
             break
     return best

@@ -8,7 +8,7 @@ import control
 
 from nlfrf._base.arguments import nonnegative, positive
 from robust.lti.connections import weighted_plant
-from robust.lti.lti import constant, named, timebase
+from robust.lti.lti import is_constant, timebase, with_names
 from robust.lti.realisation import multivariable, stable_weight
 from robust.lti.sampling import delayed, discretize, sampled
 from robust.models.sets.forms import FORMS
@@ -17,11 +17,11 @@ from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.hinfsyn import hinfsyn
 
-__all__ = ["mixsyn", "on_time_base"]
+__all__ = ["mixsyn", "weight_on_time_base"]
 
 
 PADE_ORDER = 4
-PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
+WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
 
 
 def mixsyn(
@@ -88,7 +88,7 @@ def mixsyn(
     (1.366, True)
     """
     dt, delay, time_cap = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_cap", time_cap)
-    G = multivariable("model", model.nominal if is_model(model) else model)
+    G = multivariable("model", model.nominal if is_unstructured_model(model) else model)
     n_y, n_u, step = G.noutputs, G.ninputs, timebase(G)
     names = G.output_labels, G.input_labels
     if step and dt and abs(step / dt - 1) > 1e-9:
@@ -96,14 +96,14 @@ def mixsyn(
     G = sampled(G, dt, delay) if dt and not step else delayed(G, delay, order=PADE_ORDER)
     dt = step or dt
     weights = {"w_P": [w_P], "w_u": [w_u], "w_T": [w_T]}
-    if is_model(model):
+    if is_unstructured_model(model):
         place = FORMS[model.form].tames
         if not place:
             possible = ", ".join(name for name, form in FORMS.items() if form.tames)
             raise ValueError(f"model must be of the form {possible}, got {model.form}")
         weights[place].append(model.weight)
     stacked = [
-        (PORTS[name], on_time_base(name, w, dt, n_u if name == "w_u" else n_y))
+        (WEIGHTED_PORTS[name], weight_on_time_base(name, w, dt, n_u if name == "w_u" else n_y))
         for name, many in weights.items()
         for w in many
         if w is not None
@@ -111,7 +111,7 @@ def mixsyn(
     G = control.StateSpace(G.A, G.B, G.C, G.D, dt)
     found = hinfsyn(weighted_plant(G, n_y, n_u, stacked), n_y, n_u, factor=factor, time_cap=0.8 * time_cap)
     K = control.StateSpace(found.K.A, found.K.B, found.K.C, found.K.D, dt)
-    named(K, *names)
+    with_names(K, *names)
     reason = found.reason if found.found else f"not found: {found.reason}"
     return Design(
         K=K,
@@ -123,7 +123,7 @@ def mixsyn(
     )
 
 
-def is_model(model: Any) -> bool:
+def is_unstructured_model(model: Any) -> bool:
     """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
     if isinstance(model, MatrixUncertainty):
         raise ValueError(
@@ -135,9 +135,9 @@ def is_model(model: Any) -> bool:
     return isinstance(model, UncertaintyModel)
 
 
-def on_time_base(name: str, w: Any, dt: float, n: int) -> control.StateSpace:
+def weight_on_time_base(name: str, w: Any, dt: float, n: int) -> control.StateSpace:
     """A stable weight on n signals, on the time base of the loop."""
     w = stable_weight(name, w, dt, n)
-    if dt and not timebase(w) and not constant(w):
+    if dt and not timebase(w) and not is_constant(w):
         w = discretize(w, dt)
     return control.StateSpace(w.A, w.B, w.C, w.D, dt)

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import positive, real
-from robust.lti.connections import closed_loop, in_series, joined
-from robust.lti.lti import fits_any_clock, named, response, timebase
+from robust.lti.connections import block_diagonal, closed_loop, in_series
+from robust.lti.lti import is_clockless, response, timebase, with_names
 from robust.lti.norms import hinf_norm, to_continuous, to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
 from robust.models.sets.matrix_model import MatrixUncertainty
@@ -69,7 +69,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
         raise ValueError(f"factor must be above 1, got {factor:g}")
     G = multivariable("G", G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
     dt = timebase(G)
-    W1, W2 = shaping("W1", W1, G.ninputs, dt), shaping("W2", W2, G.noutputs, dt)
+    W1, W2 = shaping_system("W1", W1, G.ninputs, dt), shaping_system("W2", W2, G.noutputs, dt)
     shaped = in_series(W1, G, W2, dt=dt)
     matrices = (shaped.A, shaped.B, shaped.C, shaped.D)
     A, B, C, D = to_continuous(*matrices) if dt else matrices
@@ -82,18 +82,20 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     Ak = A + B @ F + Bk @ (C + D @ F)
     central = (Ak, -Bk, B.T @ X, D.T)  # the sign turns the book's positive feedback into ours
     K_inf = control.StateSpace(*(to_discrete(*central) if dt else central), dt)
-    K = named(in_series(W2, K_inf, W1, dt=dt), G.output_labels, G.input_labels)  # from the outputs of G to its inputs
+    K = with_names(
+        in_series(W2, K_inf, W1, dt=dt), G.output_labels, G.input_labels
+    )  # from the outputs of G to its inputs
     achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
     if not np.isfinite(achieved):
         return Design(K=K, gamma=achieved, gamma_min=gamma_min)
     proof = certify_closed_loop(
-        coprime_plant(shaped), K_inf, achieved, subject="norm of the shaped loop", time_cap=TIME_CAP
+        coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop", time_cap=TIME_CAP
     )
     reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
     return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof)
 
 
-def coprime_plant(G: control.StateSpace) -> control.StateSpace:
+def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
     """From (p_out, p_in, u) to (u, y) and the error -y that the controller sees, for a plant of its own."""
     n_u, n_y, n = G.ninputs, G.noutputs, G.nstates
     one, none = np.eye(n_u), np.zeros
@@ -121,15 +123,15 @@ def riccati_solutions(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
     return X, Z
 
 
-def shaping(name: str, given: Any, n: int, dt: float) -> control.StateSpace:
+def shaping_system(name: str, given: Any, n: int, dt: float) -> control.StateSpace:
     """A shaping function beside n channels of the plant, at its input W1 or its output W2."""
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
-        W = joined([W] * n, W.dt)
+        W = block_diagonal([W] * n, W.dt)
     beside, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
     if beside != n:
         raise ValueError(f"{name} must have {n} {side}, one a channel of G, or be one for all of them, got {beside}")
-    if not fits_any_clock(W) and timebase(W) != dt:
+    if not is_clockless(W) and timebase(W) != dt:
         raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
     return W
 

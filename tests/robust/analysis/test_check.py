@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, fit_nominal, frd, performance_weight, uncertainty
-from robust.lti.connections import factor_allowed, worst_perturbation, worst_sensitivity
+from robust.lti.connections import largest_allowed_factor, worst_perturbation, worst_sensitivity
 from robust.lti.lti import response
 from robust.lti.sampling import sampled
 from robust.models.sets.forms import worst_terms
@@ -58,7 +58,7 @@ def test_margin_on_the_uncertainty_alone(form):
     G, K, w = (rng.normal(size=n) + 1j * rng.normal(size=n) for _ in range(3))
     S, a, b = worst_terms(form, w, G, K)
     nominal = rng.uniform(0.05, 0.95, n)
-    x = factor_allowed(nominal, a, b)
+    x = largest_allowed_factor(nominal, a, b)
     assert nominal / np.abs(S) * worst_sensitivity(S, x * a, x * b) == pytest.approx(1.0, rel=1e-6)
     assert np.all(x * np.abs(b) < 1)
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from robust import Block, check_structure, interconnection
-from robust.lti.connections import upper
+from robust.lti.connections import upper_lft
 
 
 def lag_loop(pole, actuator, gain=4.0, **block):
@@ -112,7 +112,7 @@ def test_the_worst_perturbation_does_break_the_loop():
     assert report.margin_rs <= report.margin_broken * (1 + 1e-9)
     assert report.margin_broken < 1.05 * report.margin_rs
     values = {name: number * report.margin_broken for name, number in report.worst.items()}
-    poles = upper(system.N, control.ss([], [], [], np.diag(list(values.values())))).poles()
+    poles = upper_lft(system.N, control.ss([], [], [], np.diag(list(values.values())))).poles()
     assert np.min(np.abs(poles.real)) < 1e-3 * np.abs(poles).max()
 
 

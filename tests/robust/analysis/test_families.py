@@ -11,7 +11,7 @@ from robust import check_structure, disk_margin, worst_case
 from robust.analysis.loop import assemble, nominal_instability
 from robust.models.sets.interconnection import Block, interconnection
 from robust.models.sets.model import UncertaintyModel
-from robust.proofs.search.stability import instability
+from robust.proofs.search.stability import decide_stability
 from tests.support.random_families import FAMILIES
 
 
@@ -55,4 +55,4 @@ def test_every_door_decides_beside_the_boundary(dt):
         assert report.verdict != "not certified" or stable
     for A, stable in (([[0.0, 1.0], [-1.0, 0.0]], False), ([[0.0, 1.0], [-1.0, -5e-324]], True)):
         system = control.ss(A, [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-        assert instability(system).stable == stable
+        assert decide_stability(system).stable == stable

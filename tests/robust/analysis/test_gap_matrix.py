@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust import MatrixUncertainty, ncf_margin, ncfsyn, nu_gap, sampled
-from robust.lti.lti import over_frequency
+from robust.lti.lti import frequency_response_matrices
 
 OMEGA = np.geomspace(1e-3, 1e4, 3000)
 
@@ -20,7 +20,7 @@ def plant(rng, n, n_y, n_u, *, push=0.5, gain=1.0):
 
 
 def along(G, omega):
-    return over_frequency((G.A, G.B, G.C, G.D), omega, float(G.dt or 0))
+    return frequency_response_matrices((G.A, G.B, G.C, G.D), omega, float(G.dt or 0))
 
 
 def chord(g1, g2):

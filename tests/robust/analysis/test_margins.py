@@ -6,7 +6,7 @@ import pytest
 
 from robust import UncertaintyModel, check
 from robust.analysis.curves import loop_curves
-from robust.lti.grids import highest
+from robust.lti.grids import find_peak
 
 
 def curve(G, K, w, delay, omega, form):
@@ -64,4 +64,4 @@ def test_a_response_that_is_no_number_is_no_pole():
     assert curves.rs[:2] == pytest.approx([0.05, 0.1])
     assert np.isnan(curves.S[2])
     assert np.isnan(curves.rs[2])
-    assert highest(lambda at: np.where(at > 1, np.nan, 0.1), omega, (1.0, 3.0), np.inf)[0] == np.inf
+    assert find_peak(lambda at: np.where(at > 1, np.nan, 0.1), omega, (1.0, 3.0), np.inf)[0] == np.inf

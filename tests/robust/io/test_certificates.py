@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, check, performance_weight, save_certificate, verify_certificate
-from robust.proofs.exact.claim import ALIASED, digest
+from robust.proofs.exact.claim import ALIASED, content_digest
 from tests.support.random_loops import random_case, tf_response
 
 OMEGA = np.array([1.0, 2.0])
@@ -87,7 +87,7 @@ def test_any_changed_entry_fails_the_digest(handed, tmp_path):
 def resigned(entries, folder):
     entries = {name: item for name, item in entries.items() if name != "digest"}
     path = folder / "resigned.json"
-    path.write_text(json.dumps(entries | {"digest": digest(entries)}))
+    path.write_text(json.dumps(entries | {"digest": content_digest(entries)}))
     return path
 
 

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import loadmat
 
 import robust
-from robust.lti.lti import along
+from robust.lti.lti import response_by_channel
 
 OMEGA = np.array([1.0, 3.0, 10.0])
 G = control.ss([[-1.0, 0.3], [0.0, -2.0]], [[1.0, 0.1], [0.2, 1 / 3]], [[1.0, 0.0], [0.1, 2.0]], [[0.0, 0], [0.0, 0.1]])
@@ -24,7 +24,7 @@ def weights(n, dt=0):
 def model(form):
     n_left, n_right = {"elements": (0, 4), "additive": (2, 2), "input": (2, 2)}[form]
     parts = weights(n_left + n_right)
-    radius = np.array([np.abs(np.ravel(along(one, OMEGA))) for one in parts])
+    radius = np.array([np.abs(np.ravel(response_by_channel(one, OMEGA))) for one in parts])
     return robust.MatrixUncertainty(
         nominal=G, form=form, left=parts[:n_left], right=parts[n_left:], omega=OMEGA, radius=radius, confidence=0.95,
         joint=0.97, inputs=("Fx", "µ"), outputs=('a "b"', "y"), extrapolation="flat", source="a record",
@@ -138,4 +138,4 @@ def test_the_loader_makes_the_same_plants(form, tmp_path):
     numbers = np.array(done.stdout.split(), dtype=float)
     found = (numbers[:4] + 1j * numbers[4:]).reshape(2, 2).T
     Delta = 0.3 * (np.eye(4) if form == "elements" else np.ones((2, 2)))
-    np.testing.assert_allclose(found, along(one.perturbed(Delta), np.array([2.0]))[:, :, 0], rtol=1e-12)
+    np.testing.assert_allclose(found, response_by_channel(one.perturbed(Delta), np.array([2.0]))[:, :, 0], rtol=1e-12)

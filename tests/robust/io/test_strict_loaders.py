@@ -25,7 +25,7 @@ from robust import (
     verify_certificate,
 )
 from robust.friction.exact.claim import read_friction_claim
-from robust.proofs.exact.claim import digest, read_claim
+from robust.proofs.exact.claim import content_digest, read_claim
 from tests.robust.io.test_certificates import K as SAMPLED
 from tests.robust.io.test_certificates import make_model
 from tests.robust.io.test_export import MODELS
@@ -133,7 +133,7 @@ def test_whatever_a_loader_accepts_its_schema_accepts(written, tmp_path_factory,
     for _ in range(rng.randrange(1, 4)):
         content = change(content, rng)
     if "digest" in content:  # signed by whoever changed it
-        content["digest"] = digest({name: entry for name, entry in content.items() if name != "digest"})
+        content["digest"] = content_digest({name: entry for name, entry in content.items() if name != "digest"})
     valid = not list(VALIDATORS[schema].iter_errors(content))
     assert (schema_fault(content, published("robust", schema)) == "") == valid
     path = tmp_path_factory.getbasetemp() / "changed.json"

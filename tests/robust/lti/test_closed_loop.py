@@ -7,17 +7,17 @@ import pytest
 from robust._base.states import Stability
 from robust.lti.connections import (
     closed_loop,
-    factor_allowed,
-    lower,
+    largest_allowed_factor,
+    lower_lft,
     weighted_plant,
     worst_perturbation,
     worst_sensitivity,
 )
-from robust.lti.grids import climb, highest, loop_grid, structure_grid
-from robust.lti.lti import evaluate, response
+from robust.lti.grids import find_peak, loop_grid, refine_peaks, structure_grid
+from robust.lti.lti import evaluate_transfer, response
 from robust.lti.realisation import from_roots, state_space
-from robust.lti.stability import apparent_instability as instability
-from robust.lti.stability import certain_poles, moved_out, strong_parts, winding
+from robust.lti.stability import assess_stability as instability
+from robust.lti.stability import connected_components, delay_pole_count, poles_with_rounding, winding_number
 
 OMEGA = np.geomspace(1e-2, 1e2, 50)
 G = state_space("G", control.tf([3, 1], [1, 0.4, 2]))
@@ -40,7 +40,9 @@ def test_ports_of_the_loop():
         ("e", "r"): S,
     }
     for (out, into), curve in wanted.items():
-        assert evaluate(*closed_loop(G, K, (out,), (into,)), 1j * OMEGA)[:, 0, 0] == pytest.approx(curve, rel=1e-9)
+        assert evaluate_transfer(*closed_loop(G, K, (out,), (into,)), 1j * OMEGA)[:, 0, 0] == pytest.approx(
+            curve, rel=1e-9
+        )
 
 
 def random_system(rng, n, n_out, n_in):
@@ -62,9 +64,9 @@ def test_ports_of_a_loop_of_three_outputs_and_two_inputs():
             [S @ g, S, g @ k @ S],
             [-S @ g, -S, S],
         ])  # fmt: skip
-        found = evaluate(*closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r")), s)[0]
+        found = evaluate_transfer(*closed_loop(plant, K, ("u", "y", "e"), ("p_in", "p_out", "r")), s)[0]
         np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
-        turned = evaluate(*closed_loop(plant, K, ("e", "u"), ("r", "p_in")), s)[0]
+        turned = evaluate_transfer(*closed_loop(plant, K, ("e", "u"), ("r", "p_in")), s)[0]
         np.testing.assert_allclose(turned[:3, :3], S, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(turned[3:, 3:], -k @ S @ g, rtol=1e-9, atol=1e-12)
 
@@ -79,8 +81,8 @@ def test_a_plant_with_its_weights_is_the_loop_with_them():
         ("u", random_system(rng, 1, 2, 2)),
         ("y", random_system(rng, 0, 3, 3)),
     ]
-    whole = lower(weighted_plant(P, 3, 2, weights), K)
-    bare = lower(weighted_plant(P, 3, 2, [], reference=False), K)
+    whole = lower_lft(weighted_plant(P, 3, 2, weights), K)
+    bare = lower_lft(weighted_plant(P, 3, 2, [], reference=False), K)
     for s in (0.3j, 2j):
         p, k = P(s), K(s)
         g_zd, g_zu, g_yd, g_yu = p[:1, :1], p[:1, 1:], p[1:, :1], p[1:, 1:]
@@ -126,7 +128,7 @@ def test_factor_allowed_takes_the_worst_case_to_one():
     rng = np.random.default_rng(3)
     size = rng.uniform(0.05, 0.9, 100)
     a, b = (rng.standard_normal(100) + 1j * rng.standard_normal(100) for _ in range(2))
-    k = factor_allowed(size, a, b)
+    k = largest_allowed_factor(size, a, b)
     assert worst_sensitivity(size + 0j, k * a, k * b) == pytest.approx(1.0, rel=1e-9)
 
 
@@ -134,12 +136,12 @@ def test_factor_allowed_takes_the_worst_case_to_one():
 def test_a_delay_in_a_loop_of_an_integrator(product, poles):
     """s + k exp(-s tau) has a pair more in the right half plane at each k tau = pi/2 + 2 pi n."""
     lag = state_space("L", control.tf([2.0], [1, 1e-9]))
-    assert moved_out(lag, product / 2.0) == poles
+    assert delay_pole_count(lag, product / 2.0) == poles
 
 
 def test_poles_on_the_boundary_are_not_decided():
     undamped = control.StateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], [[0]], 0)
-    found, moved = certain_poles(undamped)
+    found, moved = poles_with_rounding(undamped)
     assert np.all(np.abs(found.real) <= moved)
     assert instability(undamped).state is not Stability.STABLE
     assert instability(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 0)).stable
@@ -153,12 +155,12 @@ def test_winding_number_counts_what_polynomials_say(gain):
     """8 k/(s + 1)^3 is stable up to k = 1; P/(s - 1) needs gain above one: one turn less."""
     omega = np.geomspace(1e-2, 1e2, 800)
     three = state_space("G", control.tf([8.0], [1, 3, 3, 1]))
-    turns, clear = winding(omega, response(three, omega), state_space("K", gain), 0.0)
+    turns, clear = winding_number(omega, response(three, omega), state_space("K", gain), 0.0)
     unstable = np.sum(np.roots([1, 3, 3, 1 + 8 * gain]).real > 0)
     assert turns == -unstable
     assert clear
     one = state_space("G", control.tf([1.0], [1, -1]))
-    turns, clear = winding(omega, response(one, omega), state_space("K", 3 * gain), 0.0)
+    turns, clear = winding_number(omega, response(one, omega), state_space("K", 3 * gain), 0.0)
     assert clear
     assert turns == 1 - (3 * gain < 1)
 
@@ -171,7 +173,7 @@ def test_a_mode_that_no_log_grid_sees_is_on_the_grid():
 
 
 def test_the_highest_of_a_curve_is_found_between_the_points():
-    peak, where = highest(lambda w: 1 / np.hypot(1 - w**2, 0.1 * w), np.geomspace(0.01, 100, 60), (0.01, 100), np.inf)
+    peak, where = find_peak(lambda w: 1 / np.hypot(1 - w**2, 0.1 * w), np.geomspace(0.01, 100, 60), (0.01, 100), np.inf)
     assert peak == pytest.approx(1 / (0.1 * np.sqrt(1 - 0.05**2)), rel=1e-6)
     assert where == pytest.approx(np.sqrt(1 - 0.1**2 / 2), rel=1e-3)
 
@@ -185,7 +187,7 @@ def test_several_curves_are_climbed_together_as_each_alone():
 
     points = np.geomspace(0.01, 100, 700)
     points = np.unique(np.concatenate([points, 1 + 1e-4 * np.linspace(-2, 2, 21)]))
-    found = climb(curves, points, curves(points), (0.01, 100.0))
+    found = refine_peaks(curves, points, curves(points), (0.01, 100.0))
     sharp, flat, corner = found
     assert sharp == pytest.approx((1e4, 1.0), rel=1e-7)
     scan = np.linspace(1, 40, 1_000_001)
@@ -198,5 +200,5 @@ def test_states_that_act_on_each_other_are_one_part():
     A = np.zeros((6, 6))
     A[[1, 2, 0], [0, 1, 2]] = 1.0  # a ring
     A[3, 2] = A[3, 4] = A[4, 3] = 1.0  # a pair that the ring drives
-    assert [part.tolist() for part in strong_parts(A)] == [[0, 1, 2], [3, 4], [5]]
-    assert strong_parts(np.zeros((0, 0))) == []
+    assert [part.tolist() for part in connected_components(A)] == [[0, 1, 2], [3, 4], [5]]
+    assert connected_components(np.zeros((0, 0))) == []

@@ -6,8 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.lti.connections import feedback, in_parallel, in_series, inverse, joined, lower, one_plus, upper
-from robust.lti.lti import evaluate, evened, in_s, poles, response, zeros
+from robust.lti.connections import (
+    block_diagonal,
+    feedback,
+    in_parallel,
+    in_series,
+    inverse_system,
+    lower_lft,
+    one_plus,
+    upper_lft,
+)
+from robust.lti.lti import balance_matrix, evaluate_transfer, poles, response, to_s_plane, zeros
 from robust.lti.realisation import from_roots, state_space
 
 OMEGA = np.geomspace(1e-2, 1e2, 60)
@@ -49,7 +58,7 @@ def test_poles_and_zeros():
     found = zeros(G)
     assert found.size == z.size
     assert np.abs(found[:, None] - z).min(axis=0) == pytest.approx(0, abs=1e-8)
-    assert in_s(np.exp(p * 0.01), 0.01) == pytest.approx(p, rel=1e-9)
+    assert to_s_plane(np.exp(p * 0.01), 0.01) == pytest.approx(p, rel=1e-9)
 
 
 @given(seed=st.integers(0, 2**20), dt=st.sampled_from([0.0, 0.1]))
@@ -62,7 +71,7 @@ def test_connections_are_what_their_formulas_say(seed, dt):
         (in_series(F, G), f * g),
         (in_parallel(F, G), f + g),
         (one_plus(G), 1 + g),
-        (inverse(G), 1 / g),
+        (inverse_system(G), 1 / g),
         (feedback(G, F), g / (1 + f * g)),
     ):
         assert response(system, omega) == pytest.approx(wanted, rel=1e-6, abs=1e-9 * np.abs(wanted).max())
@@ -70,7 +79,7 @@ def test_connections_are_what_their_formulas_say(seed, dt):
 
 def test_an_improper_inverse_is_refused():
     with pytest.raises(ValueError, match="form must leave the perturbed plant proper"):
-        inverse(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]))
+        inverse_system(control.StateSpace([[-1.0]], [[1.0]], [[1.0]], [[0.0]]))
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])
@@ -78,17 +87,19 @@ def test_linear_fractional_transformations(dt):
     """F_l(P, K) = P11 + P12 K (I - P22 K)^-1 P21, and the upper one, frequency by frequency."""
     rng = np.random.default_rng(7)
     parts = [random_plant(rng, 2, dt) for _ in range(4)]
-    beside = joined(parts, dt)
+    beside = block_diagonal(parts, dt)
     mix, back = 0.3 * rng.standard_normal((3, 4)), rng.standard_normal((4, 3))
     P = control.StateSpace(beside.A, beside.B @ back, mix @ beside.C, mix @ beside.D @ back, dt)
     K = random_plant(rng, 2, dt)
     for omega in (0.05, 1.0, 12.0):
         s = np.array([np.exp(1j * omega * dt) if dt else 1j * omega])
-        p, k = evaluate(P.A, P.B, P.C, P.D, s)[0], evaluate(K.A, K.B, K.C, K.D, s)[0]
+        p, k = evaluate_transfer(P.A, P.B, P.C, P.D, s)[0], evaluate_transfer(K.A, K.B, K.C, K.D, s)[0]
         low = p[:2, :2] + p[:2, 2:] @ k @ np.linalg.inv(np.eye(1) - p[2:, 2:] @ k) @ p[2:, :2]
         high = p[1:, 1:] + p[1:, :1] @ k @ np.linalg.inv(np.eye(1) - p[:1, :1] @ k) @ p[:1, 1:]
-        for system, wanted in ((lower(P, K), low), (upper(P, K), high)):
-            assert evaluate(system.A, system.B, system.C, system.D, s)[0] == pytest.approx(wanted, rel=1e-7, abs=1e-9)
+        for system, wanted in ((lower_lft(P, K), low), (upper_lft(P, K), high)):
+            assert evaluate_transfer(system.A, system.B, system.C, system.D, s)[0] == pytest.approx(
+                wanted, rel=1e-7, abs=1e-9
+            )
 
 
 def test_numbers_polynomials_and_roots_become_the_same_system():
@@ -101,7 +112,7 @@ def test_numbers_polynomials_and_roots_become_the_same_system():
 def test_states_of_sizes_beyond_any_integer_are_scaled_in_silence():
     """A plant of a set with a weight far away: scipy casts scales of 1e23 to integers, and warns."""
     A = np.array([[-1.0, 1e60, 0.0], [1e-60, -2.0, 1.0], [0.0, 1.0, -3.0]])
-    scaled, weights = evened(A)
+    scaled, weights = balance_matrix(A)
     np.testing.assert_allclose(scaled * weights[:, None] / weights, A, rtol=1e-12)
     assert np.abs(scaled).max() < 1e3
 

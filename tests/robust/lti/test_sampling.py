@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_are
 
 from robust.lti.lti import response
-from robust.lti.norms import stabilising
+from robust.lti.norms import stabilising_riccati
 from robust.lti.realisation import state_space
 from robust.lti.sampling import delay_samples, delayed, discretize, pade, sampled
 
@@ -65,13 +65,13 @@ def test_riccati_equations():
     for n in (1, 3, 8):
         A, B, C = rng.standard_normal((n, n)), rng.standard_normal((n, 2)), rng.standard_normal((2, n))
         R, S = np.eye(2), np.zeros((n, 2))
-        X = stabilising(A, B, C.T @ C, R, S)
+        X = stabilising_riccati(A, B, C.T @ C, R, S)
         assert pytest.approx(solve_continuous_are(A, B, C.T @ C, R), rel=1e-7, abs=1e-9) == X
         assert np.linalg.eigvals(A - B @ B.T @ X).real.max() < 0
     # x' = a x + u: X = a + sqrt(a^2 + q)
-    X = stabilising(np.array([[2.0]]), np.ones((1, 1)), np.array([[5.0]]), np.ones((1, 1)), np.zeros((1, 1)))
+    X = stabilising_riccati(np.array([[2.0]]), np.ones((1, 1)), np.array([[5.0]]), np.ones((1, 1)), np.zeros((1, 1)))
     assert pytest.approx(5.0) == X
-    assert stabilising(np.array([[1.0]]), np.zeros((1, 1)), np.eye(1), np.eye(1), np.zeros((1, 1))) is None
+    assert stabilising_riccati(np.array([[1.0]]), np.zeros((1, 1)), np.eye(1), np.eye(1), np.zeros((1, 1))) is None
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3])

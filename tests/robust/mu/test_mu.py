@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust import certify_mu, mu_lower, mu_upper
-from robust.lti.connections import lower
-from robust.lti.lti import evaluate
-from robust.mu.upper import recomputed
+from robust.lti.connections import lower_lft
+from robust.lti.lti import evaluate_transfer
+from robust.mu.upper import bound_from_scalings
 from tests.support.distillation import BLOCKS, WITH_PERFORMANCE, controller, plant
 
 SP_8_5 = np.array([[2, 2], [-1, -1]])[:, :, None]
@@ -20,7 +20,7 @@ def random_matrix(rng, shape, W):
 
 
 def along(N, omega):
-    return np.moveaxis(evaluate(N.A, N.B, N.C, N.D, 1j * omega), 0, 2)
+    return np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, 1j * omega), 0, 2)
 
 
 def size(blocks):
@@ -46,7 +46,7 @@ def test_sp_example_8_5(blocks, mu):
 
 def test_the_distillation_column():
     """SP 8.11.3: NP 0.5, RS 0.53 (0.526 in more digits), RP 5.78 (5.782 at 1.46 rad/s)."""
-    N = lower(plant(), controller())
+    N = lower_lft(plant(), controller())
     omega = np.unique(np.append(np.geomspace(1e-3, 1e2, 200), 1.46))
     response = along(N, omega)
     rp, rs = mu_upper(response, WITH_PERFORMANCE).value, mu_upper(response[:2, :2], BLOCKS).value
@@ -60,7 +60,7 @@ def test_the_distillation_column():
 
 
 def test_between_the_frequencies_of_the_distillation_column():
-    N = lower(plant(), controller())
+    N = lower_lft(plant(), controller())
     certificate = certify_mu(N, WITH_PERFORMANCE, 5.79)
     assert certificate.holds
     ends = certificate.intervals
@@ -194,7 +194,7 @@ def test_zero_and_huge_matrices():
 
 def test_a_scaling_that_is_no_scaling_proves_nothing():
     N = np.ones((1, 2, 2), complex)
-    assert recomputed(N, np.zeros((1, 2, 2)), np.full((1, 2, 2), np.nan), np.zeros((1, 2, 2)))[0] == np.inf
+    assert bound_from_scalings(N, np.zeros((1, 2, 2)), np.full((1, 2, 2), np.nan), np.zeros((1, 2, 2)))[0] == np.inf
 
 
 @pytest.mark.parametrize("dt", [0, 0.1])
@@ -214,7 +214,7 @@ def test_certificates_of_random_systems(dt):
         )
         x = np.geomspace(1e-3, 1e3, 600)
         points = np.exp(2j * np.arctan(x)) if dt else 1j * x
-        peak = mu_upper(np.moveaxis(evaluate(N.A, N.B, N.C, N.D, points), 0, 2), blocks).value.max()
+        peak = mu_upper(np.moveaxis(evaluate_transfer(N.A, N.B, N.C, N.D, points), 0, 2), blocks).value.max()
         above = certify_mu(N, blocks, 1.02 * peak)
         assert above.holds, above.reason
         assert not certify_mu(N, blocks, 0.98 * peak).holds

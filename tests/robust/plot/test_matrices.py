@@ -10,7 +10,7 @@ from matplotlib import pyplot as plt
 
 import robust
 from robust import plot as pictures
-from robust.lti.lti import along
+from robust.lti.lti import response_by_channel
 from tests.support.pictures import labels
 
 OMEGA = np.geomspace(1, 100, 30)
@@ -26,7 +26,8 @@ def model(form):
     parts = weights(n_left + n_right)
     return robust.MatrixUncertainty(
         nominal=G, form=form, left=parts[:n_left], right=parts[n_left:], omega=OMEGA,
-        radius=np.array([np.abs(along(one, OMEGA)[0, 0]) for one in parts]), confidence=0.95, perturbation="LTI",
+        radius=np.array([np.abs(response_by_channel(one, OMEGA)[0, 0]) for one in parts]),
+        confidence=0.95, perturbation="LTI",
         inputs=("Fx", "Fy"), outputs=("x", "angle"),
     )  # fmt: skip
 
@@ -43,7 +44,7 @@ def curve(ax, label):
 @pytest.mark.parametrize("form", MODELS)
 def test_the_reach_of_an_entry_is_reached_and_not_left(form):
     one, rng, at = MODELS[form], np.random.default_rng(0), np.array([3.0, 30.0])
-    nominal, reach = along(one.nominal, at), one.reach(at)
+    nominal, reach = response_by_channel(one.nominal, at), one.reach(at)
     far = np.zeros(reach.shape)
     for n in range(400):
         Delta = rng.standard_normal((2, 2))
@@ -52,7 +53,7 @@ def test_the_reach_of_an_entry_is_reached_and_not_left(form):
         elif n % 4:
             Delta = np.outer(rng.standard_normal(2), np.eye(2)[n % 2])
         Delta = Delta / np.linalg.norm(Delta, 2)
-        far = np.maximum(far, np.abs(along(one.perturbed(Delta), at) - nominal))
+        far = np.maximum(far, np.abs(response_by_channel(one.perturbed(Delta), at) - nominal))
     assert np.all(far <= reach * (1 + 1e-9))
     assert np.all(far > (0.99 if form != "input" else 0.85) * reach)  # of "input" complex ones reach the rest
 
@@ -63,11 +64,11 @@ def test_the_set_entry_by_entry(form):
     made = pictures.plot_matrix_set(one)
     for (j, i), ax in np.ndenumerate(made):
         f, drawn = curve(ax, "nominal")
-        np.testing.assert_allclose(drawn, 20 * np.log10(np.abs(along(G, 2 * np.pi * f)[j, i])))
+        np.testing.assert_allclose(drawn, 20 * np.log10(np.abs(response_by_channel(G, 2 * np.pi * f)[j, i])))
         band = next(c for c in ax.collections if c.get_label() == "the set")
         x, y = band.get_paths()[0].vertices.T
         at = np.isclose(x, f[300])
-        top = np.abs(along(G, 2 * np.pi * f[[300]]))[j, i] + one.reach(2 * np.pi * f[[300]])[j, i]
+        top = np.abs(response_by_channel(G, 2 * np.pi * f[[300]]))[j, i] + one.reach(2 * np.pi * f[[300]])[j, i]
         assert y[at].max() == pytest.approx(20 * np.log10(top[0]))
         assert {patch.get_gid() for patch in ax.patches} == {"not measured"}
     assert [ax.get_title() for ax in made[0]] == ["by Fx", "by Fy"]

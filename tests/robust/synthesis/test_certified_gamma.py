@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robust import hinfsyn, mixsyn, ncfsyn, performance_weight
-from robust.proofs.exact.claim import as_given
+from robust.proofs.exact.claim import to_matrices
 from robust.proofs.exact.closed_loops import (
     ClosedLoopClaim,
     decide_closed_loop,
@@ -58,7 +58,7 @@ def test_what_is_certified_is_a_bound_and_near_the_norm(seed):
     assert true <= found.gamma <= true * 1.002
     assert found.certificate.level == found.gamma
     assert found.certificate.verify().verified
-    plant, K = as_given(P), as_given(found.K)
+    plant, K = to_matrices(P), to_matrices(found.K)
     assert norm_of_closed_loop(plant, K)[0] == pytest.approx(true, rel=1e-3)
     below = ClosedLoopClaim(plant=plant, controller=K, level=true * (1 - 1e-6))
     assert not decide_closed_loop(below, thorough=False).holds
@@ -68,20 +68,20 @@ def test_a_lag_has_its_norm_to_the_last_digits():
     """1/(s + 1 + k): the norm is 1/(1 + k), which no level below it passes."""
     P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     K = control.StateSpace([], [], [], [[-1.0]])
-    claim = ClosedLoopClaim(plant=as_given(P), controller=as_given(K), level=0.5 * (1 + 1e-12))
+    claim = ClosedLoopClaim(plant=to_matrices(P), controller=to_matrices(K), level=0.5 * (1 + 1e-12))
     assert decide_closed_loop(claim).holds
     assert verify_closed_loop(claim).verified
     for level in (0.5, 0.5 * (1 - 1e-12)):
         assert not verify_closed_loop(replace(claim, level=level), time_cap=5).verified
-    assert norm_of_closed_loop(as_given(P), as_given(K)) == pytest.approx((0.5, 0.0))
-    assert poles_of_closed_loop(as_given(P), as_given(K)) == pytest.approx([-2])
+    assert norm_of_closed_loop(to_matrices(P), to_matrices(K)) == pytest.approx((0.5, 0.0))
+    assert poles_of_closed_loop(to_matrices(P), to_matrices(K)) == pytest.approx([-2])
 
 
 def test_an_integrator_that_nothing_moves_has_its_pole_at_zero():
     """A double root is lost to half of the digits: what is left of it must not be taken for a mode at 1e-80 rad/s."""
     A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -50.0]])
     P = control.StateSpace(A, [[0.0], [0.0], [1.0]], [[0.0, 0.0, 0.0]], [[0.0]])
-    found = poles_of_closed_loop(as_given(P), as_given(control.StateSpace([], [], [], [[1.0]])))
+    found = poles_of_closed_loop(to_matrices(P), to_matrices(control.StateSpace([], [], [], [[1.0]])))
     assert sorted(found.real) == [-50, 0, 0]
 
 
@@ -89,7 +89,7 @@ def test_a_loop_that_is_not_stable_in_many_digits_is_no_result():
     """A pole at +1e-25, which doubles put anywhere around the axis."""
     P = control.StateSpace([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]], np.zeros((2, 2)))
     K = control.StateSpace([[1e-25]], [[0.0]], [[1.0]], [[-1.0]])
-    assert not decide_closed_loop(ClosedLoopClaim(plant=as_given(P), controller=as_given(K), level=1e3)).holds
+    assert not decide_closed_loop(ClosedLoopClaim(plant=to_matrices(P), controller=to_matrices(K), level=1e3)).holds
     proof = certify_closed_loop(P, K, 0.5)
     assert not proof.holds
     assert proof.level == np.inf
@@ -97,8 +97,8 @@ def test_a_loop_that_is_not_stable_in_many_digits_is_no_result():
 
 
 def test_a_gamma_that_is_not_certified_says_so(monkeypatch):
-    monkeypatch.setattr("robust.proofs.exact.closed_loops.refined", lambda *_: None)
-    monkeypatch.setattr("robust.proofs.exact.closed_loops.by_sign", lambda *_: None)
+    monkeypatch.setattr("robust.proofs.exact.closed_loops.refine_storage", lambda *_: None)
+    monkeypatch.setattr("robust.proofs.exact.closed_loops.storage_by_matrix_sign", lambda *_: None)
     P = random_plant(np.random.default_rng(0), 4, 2, 1, 2, 1, 0.0)
     found = hinfsyn(P, 1, 1)
     assert isinstance(found, Synthesis)

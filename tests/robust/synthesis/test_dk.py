@@ -16,11 +16,11 @@ from robust import (
     performance_weight,
     worst_gain,
 )
-from robust.lti.connections import lower
+from robust.lti.connections import lower_lft
 from robust.lti.lti import response
 from robust.lti.norms import to_discrete
 from robust.models.fit.weights import minimum_phase
-from robust.proofs.search.stability import instability
+from robust.proofs.search.stability import decide_stability
 from tests.robust.mu.test_mu import along, random_matrix, size
 from tests.support.distillation import WITH_PERFORMANCE, controller, plant
 
@@ -32,8 +32,8 @@ def test_the_distillation_column():
     assert first == pytest.approx(1.18, abs=0.02)
     assert second < 1.06
     assert design.mu == second
-    N = lower(plant(), design.K)
-    assert instability(N).stable
+    N = lower_lft(plant(), design.K)
+    assert decide_stability(N).stable
     assert mu_upper(along(N, np.geomspace(1e-4, 1e3, 200)), WITH_PERFORMANCE).value.max() <= 1.005 * design.mu
     assert design.certificate.holds
     assert certify_mu(N, WITH_PERFORMANCE, 1.02 * design.mu).holds
@@ -147,7 +147,7 @@ def test_worst_gain_in_closed_form():
 
 
 def test_worst_gain_of_the_distillation_column_is_seen_by_no_perturbation():
-    N = lower(plant(), controller())
+    N = lower_lft(plant(), controller())
     response_ = along(N, np.array([0.1, 1.0]))
     gain = worst_gain(response_, [(1, 1), (1, 1)])
     rng = np.random.default_rng(9)

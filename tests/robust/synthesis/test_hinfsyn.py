@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from robust import hinfsyn
-from robust.lti.connections import lower
-from robust.lti.lti import evaluate
+from robust.lti.connections import lower_lft
+from robust.lti.lti import evaluate_transfer
 from robust.lti.norms import to_discrete
-from robust.proofs.search.stability import instability
+from robust.proofs.search.stability import decide_stability
 
 BOOK = control.ss(control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1]))))
 
@@ -35,7 +35,7 @@ def random_plant(rng, n, n_w, n_u, n_z, n_y, dt=0):
 def norm_on_a_grid(system):
     omega = np.concatenate([[0.0], np.geomspace(1e-4, 1e4, 2000)])
     points = np.exp(2j * np.arctan(omega)) if system.dt else 1j * omega
-    values = evaluate(system.A, system.B, system.C, system.D, points)
+    values = evaluate_transfer(system.A, system.B, system.C, system.D, points)
     return np.linalg.svd(values, compute_uv=False)[:, 0].max()
 
 
@@ -75,8 +75,8 @@ def test_several_inputs_and_outputs_with_every_direct_term(dt):
         found = hinfsyn(P, n_y, n_u)
         assert found.found
         assert found.regularisation == 0
-        closed = lower(P, found.K)
-        assert instability(closed).stable
+        closed = lower_lft(P, found.K)
+        assert decide_stability(closed).stable
         assert norm_on_a_grid(closed) <= found.gamma * (1 + 1e-6)
         assert found.gamma_low * (1 - 1e-6) <= found.gamma <= 1.011 * found.gamma_min
         # no controller beats the lower end of the bracket: some that stabilise the loop too
@@ -84,8 +84,8 @@ def test_several_inputs_and_outputs_with_every_direct_term(dt):
             K = control.StateSpace(
                 found.K.A, found.K.B, found.K.C, found.K.D + 0.03 * rng.standard_normal(found.K.D.shape), dt
             )
-            other = lower(P, K)
-            if instability(other).stable:
+            other = lower_lft(P, K)
+            if decide_stability(other).stable:
                 assert norm_on_a_grid(other) > found.gamma_low * 0.999
 
 
@@ -101,7 +101,7 @@ def test_a_discrete_plant_with_poles_at_minus_one_at_one_and_at_zero():
         w_P = control.sample_system(control.ss(control.tf([0.5, 0.05], [1, 1e-4])), 0.1, method="bilinear")
         found = hinfsyn(mixed_sensitivity(G, w_P, 0.1, 0.1), 1, 1, time_cap=60)
         assert found.found
-        assert instability(control.feedback(G * found.K, 1)).stable
+        assert decide_stability(control.feedback(G * found.K, 1)).stable
 
 
 def test_singular_problems_are_made_regular_and_judged_without():
@@ -111,7 +111,7 @@ def test_singular_problems_are_made_regular_and_judged_without():
     for P in (mixed_sensitivity(integrator, w_P), mixed_sensitivity(BOOK, w_P, 0.0)):
         found = hinfsyn(P, 1, 1)
         assert found.regularisation > 0
-        assert norm_on_a_grid(lower(P, found.K)) <= found.gamma * (1 + 1e-6)
+        assert norm_on_a_grid(lower_lft(P, found.K)) <= found.gamma * (1 + 1e-6)
         assert found.gamma < 5
 
 

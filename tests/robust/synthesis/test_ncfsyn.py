@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from robust import crossover_weight, ncf_margin, ncfsyn, sampled
-from robust.lti.lti import evaluate, response
+from robust.lti.lti import evaluate_transfer, response
 from robust.models.sets.coprime import coprime_factors
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
@@ -89,7 +89,7 @@ def test_least_gamma_of_matrices_from_the_hankel_norm_of_their_factors(shape, dt
     """gamma_min = (1 - |[N M]|_H^2)^-1/2 (Glover & McFarlane 1989): no Riccati solution of the design in it."""
     G = matrix_plant(np.random.default_rng(sum(shape)), 4, *shape, dt)
     (A, B, C, D), _ = coprime_factors("G", G)
-    factors = evaluate(A, B, C, D, 2j)[0]
+    factors = evaluate_transfer(A, B, C, D, 2j)[0]
     np.testing.assert_allclose(factors.conj().T @ factors, np.eye(shape[1]), atol=1e-9)
     P, Q = (solve_continuous_lyapunov(F, -X) for F, X in ((A, B @ B.T), (A.T, C.T @ C)))
     hankel = np.sqrt(np.linalg.eigvals(P @ Q).real.max())

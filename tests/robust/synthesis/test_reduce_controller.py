@@ -21,7 +21,7 @@ from robust import (
 )
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
-from robust.synthesis.reduction import balanced, of_factors, weighted
+from robust.synthesis.reduction import balanced_candidates, coprime_factor_candidates, weighted_candidates
 
 BOOK = control.tf([200], np.polymul([10, 1], np.polymul([0.05, 1], [0.05, 1])))
 W = control.tf([0.05, 0.1], [0.02, 1])
@@ -57,7 +57,7 @@ def test_the_error_stays_below_twice_the_tail_of_the_hankel_singular_values():
         K = random_stable(rng, 7)
         sizes = hankel(*K[:3])
         rounded = 2e-8 * sizes[0]  # a root of an eigenvalue of P Q: half the digits
-        for way, n, (A, B, C, D) in balanced(K):
+        for way, n, (A, B, C, D) in balanced_candidates(K):
             error = control.ss(*K) - control.ss(A, B, C, D)
             reached = hinf_norm(error)[0]
             assert reached <= 2 * sizes[n:].sum() * (1 + 1e-6) + 2 * rounded, (way, n)
@@ -68,7 +68,10 @@ def test_the_error_stays_below_twice_the_tail_of_the_hankel_singular_values():
 def test_what_is_exact_by_construction():
     K = random_stable(np.random.default_rng(1), 6)
     at_zero, at_infinity = response(control.ss(*K), np.array([0.0]))[0], K[3][0, 0]
-    for ways in (balanced(K), weighted(K, matrices(control.tf([1], [1, 1])), matrices(control.tf([1, 0.1], [1, 2])))):
+    for ways in (
+        balanced_candidates(K),
+        weighted_candidates(K, matrices(control.tf([1], [1, 1])), matrices(control.tf([1, 0.1], [1, 2]))),
+    ):
         for way, _, small in ways:
             if "residualised" in way:
                 assert response(control.ss(*small), np.array([0.0]))[0] == pytest.approx(at_zero, rel=1e-8)
@@ -80,13 +83,13 @@ def test_weights_of_one_change_nothing_and_a_band_is_kept():
     rng = np.random.default_rng(2)
     K, one = random_stable(rng, 6), (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
     omega = np.geomspace(1e-2, 1e2, 50)
-    for (_, n, a), (_, m, b) in zip(balanced(K), weighted(K, one, one), strict=True):
+    for (_, n, a), (_, m, b) in zip(balanced_candidates(K), weighted_candidates(K, one, one), strict=True):
         assert n == m
         np.testing.assert_allclose(response(control.ss(*a), omega), response(control.ss(*b), omega), rtol=1e-6)
     # two modes of one size: the weight says which one stays
     two = matrices(control.tf([1], [1, 0.1, 1]) + control.tf([100], [1, 1, 100]))
     low = matrices(control.tf([1], [1, 1, 1]))
-    small = {n: s for way, n, s in weighted(two, low, low) if "truncated" in way}[2]
+    small = {n: s for way, n, s in weighted_candidates(two, low, low) if "truncated" in way}[2]
     assert np.abs(np.linalg.eigvals(small[0])) == pytest.approx([1, 1], rel=0.05)
 
 
@@ -97,11 +100,11 @@ def test_unstable_and_integrating_modes_stay():
         * control.tf([1], [0.01, 1])
         * control.tf([1, 4], [1, 5])
     )
-    for _, n, (A, *_) in balanced(matrices(K)):
+    for _, n, (A, *_) in balanced_candidates(matrices(K)):
         unstable = np.sort(np.linalg.eigvals(A).real)[-2:]
         assert n >= 2
         np.testing.assert_allclose(unstable, [0.0, 0.5], atol=1e-9)
-    exact = [small for way, n, small in of_factors(matrices(K)) if "residualised" in way and n == 3]
+    exact = [small for way, n, small in coprime_factor_candidates(matrices(K)) if "residualised" in way and n == 3]
     assert np.abs(np.linalg.eigvals(exact[0][0])).min() < 1e-8  # M(0) = 0 is kept
 
 
@@ -110,7 +113,7 @@ def test_all_states_are_the_controller_itself():
     A = np.block([[K[0], np.zeros((5, 2))], [np.zeros((2, 5)), -np.eye(2)]])  # two states that nothing drives
     B, C = np.vstack([K[1], np.zeros((2, 1))]), np.hstack([K[2], np.ones((1, 2))])
     omega = np.geomspace(1e-2, 1e2, 50)
-    for ways in (balanced((A, B, C, K[3])), of_factors((A, B, C, K[3]))):
+    for ways in (balanced_candidates((A, B, C, K[3])), coprime_factor_candidates((A, B, C, K[3]))):
         small = {n: s for _, n, s in ways}[5]
         np.testing.assert_allclose(response(control.ss(*small), omega), response(control.ss(*K), omega), rtol=1e-6)
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from robust import UncertaintyModel, hinfsyn, mixsyn, performance_weight
-from robust.lti.connections import lower
-from robust.lti.lti import evaluate, response
+from robust.lti.connections import lower_lft
+from robust.lti.lti import evaluate_transfer, response
 from robust.lti.norms import from_half_plane, to_half_plane
-from robust.proofs.search.stability import instability
+from robust.proofs.search.stability import decide_stability
 from tests.support.compleib import BEST, generalised, problem
 
 S = control.tf("s")
@@ -29,9 +29,9 @@ def sensitivity_only(G, w_P):
 
 def on_a_grid(P, K):
     """Largest gain of the closed loop on a grid, and whether it is stable, by numpy alone."""
-    closed = lower(P, K)
+    closed = lower_lft(P, K)
     omega = np.concatenate([[0.0], np.geomspace(1e-6, 1e8, 6000)])
-    values = evaluate(closed.A, closed.B, closed.C, closed.D, 1j * omega)
+    values = evaluate_transfer(closed.A, closed.B, closed.C, closed.D, 1j * omega)
     return np.linalg.svd(values, compute_uv=False)[:, 0].max()
 
 
@@ -56,7 +56,7 @@ def test_weighted_sensitivity_in_closed_form(G, least):
     assert expected * (1 - 1e-6) <= found.gamma <= 1.03 * expected
     assert 0.97 * expected <= found.gamma_low <= expected * (1 + 1e-6)
     assert found.gamma_min == found.gamma_low
-    assert instability(lower(P, found.K)).stable
+    assert decide_stability(lower_lft(P, found.K)).stable
     assert on_a_grid(P, found.K) <= found.gamma * (1 + 1e-6)
 
 
@@ -127,10 +127,10 @@ def test_random_singular_plants_keep_their_bounds():
         regular = control.StateSpace(
             A, np.hstack([B[:, :2], np.zeros((n, 1)), B[:, 2:]]), np.vstack([C[:2], np.zeros((1, n)), C[2:]]), D, 0
         )
-        other = lower(P, hinfsyn(regular, 1, 1).K) if not k % 2 else None
-        if other is not None and instability(other).stable:
+        other = lower_lft(P, hinfsyn(regular, 1, 1).K) if not k % 2 else None
+        if other is not None and decide_stability(other).stable:
             omega = np.geomspace(1e-4, 1e6, 2000)
-            values = evaluate(other.A, other.B, other.C, other.D, 1j * omega)
+            values = evaluate_transfer(other.A, other.B, other.C, other.D, 1j * omega)
             assert np.linalg.svd(values, compute_uv=False)[:, 0].max() >= found.gamma_low * (1 - 1e-6)
 
 
@@ -142,6 +142,6 @@ def test_discs_and_half_planes_and_back():
     p = 1j * np.array([0.0, 0.3, 5.0])
     on_circle = (p + a) / (1 + p / b)
     np.testing.assert_allclose(np.abs(on_circle - (a + b) / 2), (b - a) / 2)  # the axis of p is the circle
-    np.testing.assert_allclose(evaluate(*there, p), evaluate(*matrices, on_circle), rtol=1e-10)
+    np.testing.assert_allclose(evaluate_transfer(*there, p), evaluate_transfer(*matrices, on_circle), rtol=1e-10)
     for back, given in zip(from_half_plane(there, a, b), matrices, strict=True):
         np.testing.assert_allclose(back, given, atol=1e-10)

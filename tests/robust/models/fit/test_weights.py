@@ -6,7 +6,7 @@ import pytest
 
 from robust import fit_weight, performance_weight
 from robust.lti.lti import response
-from robust.lti.realisation import from_roots, in_order
+from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.refinement import curvature, problem_on
 from robust.models.fit.weights import cover_sampled
 
@@ -124,7 +124,7 @@ def test_an_exact_weight_is_recovered(order, seed):
         w = places * np.exp(rng.uniform(-0.7, 0.7, order // 2))
         zeta = 10 ** rng.uniform(-1.7, 0, order // 2)
         pairs = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
-        return in_order(np.concatenate([pairs, pairs.conj(), -np.exp(rng.uniform(1, 8, order % 2))]))
+        return order_roots(np.concatenate([pairs, pairs.conj(), -np.exp(rng.uniform(1, 8, order % 2))]))
 
     truth = np.abs(response(from_roots(roots(), roots(), 0.7, 0.0), OMEGA))
     fit = fit_weight(OMEGA, truth, order=order)

@@ -28,7 +28,7 @@ from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import response
 from robust.models.sets.coprime import chord, factor_systems, tangent_system
 from robust.models.sets.forms import FORMS, worst_terms
-from robust.proofs.exact.claim import LoopClaim, as_given
+from robust.proofs.exact.claim import LoopClaim, to_matrices
 from robust.proofs.exact.loops import verify_loop
 from tests.support.bla import make_bla
 from tests.support.random_loops import closed_loop_poles, dense_grid, random_case, tf_response, zpk
@@ -159,17 +159,17 @@ def test_factors_are_normalised_and_complete():
 
 def as_claim(case, claims, w_P=None, shaping=(), scaling=1.0, delay=0.0):
     return LoopClaim(
-        plant=as_given(case["G"]),
-        controller=as_given(case["K"]),
-        weight=as_given(case["w"]),
-        performance=None if w_P is None else as_given(w_P),
+        plant=to_matrices(case["G"]),
+        controller=to_matrices(case["K"]),
+        weight=to_matrices(case["w"]),
+        performance=None if w_P is None else to_matrices(w_P),
         reads=("N", "M"),
         inverse=True,
         perturbation="LTI",
         delay=delay,
         claims=claims,
         scaling=scaling,
-        shaping=tuple(map(as_given, shaping)),
+        shaping=tuple(map(to_matrices, shaping)),
     )
 
 

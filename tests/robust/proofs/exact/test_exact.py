@@ -6,8 +6,14 @@ import pytest
 from flint import acb, arb_poly, ctx, fmpq
 
 from robust.proofs.exact.claim import Matrices
-from robust.proofs.exact.claim import as_given as matrices
-from robust.proofs.exact.polynomials import behind_samples, held, mapped, quotient, rational
+from robust.proofs.exact.claim import to_matrices as matrices
+from robust.proofs.exact.polynomials import (
+    bilinear_image,
+    delay_by_samples,
+    to_rational,
+    transfer_quotient,
+    zoh_quotient,
+)
 from tests.support.random_loops import hold_and_delay, tf_response
 
 
@@ -21,14 +27,16 @@ def test_a_quotient_is_the_response(seed):
     rng = np.random.default_rng(seed)
     system = control.StateSpace(rng.normal(size=(5, 5)), rng.normal(size=(5, 1)), rng.normal(size=(1, 5)), [[0.3]])
     omega = np.array([0.2, 1.0, 7.0])
-    found = quotient(matrices(system))
+    found = transfer_quotient(matrices(system))
     np.testing.assert_allclose([at(found, 1j * w) for w in omega], tf_response(system, omega), rtol=1e-9)
 
 
 def test_hidden_modes_stay():
     system = control.StateSpace(np.diag([-1.0, 3.0]), [[1.0], [0.0]], [[1.0, 1.0]], [[0.0]])
-    found = quotient(matrices(system))
-    assert (found.den - found.num * quotient(matrices(control.ss([[3.0]], [[0]], [[0]], [[0]]))).den).degree() == 1
+    found = transfer_quotient(matrices(system))
+    assert (
+        found.den - found.num * transfer_quotient(matrices(control.ss([[3.0]], [[0]], [[0]], [[0]]))).den
+    ).degree() == 1
     assert found.den(fmpq(3)) == 0
 
 
@@ -38,10 +46,10 @@ def test_hold_and_delay_enclose_the_sampled_plant(delay):
     G = control.ss(control.tf([3, 1], [1, 0.4, 9]))
     there, omega = hold_and_delay(G, 0.1, delay), np.array([0.1, 3.0, 30.0])
     whole = int(np.floor(delay / 0.1 + 1e-9))
-    rest = rational(delay) - whole * rational(0.1)
+    rest = to_rational(delay) - whole * to_rational(0.1)
     with ctx.workprec(192):
-        found = held(matrices(G), rational(0.1), whole, rest if rest > fmpq(1, 10**9) else fmpq(0))
-        moved = mapped(found)
+        found = zoh_quotient(matrices(G), to_rational(0.1), whole, rest if rest > fmpq(1, 10**9) else fmpq(0))
+        moved = bilinear_image(found)
         direct = [at(found, np.exp(0.1j * w)) for w in omega]
         image = [at(moved, 1j * np.tan(0.05 * w)) for w in omega]
         assert max(float(c.rad()) for c in found.num.coeffs() + found.den.coeffs()) < 1e-40
@@ -53,8 +61,8 @@ def test_a_gain_behind_the_hold_and_samples_of_delay():
     """A constant under a delay of one and a half samples is seen two samples late."""
     gain = matrices(control.ss([], [], [], [[2.0]]))
     with ctx.workprec(128):
-        assert abs(at(held(gain, fmpq(1, 10), 1, fmpq(1, 20)), 2.0 + 0j) - 0.5) < 1e-15
-    assert at(behind_samples(quotient(gain), 3), 2.0 + 0j) == 0.25
+        assert abs(at(zoh_quotient(gain, fmpq(1, 10), 1, fmpq(1, 20)), 2.0 + 0j) - 0.5) < 1e-15
+    assert at(delay_by_samples(transfer_quotient(gain), 3), 2.0 + 0j) == 0.25
 
 
 def test_what_is_no_system_is_refused():

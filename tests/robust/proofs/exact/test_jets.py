@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 from flint import arb, arb_poly, ctx
 
-from robust.proofs.exact.taylor_models import cosine, line, lower_bound, of_polynomial, sine
+from robust.proofs.exact.taylor_models import compose_polynomial, cosine, linear_model, lower_bound, sine
 
 P = [3.0, -2.0, 0.5, 1.0, -0.3, 0.2, 0.1, -0.05]
 
 
 def jets(middle, half):
-    omega = line(middle, half)
+    omega = linear_model(middle, half)
     y = omega * omega
     return {
         "y": (y, lambda w: w**2),
         "cosine": (cosine(2 * middle, 2 * half), lambda w: np.cos(2 * w)),
-        "polynomial": (of_polynomial(arb_poly(P), y), lambda w: np.polynomial.polynomial.polyval(w**2, P)),
+        "polynomial": (compose_polynomial(arb_poly(P), y), lambda w: np.polynomial.polynomial.polyval(w**2, P)),
         "of a cosine": (
-            of_polynomial(arb_poly(P), cosine(middle, half)),
+            compose_polynomial(arb_poly(P), cosine(middle, half)),
             lambda w: np.polynomial.polynomial.polyval(np.cos(w), P),
         ),
         "product": (y * sine(middle, half) - y * 3, lambda w: w**2 * np.sin(w) - 3 * w**2),
@@ -43,7 +43,7 @@ def test_they_enclose(name, middle):
 
 def test_a_lower_bound_is_one_where_the_function_nearly_touches_zero():
     with ctx.workprec(128):
-        x = line(arb(0), arb(0.01))
+        x = linear_model(arb(0), arb(0.01))
         assert lower_bound(x * x + arb("1e-9")) > -1e-4
-        short = line(arb(0), arb("1e-5"))
+        short = linear_model(arb(0), arb("1e-5"))
         assert lower_bound(short * short + arb("1e-9")) > 0

@@ -6,7 +6,7 @@ import pytest
 from flint import ctx
 
 from robust.proofs.exact.claim import LoopClaim
-from robust.proofs.exact.claim import as_given as matrices
+from robust.proofs.exact.claim import to_matrices as matrices
 from robust.proofs.exact.loops import verify_loop
 from tests.support.precise_loops import PreciseLoop, just_above
 from tests.support.random_loops import curves, random_case, roots, tf_response, zpk

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from robust._base.states import Outcome
-from robust.proofs.exact.claim import as_given
-from robust.proofs.exact.stability import stable_loop, stable_matrix
+from robust.proofs.exact.claim import to_matrices
+from robust.proofs.exact.stability import decide_loop_stability, decide_matrix_stability
 from tests.support.hard_loops import boundary_gain, hard_loop, margin, with_gain
 from tests.support.random_loops import hold_and_delay
 
 
 def stable(G, K):
-    return stable_loop(as_given(G), as_given(K)).holds
+    return decide_loop_stability(to_matrices(G), to_matrices(K)).holds
 
 
 def test_the_boundary_lies_between_two_neighbouring_gains():
@@ -40,7 +40,7 @@ def test_held_plants(delay):
         low, high = (k, high) if np.abs(np.linalg.eigvals(loop)).max() < 1 else (low, k)
     for factor, true in ((1 - 1e-9, True), (1 + 1e-9, False)):
         K = control.ss([], [], [], [[low * factor]], 0.01)
-        found = stable_loop(as_given(G), as_given(K), delay=delay)
+        found = decide_loop_stability(to_matrices(G), to_matrices(K), delay=delay)
         assert found.holds == true
         assert found.outcome is not Outcome.UNDECIDED
 
@@ -48,15 +48,18 @@ def test_held_plants(delay):
 def test_delays_of_continuous_loops():
     """1/s behind pi/2: no double is the limit, its two neighbours lie on either side."""
     G, K = control.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]]), control.ss([], [], [], [[1.0]])
-    verdicts = [stable_loop(as_given(G), as_given(K), delay=d).holds for d in (np.pi / 2, np.nextafter(np.pi / 2, 2))]
+    verdicts = [
+        decide_loop_stability(to_matrices(G), to_matrices(K), delay=d).holds
+        for d in (np.pi / 2, np.nextafter(np.pi / 2, 2))
+    ]
     assert verdicts == [True, False]
 
 
 def test_matrices():
-    assert stable_matrix(np.zeros((0, 0))).holds
-    assert not stable_matrix(np.eye(3), discrete=True).holds
-    assert stable_matrix(np.eye(3), discrete=True).violated
-    assert stable_matrix(np.diag([np.nextafter(1, 0), -np.nextafter(1, 0)]), discrete=True).holds
+    assert decide_matrix_stability(np.zeros((0, 0))).holds
+    assert not decide_matrix_stability(np.eye(3), discrete=True).holds
+    assert decide_matrix_stability(np.eye(3), discrete=True).violated
+    assert decide_matrix_stability(np.diag([np.nextafter(1, 0), -np.nextafter(1, 0)]), discrete=True).holds
     jordan = -1e-8 * np.eye(12) + np.diag(np.full(11, 1e3), 1)
-    assert stable_matrix(jordan).holds
+    assert decide_matrix_stability(jordan).holds
     assert np.linalg.eigvals(jordan + 1e-13 * np.ones((12, 12))).real.max() > 1  # what rounding can make of it

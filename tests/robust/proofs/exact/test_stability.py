@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from flint import arb_poly, ctx, fmpq, fmpq_poly
 
-from robust.proofs.exact.polynomials import Quotient, mapped, rational
+from robust.proofs.exact.polynomials import Quotient, bilinear_image, to_rational
 from robust.proofs.exact.stability import hurwitz, hurwitz_with_delay
 
 
 def from_roots(roots):
-    return fmpq_poly([rational(c) for c in np.poly(roots).real[::-1]])
+    return fmpq_poly([to_rational(c) for c in np.poly(roots).real[::-1]])
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -39,8 +39,8 @@ def test_one_unit_in_the_last_place_of_the_circle():
     """z - a, and z^2 + a with its pair at the distance sqrt(a)."""
     below, above = np.nextafter(1, 0), np.nextafter(1, 2)
     for a, stable in ((below, True), (1.0, False), (above, False)):
-        for p in ([-rational(a), 1], [rational(a), 0, 1]):
-            system = mapped(Quotient(num=fmpq_poly([1]), den=fmpq_poly(p), degree=len(p) - 1))
+        for p in ([-to_rational(a), 1], [to_rational(a), 0, 1]):
+            system = bilinear_image(Quotient(num=fmpq_poly([1]), den=fmpq_poly(p), degree=len(p) - 1))
             assert hurwitz(system.den, system.degree).holds == stable
 
 
@@ -57,7 +57,7 @@ def test_thirty_states_that_floating_point_loses():
 @pytest.mark.parametrize(("delay", "stable"), [(np.pi / 2, True), (np.nextafter(np.pi / 2, 2), False), (8.0, False)])
 def test_an_integrator_behind_a_delay(delay, stable):
     """s + exp(-s tau) is stable for tau < pi/2, which no double is."""
-    assert hurwitz_with_delay(fmpq_poly([0, 1]), fmpq_poly([1]), 1, rational(delay)).holds == stable
+    assert hurwitz_with_delay(fmpq_poly([0, 1]), fmpq_poly([1]), 1, to_rational(delay)).holds == stable
 
 
 def test_a_delay_that_stabilises():
@@ -65,7 +65,7 @@ def test_a_delay_that_stabilises():
     den, num = fmpq_poly([1, 0, 1]), fmpq_poly([fmpq(-1, 2)])
     assert not hurwitz_with_delay(den, num, 2, fmpq(0)).holds
     shifted = den + fmpq_poly([0, -fmpq(1, 100)])  # at tau = 0 clearly unstable by 0.005
-    found = [hurwitz_with_delay(shifted, num, 2, rational(tau)).holds for tau in (0.01, 1.0, 6.0)]
+    found = [hurwitz_with_delay(shifted, num, 2, to_rational(tau)).holds for tau in (0.01, 1.0, 6.0)]
     assert found == [False, True, False]
 
 
@@ -73,8 +73,8 @@ def test_a_delay_with_a_known_limit():
     """5 exp(-s tau)/(s + 1): |L| = 1 at sqrt(24), where the phase left is pi - atan(sqrt(24))."""
     limit = (np.pi - np.arctan(np.sqrt(24))) / np.sqrt(24)
     den, num = fmpq_poly([1, 1]), fmpq_poly([5])
-    assert hurwitz_with_delay(den, num, 1, rational(limit * (1 - 1e-14))).holds
-    assert not hurwitz_with_delay(den, num, 1, rational(limit * (1 + 1e-14))).holds
+    assert hurwitz_with_delay(den, num, 1, to_rational(limit * (1 - 1e-14))).holds
+    assert not hurwitz_with_delay(den, num, 1, to_rational(limit * (1 + 1e-14))).holds
 
 
 @pytest.mark.parametrize(("num", "den"), [([1, 1], [2, 1]), ([3, 2], [1, 1]), ([-1], [1, 1])])

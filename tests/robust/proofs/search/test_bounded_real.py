@@ -10,10 +10,10 @@ import pytest
 from robust import certify_norm
 from robust.lti.lti import response
 from robust.lti.norms import hinf_norm
-from robust.lti.realisation import from_roots, in_order
+from robust.lti.realisation import from_roots, order_roots
 from robust.models.fit.rational import to_plane
 from robust.proofs.search.bounded_real import judge_inequality
-from robust.proofs.search.intervals import magnitude
+from robust.proofs.search.intervals import magnitude_of
 
 
 def second_order(zeta, wn=3.0):
@@ -28,7 +28,7 @@ def random_system(rng, n, dt=0.0):
     zeta = 10 ** rng.uniform(-3, 0, n // 2)
     p = w * (-zeta + 1j * np.sqrt(1 - zeta**2))
     z = p * rng.choice([0.6, 1.3], n // 2)
-    both = [in_order(np.concatenate([r, r.conj()])) for r in (z, p)]
+    both = [order_roots(np.concatenate([r, r.conj()])) for r in (z, p)]
     return from_roots(*to_plane(*both, 1.0, dt, 0), dt)
 
 
@@ -125,7 +125,7 @@ def test_magnitude_bounds_hold_on_random_intervals():
     system = control.ss(
         control.tf(np.poly([-1, -50, -3 + 20j, -3 - 20j]).real, np.poly([-5, -0.1, -1 + 30j, -1 - 30j]).real)
     )
-    bound = magnitude(system)
+    bound = magnitude_of(system)
     low = 10 ** rng.uniform(-3, 3, 300)
     high = low * (1 + 10 ** rng.uniform(-5, 1, 300))
     truth = np.abs(response(system, np.geomspace(low, high, 300).ravel())).reshape(300, -1).max(axis=0)

@@ -8,9 +8,9 @@ import pytest
 
 from benchmarks.attack_design_frf import judged
 from robust import ControllerStructure, check, design_frf, performance_weight
-from robust.lti.grids import beside_modes
-from robust.lti.stability import winding
-from robust.synthesis.fixed.sequential import MatrixOnLines, unstable_in_turn
+from robust.lti.grids import controller_mode_lines
+from robust.lti.stability import winding_number
+from robust.synthesis.fixed.sequential import MatrixOnLines, check_sequential_stability
 
 LAG = control.tf([1], [1, 1])
 LINES = np.geomspace(0.1, 100, 200)
@@ -33,7 +33,7 @@ def sensitivity(G, K, omega):
 def test_a_resonance_of_the_controller_between_two_lines_is_counted(zeta, times, place):
     K = control.ss(5 * resonance(zeta, times, place))
     stable = bool(np.all(control.feedback(LAG * K, 1).poles().real < 0))
-    turns, clear = winding(LINES, LAG(1j * LINES), K, 0.0)
+    turns, clear = winding_number(LINES, LAG(1j * LINES), K, 0.0)
     assert not clear or (turns == 0) == stable
     if place < LINES[-1]:
         assert clear
@@ -42,7 +42,7 @@ def test_a_resonance_of_the_controller_between_two_lines_is_counted(zeta, times,
 
 def test_a_mode_of_the_controller_on_the_axis_is_not_counted_as_stable():
     K = control.ss(5 + control.tf([1e-3, 0], [1, 0, 10.5**2]))
-    assert not winding(LINES, LAG(1j * LINES), K, 0.0)[1]
+    assert not winding_number(LINES, LAG(1j * LINES), K, 0.0)[1]
 
 
 def test_sampled_modes_too():
@@ -54,7 +54,7 @@ def test_sampled_modes_too():
         )
         G = control.sample_system(control.ss(LAG), dt)
         stable = bool(np.all(np.abs(control.feedback(G * K, 1).poles()) < 1))
-        turns, clear = winding(LINES, G(np.exp(1j * LINES * dt)), K, dt)
+        turns, clear = winding_number(LINES, G(np.exp(1j * LINES * dt)), K, dt)
         assert clear
         assert (turns == 0) == stable
 
@@ -83,7 +83,7 @@ def test_the_modes_of_one_controller_in_the_loop_of_another():
             omega=LINES, G=np.moveaxis(G(1j * LINES), 2, 0), left=none + np.eye(2), right=none, radius=none
         )
         for order in ([0, 1], [1, 0]):
-            if not unstable_in_turn(unit, seen.with_modes(K), K, order, 0.0):
+            if not check_sequential_stability(unit, seen.with_modes(K), K, order, 0.0):
                 said.append(bool(np.all(whole.poles().real < 0)))
     assert len(said) > 100
     assert all(said)
@@ -95,7 +95,7 @@ def test_a_known_factor_with_a_mode_between_the_lines():
     w_P = performance_weight(2, M_S=2, A=1e-2)
     design = design_frf(FRF, "PI", w_P=w_P, fixed=F, M_S=2)
     assert np.all(control.feedback(control.ss(LAG) * design.K, 1).poles().real < 0)
-    at = beside_modes(design.K, (LINES[0], LINES[-1]))
+    at = controller_mode_lines(design.K, (LINES[0], LINES[-1]))
     S = sensitivity(LAG, design.K, np.union1d(at, LINES))
     assert not design.met or S.max() < 2.01
     assert design.gamma == pytest.approx((np.abs(w_P(1j * np.union1d(at, LINES))) * S).max(), rel=0.02)
@@ -135,6 +135,6 @@ def test_a_crossover_that_a_notch_could_meet():
     resonant = ControllerStructure(n_zeros=3, n_integrators=1, poles=(-0.05 + 50j, -0.05 - 50j))
     G = control.tf([1], [0.1, 1])
     design = design_frf(G, resonant, M_S=1.7, omega_c=(4.0, 8.0))
-    omega = np.unique(np.concatenate([np.geomspace(1e-3, 1e12, 40000), beside_modes(design.K, (1.0, 1e3))]))
+    omega = np.unique(np.concatenate([np.geomspace(1e-3, 1e12, 40000), controller_mode_lines(design.K, (1.0, 1e3))]))
     assert design.met
     assert sensitivity(G, design.K, omega).max() < 1.7 * 1.01

@@ -200,7 +200,7 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
         pass
 
     calls = []
-    true = iteration.solve
+    true = iteration.solve_step
 
     def failing(step, seconds):
         calls.append(1)
@@ -213,9 +213,9 @@ def test_the_last_good_controller_is_kept_when_the_solver_fails(monkeypatch):
         import cvxpy
 
         monkeypatch.setattr(cvxpy.Problem, "solve", panic)
-        return cones.solve(step, seconds)
+        return cones.solve_step(step, seconds)
 
-    monkeypatch.setattr(iteration, "solve", failing)
+    monkeypatch.setattr(iteration, "solve_step", failing)
     design = design_frf(BOOK, 2, w_P=W_P, w_u=1.0)
     assert design.reason == "the solver CLARABEL failed: PanicError; the last controller before is kept"
     assert stable(BOOK, design.K)

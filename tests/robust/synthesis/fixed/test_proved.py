@@ -6,7 +6,7 @@ import pytest
 
 import robust
 from robust import any_maxwell_slip, any_passive, design_frf, design_proved, friction_plant, prove_friction
-from robust.synthesis.fixed.proved import first_above, largest
+from robust.synthesis.fixed.proved import first_crossing, largest_allowed_gain
 
 RIG = friction_plant(1.0, 80e3, 0.4)
 CLASS = any_maxwell_slip(64e3)
@@ -14,16 +14,16 @@ CLASS = any_maxwell_slip(64e3)
 
 def test_the_largest_allowed_gain_is_bracketed():
     for first in (0.01, 1.0, 70.0):
-        found, told = largest(lambda g: f"{g}" if g < 3.7 else None, first)
+        found, told = largest_allowed_gain(lambda g: f"{g}" if g < 3.7 else None, first)
         assert 3.7 / 1.03 < found < 3.7
         assert float(told) == found
-    assert largest(lambda g: None, 1.0) == (0.0, None)
+    assert largest_allowed_gain(lambda g: None, 1.0) == (0.0, None)
 
 
 def test_a_crossing_is_found_between_lines():
     """|S| of an integrator loop passes 1/sqrt(2) at its gain: w/sqrt(w^2 + 1)."""
     omega = np.geomspace(1e-2, 1e2, 60)
-    assert first_above(omega, omega / np.hypot(omega, 1), np.sqrt(0.5)) == pytest.approx(1.0, rel=5e-3)
+    assert first_crossing(omega, omega / np.hypot(omega, 1), np.sqrt(0.5)) == pytest.approx(1.0, rel=5e-3)
 
 
 def test_a_search_widens_the_band_and_every_gain_above_fails():

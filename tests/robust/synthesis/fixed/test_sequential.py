@@ -6,7 +6,7 @@ import pytest
 
 import nlfrf
 from robust import MatrixUncertainty, check, design_frf, sampled
-from robust.lti.lti import over_frequency
+from robust.lti.lti import frequency_response_matrices
 from robust.synthesis.fixed import sequential
 from robust.synthesis.fixed.one_loop import design_loop
 from robust.synthesis.fixed.sequential import MatrixOnLines
@@ -42,7 +42,7 @@ def test_what_a_loop_sees_with_others_closed():
     G = control.ss(A, rng.standard_normal((4, 3)), rng.standard_normal((3, 4)), np.zeros((3, 3)))
     K = [control.ss(control.tf([k, 1], [1, 3])) for k in (0.5, 0.2, 0.8)]
     omega = np.array([0.3, 2.0])
-    g = over_frequency((G.A, G.B, G.C, G.D), omega, 0.0)
+    g = frequency_response_matrices((G.A, G.B, G.C, G.D), omega, 0.0)
     none = np.zeros((2, 3, 1))
     radius = rng.uniform(0.5, 1, g.shape)
     lines = MatrixOnLines(omega=omega, G=g, left=none, right=none.swapaxes(1, 2), radius=radius)
@@ -114,7 +114,9 @@ def test_from_measured_lines_alone():
     """An Frm: loops on its lines, the whole by the exact test of its full block there."""
     ms = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=250, n_inputs=2, rng=1)
     lags = control.ss(np.diag([-60.0, -90.0]), np.diag([60.0, 90.0]), [[1, 0.2], [-0.1, 1]], np.zeros((2, 2)))
-    H = np.moveaxis(over_frequency((lags.A, lags.B, lags.C, lags.D), 2 * np.pi * np.arange(257.0), 0.0), 0, 2)
+    H = np.moveaxis(
+        frequency_response_matrices((lags.A, lags.B, lags.C, lags.D), 2 * np.pi * np.arange(257.0), 0.0), 0, 2
+    )
     y = np.fft.irfft(np.einsum("jik,iek->jek", H, np.fft.rfft(ms.u)), n=512)
     u, y = (np.repeat(x[:, :, None], 2, axis=2) for x in (ms.u, y))
     y = y + 0.003 * np.random.default_rng(2).standard_normal(y.shape) + 0.01 * u**3
