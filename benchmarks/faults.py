@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import nlfrf
-from nlfrf.records.screening.input import between
+from nlfrf.records.screening.input import interpolate_bandlimited
 
 N, P, FS = 2000, 8, 1000.0
 ROUNDING = 1e-14  # of an error that is none
@@ -62,7 +62,7 @@ def noisy(y: np.ndarray, seed: int = 0) -> np.ndarray:
 
 def warp(x: np.ndarray, turns: np.ndarray) -> np.ndarray:
     """The periodic signal x read at other times [samples]."""
-    return between(x, turns)
+    return interpolate_bandlimited(x, turns)
 
 
 def both(change: Callable[[np.ndarray], np.ndarray]) -> Callable[..., dict[str, Any]]:

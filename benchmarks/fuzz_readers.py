@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from nlfrf._base.own_process import FACTOR, MEMORY, receive, send
+from nlfrf._base.own_process import FACTOR, MEMORY_LIMIT, receive, send
 from nlfrf.io import channels
 from nlfrf.io.readers import matlab
 from tests.support.hostile_files import FAMILIES, harm_of
@@ -47,7 +47,7 @@ def forked(room, path):
     if child == 0:
         try:
             os.close(out)
-            limit = 4 * MEMORY + FACTOR * path.stat().st_size  # a fork begins with all that its parent holds
+            limit = 4 * MEMORY_LIMIT + FACTOR * path.stat().st_size  # a fork begins with all that its parent holds
             resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
             try:
                 answer = ("found", io.BytesIO())
@@ -103,7 +103,7 @@ def main():
                     print(f"{family}, {path.name}: {wrong}")
         harm += done
         print(f"{family:<14} {n} hostile files: {done} did harm; {time.perf_counter() - begin:.1f} s", flush=True)
-    channels.read_apart = matlab.read_apart = forked
+    channels.read_in_own_process = matlab.read_in_own_process = forked
     for suffix in [name for name in asked.only if name in WRITERS]:
         CRASHED.clear()
         begin = time.perf_counter()

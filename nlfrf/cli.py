@@ -13,11 +13,11 @@ import numpy as np
 import typer
 
 import nlfrf
-from nlfrf._base.arguments import counted, nonnegative
+from nlfrf._base.arguments import format_count, require_nonnegative
 from nlfrf._base.axes import save_figure
-from nlfrf._base.command import Commands, Decimal, Json, Version, end, run, speaker, terminal
+from nlfrf._base.command import Commands, Decimal, Json, Version, finish_command, printer, rich_console, run_command
 from nlfrf._base.files import require_writable
-from nlfrf._base.values import as_json
+from nlfrf._base.values import to_json
 from nlfrf.doctor import examine
 from nlfrf.io.records import holds_multirecord
 from nlfrf.signals.lines import KINDS, grid_lines
@@ -105,7 +105,7 @@ def design(
     nlfrf.save_multisine(ms, out, decimal=decimal)
     if out.suffix.lower() == ".wav":
         print(f"full scale of the WAV file is {np.abs(ms.u).max():.6g}, in the unit of --rms")
-    several = f", {counted(ms.phase.shape[-2], 'experiment')} of {inputs} inputs" if inputs > 1 else ""
+    several = f", {format_count(ms.phase.shape[-2], 'experiment')} of {inputs} inputs" if inputs > 1 else ""
     print(
         f"{ms.kind} multisine, {ms.f.size} lines excited from {ms.f[0]:g} to {ms.f[-1]:g} Hz, resolution {ms.f0:g} Hz, "
         f"period {ms.n_samples / ms.fs:g} s, rms {np.max(ms.rms):g}, crest factor {ms.crest_factor.max():.2f}{several}"
@@ -144,7 +144,7 @@ def simulate(
         rig = replace(rig, mass=mass)
     if stiffness is not None:
         rig = replace(rig, stiffness=stiffness)
-    noise = nonnegative("noise", noise)
+    noise = require_nonnegative("noise", noise)
     with progress_bar("simulating") as advance:
         record = nlfrf.simulate(
             rig,
@@ -159,7 +159,7 @@ def simulate(
     if noise > 0:
         record = replace(record, y=record.y + noise * np.random.default_rng(seed).standard_normal(record.y.shape))
     nlfrf.save_record(record, out, decimal=decimal)
-    runs = counted(ms.phase.shape[-2], "experiment" if several else "realisation")
+    runs = format_count(ms.phase.shape[-2], "experiment" if several else "realisation")
     print(f"{runs} x {record.n_periods} periods x {record.n_samples} samples")
 
 
@@ -170,7 +170,7 @@ def inspect(
 ) -> None:
     """Show what a measurement file holds, a guess at input, output and period, and the command to run."""
     found = [nlfrf.inspect_file(one) for one in file]
-    print(as_json(found) if json else "\n\n".join(map(str, found)))
+    print(to_json(found) if json else "\n\n".join(map(str, found)))
 
 
 @app.command()
@@ -227,7 +227,7 @@ def identify(
         cut |= {"u": inputs if input else None, "y": outputs if input or output else None, "r": references}
         identify_matrix(nlfrf.load_multirecord(file, **cut), how, out, csv, json, decimal)
         return
-    say, targets = speaker(json), targets_of(out, outputs)
+    say, targets = printer(json), targets_of(out, outputs)
     require_writable(*targets, *map(table_of, targets * csv))
     records = nlfrf.load_record(file, u=inputs[0], y=outputs, r=",".join(references) or None, **cut)
     blas = nlfrf.identify(records, **how)
@@ -238,7 +238,7 @@ def identify(
             say(nlfrf.second_opinion(record, transient=transient, n_detection=detection))
         if csv:
             nlfrf.export_csv(bla, table_of(target), decimal=decimal)
-    end(dict(zip(outputs, blas, strict=True)), True, json)
+    finish_command(dict(zip(outputs, blas, strict=True)), True, json)
 
 
 @app.command()
@@ -331,13 +331,13 @@ def identify_matrix(record: nlfrf.Record, how: dict[str, Any], out: Path, csv: b
     targets = [out, *[table_of(out)] * (csv and not is_table)]
     require_writable(*targets)
     frm = nlfrf.identify(record, **how)
-    speaker(json)(frm)
+    printer(json)(frm)
     for target in targets:
         if target.suffix.lower() == ".csv":
             nlfrf.export_csv(frm, target, decimal=decimal)
         else:
             nlfrf.save_bla(frm, target)
-    end(frm, True, json)
+    finish_command(frm, True, json)
 
 
 def table_of(out: Path) -> Path:
@@ -372,7 +372,7 @@ class progress_bar:
     def __init__(self, label: str) -> None:
         from rich.progress import Progress
 
-        self.bar = Progress(console=terminal(), transient=True)
+        self.bar = Progress(console=rich_console(), transient=True)
         self.task = self.bar.add_task(label, total=None)
 
     def __enter__(self) -> Any:
@@ -385,7 +385,7 @@ class progress_bar:
 
 def main() -> None:
     """The command `nlfrf`."""
-    run("nlfrf", app, nlfrf.DataWarning, options=OPTIONS)
+    run_command("nlfrf", app, nlfrf.DataWarning, options=OPTIONS)
 
 
 if __name__ == "__main__":

@@ -12,10 +12,10 @@ import typer
 
 import nlfrf
 import robust
-from nlfrf._base.arguments import one_of, positive
+from nlfrf._base.arguments import require_choice, require_positive
 from nlfrf._base.axes import write_pictures
-from nlfrf._base.command import Commands, Json, Version, end, number, run, speaker, working
-from nlfrf._base.files import require_writable, signature, write_text
+from nlfrf._base.command import Commands, Json, Version, finish_command, parse_number, printer, run_command, spinner
+from nlfrf._base.files import command_signature, require_writable, write_text
 from robust._base.states import FrictionVerdict
 from robust.io.certificates import (
     certificate_of,
@@ -95,17 +95,17 @@ def model(
 ) -> None:
     """Fit a nominal model to a measured BLA and put a weight over what it leaves open."""
     blas = measured(bla)
-    with working("fitting the nominal model"):
+    with spinner("fitting the nominal model"):
         nominal = robust.fit_nominal(
             blas,
             n_poles=poles,
             n_zeros=zeros,
-            delay=delay if delay == "estimate" else number("delay", delay),
+            delay=delay if delay == "estimate" else parse_number("delay", delay),
             dt=sample_time,
             stable=not unstable,
         )
     print(nominal)
-    with working("fitting the weight"):
+    with spinner("fitting the weight"):
         result = robust.uncertainty(
             blas,
             nominal,
@@ -115,8 +115,8 @@ def model(
             simultaneous=simultaneous,
             even=not no_even,
             systematic=systematic,
-            below=below if below == "flat" else number("below", below),
-            above=above if above == "flat" else number("above", above),
+            below=below if below == "flat" else parse_number("below", below),
+            above=above if above == "flat" else parse_number("above", above),
             perturbation=perturbation,
         )
     print(result)
@@ -151,14 +151,14 @@ def design(
 
     Exit code 0 where every limit is met; 1 where not, with the best controller that was found written all the same.
     """
-    one_of("method", method, ("ncfsyn", "mixsyn", "pid"))
+    require_choice("method", method, ("ncfsyn", "mixsyn", "pid"))
     refuse_demand(bandwidth, error)
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
         plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else model_of_one(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
-        with working("designing"):
+        with spinner("designing"):
             asked: dict[str, Any] = {"M_S": peak, "omega_c": omega_c, "dt": sample_time, "delay": delay}
             result = robust.design_frf(plant, structure, positive=positive_gains, **asked)
         words = f"{'every limit met' if result.met else 'LIMITS NOT MET'}; {result.reason}"
@@ -168,7 +168,7 @@ def design(
         plant = model_of_one(model)
         if plant.measured_only:
             raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
-        with working("designing"):
+        with spinner("designing"):
             if method == "mixsyn":
                 w_P = robust.performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
                 result = robust.mixsyn(plant, w_P, dt=sample_time, delay=delay)
@@ -188,7 +188,7 @@ def design(
         warnings.warn(f"{unusual}; --positive keeps them positive", robust.DesignWarning, stacklevel=2)
     robust.save_controller(result.K, out)
     kind = f"sampled at {1 / result.K.dt:g} Hz" if result.K.dt else "continuous"
-    say = speaker(json)
+    say = printer(json)
     say(f"controller of order {result.K.nstates}, {kind}: {words}{told_gains(result.K, plant.unit, plc=True)}")
     if method == "pid":
         say(ground_of_limits(plant, model, out, delay))
@@ -197,7 +197,7 @@ def design(
     short = method == "mixsyn" and result.gamma > 1
     if short:
         say("gamma above 1: the demands and the uncertainty cannot all be met; ask for another bandwidth")
-    end(result, result.met and not short, json)
+    finish_command(result, result.met and not short, json)
 
 
 @app.command()
@@ -232,11 +232,11 @@ def check(
     files = {path: [named_after(path, one, several) for one in (out, picture)] for path in controller}
     require_writable(*(one for pair in files.values() for one in pair if one is not None))
     require_writable(*(certificate_of(report) for report, _ in files.values() if report is not None))
-    plant, say, reports = robust.load_model(model), speaker(json), {}
+    plant, say, reports = robust.load_model(model), printer(json), {}
     w_P, signals = demanded(plant, bandwidth, peak, error), named_signals(reference_step, disturbance, noise, up_to)
     for path in controller:
         K = robust.load_controller(path)
-        with working("checking"):
+        with spinner("checking"):
             report = robust.check(
                 plant, K, w_P=w_P, delay=delay, certify=not no_certify, solver=solver, signals=signals
             )
@@ -249,7 +249,7 @@ def check(
             write_pictures(drawing, check_pictures(plant, K, report))
         reports[str(path)] = report
     good = all(r.robustly_stable and (r.robust_performance or w_P is None) for r in reports.values())
-    end(reports, good, json)
+    finish_command(reports, good, json)
 
 
 @app.command()
@@ -263,10 +263,10 @@ def verify(
     """Prove a certificate again to the last bit, all rounding outward; exit code 1 where any claim is not proved."""
     plant = None if model is None else robust.load_model(model)
     K = None if controller is None else robust.load_controller(controller)
-    with working("verifying"):
+    with spinner("verifying"):
         found = robust.verify_certificate(file, model=plant, K=K, time_cap=seconds)
-    speaker(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")
-    end(found, found.verified, json)
+    printer(json)(f"{found}\n{'VERIFIED' if found.verified else 'NOT VERIFIED'}")
+    finish_command(found, found.verified, json)
 
 
 @app.command()
@@ -296,16 +296,16 @@ def prove(
         require_writable(*(certificate_of(out, number) for number in range(2)))
     machines, friction, text = class_from_files(machine, controller, nominal, stiffness, stiction)
     K = controller_of(controller, nominal or machine[0])
-    with working("proving"):
+    with spinner("proving"):
         proofs = prove_all(machines, K, friction, delay=delay, Fs=force, limits=limits)
         tested = linear_part_tested(machine, nominal, K, friction, delay)
     text += "\n\n".join(map(str, proofs)) + tested
-    say = speaker(json)
+    say = printer(json)
     say(text)
     if out is not None:
-        write_text(out, f"{text}\n\n{signature('robust prove')}\n")
+        write_text(out, f"{text}\n\n{command_signature('robust prove')}\n")
         save_proofs(proofs, out)
-    end(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
+    finish_command(proofs, all(proof.verdict is FrictionVerdict.PROVED for proof in proofs), json)
 
 
 @app.command()
@@ -318,12 +318,12 @@ def orders(
     picture: Picture = None,
 ) -> None:
     """Fit nominal models of growing order and say which one the data ask for."""
-    with working("fitting nominal models"):
+    with spinner("fitting nominal models"):
         scan = robust.scan_orders(
             measured(bla),
             n_poles=range(max(relative_degree, 1), most + 1),
             relative_degree=relative_degree,
-            delay=delay if delay in ("estimate", "auto") else number("delay", delay),
+            delay=delay if delay in ("estimate", "auto") else parse_number("delay", delay),
             dt=sample_time,
         )
     print(scan)
@@ -394,7 +394,7 @@ def report(
     if stiffness is not None:
         machines, friction, _ = class_from_files([model], controller, None, stiffness, stiction)
         proof = prove_all(machines, K, friction, delay=delay, Fs=force)[0]
-    with working("checking and drawing"):
+    with spinner("checking and drawing"):
         result = robust.write_report(
             out,
             plant,
@@ -465,14 +465,14 @@ def ground_of_limits(plant: Any, model: Path, out: Path, delay: float) -> str:
 
 def refuse_demand(bandwidth: float | None, error: float) -> None:
     """Refuse a demand on S by the names and in the units of its options."""
-    positive("error", error)
+    require_positive("error", error)
     if bandwidth is not None:
-        positive("bandwidth", bandwidth)
+        require_positive("bandwidth", bandwidth)
 
 
 def main() -> None:
     """The command `robust`."""
-    run("robust", app, nlfrf.DataWarning, robust.DesignWarning, options=OPTIONS)
+    run_command("robust", app, nlfrf.DataWarning, robust.DesignWarning, options=OPTIONS)
 
 
 if __name__ == "__main__":

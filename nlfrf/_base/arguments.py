@@ -18,39 +18,39 @@ __all__ = [
     "HOLDS",
     "DataWarning",
     "channel_names",
-    "counted",
     "data_warning",
-    "generator",
-    "hertz",
-    "in_unit",
-    "in_words",
-    "integer",
+    "format_count",
+    "format_hertz",
+    "format_paragraph",
+    "format_small_count",
     "inverse_unit",
-    "listed",
-    "nonnegative",
-    "of_kind",
+    "join_names",
+    "label_with_unit",
     "one_line",
-    "one_of",
-    "paragraph",
-    "positive",
     "printable",
-    "probability",
+    "random_generator",
     "ratio_unit",
-    "real",
-    "real_array",
-    "shown",
+    "require_choice",
+    "require_integer",
+    "require_kind",
+    "require_nonnegative",
+    "require_positive",
+    "require_probability",
+    "require_real",
+    "require_real_array",
+    "short_form",
 ]
 
 
 # ---- How things are said to people: a frequency in Hz, anything at all at the end of a message.
 
-NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+NUMBER_WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 #: What commands a terminal or turns the direction of the text behind it: control characters but the line break and the
 #: tab, marks of direction and of no width, tags, halves of a pair (bytes of a file name that are no text).
-COMMANDS = re.compile(
+CONTROL_CHARACTERS = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
 )
-BREAKS = re.compile("[\t\n\x0b\f\r\x85\u2028\u2029]+")
+LINE_BREAKS = re.compile("[\t\n\x0b\f\r\x85\u2028\u2029]+")
 
 
 def printable(text: str) -> str:
@@ -64,7 +64,7 @@ def printable(text: str) -> str:
         raw = found[0].encode("utf-16-be", "surrogatepass").hex()
         return "".join(f"\\u{raw[i : i + 4]}" for i in range(0, len(raw), 4))
 
-    return COMMANDS.sub(written_out, text)
+    return CONTROL_CHARACTERS.sub(written_out, text)
 
 
 def one_line(text: str) -> str:
@@ -73,10 +73,10 @@ def one_line(text: str) -> str:
     >>> one_line("Force\r\n[N]"), one_line("u\x9b2J")
     ('Force [N]', 'u\\u009b2J')
     """
-    return printable(BREAKS.sub(" ", text))
+    return printable(LINE_BREAKS.sub(" ", text))
 
 
-def shown(thing: Any) -> str:
+def short_form(thing: Any) -> str:
     """A short form of anything, for the end of a message."""
     if isinstance(thing, np.ndarray):
         return f"an array of shape {thing.shape}"
@@ -84,26 +84,26 @@ def shown(thing: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def hertz(omega: float) -> str:
+def format_hertz(omega: float) -> str:
     """A frequency for people."""
     return "infinite frequency" if np.isinf(omega) else f"{omega / 2 / np.pi:.4g} Hz"
 
 
-def counted(n: int, what: str) -> str:
+def format_count(n: int, what: str) -> str:
     """A count with its noun."""
     return f"{n} {what}" + "s" * (n != 1)
 
 
-def in_words(n: int, what: str) -> str:
+def format_small_count(n: int, what: str) -> str:
     """A count with its noun, small numbers in words.
 
     >>> in_words(1, "sample"), in_words(2, "sample"), in_words(40, "sample")
     ('one sample', 'two samples', '40 samples')
     """
-    return f"{NUMBERS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(NUMBERS) else counted(n, what)
+    return f"{NUMBER_WORDS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(NUMBER_WORDS) else format_count(n, what)
 
 
-def listed(names: Sequence[str]) -> str:
+def join_names(names: Sequence[str]) -> str:
     """Names with commas and an "and" between them.
 
     >>> listed(["1"]), listed(["1", "3"]), listed(["1", "3", "4"])
@@ -112,7 +112,7 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
 
 
-def paragraph(label: str, text: str) -> list[str]:
+def format_paragraph(label: str, text: str) -> list[str]:
     """A labelled paragraph that fits a screen 100 wide."""
     rows = wrap(text, 86) or [""]
     return [f"{label + ':':<13}{rows[0]}", *(" " * 13 + row for row in rows[1:])] if text else []
@@ -139,7 +139,7 @@ def ratio_unit(top: str, bottom: str) -> str:
     return f"{top or '1'}/{bottom or '1'}" if top or bottom else ""
 
 
-def in_unit(what: str, unit: str, otherwise: str) -> str:
+def label_with_unit(what: str, unit: str, otherwise: str) -> str:
     """A quantity with its unit in brackets, for an axis: the one known, or what it would be.
 
     >>> in_unit("u", "N", "unit of u"), in_unit("u", "", "unit of u")
@@ -171,38 +171,40 @@ def data_warning(text: str) -> None:
     warnings.warn(text, DataWarning, stacklevel=level)
 
 
-def of_kind(name: str, thing: Any, *kinds: type[Any]) -> None:
+def require_kind(name: str, thing: Any, *kinds: type[Any]) -> None:
     """A refusal unless the thing is of one of these kinds: what is made for one of them would fail somewhere inside."""
     if not isinstance(thing, kinds):
-        raise ValueError(f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got {shown(thing)}")
+        raise ValueError(
+            f"{name} must be of type {' or '.join(kind.__name__ for kind in kinds)}, got {short_form(thing)}"
+        )
 
 
-def positive(name: str, number: Any) -> float:
+def require_positive(name: str, number: Any) -> float:
     """The number as a float, or a refusal unless it is finite and above zero."""
-    number = real(name, number)
+    number = require_real(name, number)
     if not number > 0:
         raise ValueError(f"{name} must be positive, got {number:g}")
     return number
 
 
-def nonnegative(name: str, number: Any) -> float:
+def require_nonnegative(name: str, number: Any) -> float:
     """The number as a float, or a refusal unless it is finite and at least zero."""
-    number = real(name, number)
+    number = require_real(name, number)
     if number < 0:
         raise ValueError(f"{name} must be zero or positive, got {number:g}")
     return number
 
 
-def real(name: str, number: Any) -> float:
+def require_real(name: str, number: Any) -> float:
     """The number as a float, or a refusal unless it is one finite real number."""
     if isinstance(number, (bool, np.bool_)) or not isinstance(number, numbers.Real):
-        raise ValueError(f"{name} must be a real number, got {shown(number)}")
+        raise ValueError(f"{name} must be a real number, got {short_form(number)}")
     if not np.isfinite(float(number)):
         raise ValueError(f"{name} must be finite, got {float(number)}")
     return float(number)
 
 
-def integer(name: str, number: Any, *, least: int) -> int:
+def require_integer(name: str, number: Any, *, least: int) -> int:
     """The number as an int, or a refusal unless it is a whole number of at least `least`."""
     if type(number) is int and number >= least:
         return number
@@ -210,36 +212,36 @@ def integer(name: str, number: Any, *, least: int) -> int:
         number_f = float(number)
         if number_f.is_integer() and number_f >= least:
             return int(number_f)
-    raise ValueError(f"{name} must be a whole number of at least {least}, got {shown(number)}")
+    raise ValueError(f"{name} must be a whole number of at least {least}, got {short_form(number)}")
 
 
-def probability(name: str, number: Any) -> float:
+def require_probability(name: str, number: Any) -> float:
     """The number as a float, or a refusal unless it lies strictly between 0 and 1."""
-    p = real(name, number)
+    p = require_real(name, number)
     if not 0 < p < 1:
         raise ValueError(f"{name} must lie strictly between 0 and 1, got {p:g}")
     return p
 
 
-def generator(name: str, seed: Any) -> np.random.Generator:
+def random_generator(name: str, seed: Any) -> np.random.Generator:
     """A source of random numbers from one, from a seed or from nothing, or a refusal."""
     try:
         return np.random.default_rng(seed)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a numpy Generator, a whole number or None, got {shown(seed)}") from None
+        raise ValueError(f"{name} must be a numpy Generator, a whole number or None, got {short_form(seed)}") from None
 
 
-def one_of(name: str, choice: Any, choices: tuple[str, ...]) -> str:
+def require_choice(name: str, choice: Any, choices: tuple[str, ...]) -> str:
     """The choice, or a refusal that lists what can be chosen."""
     if choice not in choices:
-        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {shown(choice)}")
+        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {short_form(choice)}")
     return str(choice)
 
 
-def real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
+def require_real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
     """The array as float64, or a refusal unless it has `ndim` axes and finite real numbers."""
     if isinstance(array, np.ma.MaskedArray):
-        refuse_masked(name, array)
+        require_unmasked(name, array)
     array = np.asarray(array)
     if array.dtype.kind not in "fiub":
         raise ValueError(f"{name} must hold real numbers, got dtype {array.dtype}")
@@ -254,7 +256,7 @@ def real_array(name: str, array: Any, *, ndim: int) -> np.ndarray:
     return array
 
 
-def refuse_masked(name: str, array: np.ma.MaskedArray) -> None:
+def require_unmasked(name: str, array: np.ma.MaskedArray) -> None:
     """Refuse masked samples, which would otherwise count with whatever lies under the mask."""
     mask = np.ma.getmaskarray(array)
     if mask.any():

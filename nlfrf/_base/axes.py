@@ -8,38 +8,38 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.files import PICTURE, Role, write_whole
+from nlfrf._base.files import PICTURE_SIGNATURE, Role, write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
-    "axes",
+    "add_note",
+    "axes_or_new",
     "bode_axes",
-    "db",
-    "finished",
-    "finished_matrix",
+    "finish_axes",
+    "finish_matrix",
     "follow_lines",
     "gain_band",
-    "labelled",
+    "height_below",
+    "join_labels",
     "lower_edge",
     "matrix_axes",
-    "note",
     "phase_band",
     "save_figure",
-    "under",
+    "to_decibel",
     "write_pictures",
 ]
 
 
-LETTERS = 15.0  # of a legend in an inch, its markers counted as
-MARKER = 6
-DEEP = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
+LETTER_SIZE = 15.0  # of a legend in an inch, its markers counted as
+MARKER_SIZE = 6
+DEPTH_DB = 20.0  # dB under a curve, at which the lower edge of a band ends that goes on to zero
 HEADROOM = 6.0  # dB that are left free above and below the curves of a picture, at least
-GROWS = 1.25  # what a layout adds to the width that the axes had to begin with
+MAX_GROWTH = 1.25  # what a layout adds to the width that the axes had to begin with
 
 
-def axes(ax: Axes | None) -> Any:
+def axes_or_new(ax: Axes | None) -> Any:
     """The axes given, or those of a new figure."""
     if ax is not None:
         return ax
@@ -100,11 +100,11 @@ def matrix_axes(ax: Axes | None, rows: Sequence[str], columns: Sequence[str]) ->
     return made, foot
 
 
-def finished_matrix(made: Any, foot: Any, across: str) -> Any:
+def finish_matrix(made: Any, foot: Any, across: str) -> Any:
     """Grids, the label of the axis that goes across in the lowest row, and one legend for all under it."""
     entries: dict[str, Any] = {}
     for one in made.flat:
-        grid(one)
+        draw_grid(one)
         for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     for one in made[-1]:
@@ -114,16 +114,16 @@ def finished_matrix(made: Any, foot: Any, across: str) -> Any:
     return made
 
 
-def finished(ax: Any) -> Any:
+def finish_axes(ax: Any) -> Any:
     """Grid and legend, the same in every picture: the legend stands below the axes, off the data."""
-    grid(ax)
+    draw_grid(ax)
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         legend_below(ax, handles, labels)
     return ax
 
 
-def grid(ax: Any) -> None:
+def draw_grid(ax: Any) -> None:
     """A grid, and plain numbers on a logarithmic axis."""
     ax.grid(alpha=0.3, which="both", lw=0.5)
     if ax.get_xscale() == "log":
@@ -141,7 +141,7 @@ def legend_below(ax: Any, handles: Sequence[Any], labels: list[str], down: float
         loc="upper center",
         bbox_to_anchor=(0.5, 0.0),
         bbox_transform=offset_copy(ax.transAxes, ax.figure, y=down, units="points"),
-        ncols=columns(ax, labels),
+        ncols=legend_columns(ax, labels),
         frameon=False,
         borderaxespad=0.2,
         columnspacing=1.4,
@@ -160,17 +160,17 @@ def plain_numbers(ax: Any) -> None:
     )
 
 
-def labelled(bottom: Any, top: Any) -> None:
+def join_labels(bottom: Any, top: Any) -> None:
     """The legend of a pair under the lower axes: the labels of the upper ones, once."""
     said = set(bottom.get_legend_handles_labels()[1])
     for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
         if label not in said:
             draw = bottom.plot if hasattr(handle, "get_marker") else bottom.fill_between
-            draw(*[[]] * (2 if draw == bottom.plot else 3), label=label, **look(handle))
+            draw(*[[]] * (2 if draw == bottom.plot else 3), label=label, **line_style(handle))
         handle.set_label(f"_{label}")
 
 
-def look(handle: Any) -> dict[str, Any]:
+def line_style(handle: Any) -> dict[str, Any]:
     """How a curve or a band is drawn, for a sample of it in a legend."""
     if hasattr(handle, "get_linestyle") and hasattr(handle, "get_marker"):
         kept = ("color", "linestyle", "linewidth", "marker", "markersize", "markerfacecolor", "alpha")
@@ -180,16 +180,16 @@ def look(handle: Any) -> dict[str, Any]:
     return drawn | {"hatch": handle.get_hatch(), "linewidth": 0}
 
 
-def columns(ax: Any, labels: list[str]) -> int:
+def legend_columns(ax: Any, labels: list[str]) -> int:
     """How many columns of a legend fit under the axes."""
-    room = ax.get_position().width * ax.figure.get_figwidth() * LETTERS
+    room = ax.get_position().width * ax.figure.get_figwidth() * LETTER_SIZE
     if ax.figure.get_layout_engine() is not None:
-        room *= GROWS
-    widest = max(map(len, labels)) + MARKER
+        room *= MAX_GROWTH
+    widest = max(map(len, labels)) + MARKER_SIZE
     return int(np.clip(room // widest, 1, len(labels)))
 
 
-def under(ax: Any) -> float:
+def height_below(ax: Any) -> float:
     """Height [inch] that the axis label and the legend take below the axes."""
     legend = ax.get_legend()
     if legend is None:
@@ -198,12 +198,12 @@ def under(ax: Any) -> float:
     return 0.6 + 0.19 * rows
 
 
-def note(ax: Any, text: str) -> None:
+def add_note(ax: Any, text: str) -> None:
     """A remark in small letters inside the axes, at the bottom."""
     ax.text(0.01, 0.015, text, transform=ax.transAxes, fontsize="small", color="0.35", va="bottom")
 
 
-def db(x: np.ndarray) -> np.ndarray:
+def to_decibel(x: np.ndarray) -> np.ndarray:
     """Amplitude in decibels; nan where it is zero."""
     x = np.asarray(x, dtype=float)
     return np.asarray(20 * np.log10(np.where(x > 0, x, np.nan)))
@@ -229,13 +229,13 @@ def save_figure(path: Path, figure: Any, *, dpi: int, role: Role = Role.NAMED) -
     """Write a figure that says who drew it, in the formats that can say so."""
     kind = path.suffix.lstrip(".").lower()
     said = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
-    metadata = {} if said is None else {"metadata": {said: PICTURE}}
-    write_whole(path, lambda beside: figure.savefig(beside, format=kind, dpi=dpi, **metadata), role=role)
+    metadata = {} if said is None else {"metadata": {said: PICTURE_SIGNATURE}}
+    write_atomically(path, lambda beside: figure.savefig(beside, format=kind, dpi=dpi, **metadata), role=role)
 
 
 def lower_edge(size: np.ndarray, low: np.ndarray) -> np.ndarray:
     """Where a band of gains ends below, for a logarithmic axis: zero has no place there, so DEEP under the curve."""
-    return np.maximum(low, 10 ** (-DEEP / 20) * size)
+    return np.maximum(low, 10 ** (-DEPTH_DB / 20) * size)
 
 
 def gain_band(
@@ -255,7 +255,7 @@ def gain_band(
     Where `low` is not above zero the band has no lower edge. It ends DEEP under the curve there, is hatched, and the
     legend says by `over` what that means.
     """
-    edge, top = db(lower_edge(size, low)), db(np.minimum(high, 1e3 * size))
+    edge, top = to_decibel(lower_edge(size, low)), to_decibel(np.minimum(high, 1e3 * size))
     ax.fill_between(f, edge, top, color=color, alpha=alpha, lw=0, label=label)
     endless = ~(low > 0) & (size > 0)
     if endless.any():

@@ -16,13 +16,24 @@ from typing import Annotated, Any, TextIO, get_type_hints
 import typer
 
 from nlfrf._base.arguments import one_line, printable
-from nlfrf._base.files import outputs, require_writable
-from nlfrf._base.values import as_json
+from nlfrf._base.files import guarded_outputs, require_writable
+from nlfrf._base.values import to_json
 
-__all__ = ["Commands", "Decimal", "Json", "Version", "end", "number", "run", "speaker", "terminal", "working"]
+__all__ = [
+    "Commands",
+    "Decimal",
+    "Json",
+    "Version",
+    "finish_command",
+    "parse_number",
+    "printer",
+    "rich_console",
+    "run_command",
+    "spinner",
+]
 
-WRITTEN = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
-OVERWRITE = "Replace a file that no such command made; an input is never replaced."
+OUTPUT_PARAMETERS = ("out", "picture")  # parameters that name a file to write; every other path is one that is read
+OVERWRITE_HELP = "Replace a file that no such command made; an input is never replaced."
 
 
 class Commands(typer.Typer):
@@ -34,23 +45,25 @@ class Commands(typer.Typer):
         def add(function: Any) -> Any:
             # the whole first sentence, which would be cut to 45 letters and an ellipsis otherwise
             sentence = (inspect.getdoc(function) or "").partition("\n\n")[0].replace("\n", " ")
-            super(Commands, self).command(*arguments, **{"short_help": sentence, **options})(with_outputs(function))
+            super(Commands, self).command(*arguments, **{"short_help": sentence, **options})(guard_outputs(function))
             return function
 
         return add
 
 
-def with_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
+def guard_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
     """The same command, whose outputs are held against its inputs and named at its end."""
     signature = inspect.signature(function)
-    if not set(WRITTEN) & set(signature.parameters):
+    if not set(OUTPUT_PARAMETERS) & set(signature.parameters):
         return function
 
     @functools.wraps(function)
     def run_with_outputs(*, overwrite: bool, **given: Any) -> None:
-        read = [path for name, value in given.items() if name not in WRITTEN for path in paths_in(value)]
-        with outputs(read, overwrite=overwrite) as running:
-            require_writable(*(path for name in WRITTEN for path in paths_in(given.get(name)) if not path.is_dir()))
+        read = [path for name, value in given.items() if name not in OUTPUT_PARAMETERS for path in find_paths(value)]
+        with guarded_outputs(read, overwrite=overwrite) as running:
+            require_writable(
+                *(path for name in OUTPUT_PARAMETERS for path in find_paths(given.get(name)) if not path.is_dir())
+            )
             try:
                 function(**given)
             finally:  # of a command that fails half way, too
@@ -60,7 +73,7 @@ def with_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
     # where --force is the largest friction force, it has the one name only
     names = ("--overwrite",) if "force" in signature.parameters else ("--overwrite", "--force")
     hints = get_type_hints(function, include_extras=True)
-    hints["overwrite"] = Annotated[bool, typer.Option(*names, help=OVERWRITE)]
+    hints["overwrite"] = Annotated[bool, typer.Option(*names, help=OVERWRITE_HELP)]
     overwrite = inspect.Parameter("overwrite", inspect.Parameter.KEYWORD_ONLY, default=False)
     parameters = [*signature.parameters.values(), overwrite]
     run_with_outputs.__signature__ = signature.replace(  # type: ignore[attr-defined]
@@ -70,7 +83,7 @@ def with_outputs(function: Callable[..., Any]) -> Callable[..., Any]:
     return run_with_outputs
 
 
-def paths_in(value: Any) -> list[Path]:
+def find_paths(value: Any) -> list[Path]:
     """The paths among what a parameter was given."""
     return [one for one in (value if isinstance(value, (list, tuple)) else [value]) if isinstance(one, Path)]
 
@@ -97,7 +110,7 @@ class Printable:
 
 
 @contextmanager
-def printable_streams() -> Iterator[None]:
+def clean_streams() -> Iterator[None]:
     """Everything that is printed, whoever prints it, cleaned: names in files, paths, messages of libraries."""
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (Printable(stream) for stream in before)
@@ -107,21 +120,21 @@ def printable_streams() -> Iterator[None]:
         sys.stdout, sys.stderr = before
 
 
-def terminal() -> Any:
+def rich_console() -> Any:
     """A console of rich on standard error itself: what moves there is drawn by codes that are meant."""
     from rich.console import Console
 
     return Console(file=getattr(sys.stderr, "stream", sys.stderr))
 
 
-def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
+def run_command(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapping[str, str]) -> None:
     """Run a command: bad input is one line on standard error and exit code 2, never a traceback.
 
     Warnings of the classes `shown` are one line there too, each once. `options` says which parameters of the library
     have another name on the command line: in messages they have that one. What names in a file could do to a terminal
     is undone on the way, in everything that is printed.
     """
-    with printable_streams(), warnings.catch_warnings():
+    with clean_streams(), warnings.catch_warnings():
         for category in shown:
             warnings.simplefilter("always", category)
         said: set[str] = set()
@@ -132,7 +145,7 @@ def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapp
             if not issubclass(category, shown):  # of a library below: nothing that a user of ours can mend
                 others(message, category, *where, **more)
                 return
-            text = in_options(one_line(str(message)), options)
+            text = name_options(one_line(str(message)), options)
             if text not in said:  # of several outputs, each warns of what they share
                 typer.echo(f"{name}: warning: {text}", err=True)
             said.add(text)
@@ -141,14 +154,14 @@ def run(name: str, app: Callable[..., Any], *shown: type[Warning], options: Mapp
         try:
             app(prog_name=name)
         except (ValueError, OSError) as error:
-            typer.echo(f"{name}: {in_options(in_one_line(error), options)}", err=True)
+            typer.echo(f"{name}: {name_options(describe_error(error), options)}", err=True)
             raise SystemExit(2) from None
         except MemoryError as error:
             typer.echo(f"{name}: not enough memory for this: {error or 'none is left'}", err=True)
             raise SystemExit(2) from None
 
 
-def in_options(text: str, options: Mapping[str, str]) -> str:
+def name_options(text: str, options: Mapping[str, str]) -> str:
     """A message of the library in the words of the command line.
 
     >>> in_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
@@ -165,27 +178,27 @@ def in_options(text: str, options: Mapping[str, str]) -> str:
     return text
 
 
-def in_one_line(error: Exception) -> str:
+def describe_error(error: Exception) -> str:
     """What went wrong, for a command line: the system's own errors name their file first."""
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{one_line(str(error.filename))} could not be opened: {error.strerror.lower()}"
     return one_line(str(error))
 
 
-def speaker(json: bool) -> Callable[[Any], None]:
+def printer(json: bool) -> Callable[[Any], None]:
     """Who says what was found: standard output, or standard error where that is kept for JSON."""
     return lambda said: typer.echo(str(said), err=json)
 
 
-def end(results: Any, good: bool, json: bool) -> None:
+def finish_command(results: Any, good: bool, json: bool) -> None:
     """The end of a command with a verdict: the result as JSON where asked for, exit code 1 where it is not good."""
     if json:
-        typer.echo(as_json(results, most=MOST))
+        typer.echo(to_json(results, most=MAX_ROWS))
     if not good:
         raise typer.Exit(1)
 
 
-def number(name: str, text: str) -> float:
+def parse_number(name: str, text: str) -> float:
     """A number given as text, or a refusal."""
     try:
         return float(text)
@@ -194,9 +207,9 @@ def number(name: str, text: str) -> float:
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
+def spinner(what: str) -> Iterator[None]:
     """A spinner on standard error while something takes its time."""
-    with terminal().status(what):
+    with rich_console().status(what):
         yield
 
 
@@ -207,7 +220,7 @@ def print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-MOST = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
+MAX_ROWS = 64  # numbers of an array that a verdict in JSON holds; of a longer one its shape
 Decimal = Annotated[
     str,
     typer.Option("--decimal", help="Mark of decimals in a .csv: a point, or a comma with semicolons between columns."),

@@ -19,58 +19,57 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from nlfrf._base.arguments import one_line, shown
+from nlfrf._base.arguments import one_line, short_form
 
 __all__ = [
     "DECIMALS",
-    "PICTURE",
-    "PLAYED",
-    "SIMULATED",
+    "DESIGN_MARK",
+    "PICTURE_SIGNATURE",
+    "SIMULATED_MARK",
     "VERSION",
     "Role",
-    "admit",
+    "admit_file",
+    "command_signature",
+    "file_kind",
+    "guarded_outputs",
     "is_command",
-    "kind_of",
-    "outputs",
     "parse_json",
-    "path_of",
     "require_schema",
     "require_writable",
+    "resolve_target",
     "save_mat",
     "schema_fault",
-    "signature",
-    "target_of",
+    "to_path",
     "write_arrays",
+    "write_atomically",
     "write_table",
     "write_text",
-    "write_whole",
 ]
 
 
 # ---- What a command may write: never onto a file that it reads, nor over a file that no command of its kind made.
 #
-# Every file of both packages goes through `whole_files.write_whole`, which asks here. A command opens `outputs`; then
-# its
+# Every file of both packages goes through `write_atomically`, which asks here. A command opens `guarded_outputs`; then its
 # inputs are safe under each of their names, and an existing file is replaced only by a result of its own kind. The kind
-# is read from the file itself (`kind_of`), because nothing else survives copying a folder or calling a script again.
+# is read from the file itself (`file_kind`), because nothing else survives copying a folder or calling a script again.
 #
 # Outside a command a path is one that the caller wrote down, and is replaced as NumPy and pandas do. A file whose name
 # a
 # function made up (`Role.DERIVED`) is treated as in a command: nobody asked for that name.
 
-PICTURE = "nlfrf and robust: a picture of a result"  # what pictures say of who made them
-RECORDS = ("nlfrf-record", "nlfrf-multirecord")
-SIMULATED = "simulated"  # entry of a record that a command computed: any other record may be someone's measurement
-PLAYED = "the samples of a design"
-TABLES = (
+PICTURE_SIGNATURE = "nlfrf and robust: a picture of a result"  # what pictures say of who made them
+RECORD_SCHEMAS = ("nlfrf-record", "nlfrf-multirecord")
+SIMULATED_MARK = "simulated"  # entry of a record that a command computed: any other record may be someone's measurement
+DESIGN_MARK = "the samples of a design"
+TABLE_HEADERS = (
     (r"f \[Hz\],Re G,Im G,bound,bound_realization,std_noise,.*", "the table of a BLA"),
     (r"f \[Hz\](,Re [^,]+,Im [^,]+,bound [^,]+)+", "the table of a matrix"),
     (r"b0,b1,b2,a0,a1,a2", "second-order sections"),
-    (r"t \[s\](,u\d+( experiment \d+)?)+", PLAYED),
+    (r"t \[s\](,u\d+( experiment \d+)?)+", DESIGN_MARK),
     (r"t \[s\],.*", ""),  # a record: it looks like anybody's measurement
 )
-TEXTS = re.compile(r"^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$", re.M)
-HEAD = 1 << 12  # bytes at either end of a file in which it says what it is
+TEXT_SIGNATURE = re.compile(r"^(?:% |<!-- )?\(?written by '((?:robust|nlfrf) [a-z]+)'\)?(?: -->)?$", re.M)
+HEAD_BYTES = 1 << 12  # bytes at either end of a file in which it says what it is
 
 
 class Role(Enum):
@@ -90,27 +89,27 @@ class Outputs:
     written: list[Path] = field(default_factory=list)
 
 
-RUNNING: ContextVar[Outputs | None] = ContextVar("running", default=None)
+RUNNING_COMMAND: ContextVar[Outputs | None] = ContextVar("running", default=None)
 
 
 @contextmanager
-def outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Iterator[Outputs]:
+def guarded_outputs(inputs: Sequence[Path], *, overwrite: bool = False) -> Iterator[Outputs]:
     """While a command runs: keep its inputs, and what it did not make, from what it writes."""
     running = Outputs(tuple(inputs), overwrite)
-    token = RUNNING.set(running)
+    token = RUNNING_COMMAND.set(running)
     try:
         yield running
     finally:
-        RUNNING.reset(token)
+        RUNNING_COMMAND.reset(token)
 
 
 def is_command() -> bool:
     """Whether a command is running, and not a script of the user's."""
-    return RUNNING.get() is not None
+    return RUNNING_COMMAND.get() is not None
 
 
 def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
-    """Refuse, before the work is done, what `admit` would refuse after it whatever is to be written.
+    """Refuse, before the work is done, what `admit_file` would refuse after it whatever is to be written.
 
     Parameters
     ----------
@@ -119,17 +118,17 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
     role : Role
         Where their names come from.
     """
-    running = RUNNING.get()
+    running = RUNNING_COMMAND.get()
     for path in paths:
-        target = target_of(path)
+        target = resolve_target(path)
         for taken in () if running is None else running.inputs:
-            if same_file(target, taken):
+            if is_same_file(target, taken):
                 raise ValueError(
-                    f"a file to write must not be one that the command reads, got {name_of(path, taken)}: what it "
-                    "holds would be lost; take another name"
+                    f"a file to write must not be one that the command reads, got {describe_path(path, taken)}: what "
+                    "it holds would be lost; take another name"
                 )
         for taken in () if running is None else running.written:
-            if same_file(target, taken):
+            if is_same_file(target, taken):
                 raise ValueError(f"files to write must have different names, got {path} twice; take another name")
         if target.exists() and not target.is_file():
             raise ValueError(f"a file to write must be a file, got {path}, which is a folder or a device")
@@ -137,7 +136,7 @@ def require_writable(*paths: Path, role: Role = Role.NAMED) -> None:
             raise_for_foreign(path, running)
 
 
-def admit(path: Path, new: Path, role: Role) -> None:
+def admit_file(path: Path, new: Path, role: Role) -> None:
     """Refuse a file that is about to take a place, or note that it is written.
 
     Parameters
@@ -150,10 +149,10 @@ def admit(path: Path, new: Path, role: Role) -> None:
         Where the name of the place comes from.
     """
     require_writable(path, role=role)
-    running, target = RUNNING.get(), target_of(path)
+    running, target = RUNNING_COMMAND.get(), resolve_target(path)
     if is_guarded(running, role) and target.exists():
         suffix = path.suffix.lower()
-        if kind_of(target, suffix) != kind_of(new, suffix):
+        if file_kind(target, suffix) != file_kind(new, suffix):
             raise_for_foreign(path, running)
     if running is not None and role is not Role.KEPT:
         running.written.append(path)
@@ -173,35 +172,37 @@ def raise_for_foreign(path: Path, running: Outputs | None) -> None:
     )
 
 
-def target_of(path: Path) -> Path:
+def resolve_target(path: Path) -> Path:
     """The file behind a path: a symbolic link is written through, as by every other program."""
     return Path(os.path.realpath(path))
 
 
-def same_file(one: Path, other: Path) -> bool:
+def is_same_file(one: Path, other: Path) -> bool:
     """Whether two paths name one file: by links of both kinds, and by case where names differ in nothing else."""
     try:
         if one.samefile(other):
             return True
     except OSError:  # one of them is not there
         pass
-    return str(target_of(one)).casefold() == str(target_of(other)).casefold()
+    return str(resolve_target(one)).casefold() == str(resolve_target(other)).casefold()
 
 
-def name_of(path: Path, taken: Path) -> str:
+def describe_path(path: Path, taken: Path) -> str:
     """A path, and the input it is another name of."""
     return str(path) if str(path) == str(taken) else f"{path}, which is {taken}"
 
 
 def is_replaceable(target: Path, path: Path) -> bool:
     """Whether an existing file says that these packages made it."""
-    kind = kind_of(target, path.suffix.lower())
+    kind = file_kind(target, path.suffix.lower())
     # anybody's generator may write a column u0: ours has its design beside it
-    return kind is not None and (kind != PLAYED or "multisine" in (kind_of(path.with_suffix(".npz"), ".npz") or ""))
+    return kind is not None and (
+        kind != DESIGN_MARK or "multisine" in (file_kind(path.with_suffix(".npz"), ".npz") or "")
+    )
 
 
-def signature(command: str) -> str:
-    """The line at the end of a text file by which `kind_of` knows the command that wrote it.
+def command_signature(command: str) -> str:
+    """The line at the end of a text file by which `file_kind` knows the command that wrote it.
 
     >>> signature("robust check")
     "(written by 'robust check')"
@@ -209,108 +210,110 @@ def signature(command: str) -> str:
     return f"(written by '{command}')"
 
 
-def kind_of(path: Path, suffix: str) -> str | None:
+def file_kind(path: Path, suffix: str) -> str | None:
     """What a file says it is, None where it does not say that these packages made it, or cannot be read.
 
     A record counts only where a command simulated it, because a measurement is written by the same function.
     """
     try:
-        return READERS[suffix](path)
+        return KIND_READERS[suffix](path)
     except Exception:  # a damaged file makes its reader raise anything; so does a suffix that nobody here writes
         return None
 
 
-def of_npz(path: Path) -> str | None:
+def kind_of_npz(path: Path) -> str | None:
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-        return of_schema(str(file["schema"]), SIMULATED in file.files)
+        return kind_of_schema(str(file["schema"]), SIMULATED_MARK in file.files)
 
 
-def of_hdf5(path: Path) -> str | None:
+def kind_of_hdf5(path: Path) -> str | None:
     import h5py
 
     with h5py.File(path, "r") as file:
-        return of_schema(str(file.attrs["schema"]), SIMULATED in file)
+        return kind_of_schema(str(file.attrs["schema"]), SIMULATED_MARK in file)
 
 
-def of_mat(path: Path) -> str | None:
+def kind_of_mat(path: Path) -> str | None:
     from scipy.io import loadmat
 
-    content = loadmat(path, variable_names=["schema", "kind", "content", SIMULATED])
+    content = loadmat(path, variable_names=["schema", "kind", "content", SIMULATED_MARK])
     if "content" in content:  # of `robust export`
         return str(content["content"]["kind"].item().item())
     return (
-        str(content["kind"].item()) if "kind" in content else of_schema(content["schema"].item(), SIMULATED in content)
+        str(content["kind"].item())
+        if "kind" in content
+        else kind_of_schema(content["schema"].item(), SIMULATED_MARK in content)
     )
 
 
-def of_schema(schema: str, simulated: bool) -> str | None:
-    ours = schema.startswith(("nlfrf-", "robust-")) and (schema not in RECORDS or simulated)
+def kind_of_schema(schema: str, simulated: bool) -> str | None:
+    ours = schema.startswith(("nlfrf-", "robust-")) and (schema not in RECORD_SCHEMAS or simulated)
     return schema if ours else None
 
 
-def of_json(path: Path) -> str | None:
-    return of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False)
+def kind_of_json(path: Path) -> str | None:
+    return kind_of_schema(json.loads(path.read_text(encoding="utf-8"))["schema"], simulated=False)
 
 
-def of_table(path: Path) -> str | None:
+def kind_of_table(path: Path) -> str | None:
     with path.open("rb") as stream:
         first = stream.readline(1 << 20).decode().rstrip("\n").replace('"', "")
     first = first if "," in first else first.replace(";", ",")
-    return next((kind for pattern, kind in TABLES if re.fullmatch(pattern, first)), None) or None
+    return next((kind for pattern, kind in TABLE_HEADERS if re.fullmatch(pattern, first)), None) or None
 
 
-def of_page(path: Path) -> str | None:
-    found = re.search(rb'<meta name="generator" content="(robust: [^"]+)">', ends_of(path))
+def kind_of_page(path: Path) -> str | None:
+    found = re.search(rb'<meta name="generator" content="(robust: [^"]+)">', first_and_last_bytes(path))
     return found and found[1].decode()
 
 
-def of_picture(path: Path) -> str | None:
-    return PICTURE if PICTURE.encode() in ends_of(path) else None
+def kind_of_picture(path: Path) -> str | None:
+    return PICTURE_SIGNATURE if PICTURE_SIGNATURE.encode() in first_and_last_bytes(path) else None
 
 
-def of_text(path: Path) -> str | None:
-    found = TEXTS.search(ends_of(path).decode(errors="replace"))
+def kind_of_text(path: Path) -> str | None:
+    found = TEXT_SIGNATURE.search(first_and_last_bytes(path).decode(errors="replace"))
     return found and found[1]
 
 
-def of_sound(path: Path) -> str | None:
-    return PLAYED if b"ISFT" in ends_of(path) and b"nlfrf" in ends_of(path) else None
+def kind_of_sound(path: Path) -> str | None:
+    return DESIGN_MARK if b"ISFT" in first_and_last_bytes(path) and b"nlfrf" in first_and_last_bytes(path) else None
 
 
-def ends_of(path: Path) -> bytes:
+def first_and_last_bytes(path: Path) -> bytes:
     """The first and the last bytes of a file."""
     with path.open("rb") as stream:
-        head = stream.read(HEAD)
-        stream.seek(max(len(head), path.stat().st_size - HEAD))
+        head = stream.read(HEAD_BYTES)
+        stream.seek(max(len(head), path.stat().st_size - HEAD_BYTES))
         return head + stream.read()
 
 
-READERS: dict[str, Callable[[Path], Any]] = {
-    ".npz": of_npz,
-    ".mat": of_mat,
-    ".json": of_json,
-    ".csv": of_table,
-    ".wav": of_sound,
-    **dict.fromkeys((".h5", ".hdf5"), of_hdf5),
-    **dict.fromkeys((".html", ".htm"), of_page),
-    **dict.fromkeys((".png", ".pdf", ".svg", ".eps", ".ps"), of_picture),
-    **dict.fromkeys((".txt", ".m", ".md"), of_text),
+KIND_READERS: dict[str, Callable[[Path], Any]] = {
+    ".npz": kind_of_npz,
+    ".mat": kind_of_mat,
+    ".json": kind_of_json,
+    ".csv": kind_of_table,
+    ".wav": kind_of_sound,
+    **dict.fromkeys((".h5", ".hdf5"), kind_of_hdf5),
+    **dict.fromkeys((".html", ".htm"), kind_of_page),
+    **dict.fromkeys((".png", ".pdf", ".svg", ".eps", ".ps"), kind_of_picture),
+    **dict.fromkeys((".txt", ".m", ".md"), kind_of_text),
 }
 
 
 DECIMALS = (".", ",")  # marks of decimals that a table may have
-ROWS = 1 << 14  # of a table that are put into text at a time
+CHUNK_ROWS = 1 << 14  # of a table that are put into text at a time
 VERSION = 2  # of the schemas of records and results: 2 has hold, names and units
 
 
-def path_of(path: Any) -> Path:
+def to_path(path: Any) -> Path:
     """The path as a `Path`, or a refusal of what is none."""
     if not isinstance(path, str | os.PathLike):
-        raise ValueError(f"path must be a text or a pathlib.Path, got {shown(path)}")
+        raise ValueError(f"path must be a text or a pathlib.Path, got {short_form(path)}")
     return Path(path)
 
 
-def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED) -> None:
+def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None], *, role: Role = Role.NAMED) -> None:
     """Write a file whole or not at all: `write` fills a file beside it, which then takes its place.
 
     Parameters
@@ -329,8 +332,8 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None], *, 
     FileNotFoundError
         A folder that does not exist.
     """
-    path = path_of(path)
-    target = target_of(path)
+    path = to_path(path)
+    target = resolve_target(path)
     if not target.parent.is_dir():
         raise FileNotFoundError(f"path must lie in an existing folder, got {str(path)!r}")
     require_writable(path, role=role)
@@ -339,7 +342,7 @@ def write_whole(path: str | os.PathLike[str], write: Callable[[Path], None], *, 
     beside = Path(name)
     try:
         write(beside)
-        admit(path, beside, role)
+        admit_file(path, beside, role)
         beside.chmod(0o666 & ~current_umask())
         beside.replace(target)
     finally:
@@ -357,9 +360,9 @@ def write_arrays(path: Path, content: Mapping[str, np.ndarray], *, role: Role = 
     """Write named arrays in the format that the suffix says."""
     suffix = path.suffix.lower()
     if suffix == ".npz":
-        write_whole(path, lambda target: save_arrays(target, content), role=role)
+        write_atomically(path, lambda target: save_arrays(target, content), role=role)
     elif suffix in (".h5", ".hdf5"):
-        write_whole(path, lambda target: save_hdf5(target, content), role=role)
+        write_atomically(path, lambda target: save_hdf5(target, content), role=role)
     else:
         raise ValueError(f"path must end in .npz or .h5, got {path.name!r}")
 
@@ -368,7 +371,7 @@ def save_mat(path: Path, content: Mapping[str, np.ndarray]) -> None:
     """Write arrays as a MATLAB v5 file."""
     from scipy.io import savemat
 
-    write_whole(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
+    write_atomically(path, lambda target: savemat(target, dict(content), appendmat=False, do_compression=True))
 
 
 def save_arrays(target: Path, content: Mapping[str, Any]) -> None:
@@ -411,12 +414,12 @@ def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal:
     def write(beside: Path) -> None:
         with beside.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(between.join(map(quoted, names)) + "\n")
-            for first in range(0, len(table), ROWS):
-                rows = (between.join(map(repr, row)) for row in table[first : first + ROWS].tolist())
+            for first in range(0, len(table), CHUNK_ROWS):
+                rows = (between.join(map(repr, row)) for row in table[first : first + CHUNK_ROWS].tolist())
                 text = "\n".join(rows) + "\n"
                 stream.write(text if decimal == "." else text.replace(".", ","))
 
-    write_whole(path, write)
+    write_atomically(path, write)
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAMED) -> None:
@@ -425,7 +428,7 @@ def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAM
     def write(beside: Path) -> None:
         beside.write_text(text, encoding="utf-8")
 
-    write_whole(path, write, role=role)
+    write_atomically(path, write, role=role)
 
 
 # ---- JSON from a file, strictly: finite numbers, no key twice, and held against a JSON schema.
@@ -433,15 +436,21 @@ def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAM
 # The schema is the file that is published, so that what a reader accepts is what the schema says, to the last rule. Of
 # JSON Schema (draft 2020-12) as much is understood as our schemas use, and nothing else is skipped in silence.
 
-KINDS: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}
-NAMES = {"object": "an object", "array": "a list", "string": "a text", "number": "a number", "boolean": "true or false"}
-BOUNDS = {
+JSON_KINDS: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": int | float, "boolean": bool}
+JSON_NAMES = {
+    "object": "an object",
+    "array": "a list",
+    "string": "a text",
+    "number": "a number",
+    "boolean": "true or false",
+}
+JSON_BOUNDS = {
     "minimum": ("at least", lambda number, bound: number >= bound),
     "exclusiveMinimum": ("above", lambda number, bound: number > bound),
     "maximum": ("at most", lambda number, bound: number <= bound),
     "exclusiveMaximum": ("below", lambda number, bound: number < bound),
 }
-SILENT = {"$schema", "$defs", "title", "description"}
+IGNORED_KEYWORDS = {"$schema", "$defs", "title", "description"}
 
 
 def parse_json(path: str | os.PathLike[str]) -> Any:
@@ -455,10 +464,14 @@ def parse_json(path: str | os.PathLike[str]) -> Any:
     FileNotFoundError
         No such file.
     """
-    text = path_of(path).read_text(encoding="utf-8", errors="replace")
+    text = to_path(path).read_text(encoding="utf-8", errors="replace")
     try:
         return json.loads(
-            text, parse_constant=refused, parse_float=finite, parse_int=whole, object_pairs_hook=keys_once
+            text,
+            parse_constant=refuse_constant,
+            parse_float=parse_finite,
+            parse_int=parse_whole,
+            object_pairs_hook=object_with_unique_keys,
         )
     except RecursionError:
         reason = "it is nested too deeply"
@@ -467,29 +480,31 @@ def parse_json(path: str | os.PathLike[str]) -> Any:
     raise ValueError(f"path must be a whole JSON file, got {path}: {reason[:160]}") from None
 
 
-def refused(text: str) -> NoReturn:
+def refuse_constant(text: str) -> NoReturn:
     """Refuse NaN and infinities, which are no JSON."""
     raise ValueError(f"a number must be finite, got {text}")
 
 
-def finite(text: str) -> float:
+def parse_finite(text: str) -> float:
     """Return a number with a point or an exponent."""
     number = float(text)
-    return number if math.isfinite(number) else refused(text[:40])
+    return number if math.isfinite(number) else refuse_constant(text[:40])
 
 
-def whole(text: str) -> int:
+def parse_whole(text: str) -> int:
     """Return a whole number that a float can hold."""
-    finite(text)
+    parse_finite(text)
     return int(text)
 
 
-def keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def object_with_unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object; two values by one key would be read one way here and another way there."""
     found = dict(pairs)
     if len(found) < len(pairs):
         keys = [key for key, _ in pairs]
-        raise ValueError(f"a key must stand once, got {shown(next(key for key in keys if keys.count(key) > 1))} twice")
+        raise ValueError(
+            f"a key must stand once, got {short_form(next(key for key in keys if keys.count(key) > 1))} twice"
+        )
     return found
 
 
@@ -502,7 +517,7 @@ def require_schema(content: Any, path: str | os.PathLike[str], package: str, nam
         The first place that is not as it must be.
     """
     try:
-        fault = schema_fault(content, published(package, name))
+        fault = schema_fault(content, published_schema(package, name))
     except RecursionError:
         fault = "it is nested too deeply"
     if fault:
@@ -510,7 +525,7 @@ def require_schema(content: Any, path: str | os.PathLike[str], package: str, nam
 
 
 @lru_cache
-def published(package: str, name: str) -> Any:
+def published_schema(package: str, name: str) -> Any:
     """Return a schema as it is published."""
     return json.loads(files(package).joinpath(f"{name}.schema.json").read_text(encoding="utf-8"))
 
@@ -523,65 +538,65 @@ def schema_fault(content: Any, schema: Any, root: Any = None, place: str = "it")
     """
     root = schema if root is None else root
     for rule, wanted in schema.items():
-        if fault := RULES[rule](content, wanted, schema, root, place) if rule not in SILENT else "":
+        if fault := SCHEMA_RULES[rule](content, wanted, schema, root, place) if rule not in IGNORED_KEYWORDS else "":
             return fault
     return ""
 
 
-def refer(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_reference(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
     """Hold content against another part of the schema, "#" or "#/$defs/name"."""
     part = root if wanted == "#" else root["$defs"][wanted.removeprefix("#/$defs/")]
     return schema_fault(content, part, root, place)
 
 
-def of_type(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+def check_type(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
     """Hold content against a type; true is no number."""
-    fits = content is None if wanted == "null" else isinstance(content, KINDS[wanted])
+    fits = content is None if wanted == "null" else isinstance(content, JSON_KINDS[wanted])
     fits &= wanted == "boolean" or not isinstance(content, bool)
-    return "" if fits else f"{place} must be {NAMES.get(wanted, wanted)}, got {shown(content)}"
+    return "" if fits else f"{place} must be {JSON_NAMES.get(wanted, wanted)}, got {short_form(content)}"
 
 
-def of_enum(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+def check_enum(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
     """Hold content against the values that there are."""
-    if any(same(content, one) for one in wanted):
+    if any(same_json(content, one) for one in wanted):
         return ""
-    return f"{place} must be {' or '.join(json.dumps(one) for one in wanted)}, got {shown(content)}"
+    return f"{place} must be {' or '.join(json.dumps(one) for one in wanted)}, got {short_form(content)}"
 
 
-def one_of_these(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_one_of(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
     """Hold content against schemas of which exactly one must fit."""
     faults = [schema_fault(content, one, root, place) for one in wanted]
     if faults.count("") == 1:
         return ""
     if faults.count("") > 1:
-        return f"{place} must be one thing, got {shown(content)}, which may be read in two ways"
-    meant = [fault for one, fault in zip(wanted, faults, strict=True) if is_meant(content, one, root)]
-    return meant[0] if meant else f"{place} must be as its schema says, got {shown(content)}: {faults[0]}"
+        return f"{place} must be one thing, got {short_form(content)}, which may be read in two ways"
+    meant = [fault for one, fault in zip(wanted, faults, strict=True) if matches_constants(content, one, root)]
+    return meant[0] if meant else f"{place} must be as its schema says, got {short_form(content)}: {faults[0]}"
 
 
-def is_meant(content: Any, schema: Any, root: Any) -> bool:
+def matches_constants(content: Any, schema: Any, root: Any) -> bool:
     """Return whether content is of the type, and has the constants, by which a choice tells its schemas apart."""
     if "$ref" in schema:
-        return is_meant(content, root["$defs"][schema["$ref"].removeprefix("#/$defs/")], root)
+        return matches_constants(content, root["$defs"][schema["$ref"].removeprefix("#/$defs/")], root)
     constants = {name: part for name, part in schema.get("properties", {}).items() if "const" in part}
     kind = {rule: schema[rule] for rule in ("type", "const", "enum") if rule in schema}
     fits = not schema_fault(content, kind)
     return fits and all(name in content and not schema_fault(content[name], one) for name, one in constants.items())
 
 
-def of_bound(rule: str) -> Any:
+def bound_rule(rule: str) -> Any:
     """Return how to hold a number against a bound."""
-    words, fits = BOUNDS[rule]
+    words, fits = JSON_BOUNDS[rule]
 
     def hold(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
         if isinstance(content, bool) or not isinstance(content, int | float) or fits(content, wanted):
             return ""
-        return f"{place} must be {words} {wanted}, got {shown(content)}"
+        return f"{place} must be {words} {wanted}, got {short_form(content)}"
 
     return hold
 
 
-def of_length(rule: str) -> Any:
+def length_rule(rule: str) -> Any:
     """Return how to hold a list against the least or the largest number of its items."""
 
     def hold(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
@@ -592,7 +607,7 @@ def of_length(rule: str) -> Any:
     return hold
 
 
-def of_items(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_items(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
     """Hold every item of a list against a schema."""
     for i, item in enumerate(content if isinstance(content, list) else ()):
         if fault := schema_fault(item, wanted, root, f"{place}[{i}]"):
@@ -600,53 +615,53 @@ def of_items(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
     return ""
 
 
-def of_properties(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
+def check_properties(content: Any, wanted: Any, _: Any, root: Any, place: str) -> str:
     """Hold the values of an object against their schemas."""
     for name, schema in wanted.items() if isinstance(content, dict) else ():
-        if name in content and (fault := schema_fault(content[name], schema, root, within(place, name))):
+        if name in content and (fault := schema_fault(content[name], schema, root, place_of_key(place, name))):
             return fault
     return ""
 
 
-def with_required(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
+def check_required(content: Any, wanted: Any, _: Any, __: Any, place: str) -> str:
     """Hold an object against the keys that it must have."""
     missing = [name for name in wanted if isinstance(content, dict) and name not in content]
-    return f"{within(place, missing[0])} must be there, got none" if missing else ""
+    return f"{place_of_key(place, missing[0])} must be there, got none" if missing else ""
 
 
-def without_others(content: Any, wanted: Any, schema: Any, _: Any, place: str) -> str:
+def check_additional(content: Any, wanted: Any, schema: Any, _: Any, place: str) -> str:
     """Hold an object against the keys that it may have, where it may have no others."""
     known = schema.get("properties", {})
     others = [name for name in content if name not in known] if isinstance(content, dict) and not wanted else []
-    return f"{place} must have no entry {shown(one_line(others[0]))}, got one" if others else ""
+    return f"{place} must have no entry {short_form(one_line(others[0]))}, got one" if others else ""
 
 
-def within(place: str, name: str) -> str:
+def place_of_key(place: str, name: str) -> str:
     """Return the place of a key."""
     return name if place == "it" else f"{place}.{name}"
 
 
-def same(one: Any, other: Any) -> bool:
+def same_json(one: Any, other: Any) -> bool:
     """Return whether two values of JSON are the same: 1 is 1.0, and true is no number."""
     if isinstance(one, bool) or isinstance(other, bool):
         return one is other
     if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(same, one, other))
+        return len(one) == len(other) and all(map(same_json, one, other))
     if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+        return one.keys() == other.keys() and all(same_json(one[key], other[key]) for key in one)
     return bool(one == other)
 
 
-RULES: dict[str, Any] = {
-    "$ref": refer,
-    "type": of_type,
-    "const": lambda content, wanted, *rest: of_enum(content, [wanted], *rest),
-    "enum": of_enum,
-    "oneOf": one_of_these,
-    "items": of_items,
-    "properties": of_properties,
-    "required": with_required,
-    "additionalProperties": without_others,
-    **{rule: of_bound(rule) for rule in BOUNDS},
-    **{rule: of_length(rule) for rule in ("minItems", "maxItems")},
+SCHEMA_RULES: dict[str, Any] = {
+    "$ref": check_reference,
+    "type": check_type,
+    "const": lambda content, wanted, *rest: check_enum(content, [wanted], *rest),
+    "enum": check_enum,
+    "oneOf": check_one_of,
+    "items": check_items,
+    "properties": check_properties,
+    "required": check_required,
+    "additionalProperties": check_additional,
+    **{rule: bound_rule(rule) for rule in JSON_BOUNDS},
+    **{rule: length_rule(rule) for rule in ("minItems", "maxItems")},
 }

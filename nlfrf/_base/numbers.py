@@ -8,32 +8,32 @@ from functools import lru_cache
 import numpy as np
 
 __all__ = [
-    "BLOCK",
+    "BLOCK_ENTRIES",
     "EPS",
-    "SMALL",
+    "SMALL_NORM",
     "TINY",
     "all_finite",
-    "blocks",
-    "equal",
     "fast_length",
+    "has_equal_periods",
     "is_constant",
+    "iterate_blocks",
     "least_squares",
     "mean_power",
     "power",
-    "repeats",
     "rfft",
     "rfft_at",
     "rms",
     "roy_probability",
     "roy_quantile",
-    "squared",
+    "squared_modulus",
+    "streams_equal",
     "two_unknowns",
 ]
 
 
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)  # in place of a zero that is divided by
-SMALL = TINY**0.25  # the same where its square is
+SMALL_NORM = TINY**0.25  # the same where its square is
 
 
 def two_unknowns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +83,7 @@ def least_squares(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     return projected[..., -1] / pivot, residual / np.sqrt(A.shape[-2] - A.shape[-1]), 1 / np.abs(pivot) ** 2
 
 
-def squared(x: np.ndarray) -> np.ndarray:
+def squared_modulus(x: np.ndarray) -> np.ndarray:
     """Squared modulus, without the root that `abs` takes."""
     return np.asarray(x.real**2 + x.imag**2)
 
@@ -95,7 +95,7 @@ def power(x: np.ndarray) -> np.ndarray:
 
 def mean_power(x: np.ndarray) -> np.ndarray:
     """Mean squared modulus over the first axis, the realisations."""
-    return np.asarray(np.add.reduce(squared(x), axis=0) / x.shape[0])
+    return np.asarray(np.add.reduce(squared_modulus(x), axis=0) / x.shape[0])
 
 
 def rms(x: np.ndarray) -> np.ndarray:
@@ -107,20 +107,20 @@ def rms(x: np.ndarray) -> np.ndarray:
 #
 # Those of SciPy would take longer to import than all that they are used for.
 
-BLOCK = 1 << 17  # numbers that are worked on together: they stay in the cache
-LONG = 1 << 17  # samples past which threads are worth the import
-PART = 1 << 16  # samples of a part: its transform stays in the cache
-TOGETHER = 8  # parts that are read together: the samples of a line of the cache
-FEW = 8  # samples to a line and a part, from which a long transform is put together of parts
+BLOCK_ENTRIES = 1 << 17  # numbers that are worked on together: they stay in the cache
+LONG_SIGNAL = 1 << 17  # samples past which threads are worth the import
+PART_SAMPLES = 1 << 16  # samples of a part: its transform stays in the cache
+N_TOGETHER = 8  # parts that are read together: the samples of a line of the cache
+FEW_PARTS = 8  # samples to a line and a part, from which a long transform is put together of parts
 
 
-def blocks(n: int, size: int = 1) -> list[slice]:
+def iterate_blocks(n: int, size: int = 1) -> list[slice]:
     """n entries of `size` numbers each, as many at a time as stay in the cache.
 
     >>> blocks(5, BLOCK // 2)
     [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
     """
-    step = max(1, BLOCK // size)
+    step = max(1, BLOCK_ENTRIES // size)
     return [slice(first, min(first + step, n)) for first in range(0, n, step)]
 
 
@@ -130,29 +130,29 @@ def all_finite(x: np.ndarray) -> bool:
     A nan or an infinite number stays in a sum, which is one pass with nothing beside it; a sum may overflow where no
     number of it does, so only a finite one is believed.
     """
-    if x.size > BLOCK:
+    if x.size > BLOCK_ENTRIES:
         with np.errstate(over="ignore", invalid="ignore"):
             if np.isfinite(np.add.reduce(x, axis=None)):
                 return True
     return bool(np.isfinite(x).all())
 
 
-def equal(x: np.ndarray, other: np.ndarray) -> bool:
+def streams_equal(x: np.ndarray, other: np.ndarray) -> bool:
     """Whether two streams (n,) are the same, number by number; over at the first block that differs."""
-    return all(np.array_equal(x[some], other[some]) for some in blocks(x.size))
+    return all(np.array_equal(x[some], other[some]) for some in iterate_blocks(x.size))
 
 
-def repeats(x: np.ndarray) -> bool:
+def has_equal_periods(x: np.ndarray) -> bool:
     """Whether the periods of x (M, P, N) are the same in each realisation, number by number."""
-    if x[:, 0].size <= BLOCK:
+    if x[:, 0].size <= BLOCK_ENTRIES:
         return bool((x[:, 1:] == x[:, :1]).all())
-    return all(equal(one[0], period) for one in x for period in one[1:])
+    return all(streams_equal(one[0], period) for one in x for period in one[1:])
 
 
 def is_constant(x: np.ndarray) -> bool:
     """Whether all numbers of a stream (n,), or of periods (P, N), are the same; over at the first block that varies."""
     rows = np.atleast_2d(x)
-    return all(bool((row[some] == rows[0, 0]).all()) for row in rows for some in blocks(row.size))
+    return all(bool((row[some] == rows[0, 0]).all()) for row in rows for some in iterate_blocks(row.size))
 
 
 @lru_cache(maxsize=64)
@@ -180,7 +180,7 @@ def rfft(x: np.ndarray) -> np.ndarray:
     >>> bool(np.array_equal(rfft(np.ones((2, 8))), np.fft.rfft(np.ones((2, 8)))))
     True
     """
-    if x.size <= LONG:
+    if x.size <= LONG_SIGNAL:
         return np.fft.rfft(x)
     from scipy import fft
 
@@ -200,7 +200,7 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     True
     """
     n = x.shape[-1]
-    n_parts = parts_of(n, lines.size)
+    n_parts = number_of_parts(n, lines.size)
     if n_parts == 1:
         return rfft(x).take(lines, axis=-1)
     size = n // n_parts
@@ -211,8 +211,8 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     spectra = np.zeros((*x.shape[:-1], lines.size), dtype=complex)
     for where in np.ndindex(x.shape[:-1]):
         parts = x[where].reshape(size, n_parts)
-        for first in range(0, n_parts, TOGETHER):
-            transformed = np.fft.rfft(np.ascontiguousarray(parts[:, first : first + TOGETHER].T)).take(at, axis=1)
+        for first in range(0, n_parts, N_TOGETHER):
+            transformed = np.fft.rfft(np.ascontiguousarray(parts[:, first : first + N_TOGETHER].T)).take(at, axis=1)
             transformed.imag *= sign
             for a, part in enumerate(transformed, first):
                 spectra[where] += np.exp(-2j * np.pi / n * (a * lines % n)) * part
@@ -220,12 +220,12 @@ def rfft_at(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def parts_of(n: int, n_lines: int) -> int:
+def number_of_parts(n: int, n_lines: int) -> int:
     """Into how many parts a transform of n samples is taken apart for so many lines; 1 where that does not pay."""
-    if n <= 2 * LONG:
+    if n <= 2 * LONG_SIGNAL:
         return 1
-    least = -(-n // PART)
-    return next((parts for parts in range(least, 8 * least) if n % parts == 0 and n_lines * parts * FEW <= n), 1)
+    least = -(-n // PART_SAMPLES)
+    return next((parts for parts in range(least, 8 * least) if n % parts == 0 and n_lines * parts * FEW_PARTS <= n), 1)
 
 
 # ---- Roy's largest root: the exact law of the largest singular value of a matrix of estimates over its own scatter.

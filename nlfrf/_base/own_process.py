@@ -24,21 +24,23 @@ from typing import IO, Any
 
 import numpy as np
 
-__all__ = ["FACTOR", "MEMORY", "Found", "read_apart", "receive", "require_size", "send"]
+__all__ = ["FACTOR", "MEMORY_LIMIT", "Contents", "read_in_own_process", "receive", "require_size", "send"]
 
 
 SECONDS, PER_BYTE = 20.0, 1e-7  # time allowed: a start, and a slow disk
 #: Bytes that what is read from a file may take: a base, and so many times the size of the file. Noise of 16 bits
 #: compresses 4 times as float64, a CSV of one digit a cell takes 4 times its size; constants have the base.
 UNPACKED, FACTOR = 1 << 30, 20
-MEMORY = 4 << 30  # bytes of address space that a process of its own may have instead of UNPACKED, with its libraries
-BLOCK = 1 << 20  # bytes handed over at a time
+MEMORY_LIMIT = (
+    4 << 30
+)  # bytes of address space that a process of its own may have instead of UNPACKED, with its libraries
+BLOCK_BYTES = 1 << 20  # bytes handed over at a time
 #: What a file holds, by name: arrays, units, clocks (a frequency [Hz] or the name of a time channel; "" is for all
 #: channels), and why something in it is no signal.
-Found = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
+Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
 
 
-def read_apart(room: str, path: Path) -> Found:
+def read_in_own_process(room: str, path: Path) -> Contents:
     """What the function ``contents`` of a room, given by its file, finds in a file.
 
     The room is loaded by its path alone, so it may import nothing of this package.
@@ -97,7 +99,7 @@ def require_size(wanted: int, file_size: int) -> None:
         )
 
 
-def receive(stream: IO[bytes], file_size: int) -> Found | None:
+def receive(stream: IO[bytes], file_size: int) -> Contents | None:
     """What `send` wrote of a file of that size; None where it ends before it is whole."""
     head = stream.readline()
     if not head.endswith(b"\n"):
@@ -136,17 +138,17 @@ def send(found: Any, stream: IO[bytes]) -> None:
             continue
         together = getattr(array, "rows", 1)
         row = max(1, array.dtype.itemsize * int(np.prod(array.shape[1:])))
-        step = together * max(1, BLOCK // (row * together))
+        step = together * max(1, BLOCK_BYTES // (row * together))
         for first in range(0, array.shape[0], step):
             stream.write(np.ascontiguousarray(array[first : first + step]).view(np.uint8).data)
 
 
-def child(room: str, path: Path) -> None:
+def run_child(room: str, path: Path) -> None:
     """Read a file, and write what it holds to standard output."""
     try:
         import resource
 
-        most = MEMORY + FACTOR * path.stat().st_size
+        most = MEMORY_LIMIT + FACTOR * path.stat().st_size
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
     except (ImportError, ValueError, OSError):
         pass  # no such limit on this system
@@ -161,5 +163,5 @@ def child(room: str, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    child(sys.argv[1], Path(sys.argv[2]))
+    run_child(sys.argv[1], Path(sys.argv[2]))
     os._exit(0)  # it is all handed over: what the libraries clear up at their end takes as long as a small file

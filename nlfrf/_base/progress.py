@@ -11,8 +11,8 @@ from typing import Any
 __all__ = ["progress_bar"]
 
 
-PAUSE = 0.1  # seconds between two looks
-WIDTH = 30
+MIN_INTERVAL = 0.1  # seconds between two looks
+BAR_WIDTH = 30
 
 
 def progress_bar(label: str = "") -> Callable[[int, int], None]:
@@ -47,7 +47,7 @@ def progress_bar(label: str = "") -> Callable[[int, int], None]:
     def show(done: int, total: int) -> None:
         nonlocal handle, last
         now = time.monotonic()
-        if done < total and handle is not None and now - last < PAUSE:
+        if done < total and handle is not None and now - last < MIN_INTERVAL:
             return
         last = now
         left = f", {(now - begun) * (total - done) / done:.0f} s left" if 0 < done < total else f", {now - begun:.1f} s"
@@ -62,8 +62,8 @@ def progress_bar(label: str = "") -> Callable[[int, int], None]:
                 handle.update(shown)
         elif sys.stderr.isatty():
             handle = True
-            filled = round(WIDTH * done / max(total, 1))
-            sys.stderr.write(f"\r{'#' * filled}{'.' * (WIDTH - filled)} {said}   " + "\n" * (done >= total))
+            filled = round(BAR_WIDTH * done / max(total, 1))
+            sys.stderr.write(f"\r{'#' * filled}{'.' * (BAR_WIDTH - filled)} {said}   " + "\n" * (done >= total))
             sys.stderr.flush()
 
     return show

@@ -21,14 +21,25 @@ from typing import Any, NamedTuple, TypeVar, dataclass_transform, overload
 
 import numpy as np
 
-__all__ = ["Sketch", "as_json", "card", "field_names", "frozen", "line", "plain", "said_properties", "short", "value"]
+__all__ = [
+    "Sketch",
+    "field_names",
+    "freeze_array",
+    "html_card",
+    "repr_line",
+    "short_repr",
+    "simple_properties",
+    "to_json",
+    "to_plain",
+    "value",
+]
 
 
 # ---- A value on one line for a prompt, and as a table with a small picture for a notebook.
 
 WIDTH, FEW, MOST = 160, 6, 400  # characters of a line, numbers that are shown, points of a curve
 COLOURS = ("#1f77b4", "#d62728", "#2ca02c", "#9467bd")
-SIZE = 420, 170, 46, 24  # of a picture: width, height, left and lower margin
+SKETCH_SIZE = 420, 170, 46, 24  # of a picture: width, height, left and lower margin
 
 
 class Sketch(NamedTuple):
@@ -40,7 +51,7 @@ class Sketch(NamedTuple):
     log: bool = False
 
 
-def line(thing: Any) -> str:
+def repr_line(thing: Any) -> str:
     """A value as it stands at a prompt: its type and fields, arrays by their shape.
 
     >>> from nlfrf._base.values import value
@@ -51,12 +62,12 @@ def line(thing: Any) -> str:
     >>> Tone(amplitude=np.ones((3, 100)), fs=10.0)
     Tone(amplitude=array(3, 100), fs=10.0)
     """
-    said = ", ".join(f"{field.name}={short(getattr(thing, field.name, None))}" for field in fields(thing))
+    said = ", ".join(f"{field.name}={short_repr(getattr(thing, field.name, None))}" for field in fields(thing))
     said = said if len(said) <= WIDTH else said[: WIDTH - 3] + "..."
     return f"{type(thing).__name__}({said})"
 
 
-def short(thing: Any) -> str:
+def short_repr(thing: Any) -> str:
     """Anything in a few characters."""
     if isinstance(thing, np.ndarray):
         if is_written_out(thing):
@@ -70,22 +81,22 @@ def short(thing: Any) -> str:
     if isinstance(thing, np.generic):
         thing = thing.item()
     if isinstance(thing, list | tuple) and len(thing) > FEW:
-        return f"{len(thing)} of {short(thing[0])}"
+        return f"{len(thing)} of {short_repr(thing[0])}"
     if isinstance(thing, list | tuple):
-        inner = ", ".join(map(short, thing))
+        inner = ", ".join(map(short_repr, thing))
         return f"[{inner}]" if isinstance(thing, list) else f"({inner}{',' * (len(thing) == 1)})"
     if isinstance(thing, dict):
-        return "{" + ", ".join(f"{key}: {short(held)}" for key, held in list(thing.items())[:FEW]) + "}"
+        return "{" + ", ".join(f"{key}: {short_repr(held)}" for key, held in list(thing.items())[:FEW]) + "}"
     said = " ".join(repr(thing).split())
     return said if len(said) <= 60 else said[:57] + "..."
 
 
 def is_written_out(array: np.ndarray) -> bool:
-    """Whether `short` shows the numbers of an array, not its shape."""
+    """Whether `short_repr` shows the numbers of an array, not its shape."""
     return array.ndim <= 1 and array.size <= FEW and array.dtype.kind in "fiub"
 
 
-def card(thing: Any) -> str:
+def html_card(thing: Any) -> str:
     """A value as HTML: what it says of itself, a picture where it has one, its fields with their meaning."""
     kind: Any = type(thing)
     parts = [f"<b>{html.escape(kind.__name__)}</b>"]
@@ -94,11 +105,11 @@ def card(thing: Any) -> str:
         parts.append(f"<pre style='line-height:1.25'>{html.escape(str(thing))}</pre>")
     sketch = getattr(thing, "_sketch_", None)
     if sketch is not None:
-        parts.append(picture(sketch()))
-    meaning = meanings(kind)
+        parts.append(svg_sketch(sketch()))
+    meaning = field_meanings(kind)
     rows = "".join(
         f"<tr><td style='text-align:left'><code>{html.escape(name)}</code></td>"
-        f"<td style='text-align:left'>{html.escape(held(getattr(thing, name, None)))}</td>"
+        f"<td style='text-align:left'>{html.escape(describe_content(getattr(thing, name, None)))}</td>"
         f"<td style='text-align:left'>{html.escape(meaning.get(name, ''))}</td></tr>"
         for name in (field.name for field in fields(thing))
     )
@@ -107,9 +118,9 @@ def card(thing: Any) -> str:
     return f"<div>{''.join(parts)}</div>"
 
 
-def held(thing: Any) -> str:
+def describe_content(thing: Any) -> str:
     """What a field holds: of real numbers between what and what, too."""
-    said = short(thing)
+    said = short_repr(thing)
     if isinstance(thing, np.ndarray) and not is_written_out(thing) and thing.dtype.kind in "fiu":
         finite = thing[np.isfinite(thing)]
         said += f" from {finite.min():.4g} to {finite.max():.4g}" if finite.size else " of nan"
@@ -117,7 +128,7 @@ def held(thing: Any) -> str:
 
 
 @cache
-def meanings(kind: type) -> dict[str, str]:
+def field_meanings(kind: type) -> dict[str, str]:
     """What the docstring of a type says of each of its fields, the first sentence."""
     text = inspect.getdoc(kind) or ""
     section = re.search(r"(?:Fields|Parameters|Attributes)\n-+\n(.*?)(?=\n\n?[A-Z]\w+\n-+|\Z)", text, re.S)
@@ -128,10 +139,10 @@ def meanings(kind: type) -> dict[str, str]:
     return found
 
 
-def picture(sketch: Sketch) -> str:
+def svg_sketch(sketch: Sketch) -> str:
     """Curves as SVG, drawn by hand: no library has to be loaded for it."""
-    width, height, left, low = SIZE
-    curves = [(label, *thinned(np.asarray(x, float), np.asarray(y, float))) for label, x, y in sketch.curves]
+    width, height, left, low = SKETCH_SIZE
+    curves = [(label, *thin_curve(np.asarray(x, float), np.asarray(y, float))) for label, x, y in sketch.curves]
     xs, ys = (np.concatenate([curve[i] for curve in curves]) for i in (1, 2))
     seen = np.isfinite(xs) & np.isfinite(ys) & ((xs > 0) | (not sketch.log))
     if not seen.any():
@@ -148,20 +159,24 @@ def picture(sketch: Sketch) -> str:
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px, py, strict=True))
         colour = COLOURS[i % len(COLOURS)]
         drawn.append(f"<polyline fill='none' stroke='{colour}' stroke-width='1.2' points='{points}'/>")
-        drawn.append(text(left + 6 + 90 * i, 14, label, colour))
-    drawn += [text(2, 14, f"{y1:.3g}"), text(2, height - low - 6, f"{y0:.3g}"), text(2, height - 4, sketch.up)]
+        drawn.append(svg_text(left + 6 + 90 * i, 14, label, colour))
+    drawn += [
+        svg_text(2, 14, f"{y1:.3g}"),
+        svg_text(2, height - low - 6, f"{y0:.3g}"),
+        svg_text(2, height - 4, sketch.up),
+    ]
     low_x, high_x = (10**x0, 10**x1) if sketch.log else (x0, x1)
-    drawn += [text(left, height - 10, f"{low_x:.3g}"), text(width - 50, height - 10, f"{high_x:.3g}")]
-    drawn.append(text(width / 2 - 20, height - 10, sketch.across))
+    drawn += [svg_text(left, height - 10, f"{low_x:.3g}"), svg_text(width - 50, height - 10, f"{high_x:.3g}")]
+    drawn.append(svg_text(width / 2 - 20, height - 10, sketch.across))
     return f"<svg width='{width}' height='{height}' style='background:#fff'>{''.join(drawn)}</svg>"
 
 
-def text(x: float, y: float, said: str, colour: str = "#444") -> str:
+def svg_text(x: float, y: float, said: str, colour: str = "#444") -> str:
     """A few words in a picture."""
     return f"<text x='{x:.0f}' y='{y:.0f}' font-size='10' fill='{colour}'>{html.escape(said)}</text>"
 
 
-def thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def thin_curve(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A curve of few points: of each stretch of a long one its lowest and its highest."""
     x, y = np.ravel(x), np.ravel(y)
     if y.size <= MOST:
@@ -216,7 +231,7 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
         for name, content in held.items():
             if isinstance(content, np.ndarray):
                 if copy:
-                    held[name] = frozen(content)
+                    held[name] = freeze_array(content)
                 else:
                     content.setflags(write=False)
         if validate is not None:
@@ -224,12 +239,12 @@ def value_class(cls: type[T], kw_only: bool, copy: bool) -> type[T]:
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     if "__repr__" not in cls.__dict__:
-        cls.__repr__ = line  # type: ignore[method-assign]
-    cls._repr_html_ = card  # type: ignore[attr-defined]
+        cls.__repr__ = repr_line  # type: ignore[method-assign]
+    cls._repr_html_ = html_card  # type: ignore[attr-defined]
     return dataclass(frozen=True, kw_only=kw_only, eq=False, repr=False)(cls)
 
 
-def frozen(array: np.ndarray) -> np.ndarray:
+def freeze_array(array: np.ndarray) -> np.ndarray:
     """A read-only copy; the array itself where nobody else can write it.
 
     A view is its own where the array that it looks into is read-only too.
@@ -248,10 +263,10 @@ def field_names(thing: Any) -> tuple[str, ...]:
 
 # ---- Any value of this project as JSON has it: fields, and properties that are a word or a number.
 
-WORDS = {"str", "bool", "int", "float", str, bool, int, float}
+SIMPLE_TYPES = {"str", "bool", "int", "float", str, bool, int, float}
 
 
-def as_json(thing: Any, most: float = np.inf) -> str:
+def to_json(thing: Any, most: float = np.inf) -> str:
     """A value, or a list of them, as JSON: complex numbers as [re, im], what is not finite as null.
 
     Arrays of more than `most` numbers are left out, and their shape told.
@@ -259,45 +274,45 @@ def as_json(thing: Any, most: float = np.inf) -> str:
     >>> as_json({"gamma": 1.5, "poles": np.array([-1 + 2j]), "delay": float("nan")})
     '{"gamma": 1.5, "poles": [[-1.0, 2.0]], "delay": null}'
     """
-    return json.dumps(plain(thing, most), ensure_ascii=False)
+    return json.dumps(to_plain(thing, most), ensure_ascii=False)
 
 
-def plain(thing: Any, most: float = np.inf) -> Any:
+def to_plain(thing: Any, most: float = np.inf) -> Any:
     """The same as dictionaries, lists, texts and numbers; systems as their matrices, all else in its own words."""
     if thing is None or isinstance(thing, str | bool | int):
         return thing
     if isinstance(thing, Enum):
-        return plain(thing.value, most)
+        return to_plain(thing.value, most)
     if isinstance(thing, np.generic):
-        return plain(thing.item(), most)
+        return to_plain(thing.item(), most)
     if isinstance(thing, float):
         return thing if np.isfinite(thing) else None
     if isinstance(thing, complex):
-        return [plain(thing.real), plain(thing.imag)]
+        return [to_plain(thing.real), to_plain(thing.imag)]
     if isinstance(thing, np.ndarray) and thing.size > most:
         return {"shape": list(thing.shape)}
     if isinstance(thing, np.ndarray):
-        return [plain(one, most) for one in thing] if thing.ndim else plain(thing.item(), most)
+        return [to_plain(one, most) for one in thing] if thing.ndim else to_plain(thing.item(), most)
     if isinstance(thing, Mapping):
-        return {str(key): plain(held, most) for key, held in thing.items()}
+        return {str(key): to_plain(held, most) for key, held in thing.items()}
     if hasattr(thing, "_fields"):
-        return {name: plain(getattr(thing, name), most) for name in thing._fields}
+        return {name: to_plain(getattr(thing, name), most) for name in thing._fields}
     if isinstance(thing, list | tuple):
-        return [plain(one, most) for one in thing]
+        return [to_plain(one, most) for one in thing]
     if is_dataclass(thing):
-        fields = {name: plain(getattr(thing, name), most) for name in field_names(thing)}
-        return {**fields, **{name: plain(held, most) for name, held in said_properties(thing).items()}}
+        fields = {name: to_plain(getattr(thing, name), most) for name in field_names(thing)}
+        return {**fields, **{name: to_plain(held, most) for name, held in simple_properties(thing).items()}}
     if all(hasattr(thing, name) for name in "ABCD") and hasattr(thing, "dt"):
-        return {name: plain(getattr(thing, name), most) for name in ("A", "B", "C", "D", "dt")}
+        return {name: to_plain(getattr(thing, name), most) for name in ("A", "B", "C", "D", "dt")}
     return str(thing) if isinstance(thing, Path) else " ".join(str(thing).split())
 
 
-def said_properties(thing: Any) -> dict[str, Any]:
+def simple_properties(thing: Any) -> dict[str, Any]:
     """The properties of a value that are said to be a word, a truth or a number, by name."""
     found = {}
     for kind in reversed(type(thing).__mro__):
         for name, held in vars(kind).items():
             getter = held.fget if isinstance(held, property) and not name.startswith("_") else None
-            if getter is not None and getter.__annotations__.get("return") in WORDS:
+            if getter is not None and getter.__annotations__.get("return") in SIMPLE_TYPES:
                 found[name] = getattr(thing, name)
     return found

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, one_of, probability, ratio_unit, real
+from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_probability, require_real
 from nlfrf._base.numbers import TINY, roy_quantile
 from nlfrf._base.values import Sketch, field_names, value
 from nlfrf.bla.calibration import FEW
@@ -324,7 +324,7 @@ class Bla(Channels):
 
     def covariance_of(self, of: str) -> np.ndarray:
         """(n_y, n_y, F) covariance of one experiment behind a bound: of the BLA, or of a new realisation about G."""
-        one_of("of", of, ("bla", "realization"))
+        require_choice("of", of, ("bla", "realization"))
         if of == "bla":
             return self.cov_bound
         missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
@@ -383,7 +383,7 @@ class Bla(Channels):
         left, right : (n_y, n_y, F), (n_u, n_u, F) complex ndarray
             With left left^H = x_p C and right^H right = gamma.
         """
-        p = probability("confidence", confidence)
+        p = require_probability("confidence", confidence)
         if simultaneous:
             p = p ** (1 / self.f.size)
         x = np.array([roy_quantile(p, self.n_outputs, self.n_inputs, float(L)) for L in self.dof])
@@ -408,7 +408,7 @@ class Bla(Channels):
         ----------
         Pintelon & Schoukens, 2nd ed., 2.4 and 4.3.
         """
-        p = probability("confidence", confidence)
+        p = require_probability("confidence", confidence)
         if simultaneous:
             p = p ** (1 / self.G.size)
         # L ((1 - p)^(-1/L) - 1), by expm1 so that large L do not cancel
@@ -449,11 +449,13 @@ class Bla(Channels):
         ----------
         Pintelon & Schoukens, 2nd ed., 3.4.
         """
-        return np.asarray(10 ** (real("decibels", decibels) / 20) * np.sqrt(self.var_distortion / self.grid_factor))
+        return np.asarray(
+            10 ** (require_real("decibels", decibels) / 20) * np.sqrt(self.var_distortion / self.grid_factor)
+        )
 
     def entry(self, output: int, input: int) -> Bla:
         """One entry by itself: whatever takes one input and one output takes it."""
-        j, i = integer("output", output, least=0), integer("input", input, least=0)
+        j, i = require_integer("output", output, least=0), require_integer("input", input, least=0)
         if j >= self.n_outputs or i >= self.n_inputs:
             raise ValueError(
                 f"output and input must be below {self.n_outputs} and {self.n_inputs}, got {output} and {input}"
@@ -473,7 +475,7 @@ class Bla(Channels):
 
     def every(self, step: int) -> Bla:
         """The same on every so many-th of its excited lines: for a fit that does not need them all."""
-        some = slice(None, None, integer("step", step, least=1))
+        some = slice(None, None, require_integer("step", step, least=1))
         per_line = ("f", "G", "gamma", *COVARIANCES, "dof", "grid_factor", "coherence")
         levels = [
             replace(one, **{name: getattr(one, name)[..., some] for name in ("f_excited", "excited", "noise_excited")})

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.numbers import TINY, fast_length, rms, squared
+from nlfrf._base.numbers import TINY, fast_length, rms, squared_modulus
 
 __all__ = ["COMMON", "FEW", "LARGEST", "cubic_variance", "read_peaks", "variance_ratio"]
 
@@ -172,7 +172,7 @@ def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
     second, fourth, sixth = moments(U, lines)
     gain = fourth / second
     left = float(np.add.reduce(sixth - fourth * gain)) / len(U)
-    A2 = np.add.reduce(squared(U)) / len(U)
+    A2 = np.add.reduce(squared_modulus(U)) / len(U)
     k2, k4, k6 = float(A2.sum() / 2), float(-0.375 * (A2 @ A2)), float(1.25 * (A2 * A2 @ A2))
     expected_gain = (k4 + 3 * k2**2) / k2
     expected = k6 + 15 * k4 * k2 + 15 * k2**3 - expected_gain**2 * k2

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from nlfrf._base.numbers import TINY, power, squared
+from nlfrf._base.numbers import TINY, power, squared_modulus
 from nlfrf._base.values import value
 from nlfrf.bla.calibration import FEW
 from nlfrf.bla.localfit import apart_from_neighbours
@@ -82,17 +82,17 @@ def average_frf(spectra: Spectra) -> Frf:
     if spectra.R is None:
         G = np.add.reduce(each, axis=0) / n
         var_noise = np.add.reduce(noise) / n**2
-        var_total = np.add.reduce(squared(each - G)) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
+        var_total = np.add.reduce(squared_modulus(each - G)) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
         return Frf(each=each, noise=noise, G=G, var_noise=var_noise, var_total=var_total)
     turn = spectra.R.conj() / np.abs(spectra.R)
     U, Y = (spectra.U * turn).mean(axis=0), (spectra.Y * turn).mean(axis=0)
     G = Y / U
     # E|dY - G dU|^2 / |U|^2, by noise and over realisations
-    var_noise = np.add.reduce(residual_variance(G, spectra)) / n**2 / squared(U)
+    var_noise = np.add.reduce(residual_variance(G, spectra)) / n**2 / squared_modulus(U)
     var_total = np.full(G.shape, np.nan)
     if n > 1:
         deviation = (spectra.Y - G * spectra.U) * turn
-        var_total = np.add.reduce(squared(deviation)) / (n * (n - 1)) / squared(U)
+        var_total = np.add.reduce(squared_modulus(deviation)) / (n * (n - 1)) / squared_modulus(U)
     return Frf(each=each, noise=noise, G=G, var_noise=var_noise, var_total=var_total)
 
 
@@ -100,7 +100,7 @@ def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
     """(M, K) variance of Y - G U by noise, E|dY - G dU|^2."""
     if not spectra.var_U.any():  # an input that repeats exactly
         return spectra.var_Y
-    variance = spectra.var_Y + squared(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
+    variance = spectra.var_Y + squared_modulus(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
     return np.maximum(variance, 0.0)
 
 
@@ -164,11 +164,11 @@ def warn_of_lines_apart(
     (F,) ndarray
         Power by which such lines stand apart, over gamma; zeros elsewhere.
     """
-    if f.size < FEW or not (np.mean(squared(G - fitted) / gamma, axis=0) > SUSPECT * level).any():
+    if f.size < FEW or not (np.mean(squared_modulus(G - fitted) / gamma, axis=0) > SUSPECT * level).any():
         return np.zeros(f.size)
     apart, scatter, spread = apart_from_neighbours(G, where)
     by_chance = spread * np.maximum(ABOVE_SCATTER * np.mean(scatter / gamma, axis=0), ABOVE_LEVEL * level)
-    power_apart = np.mean(squared(apart) / gamma, axis=0)
+    power_apart = np.mean(squared_modulus(apart) / gamma, axis=0)
     told = np.where(power_apart > by_chance, power_apart, 0.0)
     out = np.flatnonzero(told)
     if not out.size:
@@ -213,7 +213,7 @@ def refuse_mispaired(frf: Frf, excited: Spectra, rough: np.ndarray | None) -> bo
     spread = rough if n == 1 else n * (n - 1) * frf.var_total
     if spread is not None and np.add.reduce(spread) <= HIDDEN * power(frf.G):
         return False  # one that follows another input would scatter by more
-    noise = frf.noise / np.maximum(squared(frf.each), TINY)
+    noise = frf.noise / np.maximum(squared_modulus(frf.each), TINY)
     return is_strange("y", excited.Y, "u", excited.U, noise, equal_steps(excited.where))
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, one_of, positive, real, real_array
+from nlfrf._base.arguments import data_warning, require_choice, require_positive, require_real, require_real_array
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.signals.lines import LineGrid
 
@@ -94,7 +94,7 @@ def bla_from_frf(
     >>> round(float(bla.bound()[0] / np.abs(G[0])), 4)
     0.0415
     """
-    f, G = real_array("f", f, ndim=1), np.asarray(G)
+    f, G = require_real_array("f", f, ndim=1), np.asarray(G)
     if G.dtype.kind not in "fiuc" or not np.isfinite(G).all():
         raise ValueError("G must hold finite complex numbers; leave out the lines where nothing was measured")
     if f.size == 0 or f[0] <= 0 or np.any(np.diff(f) <= 0):
@@ -102,10 +102,10 @@ def bla_from_frf(
     if G.ndim not in (1, 3) or G.shape[-1] != f.size:
         raise ValueError(f"G must have the shape ({f.size},) or (n_y, n_u, {f.size}), as f has it, got {G.shape}")
     variance, dof = variance_of(G.astype(complex), std, coherence, n_averages)
-    one_of("hold", hold, ("zoh", "band-limited", "unknown"))
+    require_choice("hold", hold, ("zoh", "band-limited", "unknown"))
     if hold == "zoh" and fs is None:
         raise ValueError('fs must be given where hold is "zoh": the hold of 1/fs is in G')
-    rate = np.nan if fs is None else positive("fs", fs)
+    rate = np.nan if fs is None else require_positive("fs", fs)
     source = "std" if coherence is None else "coherence"
     several = G.ndim == 3
     n_y, n_u = G.shape[:2] if several else (1, 1)
@@ -146,11 +146,11 @@ def variance_of(G: np.ndarray, std: Any, coherence: Any, n_averages: float | Non
     if (std is None) == (coherence is None):
         got = "neither" if std is None else "both"
         raise ValueError(f"std or coherence must be given, got {got}: without a variance the bound has no probability")
-    n = None if n_averages is None else real("n_averages", n_averages)
+    n = None if n_averages is None else require_real("n_averages", n_averages)
     if n is not None and n < 2:
         raise ValueError(f"n_averages must be at least 2, got {n:g}: one average has no scatter")
     name, given = ("std", std) if coherence is None else ("coherence", coherence)
-    numbers = real_array(name, given, ndim=np.ndim(given))
+    numbers = require_real_array(name, given, ndim=np.ndim(given))
     try:
         numbers = np.broadcast_to(numbers, G.shape)
     except ValueError:

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import shown
-from nlfrf._base.numbers import power, squared
+from nlfrf._base.arguments import short_form
+from nlfrf._base.numbers import power, squared_modulus
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.bla.calibration import read_peaks
 from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frf
@@ -39,7 +39,9 @@ def identify_single(record: Any, transient: str, level_from: str, n_detection: i
     if isinstance(record, Record):
         return identify_one(record, None, transient, level_from, n_detection)
     if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
-        raise ValueError(f"record must be a Record or a list of them, got {shown(record)}; see record_from_samples")
+        raise ValueError(
+            f"record must be a Record or a list of them, got {short_form(record)}; see record_from_samples"
+        )
     known: list[tuple[Record, np.ndarray]] = []
     blas = []
     for one in record:
@@ -68,7 +70,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
     distortion = estimate_distortion_variance(source, excited, residual, frf, rough, coherent)
     if source == "detection" and fit is not None and not strange:
         n, level = len(excited.U), distortion.detected
-        warn_of_jumps(np.add.reduce(fit.variance) / n**2, level / n, squared(frf.G))
+        warn_of_jumps(np.add.reduce(fit.variance) / n**2, level / n, squared_modulus(frf.G))
         if n == 1:
             rounding = ROUNDING**2 * power(spectra.Y[0]) / excited.power_U[0]
             f = record.lines.excited * record.f0

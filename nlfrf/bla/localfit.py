@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from nlfrf._base.numbers import EPS, SMALL, TINY, power, squared, two_unknowns
+from nlfrf._base.numbers import EPS, SMALL_NORM, TINY, power, squared_modulus, two_unknowns
 from nlfrf._base.values import value
 from nlfrf.bla.calibration import FEW
 from nlfrf.bla.neighbours import KEPT, Places
@@ -121,8 +121,8 @@ def less_bent(fit: LocalFit, G: np.ndarray, weight: np.ndarray, lines: np.ndarra
         whole, left = fit_whole_band(one, weight[m], lines)
         if not left:
             continue
-        shape = np.array([np.ones(lines.size), np.maximum(squared(whole), TINY)]) / (weight[m] * weight[m])
-        left_over = np.add.reduce(squared(one - whole) / shape, axis=1)
+        shape = np.array([np.ones(lines.size), np.maximum(squared_modulus(whole), TINY)]) / (weight[m] * weight[m])
+        left_over = np.add.reduce(squared_modulus(one - whole) / shape, axis=1)
         readings = np.maximum(left_over[:, None] / left * shape, TINY)
         fits = -np.add.reduce(np.log(readings), axis=1) * (left / lines.size)
         likely = np.exp(fits - fits.max())
@@ -142,7 +142,7 @@ def fit_whole_band(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tupl
     (Sanathanan & Koerner, IEEE Trans. Autom. Control 8, 1963). The FRF itself, and none, where nothing was found.
     """
     size = np.abs(G)
-    relative = weight / np.maximum(size, EPS * size.max() + SMALL)
+    relative = weight / np.maximum(size, EPS * size.max() + SMALL_NORM)
     s = 1j * lines / np.sqrt(lines[0] * lines[-1])
     best, lowest, degrees = G, np.inf, 0.0
     for order in ORDERS:

@@ -10,7 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from nlfrf._base.arguments import counted, data_warning, integer, one_of, positive, real_array
+from nlfrf._base.arguments import (
+    data_warning,
+    format_count,
+    require_choice,
+    require_integer,
+    require_positive,
+    require_real_array,
+)
 from nlfrf._base.numbers import TINY, power
 from nlfrf.bla.bla import Bla, DistortionLevels
 from nlfrf.signals.lines import LineGrid
@@ -85,8 +92,8 @@ def identify_noise(
     True
     """
     u, y = check_signals(u, y, n_samples, method)
-    fs, n_samples = positive("fs", fs), integer("n_samples", n_samples, least=16)
-    lines = band_of(positive("f_min", f_min), positive("f_max", f_max), fs, n_samples)
+    fs, n_samples = require_positive("fs", fs), require_integer("n_samples", n_samples, least=16)
+    lines = band_of(require_positive("f_min", f_min), require_positive("f_max", f_max), fs, n_samples)
     u, y = u - u.mean(), y - y.mean()
     found = local(u, y, n_samples, lines, fs)
     G, variance, dof, coherence, power_y = welch(u, y, n_samples, lines) if method == "welch" else found
@@ -119,11 +126,11 @@ def identify_noise(
 
 def check_signals(u: np.ndarray, y: np.ndarray, n_samples: int, method: str) -> tuple[np.ndarray, np.ndarray]:
     """Input and output of one length, that is enough for the resolution."""
-    u, y = real_array("u", u, ndim=1), real_array("y", y, ndim=1)
+    u, y = require_real_array("u", u, ndim=1), require_real_array("y", y, ndim=1)
     if u.size != y.size:
         raise ValueError(f"y must be as long as u, {u.size} samples, got {y.size}")
-    one_of("method", method, ("local", "welch"))
-    least = (8 if method == "welch" else 2) * integer("n_samples", n_samples, least=16)
+    require_choice("method", method, ("local", "welch"))
+    least = (8 if method == "welch" else 2) * require_integer("n_samples", n_samples, least=16)
     if u.size < least:
         raise ValueError(f"u must hold at least {least} samples for method={method!r}, got {u.size}")
     return u, y
@@ -211,8 +218,8 @@ def refuse_undetermined(f: np.ndarray, own: np.ndarray) -> None:
         cure = f", or ask for a band inside {good[0]:.4g} to {good[-1]:.4g} Hz" if good.size else ""
         at = int(np.argmin(own))
         raise ValueError(
-            f"u must have power of its own on every line, got {counted(int(bad.sum()), 'line')} of {f.size} without, "
-            f"worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a sweep, a line "
+            f"u must have power of its own on every line, got {format_count(int(bad.sum()), 'line')} of {f.size} without "
+            f"it, worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a sweep, a line "
             f"that was not played) and G is not determined; play noise or a multisine{cure}"
         )
 

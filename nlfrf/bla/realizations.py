@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from nlfrf._base.numbers import fast_length, power, rms, squared
+from nlfrf._base.numbers import fast_length, power, rms, squared_modulus
 from nlfrf.bla.neighbours import KEPT, Places
 from nlfrf.bla.spectra import Spectra
-from nlfrf.records.excited_lines import refuse_wrong_lines
+from nlfrf.records.excited_lines import check_lines
 from nlfrf.records.record import Record
-from nlfrf.signals.crest import are_low, expected_peaks, is_improbable
-from nlfrf.signals.lines import in_common
+from nlfrf.signals.crest import expected_peaks, have_low_crest, is_improbable
+from nlfrf.signals.lines import chance_correlation
 
 __all__ = [
     "ALIKE",
@@ -71,12 +71,12 @@ def check_realizations(spectra: Spectra, record: Record, n_periods: int) -> tupl
     excited = spectra.on_excited()
     played = record.u if record.r is None else record.r
     amplitude = excited.amplitude if excited.R is None else rms(excited.R)
-    refuse_wrong_lines(played, excited.lines, amplitude * amplitude)
+    check_lines(played, excited.lines, amplitude * amplitude)
     refuse_unexcited(excited)
     n = excited.U.shape[0]
     distinct: Any = slice(None)
     if n > 1:
-        refuse_strangers(excited.power_U if excited.R is None else squared(excited.R))
+        refuse_strangers(excited.power_U if excited.R is None else squared_modulus(excited.R))
         spectra, groups = join_repeats(spectra, n_periods, excited)
         if len(groups) < n:
             warn_of_repeats(groups, n)
@@ -85,13 +85,13 @@ def check_realizations(spectra: Spectra, record: Record, n_periods: int) -> tupl
         warn_of_lost_input(excited, excited.R)
     peaks = warn_of_low_peaks(played[distinct, 0], amplitude, excited.lines)
     excited = excited if isinstance(distinct, slice) else spectra.on_excited()
-    return spectra, excited, n_periods, are_low(peaks)
+    return spectra, excited, n_periods, have_low_crest(peaks)
 
 
 def warn_of_lost_input(excited: Spectra, R: np.ndarray) -> None:
     """Warn of lines of a reference R on which the input, over all realisations, is no more than its noise."""
     U = np.add.reduce(excited.U * (R.conj() / np.abs(R)))
-    lost = np.count_nonzero(squared(U) < LOST * np.add.reduce(np.broadcast_to(excited.var_U, excited.U.shape)))
+    lost = np.count_nonzero(squared_modulus(U) < LOST * np.add.reduce(np.broadcast_to(excited.var_U, excited.U.shape)))
     if lost > MANY * U.size:
         data_warning(
             f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played in this record? Off "
@@ -158,20 +158,20 @@ def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
     steps = equal_steps(where)
     same: Any = False
     if steps.shape[1] < PLENTY:
-        same = alike(U, squared(U @ U[:MOST].conj().T), 1)
+        same = alike(U, squared_modulus(U @ U[:MOST].conj().T), 1)
     if 2 * steps.shape[1] >= n_lines:
         i, j = steps
         root = np.sqrt(np.abs(U))
         even = U / (root * np.sqrt(root))  # so that the product of four weighs the lines by their amplitude
         step = even[:, 1:] * even[:, :-1].conj()
         turned = step.take(i, axis=1) * step.take(j, axis=1).conj()
-        same = same | alike(turned, squared(turned @ turned[:MOST].conj().T), 1)
+        same = same | alike(turned, squared_modulus(turned @ turned[:MOST].conj().T), 1)
     elif n <= MOST:  # few lines are equally far apart: every delay is tried
         n_delays = fast_length(8 * int(where.lines[-1]))
         products, most = np.zeros((n, n_delays), dtype=complex), np.zeros((n, n))
         for m in range(n):
             products[:, where.lines[where.excited]] = U[m].conj() * U
-            most[m] = squared(np.fft.fft(products)).max(axis=-1)
+            most[m] = squared_modulus(np.fft.fft(products)).max(axis=-1)
         same = same | alike(U, most, 4 * n_delays)
     if np.count_nonzero(same) <= min(n, MOST):  # each with itself
         return [[m] for m in range(n)]
@@ -204,13 +204,15 @@ def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     size = power(x)
     whole = size[:, None] * size[: common.shape[1]]
     chance = BY_CHANCE / (common.size * n_delays)
-    like = common > in_common(chance, x.shape[1]) * whole
+    like = common > chance_correlation(chance, x.shape[1]) * whole
     if np.count_nonzero(like) <= common.shape[1]:
         return np.asarray(like)  # no more than n lines weigh something: each is like itself alone
-    n = float(np.median(size**2 / np.add.reduce(squared(squared(x)), axis=1)))  # lines that weigh something
+    n = float(
+        np.median(size**2 / np.add.reduce(squared_modulus(squared_modulus(x)), axis=1))
+    )  # lines that weigh something
     if n < FEWEST:
         return np.eye(*common.shape, dtype=bool)
-    return np.asarray(common > in_common(chance, n) * whole)
+    return np.asarray(common > chance_correlation(chance, n) * whole)
 
 
 def aligned(U: np.ndarray, other: np.ndarray, where: Places) -> tuple[float, float]:
@@ -252,7 +254,11 @@ def join(spectra: Spectra, group: list[int], known: np.ndarray, n_periods: int) 
     within = n_periods * (n_periods - 1)
     sums = {
         name: np.nan_to_num(getattr(spectra, name)[group]).sum(axis=0) * within + n_periods * between.sum(axis=0)
-        for name, between in (("var_U", squared(dU)), ("var_Y", squared(dY)), ("cov_YU", dY * dU.conj()))
+        for name, between in (
+            ("var_U", squared_modulus(dU)),
+            ("var_Y", squared_modulus(dY)),
+            ("cov_YU", dY * dU.conj()),
+        )
     }
     unknown = np.nan if n == 1 else 1.0
     return means | {name: total * unknown / max(n * (n - 1), 1) for name, total in sums.items()}
@@ -263,7 +269,7 @@ def refuse_unexcited(excited: Spectra) -> None:
     for name, spectrum in (("input", excited.U), ("reference", excited.R)):
         if spectrum is None:
             continue
-        power = excited.power_U if spectrum is excited.U else squared(spectrum)
+        power = excited.power_U if spectrum is excited.U else squared_modulus(spectrum)
         faintest = 1e-18 * power.max()
         if power.min() <= faintest:
             silent = (power <= faintest).any(axis=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.numbers import EPS, SMALL, squared
+from nlfrf._base.numbers import EPS, SMALL_NORM, squared_modulus
 from nlfrf._base.values import value
 from nlfrf.bla.frf import residual_variance
 from nlfrf.bla.localfit import NOISE_LINES
@@ -64,11 +64,11 @@ def nonlinear_residual(spectra: Spectra, measured: np.ndarray, smooth: np.ndarra
     where = spectra.where
     G = interpolate_frf(smooth, where)
     noise = residual_variance(G, spectra)
-    gain = squared(G) if smooth is measured else interpolate_gain(squared(measured), where)
+    gain = squared_modulus(G) if smooth is measured else interpolate_gain(squared_modulus(measured), where)
     return NonlinearResidual(
         G=G,
         gain=gain,
-        uneven=is_uneven(squared(smooth)),  # one realisation scatters more than a static gain changes
+        uneven=is_uneven(squared_modulus(smooth)),  # one realisation scatters more than a static gain changes
         Y=spectra.Y - G * spectra.U,
         noise=np.add.reduce(noise) / len(noise),
     )
@@ -76,7 +76,7 @@ def nonlinear_residual(spectra: Spectra, measured: np.ndarray, smooth: np.ndarra
 
 def interpolate_gain(gain: np.ndarray, where: Places) -> np.ndarray:
     """|G|^2 between its lines, linear in log magnitude; held at the ends."""
-    logarithm = np.log(np.maximum(gain, max(EPS**2 * gain.max(), SMALL**2)))
+    logarithm = np.log(np.maximum(gain, max(EPS**2 * gain.max(), SMALL_NORM**2)))
     rise = np.zeros(gain.size)
     np.subtract(logarithm[1:], logarithm[:-1], out=rise[:-1])
     return np.asarray(np.exp(logarithm.take(where.below) + where.share * rise.take(where.below)))
@@ -86,7 +86,7 @@ def interpolate_frf(G: np.ndarray, where: Places) -> np.ndarray:
     """G between its lines, linear in log magnitude and in phase; held at the ends."""
     magnitude = np.abs(G)
     # an output without any linear part has G = 0; a floor at rounding can still be squared and divided by
-    floor = max(EPS * magnitude.max(), SMALL)
+    floor = max(EPS * magnitude.max(), SMALL_NORM)
     logarithm, rise = np.empty(G.size, dtype=complex), np.zeros(G.size, dtype=complex)
     np.log(np.maximum(magnitude, floor), out=logarithm.real)
     np.arctan2(G.imag, G.real, out=logarithm.imag)

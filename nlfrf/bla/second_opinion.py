@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, of_kind, one_of, ratio_unit
-from nlfrf._base.numbers import BLOCK, EPS, TINY, fast_length, mean_power, power, rms, squared
+from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_kind
+from nlfrf._base.numbers import BLOCK_ENTRIES, EPS, TINY, fast_length, mean_power, power, rms, squared_modulus
 from nlfrf._base.values import value
 from nlfrf.bla.distortion import fit_each, variance_from_detection_lines
 from nlfrf.bla.frf import average_frf
@@ -14,7 +14,7 @@ from nlfrf.bla.realizations import check_realizations
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
 from nlfrf.bla.spectra import TREATMENTS, Spectra, period_spectra
 from nlfrf.records.record import Record
-from nlfrf.signals.lines import in_common, local_mean
+from nlfrf.signals.lines import chance_correlation, local_mean
 
 __all__ = ["DISAGREE", "SecondOpinion", "second_opinion"]
 
@@ -140,9 +140,9 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     >>> bool(abs(np.median(opinion.difference)) < 3)
     True
     """
-    of_kind("record", record, Record)
-    one_of("transient", transient, TREATMENTS)
-    n_detection = integer("n_detection", n_detection, least=3)
+    require_kind("record", record, Record)
+    require_choice("transient", transient, TREATMENTS)
+    n_detection = require_integer("n_detection", n_detection, least=3)
     grid = record.lines
     where = place_lines(grid, n_detection)
     spectra, treatment = period_spectra(record, where, transient)
@@ -219,7 +219,9 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> Nonlin
     residual : NonlinearResidual
     """
     where = excited.where
-    U = excited.U[: max(1, BLOCK // (SAMPLES * int(where.lines[-1])))]  # of long periods few realisations tell enough
+    U = excited.U[
+        : max(1, BLOCK_ENTRIES // (SAMPLES * int(where.lines[-1])))
+    ]  # of long periods few realisations tell enough
     Y = residual.Y[: len(U)].take(where.odd, axis=1)
     n = Y.size
     if where.odd.size < FEWEST or not Y.any():
@@ -235,11 +237,11 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> Nonlin
     if share < HEARD:
         return UNKNOWN_ORDER
     y = Y / np.sqrt(level)
-    levels = level_around(np.add.reduce(squared(candidates), axis=-2))
+    levels = level_around(np.add.reduce(squared_modulus(candidates), axis=-2))
     x = candidates * np.sqrt(heard / levels)[..., None, :]
-    common = squared(np.add.reduce(np.vecdot(x, y), axis=-1))
+    common = squared_modulus(np.add.reduce(np.vecdot(x, y), axis=-1))
     common /= np.add.reduce(power(x), axis=-1) * power(y).sum() + TINY
-    if common.max() < in_common(CHANCE, n):
+    if common.max() < chance_correlation(CHANCE, n):
         return UNKNOWN_ORDER
     common = np.clip((common * n - 1) / (n - 1) / share, 0.0, 1.0)
     cubes, fifths = common[..., 0].ravel(), common[..., 1].ravel()

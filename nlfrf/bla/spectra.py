@@ -7,11 +7,20 @@ from functools import cached_property
 
 import numpy as np
 
-from nlfrf._base.numbers import BLOCK, blocks, least_squares, power, repeats, rfft, rfft_at, squared
+from nlfrf._base.numbers import (
+    BLOCK_ENTRIES,
+    has_equal_periods,
+    iterate_blocks,
+    least_squares,
+    power,
+    rfft,
+    rfft_at,
+    squared_modulus,
+)
 from nlfrf._base.values import value
 from nlfrf.bla.neighbours import Places
 from nlfrf.records.record import Record
-from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW, is_transient
+from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transient
 
 __all__ = ["TREATMENTS", "Spectra", "dft", "find_treatment", "local_fit", "period_spectra"]
 
@@ -58,7 +67,7 @@ def is_drift(first: np.ndarray, last: np.ndarray, slope: np.ndarray, lines: np.n
     lines : (K,) int ndarray
         Those lines: a ramp has the amplitude slope / (pi k) on line k.
     """
-    apart = first[:, :WINDOW] - last[:, :WINDOW]
+    apart = first[:, :WINDOW_LINES] - last[:, :WINDOW_LINES]
     noise, whole = np.vdot(apart, apart).real / apart.size / 2, np.vdot(last, last).real / last.size
     leaked = np.vdot(slope, slope) / slope.size / (np.pi * lines[0]) ** 2
     return bool(leaked > max(noise, 1e-20 * whole))
@@ -147,7 +156,7 @@ class Spectra:
     @cached_property
     def power_U(self) -> np.ndarray:
         """(M, K) |U|^2."""
-        return squared(self.U)
+        return squared_modulus(self.U)
 
     @cached_property
     def amplitude(self) -> np.ndarray:
@@ -217,11 +226,11 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
     A generator's signal repeats so: its periods need one transform.
     """
     n_realizations, n_periods, n_samples = x.shape
-    some = blocks(n_realizations, n_periods * n_samples)
-    if (x[:, 0, 0] == x[:, -1, 0]).all() and all(repeats(x[m]) for m in some):
+    some = iterate_blocks(n_realizations, n_periods * n_samples)
+    if (x[:, 0, 0] == x[:, -1, 0]).all() and all(has_equal_periods(x[m]) for m in some):
         x = x[:, :1]
     spectra = np.empty((n_realizations, x.shape[1], lines.size), dtype=complex)
-    if n_samples > BLOCK:  # then what is worked on at a time is a period, or less
+    if n_samples > BLOCK_ENTRIES:  # then what is worked on at a time is a period, or less
         for m, p in np.ndindex(x.shape[:2]):
             np.multiply(rfft_at(x[m, p], lines), 2 / n_samples, out=spectra[m, p])
         return spectra
@@ -243,12 +252,12 @@ def average_periods(where: Places, U: np.ndarray, Y: np.ndarray, R: np.ndarray |
         var_U[:], var_Y[:], cov_YU[:] = np.nan, np.nan, np.nan
     else:
         scale = 1 / (n_periods * (n_periods - 1))
-        for m in blocks(n_realizations, n_periods * n_lines):
+        for m in iterate_blocks(n_realizations, n_periods * n_lines):
             dY = Y[m] - Y_mean[m, None]
-            var_Y[m] = scale * np.add.reduce(squared(dY), axis=1)
+            var_Y[m] = scale * np.add.reduce(squared_modulus(dY), axis=1)
             if U.shape[1] > 1:
                 dU = U[m] - U_mean[m, None]
-                var_U[m] = scale * np.add.reduce(squared(dU), axis=1)
+                var_U[m] = scale * np.add.reduce(squared_modulus(dU), axis=1)
                 cov_YU[m] = scale * np.add.reduce(dY * dU.conj(), axis=1)
     return Spectra(lines=where.lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU, where=where)
 

@@ -10,26 +10,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, one_line, positive
-from nlfrf._base.files import path_of
-from nlfrf._base.own_process import Found, read_apart
+from nlfrf._base.arguments import data_warning, one_line, require_positive
+from nlfrf._base.files import to_path
+from nlfrf._base.own_process import Contents, read_in_own_process
 from nlfrf._base.values import value
 from nlfrf.io import npz
-from nlfrf.io.moments import hold_moments
+from nlfrf.io.moments import require_same_moments
 from nlfrf.io.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
 from nlfrf.io.readers.clock import RATES, STEPS, UNIT, frequency_of, hertz_of, is_time, seconds_of, unit_of
 from nlfrf.io.readers.layout import once
 
-__all__ = ["OTHERWISE", "SUFFIXES", "Channels", "paths_of", "read_channels"]
+__all__ = ["OTHER_WAY", "SUFFIXES", "Channels", "read_channels", "to_paths"]
 
 
 SLOW, UNLIKELY = 100.0, 2.0  # a clock in a time channel without a unit that may not be in seconds, or hardly is [Hz]
-APART = 1e-3  # how far a sampling frequency that was given may be from that of the file
-DAY = 86400.0  # seconds
-DATES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
-QUICK = 1e6  # a clock that is more likely in days there [Hz]
-WIDE = 64  # columns that a matrix of signals may have
-OTHERWISE = "arrays of any origin go to record_from_samples(u, y, fs=...)"
+MAX_TIME_DIFFERENCE = 1e-3  # how far a sampling frequency that was given may be from that of the file
+SECONDS_PER_DAY = 86400.0  # seconds
+DATE_RANGES = ((3e4, 6e4), (7e5, 8e5))  # where today lies in the days of spreadsheets and of MATLAB
+MAX_RATE = 1e6  # a clock that is more likely in days there [Hz]
+MAX_COLUMNS = 64  # columns that a matrix of signals may have
+OTHER_WAY = "arrays of any origin go to record_from_samples(u, y, fs=...)"
 
 
 @value
@@ -85,16 +85,16 @@ class Channels:
             raise ValueError(
                 f"{parameter} must name a signal of {file!r}, one of {listed}; got {name!r}"
                 + (f"; {noted}" if noted else "")
-                + (f"; {OTHERWISE}" if not self.signals else "")
+                + (f"; {OTHER_WAY}" if not self.signals else "")
             )
         if array.ndim > 1 and self.text("schema"):
-            return stream_of(array)  # this package's own file: whoever asks knows the axes
+            return to_stream(array)  # this package's own file: whoever asks knows the axes
         array = np.squeeze(array)
         if array.ndim != 1:
             inside = [known for known in self.signals if known.startswith(f"{full}.")]
             raise ValueError(
                 f"{parameter} must name one stream of samples, got {name!r} with shape {array.shape}; "
-                + (f"its columns are {', '.join(inside)}" if inside else OTHERWISE)
+                + (f"its columns are {', '.join(inside)}" if inside else OTHER_WAY)
             )
         if full in self.notes:
             raise ValueError(f"{parameter} must hold numbers, but {name!r} of {file!r} {self.notes[full]}")
@@ -105,7 +105,7 @@ class Channels:
                 f"{file!r} has {full!r} beside {' and '.join(map(repr, twins))}, as channels of one name are told "
                 f"apart: {parameter} is {full!r}, the first of them"
             )
-        return stream_of(array)
+        return to_stream(array)
 
     def labels(self, u: str, y: str) -> dict[str, str]:
         """Names of input and output without their units, and the units that the file has in brackets or beside them."""
@@ -146,7 +146,7 @@ class Channels:
         if not found:
             found = self.clock_beside(tuple(told), given is not None)
         rates = [fs for fs, _ in found.values() if fs > 0]
-        if rates and max(rates) > min(rates) * (1 + APART):
+        if rates and max(rates) > min(rates) * (1 + MAX_TIME_DIFFERENCE):
             said = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
             raise ValueError(
                 f"u and y must be sampled together, but {file!r} has {said}; bring them to one clock and give them to "
@@ -155,13 +155,13 @@ class Channels:
         fs, where = next(iter(found.values()), (0.0, ""))
         axes = {name: axis for name in told if (axis := self.moments_of(name)) is not None}
         if axes:
-            hold_moments(file, axes, positive("fs", given) if given is not None else fs)
+            require_same_moments(file, axes, require_positive("fs", given) if given is not None else fs)
         if given is None:
             if not fs > 0:
                 raise ValueError(f"fs must be given: {file!r} holds neither fs nor a time channel")
             return fs
-        given = positive("fs", given)
-        if fs > 0 and abs(given / fs - 1) > APART:
+        given = require_positive("fs", given)
+        if fs > 0 and abs(given / fs - 1) > MAX_TIME_DIFFERENCE:
             data_warning(
                 f"fs was given as {given:g} Hz, but by {where} of {file!r} it is {fs:g} Hz; the one given is used"
             )
@@ -185,7 +185,7 @@ class Channels:
         if scalar is None:
             return {"": (self.frequency_of_time(time, known), where)} if time else {}
         fs = self.frequency_of_time(time, True) if time and not known else 0.0
-        if fs > 0 and abs(scalar[0] / fs - 1) > APART:
+        if fs > 0 and abs(scalar[0] / fs - 1) > MAX_TIME_DIFFERENCE:
             data_warning(
                 f"fs is {scalar[0]:g} Hz by {scalar[1]!r} of {Path(self.path).name!r} and {fs:g} Hz by {where}; the "
                 "first is used, give fs if it is not the one"
@@ -243,7 +243,7 @@ class Channels:
         best = min(found, default=None)
         if best is None:
             return None
-        others = [one for one in found if one[0] == best[0] and one[1] > best[1] * (1 + APART)]
+        others = [one for one in found if one[0] == best[0] and one[1] > best[1] * (1 + MAX_TIME_DIFFERENCE)]
         if others and not known:
             raise ValueError(
                 f"fs must be given: {Path(self.path).name!r} says {best[1]:g} Hz by {best[2]!r} and "
@@ -259,13 +259,13 @@ class Channels:
         t = np.ravel(self.arrays[time])
         fs = frequency_of(t if second == 1.0 else (second or 0.0) * t)
         if not fs > 0 and not known:
-            raise ValueError(f"fs must be given: the time channel {time!r} {stumbles(t)}")
-        if unit is None and fs > QUICK and any(low < t[0] < high for low, high in DATES):
+            raise ValueError(f"fs must be given: the time channel {time!r} {backward_steps(t)}")
+        if unit is None and fs > MAX_RATE and any(low < t[0] < high for low, high in DATE_RANGES):
             if known:
                 return 0.0
             raise ValueError(
                 f"fs must be given: the time channel {time!r} names no unit, begins at {t[0]:.9g} and steps by "
-                f"{1 / fs:.3g}: {fs:g} Hz if these are seconds, {fs / DAY:g} Hz if they are days"
+                f"{1 / fs:.3g}: {fs:g} Hz if these are seconds, {fs / SECONDS_PER_DAY:g} Hz if they are days"
             )
         if unit is not None or not 0 < fs <= SLOW:
             return fs
@@ -279,7 +279,7 @@ class Channels:
         return fs
 
 
-def stumbles(t: np.ndarray) -> str:
+def backward_steps(t: np.ndarray) -> str:
     """Where a time channel does not run forward."""
     steps = np.diff(t.astype(float))
     if not np.any(steps < 0):
@@ -288,7 +288,7 @@ def stumbles(t: np.ndarray) -> str:
     return f"runs backwards at sample {at + 1}, from {t[at]:.9g} to {t[at + 1]:.9g}"
 
 
-def stream_of(array: np.ndarray) -> np.ndarray:
+def to_stream(array: np.ndarray) -> np.ndarray:
     """The same as float64, sample by sample in memory, which nobody writes."""
     stream = np.ascontiguousarray(array, dtype=float)
     stream.flags.writeable = False
@@ -303,18 +303,18 @@ class Reader(NamedTuple):
     extra: str = ""
 
 
-TEXT = Reader(tables.contents)
-HDF5 = Reader(hdf5, apart=True)
-MDF = Reader(mdf, apart=True, extra="mdf")
+TEXT_READER = Reader(tables.contents)
+HDF5_READER = Reader(hdf5, apart=True)
+MDF_READER = Reader(mdf, apart=True, extra="mdf")
 READERS = {
     ".mat": Reader(matlab.contents),
     ".npz": Reader(npz.contents),
-    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc"), TEXT),
+    **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc"), TEXT_READER),
     ".lvm": Reader(lvm.contents),
-    ".h5": HDF5,
-    ".hdf5": HDF5,
+    ".h5": HDF5_READER,
+    ".hdf5": HDF5_READER,
     ".tdms": Reader(tdms, apart=True, extra="tdms"),
-    **dict.fromkeys((".mf4", ".mdf"), MDF),
+    **dict.fromkeys((".mf4", ".mdf"), MDF_READER),
     **dict.fromkeys((".uff", ".unv"), Reader(uff, apart=True, extra="uff")),
     **dict.fromkeys((".parquet", ".feather"), Reader(columns, apart=True, extra="parquet")),
     ".wav": Reader(wav, apart=True),
@@ -322,7 +322,7 @@ READERS = {
 SUFFIXES = ", ".join(READERS)
 
 
-def paths_of(path: Any) -> list[Any]:
+def to_paths(path: Any) -> list[Any]:
     """The files of an experiment, one or several."""
     paths = list(path) if isinstance(path, Iterable) and not isinstance(path, str) else [path]
     if not paths:
@@ -340,44 +340,46 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     FileNotFoundError
         No such file.
     """
-    path = path_of(path)
+    path = to_path(path)
     if not path.is_file():
         raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
     suffix = path.suffix.lower()
     reader = READERS.get(suffix)
     if reader is None:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
-        raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHERWISE}")
+        raise ValueError(f"path must end in {SUFFIXES}, got {path.name!r}{cure}; {OTHER_WAY}")
     try:
-        if reader is TEXT:
+        if reader is TEXT_READER:
             with path.open("rb") as stream:
-                reader = MDF if stream.read(8).startswith(b"MDF ") else TEXT  # its older versions are called .dat
+                reader = (
+                    MDF_READER if stream.read(8).startswith(b"MDF ") else TEXT_READER
+                )  # its older versions are called .dat
         arrays, units, clocks, notes = (
-            read_apart(reader.contents.__file__, path) if reader.apart else reader.contents(path)
+            read_in_own_process(reader.contents.__file__, path) if reader.apart else reader.contents(path)
         )
     except MemoryError:
         raise ValueError(f"path must be a readable {suffix} file, got {path.name!r}: too large to read") from None
     except ModuleNotFoundError as missing:
         raise ValueError(
             f"path must be a file that can be read here: {path.name!r} needs {missing.name}, which is not installed: "
-            f"pip install 'nlfrf[{reader.extra}]'; {OTHERWISE}"
+            f"pip install 'nlfrf[{reader.extra}]'; {OTHER_WAY}"
         ) from None
     except Exception as error:  # readers of damaged files raise nearly anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(
-            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHERWISE}"
+            f"path must be a readable {suffix} file, got {path.name!r}: {reason[:160]}; {OTHER_WAY}"
         ) from None
-    arrays, units, clocks, notes = with_plain_names(arrays, units, clocks, notes)
+    arrays, units, clocks, notes = clean_names(arrays, units, clocks, notes)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
         said = "; ".join(f"{name!r} {why}" for name, why in notes.items())
         raise ValueError(
             f"path must be a file that holds arrays of numbers, got {path.name!r} with none"
             + (f": {said}" if said else "")
-            + f"; {OTHERWISE}"
+            + f"; {OTHER_WAY}"
         )
     if "schema" not in numeric:
-        numeric, clocks = with_columns(numeric, clocks)
+        numeric, clocks = split_columns(numeric, clocks)
     for array in numeric.values():  # nobody else holds them, so they go into a record as they are
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
@@ -388,7 +390,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     )
 
 
-def with_plain_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Found:
+def clean_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Contents:
     """The same with names, units and notes that are one line each and command no terminal, whoever reads them."""
     texts = [clock for clock in clocks.values() if isinstance(clock, str)]
     names = [name for name in dict.fromkeys([*arrays, *units, *clocks, *notes, *texts]) if name]
@@ -401,25 +403,25 @@ def with_plain_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Found:
     )
 
 
-def with_columns(arrays: Mapping[str, np.ndarray], clocks: Mapping[str, Any]) -> tuple[Any, Any]:
+def split_columns(arrays: Mapping[str, np.ndarray], clocks: Mapping[str, Any]) -> tuple[Any, Any]:
     """The same with the columns of matrices as streams of their own; one that rises evenly in front is their time."""
     more, clocks = dict(arrays), dict(clocks)
     for name, array in arrays.items():
         if array.ndim != 2 or array.dtype.kind not in "fiu":
             continue
         rows = array if array.shape[0] < array.shape[1] else array.T
-        if not 1 < len(rows) <= WIDE or rows.shape[1] < 4 * len(rows):
+        if not 1 < len(rows) <= MAX_COLUMNS or rows.shape[1] < 4 * len(rows):
             continue
         for i, row in enumerate(rows):
             more[f"{name}.{i + 1}"] = row
             if name in clocks:
                 clocks[f"{name}.{i + 1}"] = clocks[name]
-            elif rises(rows[0]) and i:
+            elif is_time_axis(rows[0]) and i:
                 clocks[f"{name}.{i + 1}"] = f"{name}.1"
     return more, clocks
 
 
-def rises(t: np.ndarray) -> bool:
+def is_time_axis(t: np.ndarray) -> bool:
     """Whether a stream is a time axis: it rises by even steps."""
     steps = np.diff(np.asarray(t, dtype=float))
     return bool(steps.size and steps.min() > 0.5 * np.median(steps) > 0 and np.ptp(steps) < 0.1 * np.median(steps))

@@ -8,8 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, of_kind, one_of
-from nlfrf._base.files import DECIMALS, PLAYED, Role, path_of, require_writable, save_mat, write_table, write_whole
+from nlfrf._base.arguments import require_choice, require_integer, require_kind
+from nlfrf._base.files import (
+    DECIMALS,
+    DESIGN_MARK,
+    Role,
+    require_writable,
+    save_mat,
+    to_path,
+    write_atomically,
+    write_table,
+)
 from nlfrf.io.stored_values import load_value, save_value
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
@@ -19,8 +28,8 @@ __all__ = ["DESIGNS", "load_design", "load_multisine", "save_multisine"]
 
 MULTISINE_SCHEMA = "nlfrf-multisine"
 ORTHOGONAL_SCHEMA = "nlfrf-orthogonal-multisine"
-KEPT = (".npz", ".h5", ".hdf5")
-TO_PLAY = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
+EXACT_SUFFIXES = (".npz", ".h5", ".hdf5")
+PLAYABLE_SUFFIXES = (".csv", ".mat", ".wav")  # which hold what is played, and the design beside them
 DESIGNS = {MULTISINE_SCHEMA: Multisine, ORTHOGONAL_SCHEMA: OrthogonalMultisine}
 
 
@@ -58,26 +67,27 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     True
     >>> folder.cleanup()
     """
-    of_kind("ms", ms, Multisine, OrthogonalMultisine)
-    one_of("decimal", decimal, DECIMALS)
-    path, beside = path_of(path), path_of(path).with_suffix(".npz")
+    require_kind("ms", ms, Multisine, OrthogonalMultisine)
+    require_choice("decimal", decimal, DECIMALS)
+    path, beside = to_path(path), to_path(path).with_suffix(".npz")
     schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u
     peak = float(np.abs(u).max())
-    if suffix not in (*KEPT, *TO_PLAY):
+    if suffix not in (*EXACT_SUFFIXES, *PLAYABLE_SUFFIXES):
         raise ValueError(
-            f"path must end in {', '.join(KEPT)} or, to be played, {', '.join(TO_PLAY)}, got {path.name!r}"
+            f"path must end in {', '.join(EXACT_SUFFIXES)} or, to be played, {', '.join(PLAYABLE_SUFFIXES)}, "
+            f"got {path.name!r}"
         )
-    if suffix in TO_PLAY:
+    if suffix in PLAYABLE_SUFFIXES:
         require_writable(beside, role=Role.DERIVED)  # before the first of two files is there
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs
-        write_table(path, np.column_stack([t, *to_play(u)]), ["t [s]", *played_names(ms)], decimal=decimal)
+        write_table(path, np.column_stack([t, *played_samples(u)]), ["t [s]", *played_names(ms)], decimal=decimal)
     elif suffix == ".mat":
         save_mat(
             path,
             {
-                "kind": np.array(PLAYED),
+                "kind": np.array(DESIGN_MARK),
                 "u": u,
                 "fs": np.array(ms.fs),
                 "f": ms.f,
@@ -88,14 +98,14 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     elif suffix == ".wav":
         from scipy.io import wavfile
 
-        rate = integer("fs of a .wav file", ms.fs, least=1)
-        samples = (to_play(u).T / peak).astype(np.float32)
+        rate = require_integer("fs of a .wav file", ms.fs, least=1)
+        samples = (played_samples(u).T / peak).astype(np.float32)
 
         def write(target: Path) -> None:
             wavfile.write(target, rate, samples)
             add_remark(target, f"full scale is {peak:.17g}")
 
-        write_whole(path, write)
+        write_atomically(path, write)
     else:
         save_value(ms, schema, path, u=u)
         return
@@ -116,7 +126,7 @@ def add_remark(path: Path, text: str) -> None:
         stream.write(struct.pack("<I", size + len(remark) - 8))
 
 
-def to_play(u: np.ndarray) -> np.ndarray:
+def played_samples(u: np.ndarray) -> np.ndarray:
     """(channels, N) periods in the order they are played: all inputs of an experiment beside one another."""
     return u if u.ndim == 2 else np.swapaxes(u, 0, 1).reshape(-1, u.shape[2])
 

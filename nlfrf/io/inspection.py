@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import counted
+from nlfrf._base.arguments import format_count
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.readers.clock import UNIT, is_time
 from nlfrf.io.records import LostRows, find_lost_rows
-from nlfrf.io.results import loaded
+from nlfrf.io.results import value_in
 from nlfrf.records.excited_lines import detect_lines
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import Record
@@ -27,16 +27,16 @@ from nlfrf.signals.orthogonal import OrthogonalMultisine
 __all__ = ["Channel", "FileContents", "inspect_file"]
 
 
-INPUTS = re.compile(
+INPUT_NAMES = re.compile(
     r"u\d*|in(put)?\d*|.*(force|kraft|current|strom|command|cmd|drive|voltage|torque|excit|stell|moment|soll).*|i_?[aq].*",
     re.I,
 )
-OUTPUTS = re.compile(
+OUTPUT_NAMES = re.compile(
     r"y\d*|out(put)?\d*|.*(pos|weg|angle|winkel|enc|acc|beschl|vel|speed|disp|response|meas|ist).*|x\d*|theta.*", re.I
 )
-FAR_SHORTER = 16  # times: a channel shorter by more is not looked at
-MOST = 12  # channels whose spectra are looked at
-WHOLE = 0.05  # how far a period may be from a whole number of samples, in samples
+MIN_LENGTH_RATIO = 16  # times: a channel shorter by more is not looked at
+MAX_CANDIDATES = 12  # channels whose spectra are looked at
+WHOLE_TOLERANCE = 0.05  # how far a period may be from a whole number of samples, in samples
 
 
 class Channel(NamedTuple):
@@ -99,15 +99,15 @@ class FileContents:
     @property
     def command(self) -> str:
         """The command that identifies the BLA from this file."""
-        out = f"-o {shlex.quote(not_an_option(Path(self.path).stem + '-bla.npz'))}"
-        words = ["nlfrf", "identify", shlex.quote(not_an_option(self.path))]
+        out = f"-o {shlex.quote(escape_dash(Path(self.path).stem + '-bla.npz'))}"
+        words = ["nlfrf", "identify", shlex.quote(escape_dash(self.path))]
         if self.schema:
             return " ".join([*words, out])
-        words += ["--input", shlex.quote(quoted(self.u or "INPUT"))]
-        words += ["--output", shlex.quote(quoted(self.y or "OUTPUT"))]
+        words += ["--input", shlex.quote(quote_name(self.u or "INPUT"))]
+        words += ["--output", shlex.quote(quote_name(self.y or "OUTPUT"))]
         fs = {channel.name: channel.fs for channel in self.channels}.get(self.u, np.nan)
         words += [] if np.isfinite(fs) else ["--fs", "HERTZ"]
-        words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE else []
+        words += ["--resample"] if abs(self.period - round(self.period)) > WHOLE_TOLERANCE else []
         return " ".join([*words, out])
 
     def __str__(self) -> str:
@@ -117,7 +117,7 @@ class FileContents:
             for c in self.channels
         ]
         widths = [max(len(row[i]) for row in [head, *table]) for i in range(len(head))]
-        lines = [f"{Path(self.path).name}: {counted(len(self.channels), 'channel') if table else self.schema}"]
+        lines = [f"{Path(self.path).name}: {format_count(len(self.channels), 'channel') if table else self.schema}"]
         for row in [head, *table] if table else []:
             cells = [
                 cell.ljust(w) if i < 2 else cell.rjust(w) for i, (cell, w) in enumerate(zip(row, widths, strict=True))
@@ -135,7 +135,7 @@ class FileContents:
         return "\n".join([*lines, f"run:   {self.command}"])
 
 
-def quoted(name: str) -> str:
+def quote_name(name: str) -> str:
     """A channel's name as `nlfrf identify` takes it: in quotes, as in a table, where commas would part it.
 
     >>> print(quoted("Kraft"), quoted("Kraft, x"))
@@ -145,7 +145,7 @@ def quoted(name: str) -> str:
     return name if plain else '"' + name.replace('"', '""') + '"'
 
 
-def not_an_option(path: str) -> str:
+def escape_dash(path: str) -> str:
     """A path that begins with a dash, told apart from an option."""
     return f"./{path}" if path.startswith("-") else path
 
@@ -187,19 +187,19 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         warnings.simplefilter("ignore")  # a clock that is doubtful is asked for when the record is loaded
         file = read_channels(path)
         if file.text("schema"):
-            return of_own(file)
+            return own_contents(file)
         streams = {name: np.squeeze(file.arrays[name]) for name in file.signals}
         streams = {name: stream for name, stream in streams.items() if stream.ndim == 1}
-        channels = tuple(described(file, name, stream) for name, stream in streams.items())
+        channels = tuple(describe_stream(file, name, stream) for name, stream in streams.items())
     times = {name for name in streams if is_time(name)} | {clock for clock in file.clocks.values() if clock in streams}
-    candidates = {name: stream for name, stream in streams.items() if name not in times and varies(stream)}
-    rows = {name: lost_rows_of(file, name) for name in candidates}
+    candidates = {name: stream for name, stream in streams.items() if name not in times and is_varying(stream)}
+    rows = {name: describe_lost_rows(file, name) for name in candidates}
     filled = {
         name: stream if (lost := rows[name]) is None else lost.filled(stream) for name, stream in candidates.items()
     }
     u, period, lines = "", 0.0, "no channel repeats"
-    for together in by_length(filled):
-        u, period, lines = guessed_input(file, together)
+    for together in group_by_length(filled):
+        u, period, lines = guess_input(file, together)
         if u:
             break
     lost = rows.get(u)
@@ -208,7 +208,7 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
         channels=channels,
         notes=dict(file.notes),
         u=u,
-        y=guessed_output(u, candidates if u else next(iter(by_length(candidates)), {})),
+        y=guess_output(u, candidates if u else next(iter(group_by_length(candidates)), {})),
         period=period,
         lines=lines,
         schema="",
@@ -216,7 +216,7 @@ def inspect_file(path: str | os.PathLike[str]) -> FileContents:
     )
 
 
-def lost_rows_of(file: Channels, name: str) -> LostRows | None:
+def describe_lost_rows(file: Channels, name: str) -> LostRows | None:
     """Rows that the time column shows to be lost, of one channel."""
     try:
         return find_lost_rows(file.seconds(name), file.sampling_frequency(None, (name,)))
@@ -224,23 +224,23 @@ def lost_rows_of(file: Channels, name: str) -> LostRows | None:
         return None
 
 
-def of_own(file: Channels) -> FileContents:
+def own_contents(file: Channels) -> FileContents:
     """What a file of this package holds: the channels of a record, anything else in words."""
-    content = loaded(file)
-    signals = signals_of(content) if isinstance(content, Record) else []
+    content = value_in(file)
+    signals = record_signals(content) if isinstance(content, Record) else []
     return FileContents(
         path=file.path,
-        channels=tuple(in_numbers(name, unit, content.fs, samples) for name, unit, samples in signals),
+        channels=tuple(channel_statistics(name, unit, content.fs, samples) for name, unit, samples in signals),
         notes={},
         u="",
         y="",
         period=0.0,
-        lines=str(content) if isinstance(content, Bla) else extent(content),
+        lines=str(content) if isinstance(content, Bla) else describe_extent(content),
         schema=file.text("schema"),
     )
 
 
-def signals_of(record: Record) -> list[tuple[str, str, np.ndarray]]:
+def record_signals(record: Record) -> list[tuple[str, str, np.ndarray]]:
     """Name, unit and samples of every channel."""
     references = ("r",) if record.is_single else tuple(f"r {name}" for name in record.inputs)
     sides = [
@@ -256,33 +256,33 @@ def signals_of(record: Record) -> list[tuple[str, str, np.ndarray]]:
     ]
 
 
-def extent(content: Record | Multisine | OrthogonalMultisine) -> str:
+def describe_extent(content: Record | Multisine | OrthogonalMultisine) -> str:
     """How much of a signal there is, in words."""
     if isinstance(content, OrthogonalMultisine) or (isinstance(content, Record) and not content.is_single):
-        runs = counted(content.n_experiments, "experiment")
+        runs = format_count(content.n_experiments, "experiment")
     else:
-        runs = counted(content.n_realizations, "realisation")
-    periods = f"{counted(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
+        runs = format_count(content.n_realizations, "realisation")
+    periods = f"{format_count(content.n_periods, 'period')} x " if isinstance(content, Record) else ""
     f = content.lines.excited * content.f0
-    said = f"{runs} x {periods}{content.n_samples} samples, {counted(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
-    return f"{said}, hold {content.hold}"
+    band = f"{format_count(f.size, 'line')} from {f[0]:.4g} to {f[-1]:.4g} Hz"
+    return f"{runs} x {periods}{content.n_samples} samples, {band}, hold {content.hold}"
 
 
-def varies(stream: np.ndarray) -> bool:
+def is_varying(stream: np.ndarray) -> bool:
     """Whether a stream of numbers or truth values moves, and all of it is finite."""
     return bool(np.isfinite(stream).all() and stream.max() > stream.min())
 
 
-def described(file: Channels, name: str, stream: np.ndarray) -> Channel:
+def describe_stream(file: Channels, name: str, stream: np.ndarray) -> Channel:
     """One channel in numbers."""
     try:
         fs = file.sampling_frequency(None, (name,))
     except ValueError:
         fs = float("nan")
-    return in_numbers(name, file.unit(name), fs, stream)
+    return channel_statistics(name, file.unit(name), fs, stream)
 
 
-def in_numbers(name: str, unit: str, fs: float, stream: np.ndarray) -> Channel:
+def channel_statistics(name: str, unit: str, fs: float, stream: np.ndarray) -> Channel:
     """A channel by its samples."""
     x = np.asarray(stream, dtype=float)
     x = x[np.isfinite(x)]
@@ -290,7 +290,7 @@ def in_numbers(name: str, unit: str, fs: float, stream: np.ndarray) -> Channel:
     return Channel(name, unit, stream.size, fs, *extremes)
 
 
-def by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+def group_by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     """The channels of one length each, as they were sampled together, the longest first.
 
     What is far shorter than the longest is no measurement, but a state, a setting or a temperature noted now and then.
@@ -299,14 +299,14 @@ def by_length(candidates: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     return [
         {name: stream for name, stream in candidates.items() if stream.size == size}
         for size in sizes
-        if FAR_SHORTER * size >= sizes[0]
+        if MIN_LENGTH_RATIO * size >= sizes[0]
     ]
 
 
-def guessed_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str]:
+def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str, float, str]:
     """The input, its period in samples, and what is excited, in words."""
     found: dict[str, tuple[float, float, str]] = {}
-    likely = sorted(candidates, key=lambda name: not INPUTS.fullmatch(bare(name)))[:MOST]
+    likely = sorted(candidates, key=lambda name: not INPUT_NAMES.fullmatch(bare_name(name)))[:MAX_CANDIDATES]
     for name in candidates:
         if name not in likely:
             continue
@@ -321,32 +321,40 @@ def guessed_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[st
             continue
         spectrum = np.abs(np.fft.rfft(u.mean(axis=1)[0]))[excited]
         uneven = float(np.std(20 * np.log10(spectrum))) if excited.size > 1 else np.inf
-        period = float(n) if abs(period - n) <= WHOLE else period
+        period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
         said = f"period {period:.6g} samples"
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 fs = file.sampling_frequency(None, (name,))
-            said += f" ({period / fs:.4g} s), {x.size // n} periods; {counted(excited.size, 'line')}"
+            said += f" ({period / fs:.4g} s), {x.size // n} periods; {format_count(excited.size, 'line')}"
             said += f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
         except ValueError:
-            said += f", {x.size // n} periods; {counted(excited.size, 'line')}"
+            said += f", {x.size // n} periods; {format_count(excited.size, 'line')}"
         found[name] = uneven, period, said
     if not found:
         return "", 0.0, "no channel repeats"
     best = min(
-        found, key=lambda name: (not INPUTS.fullmatch(bare(name)), bool(OUTPUTS.fullmatch(bare(name))), found[name][0])
+        found,
+        key=lambda name: (
+            not INPUT_NAMES.fullmatch(bare_name(name)),
+            bool(OUTPUT_NAMES.fullmatch(bare_name(name))),
+            found[name][0],
+        ),
     )
     return best, *found[best][1:]
 
 
-def guessed_output(u: str, candidates: dict[str, np.ndarray]) -> str:
+def guess_output(u: str, candidates: dict[str, np.ndarray]) -> str:
     """The first channel that is called like an output, else the first that is not called like an input."""
     others = [name for name in candidates if name != u and (not u or candidates[name].size == candidates[u].size)]
-    ranked = sorted(others, key=lambda name: (not OUTPUTS.fullmatch(bare(name)), bool(INPUTS.fullmatch(bare(name)))))
+    ranked = sorted(
+        others,
+        key=lambda name: (not OUTPUT_NAMES.fullmatch(bare_name(name)), bool(INPUT_NAMES.fullmatch(bare_name(name)))),
+    )
     return ranked[0] if ranked else ""
 
 
-def bare(name: str) -> str:
+def bare_name(name: str) -> str:
     """A name without its unit and the structs around it."""
     return UNIT.sub("", name).rsplit(".", 1)[-1].strip()

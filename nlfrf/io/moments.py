@@ -9,14 +9,14 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 
-__all__ = ["hold_moments"]
+__all__ = ["require_same_moments"]
 
 
 TOLD, REFUSED = 0.05, 0.5  # samples by which one channel may begin behind another
-LOOKED_AT = 1000  # samples of long axes
+N_COMPARED = 1000  # samples of long axes
 
 
-def hold_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: float) -> None:
+def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: float) -> None:
     """Refuse channels that begin at different moments, and warn of those that do by part of a sample.
 
     Parameters
@@ -30,7 +30,7 @@ def hold_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: float) -
     """
     (first, there), *others = axes.items()
     for name, here in others:
-        late = samples_behind(there, here, fs)
+        late = start_difference(there, here, fs)
         if abs(late) < TOLD:
             continue
         said = f"by the times in {file!r} {name!r} begins {late:+.4g} samples behind {first!r}"
@@ -42,12 +42,12 @@ def hold_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: float) -
         data_warning(f"{said}: G has that delay in it, which is none of the machine")
 
 
-def samples_behind(there: Any, here: Any, fs: float) -> float:
+def start_difference(there: Any, here: Any, fs: float) -> float:
     """By how many samples one axis is behind the other; 0 where they cannot be told, or count from other origins."""
     if here is there or np.shape(here) != np.shape(there):
         return 0.0
-    step = max(1, np.size(here) // LOOKED_AT)
+    step = max(1, np.size(here) // N_COMPARED)
     behind = np.ravel(here)[::step] - np.ravel(there)[::step]
     behind = behind[np.isfinite(behind)]
     late = float(np.median(behind)) * fs if behind.size else 0.0
-    return late if abs(late) < max(np.size(here), LOOKED_AT) else 0.0
+    return late if abs(late) < max(np.size(here), N_COMPARED) else 0.0

@@ -15,14 +15,14 @@ from zipfile import ZIP_STORED, BadZipFile, ZipFile, ZipInfo
 import numpy as np
 from numpy.lib import format as npy
 
-from nlfrf._base.numbers import blocks
-from nlfrf._base.own_process import Found, require_size
+from nlfrf._base.numbers import iterate_blocks
+from nlfrf._base.own_process import Contents, require_size
 
 __all__ = ["contents"]
 
 
-LARGE = 1 << 20  # bytes from which it is worth not to read them twice
-HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+LARGE_MEMBER = 1 << 20  # bytes from which it is worth not to read them twice
+HEADER_READERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 
 
 class Header(NamedTuple):
@@ -39,7 +39,7 @@ class Header(NamedTuple):
         return int(np.prod(self.shape, dtype=object))
 
 
-def contents(path: Path) -> Found:
+def contents(path: Path) -> Contents:
     """Arrays by name; those that are not compressed without a copy on the way, held against their checksum."""
     notes: dict[str, str] = {}
     arrays: dict[str, np.ndarray] = {}
@@ -52,7 +52,7 @@ def contents(path: Path) -> Found:
             if name in headers or name in notes:
                 raise ValueError(f"it holds {name!r} twice")
             with archive.open(member) as opened:
-                header = header_of(opened) if opened.read(6) == npy.MAGIC_PREFIX else None
+                header = read_header(opened) if opened.read(6) == npy.MAGIC_PREFIX else None
             if header is None:
                 notes[name] = "is no array of NumPy"
             elif header.kind.hasobject:
@@ -64,44 +64,44 @@ def contents(path: Path) -> Found:
             else:
                 headers[name] = member, header
         for name, (member, header) in headers.items():
-            plain = member.compress_type == ZIP_STORED and member.file_size == member.compress_size > LARGE
-            arrays[name] = stored(path, archive, member, header) if plain else unpacked(archive, member)
+            plain = member.compress_type == ZIP_STORED and member.file_size == member.compress_size > LARGE_MEMBER
+            arrays[name] = map_member(path, archive, member, header) if plain else read_member(archive, member)
     return arrays, {}, {}, notes
 
 
-def header_of(stream: IO[bytes]) -> Header | None:
+def read_header(stream: IO[bytes]) -> Header | None:
     """The header of a member behind the first bytes of it; None of a version that only tables have."""
     version = tuple(stream.read(2))
-    if version not in HEADERS:
+    if version not in HEADER_READERS:
         return None
-    shape, by_columns, kind = HEADERS[version](stream)
+    shape, by_columns, kind = HEADER_READERS[version](stream)
     if min(shape, default=1) < 0:
         raise ValueError(f"a shape must be of whole numbers from zero, got {shape}")
     return Header(shape, by_columns, kind, stream.tell())
 
 
-def unpacked(archive: ZipFile, member: ZipInfo) -> np.ndarray:
+def read_member(archive: ZipFile, member: ZipInfo) -> np.ndarray:
     """An array as NumPy reads it; the archive holds it against its checksum."""
     with archive.open(member) as stream:
         return npy.read_array(stream, allow_pickle=False)
 
 
-def stored(path: Path, archive: ZipFile, member: ZipInfo, header: Header) -> np.ndarray:
+def map_member(path: Path, archive: ZipFile, member: ZipInfo, header: Header) -> np.ndarray:
     """An array that lies in the file as it is."""
     with archive.open(member) as opened:
         head = opened.read(header.length)
     with path.open("rb") as stream:
-        stream.seek(begin_of(stream, member) + header.length)
+        stream.seek(member_offset(stream, member) + header.length)
         flat = np.fromfile(stream, header.kind, header.n_numbers)
     check = zlib.crc32(head)
-    for some in blocks(flat.size):
+    for some in iterate_blocks(flat.size):
         check = zlib.crc32(flat[some].data, check)
     if flat.size < header.n_numbers or check != member.CRC:
         raise BadZipFile(f"Bad CRC-32 for file {member.filename!r}")
     return flat.reshape(header.shape, order="F" if header.by_columns else "C")
 
 
-def begin_of(stream: IO[bytes], member: ZipInfo) -> int:
+def member_offset(stream: IO[bytes], member: ZipInfo) -> int:
     """Where the bytes of a member begin: behind its local head of 30 bytes, a name and an extra field."""
     stream.seek(member.header_offset + 26)
     lengths = stream.read(4)

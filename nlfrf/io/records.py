@@ -11,16 +11,16 @@ from typing import Any, overload
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, in_words, integer, listed, shown
-from nlfrf._base.files import path_of
+from nlfrf._base.arguments import data_warning, format_small_count, join_names, require_integer, short_form
+from nlfrf._base.files import to_path
 from nlfrf._base.numbers import all_finite
 from nlfrf._base.values import value
-from nlfrf.io.channels import Channels, paths_of, read_channels
+from nlfrf.io.channels import Channels, read_channels, to_paths
 from nlfrf.io.designs import load_design, load_multisine
-from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, Asked, stored_multirecord, stored_records
+from nlfrf.io.stored_records import MULTIRECORD_SCHEMA, RECORD_SCHEMA, CutOptions, stored_multirecord, stored_records
 from nlfrf.records.period import detect_period
 from nlfrf.records.record import SAME_CLOCK, Record
-from nlfrf.records.reference import Design, played_period
+from nlfrf.records.reference import Design, design_period
 from nlfrf.records.samples import record_from_samples, records_from_streams
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
@@ -33,9 +33,11 @@ __all__ = ["LostRows", "find_lost_rows", "holds_multirecord", "keep_whole_period
 # Behind a lost row every sample stands one early. Cut by counting, all later periods are out of place; cut by their
 # times, all periods but the one with the hole are as good as before.
 
-UNEVEN = 0.25  # of a sample: a step further from a whole number of samples shows a clock that jitters, not a lost row
-WHOLE = 0.1  # of a sample: a period further from a whole number of samples is none
-NAMED = 3  # jumps that a message names
+MAX_UNEVENNESS = (
+    0.25  # of a sample: a step further from a whole number of samples shows a clock that jitters, not a lost row
+)
+WHOLE_TOLERANCE = 0.1  # of a sample: a period further from a whole number of samples is none
+MAX_NAMED = 3  # jumps that a message names
 
 
 @value
@@ -82,12 +84,12 @@ class LostRows:
         steps = np.diff(self.place)
         jumps = np.flatnonzero(steps > 1)
         said = [
-            f"time jumps by {in_words(int(steps[j]), 'sample')} at {self.moments[j] + 1 / self.fs:.9g} s: "
-            f"{in_words(int(steps[j]) - 1, 'sample')} lost"
-            for j in jumps[:NAMED]
+            f"time jumps by {format_small_count(int(steps[j]), 'sample')} at {self.moments[j] + 1 / self.fs:.9g} s: "
+            f"{format_small_count(int(steps[j]) - 1, 'sample')} lost"
+            for j in jumps[:MAX_NAMED]
         ]
-        more = jumps.size - NAMED
-        return "; ".join(said + [f"and {in_words(more, 'such jump')} more"] * (more > 0))
+        more = jumps.size - MAX_NAMED
+        return "; ".join(said + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0))
 
     def describe(self, n_samples: int) -> str:
         """The same, with the periods that are whole.
@@ -99,7 +101,7 @@ class LostRows:
         whole = [str(j + 1) for j in self.whole_periods(n_samples)]
         if not whole:
             return f"{self}; no period is whole"
-        named = f"period {whole[0]} is" if len(whole) == 1 else f"periods {listed(whole)} are"
+        named = f"period {whole[0]} is" if len(whole) == 1 else f"periods {join_names(whole)} are"
         return f"{self}; {named} whole"
 
 
@@ -123,7 +125,12 @@ def find_lost_rows(seconds: np.ndarray | None, fs: float) -> LostRows | None:
         return None
     steps = np.diff(seconds) * fs
     whole = np.round(steps)
-    if not np.isfinite(steps).all() or whole.min() < 1 or whole.max() == 1 or np.abs(steps - whole).max() > UNEVEN:
+    if (
+        not np.isfinite(steps).all()
+        or whole.min() < 1
+        or whole.max() == 1
+        or np.abs(steps - whole).max() > MAX_UNEVENNESS
+    ):
         return None
     place = np.concatenate([[0], np.cumsum(whole)])
     return LostRows(place=place.astype(int), moments=seconds, fs=fs) if place[-1] < 2 * seconds.size else None
@@ -134,9 +141,9 @@ def keep_whole_periods(
     groups: Sequence[list[np.ndarray]],
     excitation: np.ndarray,
     fs: float,
-    asked: Asked,
+    asked: CutOptions,
     paths: Sequence[str],
-) -> Asked:
+) -> CutOptions:
     """Leave out of streams, in place, the periods in which a time column shows that rows are lost.
 
     `resample` looks where the input shows that the periods stand, and is left alone.
@@ -174,13 +181,16 @@ def keep_whole_periods(
         return asked  # refused, or cut at its ends, where the streams are held against each other
     n_samples = asked.n_samples
     if n_samples is None and asked.design is not None:
-        n_samples = played_period(asked.design, fs)
+        n_samples = design_period(asked.design, fs)
     elif n_samples is None:
         found = detect_period(excitation if lost[0] is None else lost[0].filled(excitation))
         n_samples = round(found)
-        if abs(found - n_samples) > WHOLE:
+        if abs(found - n_samples) > WHOLE_TOLERANCE:
             return asked  # refused where it is looked for again
-    n_samples, n_discard = integer("n_samples", n_samples, least=4), integer("n_discard", asked.n_discard, least=0)
+    n_samples, n_discard = (
+        require_integer("n_samples", n_samples, least=4),
+        require_integer("n_discard", asked.n_discard, least=0),
+    )
     for m, rows in enumerate(lost):
         if rows is not None:
             said = f"{Path(paths[m]).name!r}: {rows.describe(n_samples)}"
@@ -197,7 +207,7 @@ def keep_whole_periods(
     return asked._replace(n_samples=n_samples, n_discard=0)
 
 
-FRAYED = 0.01  # share of rows at the ends of a file that may lack a channel without a word
+MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
 
 
 Path_ = str | os.PathLike[str]
@@ -336,13 +346,13 @@ def load_record(
         y, r = ([one] if isinstance(one, str) else one for one in (y, () if r is None else r))
         cut: dict[str, Any] = {"n_samples": n_samples, "lines": lines, "n_discard": n_discard, "resample": resample}
         return load_multirecord(path, u=u, y=y, r=r, fs=fs, design=design, hold=hold, **cut)
-    refuse_wrong_names(u, y, r)
-    paths = paths_of(path)
+    check_names(u, y, r)
+    paths = to_paths(path)
     if isinstance(design, str | os.PathLike):
         design = load_multisine(design)
     names: dict[str, Any] = {"u": u} | ({} if r is None else {"r": r})
     outputs = [y] if isinstance(y, str) else list(y)
-    asked = Asked(n_samples, lines, n_discard, resample, design, hold)
+    asked = CutOptions(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
     if (u, y, r) == ("u", "y", None) and all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
         return stored_multirecord(files, None, None, fs, asked)
@@ -359,22 +369,22 @@ def load_record(
     return records[0] if isinstance(y, str) else records
 
 
-def refuse_wrong_names(u: Any, y: Any, r: Any) -> None:
+def check_names(u: Any, y: Any, r: Any) -> None:
     """Refuse what is no name of a channel, and an output that is asked for twice."""
     for parameter, name in (("u", u), ("r", "" if r is None else r)):
         if not isinstance(name, str):
-            raise ValueError(f"{parameter} must name one channel, got {shown(name)}")
+            raise ValueError(f"{parameter} must name one channel, got {short_form(name)}")
     outputs = [y] if isinstance(y, str) else y
     if not isinstance(outputs, list | tuple) or not all(isinstance(name, str) for name in outputs):
-        raise ValueError(f"y must name an output, or be a list of names, got {shown(y)}")
+        raise ValueError(f"y must name an output, or be a list of names, got {short_form(y)}")
     if not outputs:
         raise ValueError("y must name at least one output, got none")
     if len(set(outputs)) < len(outputs):
-        raise ValueError(f"y must name different outputs, got {shown(list(outputs))}")
+        raise ValueError(f"y must name different outputs, got {short_form(list(outputs))}")
 
 
 def measured_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: CutOptions
 ) -> list[Record]:
     """A record for each output, of the streams of all files."""
     streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
@@ -388,7 +398,7 @@ def measured_records(
     asked = keep_whole_periods(
         times, groups, streams.get("r", streams["u"])[0], clocks[0], asked, [f.path for f in files]
     )
-    whole({signal: streams[signal] for signal in names}, streams["y"])
+    trim_missing({signal: streams[signal] for signal in names}, streams["y"])
     found = {name: [names["u"], name] for name in outputs}
     for name in outputs:
         if files[0].full_name(name) == files[0].full_name(names["u"]):
@@ -410,7 +420,7 @@ def measured_records(
     )
 
 
-def whole(*groups: dict[str, list[np.ndarray]]) -> None:
+def trim_missing(*groups: dict[str, list[np.ndarray]]) -> None:
     """Cut the rows off both ends of each file where a channel has no number yet, or none any more."""
     for m in range(len(next(iter(groups[0].values())))):
         streams = {(i, name): group[name][m] for i, group in enumerate(groups) for name in group}
@@ -430,7 +440,7 @@ def whole(*groups: dict[str, list[np.ndarray]]) -> None:
                 f"{bad[0]}; where a channel has a slower clock than the other its cells stay empty: record both at "
                 "one, or fill the gaps and give the arrays to record_from_samples(u, y, fs=...)"
             )
-        if held.size - inside.size > FRAYED * held.size:
+        if held.size - inside.size > MAX_FRAYED_SHARE * held.size:
             data_warning(
                 f"{held.size - inside.size} of {held.size} rows at the ends of the file have no number in every "
                 "channel; they are left out"
@@ -441,8 +451,10 @@ def whole(*groups: dict[str, list[np.ndarray]]) -> None:
 
 # ---- Records of several inputs or outputs from files.
 
-HEAD = 1 << 16  # bytes in which the schema of a file of this package stands: as NumPy has texts, or as HDF5 has them
-FIRST = 128 + 8  # bytes of a MATLAB file before its first variable
+HEAD_BYTES = (
+    1 << 16
+)  # bytes in which the schema of a file of this package stands: as NumPy has texts, or as HDF5 has them
+FIRST_MEMBER_BYTES = 128 + 8  # bytes of a MATLAB file before its first variable
 
 
 def load_multirecord(
@@ -513,17 +525,19 @@ def load_multirecord(
     """
     if design is not None and isinstance(design, str | os.PathLike):
         design = load_design(design)
-    files = [read_channels(one) for one in paths_of(path)]
+    files = [read_channels(one) for one in to_paths(path)]
     if all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
         if r:
-            raise ValueError(f"r must be left out for a record that has its own references or none, got {shown(r)}")
-        return stored_multirecord(files, u, y, fs, Asked(n_samples, lines, n_discard, resample, design, hold))
+            raise ValueError(
+                f"r must be left out for a record that has its own references or none, got {short_form(r)}"
+            )
+        return stored_multirecord(files, u, y, fs, CutOptions(n_samples, lines, n_discard, resample, design, hold))
     if isinstance(u, str) or isinstance(y, str) or isinstance(r, str) or not (u and y):
         raise ValueError(
             f"u, y and r must be lists of names, at least one input and one output, got {u!r}, {y!r}, {r!r}"
         )
     signals: dict[str, Any] = {
-        parameter: [together(parameter, names, file) for file in files]
+        parameter: [stack_channels(parameter, names, file) for file in files]
         for parameter, names in (("u", u), ("y", y), ("r", r))
         if names
     }
@@ -535,7 +549,7 @@ def load_multirecord(
         list(signals.values()),
         signals.get("r", signals["u"])[0][0],
         clocks[0],
-        Asked(n_samples, lines, n_discard, resample, design, hold),
+        CutOptions(n_samples, lines, n_discard, resample, design, hold),
         [file.path for file in files],
     )
     return record_from_samples(
@@ -554,18 +568,18 @@ def load_multirecord(
 
 def holds_multirecord(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a record of several inputs that `save_record` wrote: its schema stands in front."""
-    path = path_of(path)
+    path = to_path(path)
     if path.suffix.lower() not in (".npz", ".mat", ".h5", ".hdf5") or not path.is_file():
         return False
     with path.open("rb") as stream:
-        head = stream.read(HEAD)
+        head = stream.read(HEAD_BYTES)
     if head.startswith(b"MATLAB 5.0"):
         with suppress(zlib.error):  # of variables that are not compressed
-            head = zlib.decompressobj().decompress(head[FIRST:], HEAD)
+            head = zlib.decompressobj().decompress(head[FIRST_MEMBER_BYTES:], HEAD_BYTES)
     return any(MULTIRECORD_SCHEMA.encode(code) in head for code in ("utf-8", "utf-32-le"))
 
 
-def together(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
+def stack_channels(parameter: str, names: Sequence[str], file: Channels) -> np.ndarray:
     """(n_channels, n) channels of one file."""
     if file.text("schema"):
         raise ValueError(f"path must be measurement files, got {file.path!r}, written as {file.text('schema')}")

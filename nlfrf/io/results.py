@@ -7,29 +7,29 @@ import os
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind, one_of
-from nlfrf._base.files import DECIMALS, path_of, write_table
+from nlfrf._base.arguments import require_choice, require_kind
+from nlfrf._base.files import DECIMALS, to_path, write_table
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
 from nlfrf.io.designs import DESIGNS
 from nlfrf.io.stored_records import (
     MULTIRECORD_SCHEMA,
     RECORD_SCHEMA,
-    Asked,
+    CutOptions,
     stored_multirecord,
     stored_records,
 )
-from nlfrf.io.stored_values import load_value, save_value, value_of
+from nlfrf.io.stored_values import load_value, save_value, value_from_file
 from nlfrf.records.record import Record
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["export_csv", "load", "load_bla", "load_frm", "loaded", "save_bla", "save_frm"]
+__all__ = ["export_csv", "load", "load_bla", "load_frm", "save_bla", "save_frm", "value_in"]
 
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
 RESULTS = {BLA_SCHEMA: Bla, FRM_SCHEMA: Bla}
-Kept = Multisine | OrthogonalMultisine | Record | Bla
+StoredValue = Multisine | OrthogonalMultisine | Record | Bla
 
 
 def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
@@ -60,7 +60,7 @@ def save_bla(bla: Bla, path: str | os.PathLike[str]) -> None:
     True
     >>> folder.cleanup()
     """
-    of_kind("bla", bla, Bla)
+    require_kind("bla", bla, Bla)
     save_value(bla, BLA_SCHEMA if bla.is_single else FRM_SCHEMA, path)
 
 
@@ -101,13 +101,13 @@ def export_csv(bla: Bla, path: str | os.PathLike[str], *, confidence: float = 0.
     'f [Hz],Re G,Im G,bound,bound_realiza'
     >>> folder.cleanup()
     """
-    of_kind("bla", bla, Bla)
-    one_of("decimal", decimal, DECIMALS)
-    columns = single_columns(bla, confidence) if bla.is_single else matrix_columns(bla, confidence)
-    write_table(path_of(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
+    require_kind("bla", bla, Bla)
+    require_choice("decimal", decimal, DECIMALS)
+    columns = bla_table(bla, confidence) if bla.is_single else frm_table(bla, confidence)
+    write_table(to_path(path), np.column_stack(list(columns.values())), list(columns), decimal=decimal)
 
 
-def matrix_columns(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
+def frm_table(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
     """The table of a matrix, entry by entry."""
     columns, bound = {"f [Hz]": frm.f}, frm.bound(confidence)
     for (j, y), (i, u) in itertools.product(enumerate(frm.outputs), enumerate(frm.inputs)):
@@ -116,7 +116,7 @@ def matrix_columns(frm: Bla, confidence: float) -> dict[str, np.ndarray]:
     return columns
 
 
-def single_columns(bla: Bla, confidence: float) -> dict[str, np.ndarray]:
+def bla_table(bla: Bla, confidence: float) -> dict[str, np.ndarray]:
     """The table of one input and output."""
     return {
         "f [Hz]": bla.f,
@@ -167,7 +167,7 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
 save_frm, load_frm = save_bla, load_bla
 
 
-def load(path: str | os.PathLike[str]) -> Kept:
+def load(path: str | os.PathLike[str]) -> StoredValue:
     """Read whatever this package wrote: a multisine, a record, a BLA, of one input or of several.
 
     Parameters
@@ -193,17 +193,17 @@ def load(path: str | os.PathLike[str]) -> Kept:
         ...
     ValueError: path must end in .mat, .npz, .csv, ... got 'README.md'; arrays of any origin go to ...
     """
-    return loaded(read_channels(path))
+    return value_in(read_channels(path))
 
 
-def loaded(file: Channels) -> Kept:
+def value_in(file: Channels) -> StoredValue:
     """The same of a file that was read."""
     schema = file.text("schema")
     if schema == RECORD_SCHEMA:
-        return stored_records([file], {"u": "u"}, ["y"], None, Asked())[0]
+        return stored_records([file], {"u": "u"}, ["y"], None, CutOptions())[0]
     if schema == MULTIRECORD_SCHEMA:
-        return stored_multirecord([file], None, None, None, Asked())
+        return stored_multirecord([file], None, None, None, CutOptions())
     if schema not in RESULTS | DESIGNS:
         raise ValueError(f"path must be a multisine, record, BLA or FRM that this package wrote, got {file.path!r}")
-    content: Kept = value_of(RESULTS | DESIGNS, file)
+    content: StoredValue = value_from_file(RESULTS | DESIGNS, file)
     return content

@@ -10,16 +10,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, of_kind, one_of, shown
-from nlfrf._base.files import DECIMALS, SIMULATED, VERSION, is_command, path_of, save_mat, write_arrays, write_table
+from nlfrf._base.arguments import require_choice, require_integer, require_kind, short_form
+from nlfrf._base.files import (
+    DECIMALS,
+    SIMULATED_MARK,
+    VERSION,
+    is_command,
+    save_mat,
+    to_path,
+    write_arrays,
+    write_table,
+)
 from nlfrf._base.values import field_names
 from nlfrf.io.channels import Channels
-from nlfrf.io.stored_values import AXES, names_of, refuse_newer
+from nlfrf.io.stored_values import AXES_ORDER, names_from_json, require_known_version
 from nlfrf.records.record import Record, join_records
-from nlfrf.records.reference import fill_reference, played_reference
+from nlfrf.records.reference import fill_reference, reconstruct_reference
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "Asked", "save_record", "stored_multirecord", "stored_records"]
+__all__ = ["MULTIRECORD_SCHEMA", "RECORD_SCHEMA", "CutOptions", "save_record", "stored_multirecord", "stored_records"]
 
 
 RECORD_SCHEMA = "nlfrf-record"
@@ -27,10 +36,10 @@ MULTIRECORD_SCHEMA = "nlfrf-multirecord"
 LABELS = ("u_name", "y_name", "u_unit", "y_unit")
 CHANNELS = ("inputs", "outputs")
 UNITS = ("input_units", "output_units")
-SEVERAL_AXES = f"channel {AXES}"
+SEVERAL_AXES = f"channel {AXES_ORDER}"
 
 
-class Asked(NamedTuple):
+class CutOptions(NamedTuple):
     """How the samples are to be cut, as `load_record` was asked."""
 
     n_samples: int | None = None
@@ -69,27 +78,27 @@ def save_record(record: Record, path: str | os.PathLike[str], *, decimal: str = 
     't [s],u,y'
     >>> folder.cleanup()
     """
-    of_kind("record", record, Record)
-    path = path_of(path)
-    one_of("decimal", decimal, DECIMALS)
+    require_kind("record", record, Record)
+    path = to_path(path)
+    require_choice("decimal", decimal, DECIMALS)
     suffix = path.suffix.lower()
     if suffix == ".csv":
-        write_table(path, *columns_of(record), decimal=decimal)
+        write_table(path, *record_to_columns(record), decimal=decimal)
     elif suffix == ".mat":
-        save_mat(path, content_of(record))
+        save_mat(path, record_to_arrays(record))
     elif suffix in (".npz", ".h5", ".hdf5"):
-        write_arrays(path, content_of(record))
+        write_arrays(path, record_to_arrays(record))
     else:
         raise ValueError(f"path must end in .npz, .mat, .h5 or .csv, got {path.name!r}")
 
 
-def content_of(record: Record) -> dict[str, np.ndarray]:
+def record_to_arrays(record: Record) -> dict[str, np.ndarray]:
     """All of a record as named arrays."""
     several = not record.is_single
     content = {
         "schema": np.array(MULTIRECORD_SCHEMA if several else RECORD_SCHEMA),
         "version": np.array(VERSION),
-        "axes": np.array(SEVERAL_AXES if several else AXES),
+        "axes": np.array(SEVERAL_AXES if several else AXES_ORDER),
         "shape": np.array(record.u.shape),  # MATLAB drops axes of length one
         "u": record.u,
         "y": record.y,
@@ -102,11 +111,11 @@ def content_of(record: Record) -> dict[str, np.ndarray]:
     else:
         content |= {name: np.array(getattr(record, name)) for name in LABELS}
     if is_command():  # `nlfrf simulate`: no other command writes records, and what was measured must never say this
-        content[SIMULATED] = np.array(True)
+        content[SIMULATED_MARK] = np.array(True)
     return content if record.r is None else {**content, "r": record.r}
 
 
-def columns_of(record: Record) -> tuple[np.ndarray, list[str]]:
+def record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
     """The samples of a single experiment as columns, time [s] in front, and their names."""
     if record.n_experiments != 1:
         what = "realisation" if record.is_single else "experiment"
@@ -121,7 +130,7 @@ def columns_of(record: Record) -> tuple[np.ndarray, list[str]]:
 
 
 def stored_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: Asked
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: CutOptions
 ) -> list[Record]:
     """A record for each output, of files that `save_record` wrote."""
     records: list[Record] = []
@@ -134,44 +143,46 @@ def stored_records(
     return records
 
 
-def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, asked: Asked) -> Record:
+def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, asked: CutOptions) -> Record:
     """A record as `save_record` wrote it, already cut into periods, with its grid."""
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
     signals = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
     labels: dict[str, Any] = {name: file.text(name) for name in LABELS}
-    refuse_newer(file, RECORD_SCHEMA, AXES)
-    found = periods_of(file, signals, asked)
+    require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
+    found = stored_periods(file, signals, asked)
     found |= {name: found[name][0] for name in names}
     if asked.design is not None:
-        found.setdefault("r", played_reference(asked.design, found["u"]))
+        found.setdefault("r", reconstruct_reference(asked.design, found["u"]))
     return Record(**found, fs=file.sampling_frequency(fs), **labels)
 
 
 def stored_multirecord(
-    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: Asked
+    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: CutOptions
 ) -> Record:
     """A record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
     return join_records([stored_experiments(file, u, y, fs, asked) for file in files])
 
 
 def stored_experiments(
-    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: Asked
+    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: CutOptions
 ) -> Record:
     """The experiments of one such file; of the outputs those that are asked for."""
-    refuse_newer(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
+    require_known_version(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
     if missing := [name for name in ("u", "y", *CHANNELS) if name not in file.arrays]:
         raise ValueError(f"path must hold a whole record, got one without {', '.join(missing)}")
-    inputs, outputs = (names_of(name, file.arrays[name]) for name in CHANNELS)
+    inputs, outputs = (names_from_json(name, file.arrays[name]) for name in CHANNELS)
     if u is not None and tuple(u) != inputs:
-        raise ValueError(f"u must be the inputs of the record, {', '.join(inputs)}, all of them, got {shown(list(u))}")
+        raise ValueError(
+            f"u must be the inputs of the record, {', '.join(inputs)}, all of them, got {short_form(list(u))}"
+        )
     for name in y or ():
         if name not in outputs:
-            raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {shown(name)}")
+            raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
-    found = periods_of(file, signals, asked)
+    found = stored_periods(file, signals, asked)
     units: dict[str, Any] = {
-        name: names_of(name, file.arrays[name]) for name in UNITS if name in file.arrays
+        name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays
     }  # 0.1 had none
     if y is not None:
         chosen = [outputs.index(name) for name in y]
@@ -182,7 +193,7 @@ def stored_experiments(
     return Record(**found, fs=file.sampling_frequency(fs), inputs=inputs, outputs=outputs, **units)
 
 
-def periods_of(file: Channels, signals: Mapping[str, np.ndarray], asked: Asked) -> dict[str, Any]:
+def stored_periods(file: Channels, signals: Mapping[str, np.ndarray], asked: CutOptions) -> dict[str, Any]:
     """Signals (channels, M, P, N) as they were cut, with their lines and hold: what was asked for goes first."""
     arrays = file.arrays
     try:
@@ -194,8 +205,8 @@ def periods_of(file: Channels, signals: Mapping[str, np.ndarray], asked: Asked) 
     if asked.resample:
         raise ValueError(f"resample must be left out for a record that is cut into periods already, got {file.path!r}")
     if asked.n_samples not in (None, shape[2]):
-        raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {shown(asked.n_samples)}")
-    n_discard = integer("n_discard", asked.n_discard, least=0)
+        raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {short_form(asked.n_samples)}")
+    n_discard = require_integer("n_discard", asked.n_discard, least=0)
     if n_discard >= shape[1]:
         raise ValueError(f"n_discard must be less than the {shape[1]} periods of the record, got {n_discard}")
     design, hold = asked.design, file.text("hold") or "unknown"

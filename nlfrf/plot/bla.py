@@ -6,11 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind
-from nlfrf._base.axes import axes, bode_axes, db, finished, follow_lines, gain_band, labelled, phase_band
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.axes import (
+    axes_or_new,
+    bode_axes,
+    finish_axes,
+    follow_lines,
+    gain_band,
+    join_labels,
+    phase_band,
+    to_decibel,
+)
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.second_opinion import DISAGREE, SecondOpinion
-from nlfrf.plot.look import COLOR, MARKER, OVER, cut
+from nlfrf.plot.look import COLOR, MARKER, OVER_100, crop_rounding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +39,7 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
         Where to draw; a new figure when not given.
     """
     require_single(bla)
-    ax = axes(ax)
+    ax = axes_or_new(ax)
     known = bla.G != 0  # an even system leaves excited lines empty
     U = np.abs(bla.levels.excited[:, known]).mean(axis=0) / np.abs(bla.G[known])
     for kind, f, amplitude in (
@@ -40,22 +49,30 @@ def plot_bla(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
         if f.size and U.size:
             level = np.sqrt(np.mean(np.abs(amplitude) ** 2, axis=0)) / np.interp(f, bla.f[known], U)
             ax.plot(
-                f, db(level), MARKER[kind], ms=4, color=COLOR[kind], alpha=0.7, label=f"{kind} detection lines / |U|"
+                f,
+                to_decibel(level),
+                MARKER[kind],
+                ms=4,
+                color=COLOR[kind],
+                alpha=0.7,
+                label=f"{kind} detection lines / |U|",
             )
-    ax.plot(bla.f, db(np.sqrt(bla.var_total)), "-", lw=1.2, color="#CC79A7", label="std of G, noise and distortion")
+    ax.plot(
+        bla.f, to_decibel(np.sqrt(bla.var_total)), "-", lw=1.2, color="#CC79A7", label="std of G, noise and distortion"
+    )
     if np.isfinite(bla.var_noise).all():
-        ax.plot(bla.f, db(np.sqrt(bla.var_noise)), "--", lw=1, color=COLOR["noise"], label="std of G, noise")
+        ax.plot(bla.f, to_decibel(np.sqrt(bla.var_noise)), "--", lw=1, color=COLOR["noise"], label="std of G, noise")
     draw_magnitude(ax, bla, confidence)
-    ax.set(xscale="log", xlabel="frequency [Hz]", title=title(bla))
-    return finished(cut(ax, np.abs(bla.G)))
+    ax.set(xscale="log", xlabel="frequency [Hz]", title=describe_measurement(bla))
+    return finish_axes(crop_rounding(ax, np.abs(bla.G)))
 
 
 def draw_magnitude(ax: Any, bla: Bla, confidence: float) -> None:
     """|G| with its bound as a band around it, and the axis that it is on."""
     size, radius = np.abs(bla.G), bla.bound(confidence)
     label = f"{100 * confidence:g} % bound"
-    gain_band(ax, bla.f, size, size - radius, size + radius, color=COLOR["bound"], label=label, over=OVER)
-    ax.plot(bla.f, db(size), ".-", ms=3, lw=1.2, color=COLOR["excited"], label="|G|, best linear approximation")
+    gain_band(ax, bla.f, size, size - radius, size + radius, color=COLOR["bound"], label=label, over=OVER_100)
+    ax.plot(bla.f, to_decibel(size), ".-", ms=3, lw=1.2, color=COLOR["excited"], label="|G|, best linear approximation")
     follow_lines(ax)
     ax.set(ylabel=f"magnitude [dB, {bla.unit or 'unit of y / u'}]")
 
@@ -74,59 +91,64 @@ def plot_bode(bla: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> 
     require_single(bla)
     top, bottom = bode_axes(ax)
     draw_magnitude(top, bla, confidence)
-    top.set(xscale="log", title=title(bla))
+    top.set(xscale="log", title=describe_measurement(bla))
     phase, wide = np.degrees(np.unwrap(np.angle(bla.G))), phase_band(bla.G, bla.bound(confidence))
     bottom.fill_between(bla.f, phase - wide, phase + wide, color=COLOR["bound"], alpha=0.35, lw=0)
     bottom.plot(bla.f, phase, ".-", ms=3, lw=1.2, color=COLOR["excited"])
     bottom.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
-    labelled(bottom, top)
-    finished(top)
-    return top, finished(bottom)
+    join_labels(bottom, top)
+    finish_axes(top)
+    return top, finish_axes(bottom)
 
 
 def plot_phase(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Unwrapped phase of the BLA in degrees; arguments as in `plot_bla`."""
     require_single(bla)
-    ax = axes(ax)
+    ax = axes_or_new(ax)
     ax.plot(bla.f, np.degrees(np.unwrap(np.angle(bla.G))), "-", color=COLOR["excited"], label="arg G")
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="phase [deg]")
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_levels(bla: Bla, *, ax: Axes | None = None) -> Axes:
     """Output spectrum by kind of line, with the noise floor; arguments as in `plot_bla`."""
     require_single(bla)
-    ax = axes(ax)
+    ax = axes_or_new(ax)
     levels = bla.levels
     for kind, marker in MARKER.items():
         f, amplitude = getattr(levels, f"f_{kind}"), getattr(levels, kind)
         if f.size:
             rms = np.sqrt(np.mean(np.abs(amplitude) ** 2, axis=0))
             label = "excited lines" if kind == "excited" else f"{kind} detection lines, Y - G U"
-            ax.plot(f, db(rms), marker, ms=4, color=COLOR[kind], label=label)
+            ax.plot(f, to_decibel(rms), marker, ms=4, color=COLOR[kind], label=label)
     f = np.concatenate([levels.f_excited, levels.f_odd, levels.f_even])
     noise = np.concatenate([levels.noise_excited, levels.noise_odd, levels.noise_even])
     if np.isfinite(noise).all() and np.any(noise > 0):
         order = np.argsort(f)
-        ax.plot(f[order], db(noise[order]), "-", lw=0.8, color=COLOR["noise"], label="std by noise")
+        ax.plot(f[order], to_decibel(noise[order]), "-", lw=0.8, color=COLOR["noise"], label="std by noise")
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel=f"output amplitude [dB, {bla.y_unit or 'unit of y'}]",
         title=f"Output{f' {bla.y_name}' * bool(bla.y_name)} by kind of line",
     )
-    return finished(cut(ax, np.abs(np.concatenate([levels.excited, levels.odd, levels.even], axis=1))))
+    return finish_axes(crop_rounding(ax, np.abs(np.concatenate([levels.excited, levels.odd, levels.even], axis=1))))
 
 
 def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
     """The two readings of the distortion level, as standard deviations; arguments as in `plot_bla`."""
-    of_kind("opinion", opinion, SecondOpinion)
-    ax = axes(ax)
+    require_kind("opinion", opinion, SecondOpinion)
+    ax = axes_or_new(ax)
     ax.plot(
-        opinion.f, db(np.sqrt(opinion.roughness)), "-", lw=1.4, color=COLOR["excited"], label="roughness of the FRF"
+        opinion.f,
+        to_decibel(np.sqrt(opinion.roughness)),
+        "-",
+        lw=1.4,
+        color=COLOR["excited"],
+        label="roughness of the FRF",
     )
     if np.isfinite(opinion.detection).any():
-        read = db(np.sqrt(opinion.detection))
+        read = to_decibel(np.sqrt(opinion.detection))
         ax.plot(opinion.f, read, "-", lw=1.4, color=COLOR["odd"], label="odd detection lines, calibrated")
         apart = opinion.disagree
         if apart.any():
@@ -138,17 +160,17 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
         ylabel=f"std of one FRF [dB, {opinion.unit or 'unit of y / u'}]",
         title="Two readings of one level",
     )
-    return finished(ax)
+    return finish_axes(ax)
 
 
-def title(bla: Bla) -> str:
+def describe_measurement(bla: Bla) -> str:
     """What was measured, in one line."""
     return f"{bla.grid} grid, M = {bla.n_realizations}, P = {bla.n_periods}, level from {bla.level_source}"
 
 
 def require_single(bla: Bla) -> None:
     """Refuse what is no `Bla` of one input and one output."""
-    of_kind("bla", bla, Bla)
+    require_kind("bla", bla, Bla)
     if not bla.is_single:
         raise ValueError(
             f"bla must be of one input and output, got {bla.n_outputs} x {bla.n_inputs}: take plot_frm, "

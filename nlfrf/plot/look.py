@@ -6,28 +6,28 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.axes import db, note
+from nlfrf._base.axes import add_note, to_decibel
 
-__all__ = ["COLOR", "DEEPEST", "MARKER", "OVER", "ROUNDING", "TONES", "cut"]
+__all__ = ["COLOR", "COLOR_CYCLE", "MARKER", "MAX_DEPTH_DB", "OVER_100", "ROUNDING_DB", "crop_rounding"]
 
 
 # one colour a kind of line in every picture, told apart by colour-blind readers too
 COLOR = {"excited": "#000000", "odd": "#D55E00", "even": "#0072B2", "noise": "#999999", "bound": "#009E73"}
-TONES = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")  # of several inputs, or directions
+COLOR_CYCLE = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")  # of several inputs, or directions
 MARKER = {"excited": ".", "odd": "x", "even": "+"}  # and in grey
-ROUNDING = 120.0  # dB under the input; what lies lower is of no interest
-OVER = "bound over 100 %: G may be 0"  # of a band without a lower edge
-DEEPEST = 160.0  # dB under the output, or the FRF; the same
+ROUNDING_DB = 120.0  # dB under the input; what lies lower is of no interest
+OVER_100 = "bound over 100 %: G may be 0"  # of a band without a lower edge
+MAX_DEPTH_DB = 160.0  # dB under the output, or the FRF; the same
 
 
-def cut(ax: Any, amplitude: np.ndarray) -> Any:
+def crop_rounding(ax: Any, amplitude: np.ndarray) -> Any:
     """Leave out what lies at rounding, far under the largest amplitude, and say so."""
-    bottom = float(db(amplitude.max())) - DEEPEST
+    bottom = float(to_decibel(amplitude.max())) - MAX_DEPTH_DB
     if ax.get_ylim()[0] < bottom:
         ax.set_ylim(bottom=bottom)
         unseen = [line for line in ax.get_lines() if np.all(np.nan_to_num(line.get_ydata(), nan=-np.inf) < bottom)]
         if unseen:
-            note(ax, f"{'; '.join(str(line.get_label()) for line in unseen)}: more than {DEEPEST:g} dB lower")
+            add_note(ax, f"{'; '.join(str(line.get_label()) for line in unseen)}: more than {MAX_DEPTH_DB:g} dB lower")
         for line in unseen:
             line.set_label(None)
     return ax

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind
-from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, matrix_axes, phase_band
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.axes import axes_or_new, finish_axes, finish_matrix, gain_band, matrix_axes, phase_band, to_decibel
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.mimo.gains import RelativeGains, SingularValues
-from nlfrf.plot.look import COLOR, OVER, TONES
+from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 __all__ = ["plot_frm", "plot_frm_bounds", "plot_frm_phase", "plot_rga", "plot_singular_values"]
 
 
-ROOM = 12.0  # dB above and below the curves
-FEW = 300  # lines that are drawn as points too
-LINES = ("-", "--", "-.", ":")
+LEGEND_ROOM = 12.0  # dB above and below the curves
+MAX_MARKED_LINES = 300  # lines that are drawn as points too
+LINE_STYLES = ("-", "--", "-.", ":")
 
 
 def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
@@ -39,33 +39,35 @@ def plot_frm(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> A
     -------
     (n_y, n_u) ndarray of matplotlib Axes
     """
-    of_kind("frm", frm, Bla)
-    made, foot = places(ax, frm, "[dB]")
-    size, radius = np.abs(frm.matrix), on_entries(frm, frm.bound(confidence))
+    require_kind("frm", frm, Bla)
+    made, foot = entry_axes(ax, frm, "[dB]")
+    size, radius = np.abs(frm.matrix), expand_entries(frm, frm.bound(confidence))
     label = f"{100 * confidence:g} % bound of the entry"
     for j in range(frm.n_outputs):
-        floor, ceiling = least(size[j]) - ROOM / 2, float(db(size[j].max())) + ROOM / 2
+        floor, ceiling = smallest_nonzero(size[j]) - LEGEND_ROOM / 2, float(to_decibel(size[j].max())) + LEGEND_ROOM / 2
         for i, entry in enumerate(made[j]):
             gains = size[j, i], size[j, i] - radius[j, i], size[j, i] + radius[j, i]
-            gain_band(entry, frm.f, *gains, color=COLOR["bound"], label=label, over=OVER)
-            entry.plot(frm.f, db(size[j, i]), dotted(frm), ms=2, lw=1.0, color=COLOR["excited"], label="|G|")
+            gain_band(entry, frm.f, *gains, color=COLOR["bound"], label=label, over=OVER_100)
+            entry.plot(
+                frm.f, to_decibel(size[j, i]), marker_style(frm), ms=2, lw=1.0, color=COLOR["excited"], label="|G|"
+            )
             entry.set(xscale="log", ylim=(floor, ceiling))
-    return finished_matrix(made, foot, "frequency [Hz]")
+    return finish_matrix(made, foot, "frequency [Hz]")
 
 
 def plot_frm_phase(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
     """Unwrapped phase of every entry with its bound; arguments as in `plot_frm`, and what is returned."""
-    of_kind("frm", frm, Bla)
-    made, foot = places(ax, frm, "[deg]")
-    wide = phase_band(frm.matrix, on_entries(frm, frm.bound(confidence)))
+    require_kind("frm", frm, Bla)
+    made, foot = entry_axes(ax, frm, "[deg]")
+    wide = phase_band(frm.matrix, expand_entries(frm, frm.bound(confidence)))
     phase = np.degrees(np.unwrap(np.angle(frm.matrix), axis=2))
     for (j, i), one in np.ndenumerate(made):
         low, high = phase[j, i] - wide[j, i], phase[j, i] + wide[j, i]
         label = f"{100 * confidence:g} % bound of the entry"
         one.fill_between(frm.f, low, high, color=COLOR["bound"], alpha=0.35, lw=0, label=label)
-        one.plot(frm.f, phase[j, i], dotted(frm), ms=2, lw=1.0, color=COLOR["excited"], label="arg G")
+        one.plot(frm.f, phase[j, i], marker_style(frm), ms=2, lw=1.0, color=COLOR["excited"], label="arg G")
         one.set_xscale("log")
-    return finished_matrix(made, foot, "frequency [Hz]")
+    return finish_matrix(made, foot, "frequency [Hz]")
 
 
 def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = None) -> Any:
@@ -74,10 +76,10 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
     Arguments as in `plot_frm`, and what is returned. The bound of the matrix is drawn by how far it lets the entry go,
     which is further: it holds all entries at once.
     """
-    of_kind("frm", frm, Bla)
-    made, foot = places(ax, frm, "[dB]")
+    require_kind("frm", frm, Bla)
+    made, foot = entry_axes(ax, frm, "[dB]")
     left, right = frm.block(confidence)
-    bound = on_entries(frm, frm.bound(confidence))
+    bound = expand_entries(frm, frm.bound(confidence))
     reach = np.sqrt(np.einsum("jkf,jkf->jf", left, left.conj()).real)[:, None] * np.sqrt(
         np.einsum("kif,kif->if", right, right.conj()).real
     )
@@ -85,15 +87,15 @@ def plot_frm_bounds(frm: Bla, *, confidence: float = 0.95, ax: Axes | None = Non
         (np.abs(frm.matrix), "|G|", "-", COLOR["excited"], 1.6),
         (reach, f"{100 * confidence:g} % bound of the matrix", "-.", COLOR["even"], 1.2),
         (bound, f"{100 * confidence:g} % bound of the entry", "-", COLOR["bound"], 1.2),
-        (on_entries(frm, np.sqrt(frm.var_distortion)), "std by distortion, one set", "--", COLOR["odd"], 1.0),
-        (on_entries(frm, np.sqrt(frm.var_noise)), "std by noise", ":", COLOR["noise"], 1.4),
+        (expand_entries(frm, np.sqrt(frm.var_distortion)), "std by distortion, one set", "--", COLOR["odd"], 1.0),
+        (expand_entries(frm, np.sqrt(frm.var_noise)), "std by noise", ":", COLOR["noise"], 1.4),
     )
     for (j, i), one in np.ndenumerate(made):
         for curve, label, style, color, width in curves:
             if np.isfinite(curve[j, i]).any():
-                one.plot(frm.f, db(curve[j, i]), style, lw=width, color=color, label=label)
+                one.plot(frm.f, to_decibel(curve[j, i]), style, lw=width, color=color, label=label)
         one.set_xscale("log")
-    return finished_matrix(made, foot, "frequency [Hz]")
+    return finish_matrix(made, foot, "frequency [Hz]")
 
 
 def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Axes:
@@ -106,22 +108,29 @@ def plot_singular_values(found: SingularValues, *, ax: Axes | None = None) -> Ax
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("found", found, SingularValues)
-    ax = axes(ax)
+    require_kind("found", found, SingularValues)
+    ax = axes_or_new(ax)
     for i, sigma in enumerate(found.sigma):
-        color = TONES[i % len(TONES)]
+        color = COLOR_CYCLE[i % len(COLOR_CYCLE)]
         gains = sigma, found.low[i], found.high[i]
         gain_band(ax, found.f, *gains, color=color, alpha=0.2, label="_band", over="the matrix may be singular")
-        ax.plot(found.f, db(sigma), LINES[i % len(LINES)], lw=1.4, color=color, label=f"singular value {i + 1}")
+        ax.plot(
+            found.f,
+            to_decibel(sigma),
+            LINE_STYLES[i % len(LINE_STYLES)],
+            lw=1.4,
+            color=color,
+            label=f"singular value {i + 1}",
+        )
     ax.fill_between([], [], [], color="0.5", alpha=0.3, lw=0, label=f"{100 * found.confidence:g} % bound of the matrix")
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel="singular values of G [dB]",
-        ylim=(least(found.sigma) - ROOM / 2, float(db(found.sigma.max())) + ROOM / 2),
+        ylim=(smallest_nonzero(found.sigma) - LEGEND_ROOM / 2, float(to_decibel(found.sigma.max())) + LEGEND_ROOM / 2),
         title="Gain in the strongest and in the weakest direction",
     )
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
@@ -138,7 +147,7 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
     -------
     (n_y, n_u) ndarray of matplotlib Axes
     """
-    of_kind("found", found, RelativeGains)
+    require_kind("found", found, RelativeGains)
     made, foot = matrix_axes(ax, list(found.outputs), [f"by {name}" for name in found.inputs])
     size = np.abs(found.gains)
     top = 1.15 * max(float(np.quantile(size + found.radius, 0.99)), 1.2)
@@ -149,24 +158,24 @@ def plot_rga(found: RelativeGains, *, ax: Axes | None = None) -> Any:
         one.plot(found.f, size[j, i], "-", lw=1.2, color=COLOR["excited"], label="|relative gain|")
         one.axhline(1, color="0.3", lw=0.8, ls=":")
         one.set(xscale="log", ylim=(0, top))
-    return finished_matrix(made, foot, "frequency [Hz]")
+    return finish_matrix(made, foot, "frequency [Hz]")
 
 
-def places(ax: Axes | None, frm: Bla, up: str) -> tuple[Any, Any]:
+def entry_axes(ax: Axes | None, frm: Bla, up: str) -> tuple[Any, Any]:
     """A matrix of axes with the names of the channels."""
     return matrix_axes(ax, [f"{name}  {up}" for name in frm.outputs], [f"by {name}" for name in frm.inputs])
 
 
-def on_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
+def expand_entries(frm: Bla, curve: np.ndarray) -> np.ndarray:
     """(n_y, n_u, F) a curve of every entry, of one input and output too."""
     return curve.reshape(frm.matrix.shape)
 
 
-def dotted(frm: Bla) -> str:
+def marker_style(frm: Bla) -> str:
     """A curve with its lines as points, where they can be told apart."""
-    return ".-" if frm.f.size <= FEW else "-"
+    return ".-" if frm.f.size <= MAX_MARKED_LINES else "-"
 
 
-def least(sizes: np.ndarray) -> float:
+def smallest_nonzero(sizes: np.ndarray) -> float:
     """The smallest that is not zero [dB]."""
-    return float(db(np.min(sizes, initial=np.inf, where=sizes > 0)))
+    return float(to_decibel(np.min(sizes, initial=np.inf, where=sizes > 0)))

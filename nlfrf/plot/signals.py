@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nlfrf._base.arguments import in_unit, of_kind, one_of
-from nlfrf._base.axes import axes, db, finished, note
+from nlfrf._base.arguments import label_with_unit, require_choice, require_kind
+from nlfrf._base.axes import add_note, axes_or_new, finish_axes, to_decibel
 from nlfrf.bla.neighbours import place_lines
 from nlfrf.bla.spectra import dft
-from nlfrf.plot.look import COLOR, MARKER, ROUNDING, TONES
+from nlfrf.plot.look import COLOR, COLOR_CYCLE, MARKER, ROUNDING_DB
 from nlfrf.records.record import Record
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 __all__ = ["plot_excitation", "plot_input", "plot_samples", "plot_spectrum"]
 
 
-HARMONICS = 48  # of a grid are shown, so that each is seen
-INPUTS = tuple(tone for tone in TONES if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
-BESIDE = 0.3  # of a line, how far several inputs stand beside one another
+MAX_HARMONICS = 48  # of a grid are shown, so that each is seen
+INPUT_COLORS = tuple(tone for tone in COLOR_CYCLE if tone not in (COLOR["odd"], COLOR["even"]))  # of several inputs
+LINE_OFFSET = 0.3  # of a line, how far several inputs stand beside one another
 
 
 def plot_excitation(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
     """One period of the first realisation in time, of several inputs each of them; arguments as in `plot_bla`."""
-    of_kind("ms", ms, Multisine, OrthogonalMultisine)
-    ax = axes(ax)
+    require_kind("ms", ms, Multisine, OrthogonalMultisine)
+    ax = axes_or_new(ax)
     t = np.arange(ms.n_samples) / ms.fs
     if isinstance(ms, OrthogonalMultisine):
-        for i, (u, color) in enumerate(zip(ms.u[:, 0], cycle(INPUTS))):
+        for i, (u, color) in enumerate(zip(ms.u[:, 0], cycle(INPUT_COLORS))):
             label = f"u{i + 1}: rms {ms.rms[i]:.3g}, crest factor {ms.crest_factor[i, 0]:.2f}"
             ax.plot(t, u, "-", lw=0.6, color=color, label=label)
         several = f", the first of {ms.n_experiments} experiments" * (ms.n_experiments > 1)
@@ -44,16 +44,16 @@ def plot_excitation(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = No
         ax.axhline(ms.rms, color=COLOR["bound"], lw=1, label=label)
         what = f"{ms.kind} multisine"
     ax.set(xlabel="time [s]", ylabel="u [unit of u]", title=f"{what}, {ms.f.size} lines")
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None) -> Axes:
     """The first lines of a multisine one by one: what is played, and where to listen; arguments as in `plot_bla`."""
-    of_kind("ms", ms, Multisine, OrthogonalMultisine)
-    ax = axes(ax)
+    require_kind("ms", ms, Multisine, OrthogonalMultisine)
+    ax = axes_or_new(ax)
     last = int(ms.lines.excited[-1])
     first = int(ms.lines.excited[0])
-    shown = min(last, first + HARMONICS)
+    shown = min(last, first + MAX_HARMONICS)
     mine = ms.lines.excited <= shown
     amplitudes = played_amplitudes(ms)
     top = max(float(size.max()) for size, _, _ in amplitudes.values())
@@ -77,7 +77,7 @@ def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None
         ylim=(-0.06 * top, 1.12 * top),
         title=f"Harmonic grid, {ms.f[0]:g} to {ms.f[-1]:g} Hz, {ms.f.size} excited lines",
     )
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def played_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np.ndarray, str, float]]:
@@ -85,8 +85,8 @@ def played_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np
     if isinstance(ms, Multisine):
         return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
     sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which mixing tells apart
-    beside = BESIDE * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
-    return {f"u{i + 1}": (sizes[i], INPUTS[i % len(INPUTS)], float(beside[i])) for i in range(ms.n_inputs)}
+    beside = LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
+    return {f"u{i + 1}": (sizes[i], INPUT_COLORS[i % len(INPUT_COLORS)], float(beside[i])) for i in range(ms.n_inputs)}
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:
@@ -100,12 +100,12 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("record", record, Record)
-    one_of("signal", signal, ("u", "y", "r"))
+    require_kind("record", record, Record)
+    require_choice("signal", signal, ("u", "y", "r"))
     samples = getattr(record, signal)
     if samples is None:
         raise ValueError(f"signal must be one that the record has, got {signal!r}")
-    ax, periods = axes(ax), samples[0]
+    ax, periods = axes_or_new(ax), samples[0]
     t = np.arange(record.n_samples) / record.fs
     for p, period in enumerate(periods):
         last = p == len(periods) - 1
@@ -116,25 +116,25 @@ def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -
     crest = float(np.abs(periods[-1]).max()) / rms if rms else np.nan
     ax.set(
         xlabel="time [s]",
-        ylabel=in_unit(name, unit, f"unit of {signal}"),
+        ylabel=label_with_unit(name, unit, f"unit of {signal}"),
         title=f"{name}: {len(periods)} periods over one another, rms {rms:.3g}, crest factor {crest:.2f}",
     )
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
     """Input spectrum by kind of line: what stands where nothing was to be excited; arguments as in `plot_bla`."""
-    of_kind("record", record, Record)
-    ax, grid = axes(ax), record.lines
+    require_kind("record", record, Record)
+    ax, grid = axes_or_new(ax), record.lines
     lines = place_lines(grid).lines
     U = np.sqrt(np.mean(np.abs(dft(record.u, lines)) ** 2, axis=(0, 1)))
-    top, lower = np.nanmax(db(U)), []
+    top, lower = np.nanmax(to_decibel(U)), []
     for kind, marker in MARKER.items():
         mine = getattr(grid, kind)
         if mine.size:
-            level = db(U[np.searchsorted(lines, mine)])
+            level = to_decibel(U[np.searchsorted(lines, mine)])
             label = "excited lines" if kind == "excited" else f"{kind} detection lines"
-            if np.all(np.nan_to_num(level, nan=-np.inf) < top - ROUNDING):
+            if np.all(np.nan_to_num(level, nan=-np.inf) < top - ROUNDING_DB):
                 lower.append(label)
             else:
                 ax.plot(mine * record.f0, level, marker, ms=4, color=COLOR[kind], label=label)
@@ -142,9 +142,9 @@ def plot_input(record: Record, *, ax: Axes | None = None) -> Axes:
         xscale="log",
         xlabel="frequency [Hz]",
         ylabel=f"input amplitude [dB, {record.u_unit or 'unit of u'}]",
-        ylim=(max(np.nanmin(db(U)), top - ROUNDING) - 5, top + 10),
+        ylim=(max(np.nanmin(to_decibel(U)), top - ROUNDING_DB) - 5, top + 10),
         title=f"Input{f' {record.u_name}' * bool(record.u_name)} by kind of line",
     )
     if lower:
-        note(ax, f"{' and '.join(lower)}: more than {ROUNDING:g} dB lower")
-    return finished(ax)
+        add_note(ax, f"{' and '.join(lower)}: more than {ROUNDING_DB:g} dB lower")
+    return finish_axes(ax)

@@ -10,10 +10,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from nlfrf._base.numbers import BLOCK, blocks, equal, mean_power, rfft, squared
-from nlfrf.signals.lines import LineGrid, local_mean, recognise
+from nlfrf._base.numbers import BLOCK_ENTRIES, iterate_blocks, mean_power, rfft, squared_modulus, streams_equal
+from nlfrf.signals.lines import LineGrid, local_mean, recognise_kind
 
-__all__ = ["BEYOND", "detect_lines", "jumpy_grid", "line_powers", "lines_in", "played_lines", "refuse_wrong_lines"]
+__all__ = [
+    "EXTENSION_LINES",
+    "check_lines",
+    "detect_lines",
+    "excited_lines_on_grid",
+    "grid_level_jump",
+    "line_powers",
+    "lines_from_powers",
+]
 
 
 # ---- Regular grids among lines that the actuator itself distorts.
@@ -23,16 +31,16 @@ __all__ = ["BEYOND", "detect_lines", "jumpy_grid", "line_powers", "lines_in", "p
 # a designed spectrum is smooth. So lines that lie in step (every line, every odd one, 4k+1, 8k+1 with 8k+3) and are
 # smooth were played, and those that jump were not.
 
-JUMPY = 2.5  # [dB] from one line to the next, in the median: noise has 4.8, a spectrum distorted by 20 % has 1.6
-BELOW = 6.0  # how far distortion stands under the lines beside it at least [dB]
-SHARE = 0.75  # of the power that the lines played must hold
-END = 8  # lines in step that are looked at on either side of the end of the band
-BEYOND = 4 * END  # lines beyond it
-MOST = 0.95  # of the lines in step that must stand out of the noise
-FEWEST = 12  # lines from which smooth is told from jumpy
+ROUGH_LEVEL = 2.5  # [dB] from one line to the next, in the median: noise has 4.8, a spectrum distorted by 20 % has 1.6
+ACTUATOR_DROP = 6.0  # how far distortion stands under the lines beside it at least [dB]
+MIN_SHARE = 0.75  # of the power that the lines played must hold
+EDGE_LINES = 8  # lines in step that are looked at on either side of the end of the band
+EXTENSION_LINES = 4 * EDGE_LINES  # lines beyond it
+MAX_SHARE = 0.95  # of the lines in step that must stand out of the noise
+MIN_LINES = 12  # lines from which smooth is told from jumpy
 
 
-def played_lines(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarray:
+def excited_lines_on_grid(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarray:
     """The lines found, or those of them that were played where the others are the actuator's distortion.
 
     Parameters
@@ -45,62 +53,66 @@ def played_lines(power: np.ndarray, found: np.ndarray, total: float) -> np.ndarr
         Power of all lines.
     """
     level = 10 * np.log10(np.maximum(power, 1e-300))
-    for pattern in patterns(level, found):
-        if pattern.size < FEWEST:
+    for pattern in regular_grids(level, found):
+        if pattern.size < MIN_LINES:
             continue
-        first, last = band(level[pattern - 1])
+        first, last = smooth_band(level[pattern - 1])
         played = pattern[first:last]
-        if played.size < FEWEST or power[played - 1].sum() < SHARE * total or jumps(level[played - 1]) > JUMPY:
+        if (
+            played.size < MIN_LINES
+            or power[played - 1].sum() < MIN_SHARE * total
+            or level_roughness(level[played - 1]) > ROUGH_LEVEL
+        ):
             continue
-        if np.isin(played, found, assume_unique=True).mean() < MOST or recognise(played) == "custom":
+        if np.isin(played, found, assume_unique=True).mean() < MAX_SHARE or recognise_kind(played) == "custom":
             continue
         others = np.setdiff1d(np.arange(played[0], played[-1]), played, assume_unique=True)
-        if stands_out(level, played, others) and stands_out(level, played, beyond(played, level.size)):
+        if stands_out(level, played, others) and stands_out(level, played, extension_of_band(played, level.size)):
             return played
     return found
 
 
-def patterns(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
+def regular_grids(level: np.ndarray, found: np.ndarray) -> list[np.ndarray]:
     """The lines in step with a regular grid, from the first to the last one found; the sparse grids first."""
     inside = np.arange(found[0], found[-1] + 1)
     special = [inside[np.isin((inside - shift) % 8, (1, 3))] for shift in (0, 2, 4, 6)]
     sparse = [inside[inside % 4 == k] for k in (1, 3)]
     odd = inside[inside % 2 == 1]
     top = sliding_window_view(np.pad(level[odd - 1], 4, mode="edge"), 9).max(axis=1)
-    return [*special, *sparse, odd, odd[level[odd - 1] > top - BELOW - 2.0], inside]
+    return [*special, *sparse, odd, odd[level[odd - 1] > top - ACTUATOR_DROP - 2.0], inside]
 
 
-def jumps(level: np.ndarray) -> float:
+def level_roughness(level: np.ndarray) -> float:
     """How far a level jumps from line to line, in the median [dB]."""
     return float(np.median(np.abs(np.diff(level)))) if level.size > 1 else 0.0
 
 
-def band(level: np.ndarray) -> tuple[int, int]:
+def smooth_band(level: np.ndarray) -> tuple[int, int]:
     """Where the smooth stretch of a level begins and ends: its strongest line, and all that is joined to it."""
     strongest = int(np.argmax(np.convolve(level, np.ones(5) / 5, "same")[2:-2])) + 2
-    last = edge(level[strongest:]) + strongest
-    first = strongest + 1 - edge(level[strongest::-1])
+    last = band_edge(level[strongest:]) + strongest
+    first = strongest + 1 - band_edge(level[strongest::-1])
     return first, last
 
 
-def edge(level: np.ndarray) -> int:
+def band_edge(level: np.ndarray) -> int:
     """How many lines belong to the stretch that the first one begins: up to a fall after which the level jumps."""
     highest = np.full(level.size, -np.inf)  # of the lines before each
-    for back in range(1, min(END, level.size - 1) + 1):
+    for back in range(1, min(EDGE_LINES, level.size - 1) + 1):
         np.maximum(highest[back:], level[:-back], out=highest[back:])
-    for k in (np.flatnonzero(level[1:] <= highest[1:] - BELOW) + 1).tolist():
-        before, after = level[max(0, k - END) : k], level[k : k + END]
-        if max(level[k], float(np.median(after))) > np.median(before) - BELOW:
+    for k in (np.flatnonzero(level[1:] <= highest[1:] - ACTUATOR_DROP) + 1).tolist():
+        before, after = level[max(0, k - EDGE_LINES) : k], level[k : k + EDGE_LINES]
+        if max(level[k], float(np.median(after))) > np.median(before) - ACTUATOR_DROP:
             continue
-        if after.size < 4 or jumps(after) > 0.6 * JUMPY or after.max() < before.min() - BELOW:
+        if after.size < 4 or level_roughness(after) > 0.6 * ROUGH_LEVEL or after.max() < before.min() - ACTUATOR_DROP:
             return k
     return level.size
 
 
-def beyond(played: np.ndarray, n_lines: int) -> np.ndarray:
+def extension_of_band(played: np.ndarray, n_lines: int) -> np.ndarray:
     """As many lines beyond the band as lie in step inside it."""
     last = int(played[-1])
-    return np.arange(last + 1, min(n_lines, last + BEYOND) + 1)
+    return np.arange(last + 1, min(n_lines, last + EXTENSION_LINES) + 1)
 
 
 def stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> bool:
@@ -109,22 +121,25 @@ def stands_out(level: np.ndarray, played: np.ndarray, others: np.ndarray) -> boo
         return True
     nearest = played[np.clip(np.searchsorted(played, others), 0, played.size - 1)]
     under = level[nearest - 1] - level[others - 1]
-    return bool(np.median(under) > 2 * BELOW or (np.median(under) > BELOW and jumps(level[others - 1]) > JUMPY))
+    return bool(
+        np.median(under) > 2 * ACTUATOR_DROP
+        or (np.median(under) > ACTUATOR_DROP and level_roughness(level[others - 1]) > ROUGH_LEVEL)
+    )
 
 
-def jumpy_grid(power: np.ndarray, grid: LineGrid) -> float:
+def grid_level_jump(power: np.ndarray, grid: LineGrid) -> float:
     """How far the level of a grid found in the powers (K,) of the lines 1 to K jumps [dB]; 0 where it is smooth."""
-    if grid.excited.size < FEWEST:
+    if grid.excited.size < MIN_LINES:
         return 0.0
-    jump = jumps(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
-    return jump if jump > JUMPY else 0.0
+    jump = level_roughness(10 * np.log10(np.maximum(power[grid.excited - 1], 1e-300)))
+    return jump if jump > ROUGH_LEVEL else 0.0
 
 
-DROP = 15.0  # an excited line stands at most this far [dB] under its excited neighbours
-DECAY = 1.25  # how fast the neighbourhood's level may fall from line to line [dB]
-CARRIED = 0.5  # share of the input's power that its lines carry at least
-FAR_BELOW = 1e-4  # power under the median of all lines from which a line is looked at again
-SIGNIFICANT = 20.0  # power over the variance by noise that an excited line needs at least
+MAX_STEP = 15.0  # an excited line stands at most this far [dB] under its excited neighbours
+ENVELOPE_DECAY = 1.25  # how fast the neighbourhood's level may fall from line to line [dB]
+MIN_CARRIED_SHARE = 0.5  # share of the input's power that its lines carry at least
+NEGLIGIBLE_POWER = 1e-4  # power under the median of all lines from which a line is looked at again
+SIGNIFICANCE = 20.0  # power over the variance by noise that an excited line needs at least
 
 
 def detect_lines(u: np.ndarray) -> LineGrid:
@@ -140,52 +155,52 @@ def detect_lines(u: np.ndarray) -> LineGrid:
     ValueError
         No line stands out of the noise.
     """
-    return lines_in(*line_powers(u))
+    return lines_from_powers(*line_powers(u))
 
 
 def line_powers(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(K,) power of the mean over periods, of all lines but mean and Nyquist, and its variance by noise."""
     n_periods = u.shape[1]
     inside = slice(1, (u.shape[2] + 1) // 2)
-    if u.shape[2] > BLOCK and n_periods > 1:
-        pairs = [powers_of_halves(one) for one in u]
+    if u.shape[2] > BLOCK_ENTRIES and n_periods > 1:
+        pairs = [line_powers_of_halves(one) for one in u]
         power, noise = (np.add.reduce(some)[inside] / len(pairs) for some in zip(*pairs, strict=True))
     else:
         spectrum = rfft(u)[..., inside]
         power = mean_power(spectrum.mean(axis=1))
         noise = np.mean(np.var(spectrum, axis=1, ddof=1), axis=0) / n_periods if n_periods > 1 else power
-    return power, local_mean(noise, 21) if n_periods > 1 else np.full(power.size, noise_floor(power))
+    return power, local_mean(noise, 21) if n_periods > 1 else np.full(power.size, white_noise_level(power))
 
 
-def powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same of long periods u (P, N), by the means of every other one: two transforms, however many they are."""
+def line_powers_of_halves(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return `line_powers` of long periods u (P, N), by the means of every other one: two transforms in all."""
     n = len(u)
-    if all(equal(u[0], one) for one in u[1:]):
-        power = squared(rfft(u[0]))
+    if all(streams_equal(u[0], one) for one in u[1:]):
+        power = squared_modulus(rfft(u[0]))
         return power, np.zeros(power.size)
     one, other = (rfft(np.add.reduce(some) / len(some) if len(some) > 1 else some[0]) for some in (u[::2], u[1::2]))
     share = len(u[::2]) / n
     power, noise = np.empty(one.size), np.empty(one.size)
-    for some in blocks(one.size):
-        power[some] = squared(share * one[some] + (1 - share) * other[some])
-        noise[some] = squared(one[some] - other[some]) * (share * (1 - share))
+    for some in iterate_blocks(one.size):
+        power[some] = squared_modulus(share * one[some] + (1 - share) * other[some])
+        noise[some] = squared_modulus(one[some] - other[some]) * (share * (1 - share))
     return power, noise
 
 
-def lines_in(power: np.ndarray, noise: np.ndarray) -> LineGrid:
+def lines_from_powers(power: np.ndarray, noise: np.ndarray) -> LineGrid:
     """`detect_lines` by the powers (K,) of the lines 1 to K, and their noise."""
-    noise = np.maximum(noise, 1e-20 * power.max() / SIGNIFICANT)
-    lines = np.flatnonzero(power > SIGNIFICANT * noise) + 1
+    noise = np.maximum(noise, 1e-20 * power.max() / SIGNIFICANCE)
+    lines = np.flatnonzero(power > SIGNIFICANCE * noise) + 1
     if not lines.size:
         raise ValueError("u must hold lines that stand out of its noise, got none; is n_samples its period?")
     level = 10 * np.log10(np.maximum(power[lines - 1], 1e-300))
-    near = level > neighbourhood(level, lines) - DROP
-    excited = connected(level[near], lines[near])
-    excited = completed(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
-    return LineGrid(excited=played_lines(power[: excited[-1] + BEYOND], excited, float(power.sum())))
+    near = level > upper_envelope(level, lines) - MAX_STEP
+    excited = connected_lines(level[near], lines[near])
+    excited = complete_grid(excited, power[: excited[-1]] > 2 * noise[: excited[-1]])
+    return LineGrid(excited=excited_lines_on_grid(power[: excited[-1] + EXTENSION_LINES], excited, float(power.sum())))
 
 
-def refuse_wrong_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
+def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
     """Refuse a grid that is not the one in the input, with the lines that are excited.
 
     Off the excitation G is one rounding error, or one piece of noise, over another.
@@ -202,11 +217,11 @@ def refuse_wrong_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> N
     carried = power.sum() / 2
     last = u[:, -1]  # one period is enough, and the last one is settled
     total = float(np.add.reduce(np.vecdot(last, last))) / last.size
-    if power.min() >= FAR_BELOW * power.max() and carried > CARRIED * total:
+    if power.min() >= NEGLIGIBLE_POWER * power.max() and carried > MIN_CARRIED_SHARE * total:
         return  # even with its mean
     total -= float(np.mean(last.mean(axis=1) ** 2))
-    weak = power < FAR_BELOW * np.median(power)
-    if not weak.any() and carried > CARRIED * total:
+    weak = power < NEGLIGIBLE_POWER * np.median(power)
+    if not weak.any() and carried > MIN_CARRIED_SHARE * total:
         return
     try:
         found = detect_lines(u).excited
@@ -214,7 +229,7 @@ def refuse_wrong_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> N
         return
     missed = np.setdiff1d(lines, found, assume_unique=True)
     more = np.setdiff1d(found, lines, assume_unique=True)
-    elsewhere = carried < CARRIED * total and more.size > 0
+    elsewhere = carried < MIN_CARRIED_SHARE * total and more.size > 0
     if missed.size and (elsewhere or np.isin(lines[weak], missed).any()):
         said = ", ".join(map(str, found[:6].tolist())) + (f", ... {found[-1]}" if found.size > 6 else "")
         raise ValueError(
@@ -223,7 +238,7 @@ def refuse_wrong_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> N
         )
 
 
-def completed(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
+def complete_grid(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
     """The regular grid of which at most a tenth is missing, where the missing lines do carry input.
 
     Lines in a narrow notch of the amplitude spectrum, or near the noise, are found by their place in the grid.
@@ -239,7 +254,7 @@ def completed(excited: np.ndarray, present: np.ndarray) -> np.ndarray:
     return excited
 
 
-def noise_floor(power: np.ndarray) -> float:
+def white_noise_level(power: np.ndarray) -> float:
     """The level of white noise in the power of a single period; zero where no part of it looks like noise.
 
     The power of noise is exponentially distributed, so its quartiles are 0.288 and 1.386 times its mean, and it
@@ -252,15 +267,15 @@ def noise_floor(power: np.ndarray) -> float:
     return min(floors, default=0.0)
 
 
-def neighbourhood(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def upper_envelope(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Upper envelope of the levels of some lines that falls by at most DECAY a line on either side of a peak."""
-    ramp = DECAY * lines
+    ramp = ENVELOPE_DECAY * lines
     forward = np.maximum.accumulate(level + ramp) - ramp
     backward = np.maximum.accumulate((level - ramp)[::-1])[::-1] + ramp
     return np.maximum(forward, backward)
 
 
-def connected(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def connected_lines(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Those of some lines that can be reached from the strongest one without falling by more than DROP at a step.
 
     This ends the band where only harmonics and distortion of the input follow, at whatever level.
@@ -271,7 +286,7 @@ def connected(level: np.ndarray, lines: np.ndarray) -> np.ndarray:
         step = -1 if side.start is None else 1
         previous = last = level[strongest]
         for k, here in zip(lines[side][::step].tolist(), level[side][::step].tolist(), strict=True):
-            if here > max(previous, last) - DROP:
+            if here > max(previous, last) - MAX_STEP:
                 kept.append(k)
                 previous, last = last, here
     return np.sort(np.array(kept))

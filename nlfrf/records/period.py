@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.numbers import TINY, blocks, equal, fast_length
-from nlfrf.records.screening.decimation import coarse, smooth_over
+from nlfrf._base.numbers import TINY, fast_length, iterate_blocks, streams_equal
+from nlfrf.records.screening.decimation import decimate, smooth_step
 
 __all__ = ["detect_period"]
 
 
-LONG = 1 << 17  # samples that a whole autocorrelation may take
-HEAD = 256  # samples that are looked for to the last bit
-TRIES = 1000  # places that begin like the head, before an exact repeat is given up
-TEMPLATE = 1 << 14  # samples at one end of a record that are looked for elsewhere
-LESS = 0.05  # how much less like itself a signal may be there than over all of it
-CANDIDATES = 64  # lags that are held against all of it
-PART = 1 << 21  # samples by which that is done
-MOVES = 8  # that a lag may take until it is known to less than a sample
-LIKE = 0.5  # correlation at the period, at least
-FINER = 4  # places to a sample at which a correlation is looked at
+LONG_SIGNAL = 1 << 17  # samples that a whole autocorrelation may take
+FIRST_SAMPLES = 256  # samples that are looked for to the last bit
+MAX_LAGS = 1000  # places that begin like the head, before an exact repeat is given up
+TEMPLATE_SAMPLES = 1 << 14  # samples at one end of a record that are looked for elsewhere
+CORRELATION_DROP = 0.05  # how much less like itself a signal may be there than over all of it
+MAX_CANDIDATES = 64  # lags that are held against all of it
+CHUNK_SAMPLES = 1 << 21  # samples by which that is done
+MAX_MOVES = 8  # that a lag may take until it is known to less than a sample
+MIN_CORRELATION = 0.5  # correlation at the period, at least
+LAG_RESOLUTION = 4  # places to a sample at which a correlation is looked at
 
 
 def detect_period(u: np.ndarray) -> float:
@@ -42,14 +42,14 @@ def detect_period(u: np.ndarray) -> float:
     ValueError
         The signal does not repeat within its length.
     """
-    if u.size > LONG:
-        period = exact_period(u) or long_period(u)
+    if u.size > LONG_SIGNAL:
+        period = bitwise_period(u) or period_of_long_signal(u)
         if period:
             return period
-    return by_autocorrelation(u)
+    return period_by_autocorrelation(u)
 
 
-def by_autocorrelation(u: np.ndarray) -> float:
+def period_by_autocorrelation(u: np.ndarray) -> float:
     """`detect_period` by the autocorrelation of all of it."""
     u = u - u.mean()
     n = u.size
@@ -63,8 +63,8 @@ def by_autocorrelation(u: np.ndarray) -> float:
     negative = np.flatnonzero(rho < 0)  # past the main lobe around lag 0
     if negative.size:
         rho[: negative[0]] = 0.0
-        if rho.max() > LIKE:
-            top, place = tops_between(spectrum, n_padded, overlap)
+        if rho.max() > MIN_CORRELATION:
+            top, place = interpolate_peaks(spectrum, n_padded, overlap)
             top[: negative[0] + 1] = 0.0
             highest = (top[1:-1] >= top[:-2]) & (top[1:-1] >= top[2:])
             as_good = is_as_good(top, top.max()) & np.concatenate(([False], highest, [True]))
@@ -75,17 +75,17 @@ def by_autocorrelation(u: np.ndarray) -> float:
     raise ValueError(f"u must repeat at least once within its {n} samples for its period to be found; give n_samples")
 
 
-def tops_between(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(L,) the largest correlation within half a sample of each lag, over its norm (L,), and where it stands.
 
     Between its samples a correlation is known by its spectrum (n // 2 + 1,). A parabola through three samples would be
     too low for signals of a wide band, and a period of 399.75 samples would seem to be one of 1599.
     """
     n_lags = norm.size
-    fine = FINER * np.fft.irfft(spectrum, FINER * n)
-    fine = np.concatenate((fine[-FINER // 2 - 1 :], fine[: FINER * n_lags + 1]))
+    fine = LAG_RESOLUTION * np.fft.irfft(spectrum, LAG_RESOLUTION * n)
+    fine = np.concatenate((fine[-LAG_RESOLUTION // 2 - 1 :], fine[: LAG_RESOLUTION * n_lags + 1]))
     norm = np.append(norm, 2 * norm[-1] - norm[-2])  # half a sample behind the last one as well
-    fine /= np.interp((np.arange(fine.size) - FINER // 2 - 1) / FINER, np.arange(n_lags + 1), norm)
+    fine /= np.interp((np.arange(fine.size) - LAG_RESOLUTION // 2 - 1) / LAG_RESOLUTION, np.arange(n_lags + 1), norm)
     left, middle, right = fine[:-2], fine[1:-1], fine[2:]
     bend = 2 * middle - left - right
     peak = (middle >= left) & (middle >= right) & (bend > 0)
@@ -93,14 +93,14 @@ def tops_between(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[np.nda
     bend = np.where(peak, bend, 1.0)
     raised, offset = middle + slope**2 / (8 * bend), -slope / (2 * bend)
     # from half a sample before each lag to half a sample behind it, both ends with it
-    around = np.lib.stride_tricks.sliding_window_view(raised, FINER + 1)[::FINER][:n_lags]
+    around = np.lib.stride_tricks.sliding_window_view(raised, LAG_RESOLUTION + 1)[::LAG_RESOLUTION][:n_lags]
     best = np.argmax(around, axis=1)
     rows = np.arange(n_lags)
-    place = rows + (best - FINER // 2 + offset[FINER * rows + best]) / FINER
+    place = rows + (best - LAG_RESOLUTION // 2 + offset[LAG_RESOLUTION * rows + best]) / LAG_RESOLUTION
     return around[rows, best], place
 
 
-def vertex(rho: np.ndarray, peak: int) -> float:
+def parabola_vertex(rho: np.ndarray, peak: int) -> float:
     """Offset of the top of the parabola through a peak and its neighbours."""
     if not 0 < peak < rho.size - 1:
         return 0.0
@@ -109,38 +109,38 @@ def vertex(rho: np.ndarray, peak: int) -> float:
     return float(0.5 * (left - right) / curvature) if curvature < 0 else 0.0
 
 
-def exact_period(u: np.ndarray) -> float:
+def bitwise_period(u: np.ndarray) -> float:
     """The least lag at which a signal repeats to the last bit, 0 where it does not."""
-    head = u[:HEAD]
+    head = u[:FIRST_SAMPLES]
     anchor = int(np.argmax(np.abs(head - head.mean())))  # a value that is not met everywhere
     tries = 0
     if np.ptp(head) == 0:
         return 0.0
-    for some in blocks(u.size // 2 - 1):
+    for some in iterate_blocks(u.size // 2 - 1):
         first = some.start + 1
         for at in np.flatnonzero(u[first + anchor : some.stop + 1 + anchor] == head[anchor]).tolist():
             lag = first + at
             tries += 1
-            if np.array_equal(u[lag : lag + HEAD], head) and equal(u[lag:], u[:-lag]):
+            if np.array_equal(u[lag : lag + FIRST_SAMPLES], head) and streams_equal(u[lag:], u[:-lag]):
                 return float(lag)
-            if tries == TRIES:
+            if tries == MAX_LAGS:
                 return 0.0
     return 0.0
 
 
-def long_period(u: np.ndarray) -> float:
+def period_of_long_signal(u: np.ndarray) -> float:
     """The period of a long signal, 0 where it is not found by less than its whole autocorrelation."""
-    step = smooth_over(u)
-    rough = coarse(u[np.newaxis, : u.size // step * step], step)[0]
+    step = smooth_step(u)
+    rough = decimate(u[np.newaxis, : u.size // step * step], step)[0]
     rough = rough - rough.mean()
     found = template_lags(rough)
     if not found:
         return 0.0
-    best = likeness(u, round(step * max(found, key=lambda lag: found[lag])))
+    best = lagged_correlation(u, round(step * max(found, key=lambda lag: found[lag])))
     for lag in found:
-        like = likeness(u, step * lag)
-        if like > LIKE and is_as_good(like, best):
-            return refined(u, step * lag, step)
+        like = lagged_correlation(u, step * lag)
+        if like > MIN_CORRELATION and is_as_good(like, best):
+            return refine_lag(u, step * lag, step)
     return 0.0
 
 
@@ -151,7 +151,7 @@ def is_as_good(like: Any, best: float) -> Any:
 
 def template_lags(u: np.ndarray) -> dict[int, float]:
     """Lags, increasing, at which the samples at the stronger end of a signal (n,) are found again, and how well."""
-    n, length = u.size, min(TEMPLATE, u.size // 8)
+    n, length = u.size, min(TEMPLATE_SAMPLES, u.size // 8)
     ends = float(np.vdot(u[:length], u[:length])), float(np.vdot(u[-length:], u[-length:]))
     u = u if ends[0] >= ends[1] else u[::-1]
     size = fast_length(8 * length)
@@ -165,35 +165,35 @@ def template_lags(u: np.ndarray) -> dict[int, float]:
         sums = np.concatenate(([0.0], np.cumsum(part**2)))
         sums = (sums[length:] - sums[:-length])[:n_lags]
         norm = np.sqrt(np.maximum(energy * sums, TINY))
-        rho, top = np.fft.irfft(spectrum, size)[:n_lags] / norm, tops_between(spectrum, size, norm)[0]
+        rho, top = np.fft.irfft(spectrum, size)[:n_lags] / norm, interpolate_peaks(spectrum, size, norm)[0]
         if not negative:
             below = np.flatnonzero(rho < 0)
             negative = below.size > 0
             rho[: below[0] if negative else rho.size] = 0.0
-        peaks = np.flatnonzero((rho[1:-1] > LIKE) & (rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
+        peaks = np.flatnonzero((rho[1:-1] > MIN_CORRELATION) & (rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
         found |= dict(zip((first + peaks).tolist(), top[peaks].tolist(), strict=True))
         best = max(found.values(), default=0.0)
-        kept = [lag for lag, like in found.items() if is_as_good(like, best - LESS)]
-        found = {lag: found[lag] for lag in kept[:CANDIDATES]}
+        kept = [lag for lag, like in found.items() if is_as_good(like, best - CORRELATION_DROP)]
+        found = {lag: found[lag] for lag in kept[:MAX_CANDIDATES]}
     return found
 
 
-def likeness(u: np.ndarray, lag: int) -> float:
+def lagged_correlation(u: np.ndarray, lag: int) -> float:
     """The correlation of a signal with itself `lag` samples later, over as many as tell, in the middle of it."""
-    first = max(0, (u.size - lag - PART) // 2)
-    early, late = u[first : u.size - lag][:PART], u[first + lag :][:PART]
+    first = max(0, (u.size - lag - CHUNK_SAMPLES) // 2)
+    early, late = u[first : u.size - lag][:CHUNK_SAMPLES], u[first + lag :][:CHUNK_SAMPLES]
     mean = np.add.reduce(early) / early.size, np.add.reduce(late) / late.size
     power = np.vdot(early, early) / early.size - mean[0] ** 2, np.vdot(late, late) / late.size - mean[1] ** 2
     common = np.vdot(early, late) / early.size - mean[0] * mean[1]
     return float(common / np.sqrt(max(power[0] * power[1], TINY)))
 
 
-def refined(u: np.ndarray, lag: int, step: int) -> float:
+def refine_lag(u: np.ndarray, lag: int, step: int) -> float:
     """The lag near one, to less than a sample, at which a signal that is smooth over `step` is most like itself."""
     middle = lag
-    for _ in range(MOVES):
-        like = np.array([likeness(u, middle + shift) for shift in (-step, 0, step)])
-        offset = step * vertex(like, 1)
+    for _ in range(MAX_MOVES):
+        like = np.array([lagged_correlation(u, middle + shift) for shift in (-step, 0, step)])
+        offset = step * parabola_vertex(like, 1)
         if like[1] == like.max() and abs(offset) <= 0.5 * max(1, step // 4):
             return middle + offset
         # from the slope of a parabola where it has a top

@@ -8,7 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import HOLDS, channel_names, of_kind, one_of, positive, real_array, shown
+from nlfrf._base.arguments import (
+    HOLDS,
+    channel_names,
+    require_choice,
+    require_kind,
+    require_positive,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.numbers import is_constant
 from nlfrf._base.values import Sketch, value
 from nlfrf.signals.lines import LineGrid
@@ -19,7 +27,7 @@ __all__ = [
     "MultiRecord",
     "Record",
     "join_records",
-    "refuse_constant",
+    "require_varying",
 ]
 
 
@@ -54,12 +62,12 @@ class Channels:
     @property
     def u_name(self) -> str:
         """Name of the only input; empty where it is not known, or where there are several."""
-        return known_name(self.inputs, "u")
+        return given_name(self.inputs, "u")
 
     @property
     def y_name(self) -> str:
         """Name of the only output; empty where it is not known, or where there are several."""
-        return known_name(self.outputs, "y")
+        return given_name(self.outputs, "y")
 
     @property
     def u_unit(self) -> str:
@@ -156,10 +164,10 @@ class Record(Channels):
         u_unit: str = "",
         y_unit: str = "",
     ) -> None:
-        one_of("hold", hold, HOLDS)
-        of_kind("lines", lines, LineGrid)
-        fs = positive("fs", fs)
-        signals = in_one_layout({"u": u, "y": y} | ({} if r is None else {"r": r}))
+        require_choice("hold", hold, HOLDS)
+        require_kind("lines", lines, LineGrid)
+        fs = require_positive("fs", fs)
+        signals = to_one_layout({"u": u, "y": y} | ({} if r is None else {"r": r}))
         highest = max(int(kind[-1]) for kind in (lines.excited, lines.odd, lines.even) if kind.size)
         n_samples = signals["u"].shape[-1]
         if 2 * highest >= n_samples:
@@ -175,7 +183,7 @@ class Record(Channels):
         for name, channels in (("u", self.inputs), ("y", self.outputs), ("r", self.inputs)):
             signal = getattr(self, name)
             if signal is not None:
-                refuse_constant(name, signal, channels)
+                require_varying(name, signal, channels)
 
     @property
     def is_single(self) -> bool:
@@ -222,10 +230,10 @@ class Record(Channels):
 MultiRecord = Record
 
 
-def in_one_layout(signals: dict[str, Any]) -> dict[str, np.ndarray]:
+def to_one_layout(signals: dict[str, Any]) -> dict[str, np.ndarray]:
     """Signals as float arrays (M, P, N) of one input and one output, else (channels, M, P, N); or refused."""
     several = any(np.ndim(signal) == 4 for signal in signals.values())
-    arrays = {name: real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3) for name, one in signals.items()}
+    arrays = {name: require_real_array(name, one, ndim=4 if np.ndim(one) == 4 else 3) for name, one in signals.items()}
     if several:
         arrays = {name: one if one.ndim == 4 else one[None] for name, one in arrays.items()}
         if len(arrays["u"]) == len(arrays["y"]) == 1:
@@ -247,7 +255,7 @@ def default_names(letter: str, n: int) -> tuple[str, ...]:
     return (letter,) if n == 1 else tuple(f"{letter}{i + 1}" for i in range(n))
 
 
-def known_name(names: tuple[str, ...], letter: str) -> str:
+def given_name(names: tuple[str, ...], letter: str) -> str:
     """The name of a single channel that somebody gave it."""
     return names[0] if len(names) == 1 and names[0] != letter else ""
 
@@ -260,7 +268,7 @@ def channel_units(name: str, given: str | Sequence[str], n: int) -> tuple[str, .
     return units or ("",) * n
 
 
-def refuse_constant(name: str, signal: np.ndarray, channels: Sequence[str] = ()) -> None:
+def require_varying(name: str, signal: np.ndarray, channels: Sequence[str] = ()) -> None:
     """Refuse what never moves: there is nothing to identify from it.
 
     One signal (M, P, N) has to move in every realisation, of several (channels, M, P, N) each in some experiment.
@@ -306,7 +314,7 @@ def join_records(records: Sequence[Record]) -> Record:
     2
     """
     if not isinstance(records, Sequence) or not records or not all(isinstance(one, Record) for one in records):
-        raise ValueError(f"records must be a list of one or more Record, got {shown(records)}")
+        raise ValueError(f"records must be a list of one or more Record, got {short_form(records)}")
     first, *others = records
     same = ("n_samples", "fs", "hold", "n_inputs", "n_outputs", *(() if first.is_single else ("inputs", "outputs")))
     for m, one in enumerate(others, start=1):
@@ -316,8 +324,8 @@ def join_records(records: Sequence[Record]) -> Record:
         ):
             if here != there and not (name == "fs" and abs(one.fs / first.fs - 1) < SAME_CLOCK):
                 raise ValueError(
-                    f"records must be of one experiment, with the same {name}, got {shown(here)} in record {m} and "
-                    f"{shown(there)} in record 0"
+                    f"records must be of one experiment, with the same {name}, got {short_form(here)} in record {m} "
+                    f"and {short_form(there)} in record 0"
                 )
     with_r = [one.r is not None for one in records]
     if any(with_r) and not all(with_r):

@@ -6,19 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind, positive
+from nlfrf._base.arguments import require_kind, require_positive
 from nlfrf._base.numbers import TINY, rfft_at
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["Design", "fill_reference", "played_period", "played_reference", "played_references"]
+__all__ = ["Design", "design_period", "fill_reference", "reconstruct_reference", "reconstruct_references"]
 
 
 Design = Multisine | OrthogonalMultisine
-ALIKE = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
+MIN_CORRELATION = 0.3  # correlation with the design that what was played has at least, whatever the actuator did to it
 
 
-def played_period(design: Design, fs: float) -> int:
+def design_period(design: Design, fs: float) -> int:
     """Samples in one period of the design at the sampling frequency of a record [Hz].
 
     Raises
@@ -26,7 +26,7 @@ def played_period(design: Design, fs: float) -> int:
     ValueError
         A period that is not a whole number of those samples.
     """
-    n = design.n_samples / design.fs * positive("fs", fs)
+    n = design.n_samples / design.fs * require_positive("fs", fs)
     if abs(n - round(n)) > 1e-6 * n:
         raise ValueError(
             f"fs must make one period of the design, {design.n_samples / design.fs:g} s, a whole number of samples, "
@@ -35,10 +35,10 @@ def played_period(design: Design, fs: float) -> int:
     return round(n)
 
 
-def played_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
-    """(M, P, N) what was played, where it stands in one input; as `played_references`."""
-    of_kind("design", design, Multisine)
-    played: np.ndarray = played_references(design, u[None])[0]
+def reconstruct_reference(design: Multisine, u: np.ndarray) -> np.ndarray:
+    """Return (M, P, N) the design as played, aligned with one input; as `reconstruct_references`."""
+    require_kind("design", design, Multisine)
+    played: np.ndarray = reconstruct_references(design, u[None])[0]
     return played
 
 
@@ -48,13 +48,15 @@ def fill_reference(found: dict[str, Any], design: Design | None) -> None:
     A zippered record is identified in open loop and takes none; that it shows the design is looked at all the same.
     """
     if design is not None and "r" not in found:
-        played = played_references(design, found["u"])
+        played = reconstruct_references(design, found["u"])
         if not (isinstance(design, OrthogonalMultisine) and design.design == "zippered"):
             found["r"] = played
 
 
-def played_references(design: Design, u: np.ndarray) -> np.ndarray:
-    """(n_u, M, P, N) what was played, where it stands in the inputs: without noise, without what actuators add.
+def reconstruct_references(design: Design, u: np.ndarray) -> np.ndarray:
+    """Return (n_u, M, P, N) the design as played, aligned with the inputs.
+
+    Without noise and without what actuators add.
 
     For each realisation of the record the row of the design that it looks like, moved in time until it lies under the
     measured input; of several inputs under the first, as a shift that all share changes nothing. What a linear actuator
@@ -76,7 +78,7 @@ def played_references(design: Design, u: np.ndarray) -> np.ndarray:
     k = design.lines.excited
     if 2 * k[-1] >= n_samples:
         raise ValueError(f"design must have lines below the Nyquist line {n_samples / 2:g}, got line {k[-1]}")
-    D = spectra_of(design)
+    D = design_spectra(design)
     if len(D) != len(u):
         raise ValueError(f"design must have the inputs of the record, {len(u)}, got {len(D)}")
     U = rfft_at(u.mean(axis=2), k)
@@ -84,13 +86,13 @@ def played_references(design: Design, u: np.ndarray) -> np.ndarray:
     for m in range(U.shape[1]):
         found = np.array(
             [
-                [alignment(mine, drawn, k, n_samples) for mine, drawn in zip(U[:, m], D[:, e], strict=True)]
+                [align_spectra(mine, drawn, k, n_samples) for mine, drawn in zip(U[:, m], D[:, e], strict=True)]
                 for e in range(D.shape[1])
             ]
         )
         likeness = found[:, :, 0].min(axis=1)  # of the input that looks least like its row
         best = int(np.argmax(likeness))
-        if not likeness[best] > ALIKE:
+        if not likeness[best] > MIN_CORRELATION:
             raise ValueError(
                 f"design must be what was played, got a correlation of {likeness[best]:.2g} with the input of "
                 f"{f'realisation {m}' if len(u) == 1 else f'experiment {m + 1}'} at best"
@@ -102,14 +104,14 @@ def played_references(design: Design, u: np.ndarray) -> np.ndarray:
     return np.broadcast_to(played[:, :, None, :], u.shape)  # one period that stands for all of them
 
 
-def spectra_of(design: Design) -> np.ndarray:
+def design_spectra(design: Design) -> np.ndarray:
     """(n_u, M, F) complex amplitudes that were played."""
     if isinstance(design, Multisine):
         return (design.amplitude * np.exp(1j * design.phase))[None]
     return design.spectrum
 
 
-def alignment(U: np.ndarray, D: np.ndarray, k: np.ndarray, n_samples: int) -> tuple[float, float]:
+def align_spectra(U: np.ndarray, D: np.ndarray, k: np.ndarray, n_samples: int) -> tuple[float, float]:
     """The largest correlation of an input with a design over all shifts, and that shift [samples]."""
     cross = np.zeros(n_samples // 2 + 1, dtype=complex)
     cross[k] = U * D.conj()

@@ -9,15 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import channel_names, data_warning, integer, of_kind, positive, real_array
-from nlfrf._base.numbers import blocks, equal, repeats, squared
-from nlfrf.records.excited_lines import detect_lines, jumpy_grid, line_powers, lines_in
+from nlfrf._base.arguments import (
+    channel_names,
+    data_warning,
+    require_integer,
+    require_kind,
+    require_positive,
+    require_real_array,
+)
+from nlfrf._base.numbers import has_equal_periods, iterate_blocks, squared_modulus, streams_equal
+from nlfrf.records.excited_lines import detect_lines, grid_level_jump, line_powers, lines_from_powers
 from nlfrf.records.period import detect_period
-from nlfrf.records.record import Record, refuse_constant
-from nlfrf.records.reference import Design, fill_reference, played_period, played_reference
-from nlfrf.records.screening.gaps import gaps_inside
-from nlfrf.records.screening.input import SEVERE, Track, held_over, recut, track, warn_about_channel
-from nlfrf.records.screening.output import follow, on_the_clock_of_the_input
+from nlfrf.records.record import Record, require_varying
+from nlfrf.records.reference import Design, design_period, fill_reference, reconstruct_reference
+from nlfrf.records.screening.gaps import find_slips
+from nlfrf.records.screening.input import (
+    SEVERE_POWER,
+    PeriodAlignment,
+    hold_factor,
+    resegment,
+    track_input,
+    warn_about_channel,
+)
+from nlfrf.records.screening.output import align_output, resample_to_input_clock
 from nlfrf.signals.lines import LineGrid
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
@@ -25,15 +39,15 @@ from nlfrf.signals.orthogonal import OrthogonalMultisine
 __all__ = ["multirecord_from_samples", "record_from_samples", "records_from_streams"]
 
 
-REPEATS = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
-CURES = 3  # times that outputs are brought onto the clock of the input, and looked at again
+MAX_PERIOD_DIFFERENCE = 0.25  # share of its power that may not repeat before a signal no longer counts as periodic
+MAX_CORRECTIONS = 3  # times that outputs are brought onto the clock of the input, and looked at again
 UNEVEN, EVEN = (
     3.0,
     0.5,
 )  # dB: standard deviation of lines above which a signal is no multisine with even lines, or below
-DIRT = 0.1  # of the share of power between the lines of the input: a machine adds some, it takes none away
-FEW_LINES = 6  # below which lines are even by chance
-SHARED = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
+ACTUATOR_SHARE = 0.1  # of the share of power between the lines of the input: a machine adds some, it takes none away
+MIN_LINES = 6  # below which lines are even by chance
+SHARED_SHARE = 0.5  # of the power of inputs that stands on lines of the first one, from which it has the lines of all
 Streams = dict[str, list[np.ndarray]]
 
 
@@ -115,7 +129,7 @@ def record_from_samples(
     (2, 2, 2, 100)
     """
     if design is not None:
-        of_kind("design", design, OrthogonalMultisine, Multisine)
+        require_kind("design", design, OrthogonalMultisine, Multisine)
     asked: dict[str, Any] = {
         "n_samples": n_samples,
         "lines": lines,
@@ -146,10 +160,10 @@ def record_of_channels(
 ) -> Record:
     """`record_from_samples` for several inputs or outputs, or for channels that have names."""
     if design is not None:
-        asked["n_samples"] = played_period(design, fs) if asked["n_samples"] is None else asked["n_samples"]
+        asked["n_samples"] = design_period(design, fs) if asked["n_samples"] is None else asked["n_samples"]
         asked["lines"] = design.lines if asked["lines"] is None else asked["lines"]
         asked["hold"] = design.hold if asked["hold"] is None else asked["hold"]
-    streams = {name: experiments(name, signal) for name, signal in signals.items()}
+    streams = {name: split_experiments(name, signal) for name, signal in signals.items()}
     for name, signal in streams.items():
         lengths, wanted = ([one.shape[1] for one in some] for some in (signal, streams["u"]))
         if lengths != wanted:
@@ -182,37 +196,37 @@ def cut_together(
     All channels at once: a period that one of them lost is lost to all.
     """
     channels = {
-        called(name, i, names[name]): [one[i] for one in signal]
+        channel_label(name, i, names[name]): [one[i] for one in signal]
         for name, signal in streams.items()
         for i in range(len(signal[0]))
     }
-    beside = [with_all_lines(one) for one in streams[known]]
+    beside = [sum_with_all_lines(one) for one in streams[known]]
     cut = records_from_streams(beside, channels, r=None, design=None, hold=None, named=True, **asked)
     rows = iter(cut)
     found = {name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()}
     return found, cut[0].fs
 
 
-def called(name: str, i: int, names: tuple[str, ...]) -> str:
+def channel_label(name: str, i: int, names: tuple[str, ...]) -> str:
     """A channel in messages: "y2", or "y2 (position)" where it has a name."""
     return f"{name}{i + 1} ({names[i]})" if i < len(names) else f"{name}{i + 1}"
 
 
-def with_all_lines(channels: np.ndarray) -> np.ndarray:
+def sum_with_all_lines(channels: np.ndarray) -> np.ndarray:
     """(n,) one signal with the lines of all channels: the first, or where each has lines of its own their sum."""
-    power = squared(np.fft.rfft(channels - channels.mean(axis=1, keepdims=True), axis=1))
+    power = squared_modulus(np.fft.rfft(channels - channels.mean(axis=1, keepdims=True), axis=1))
     size = np.add.reduce(power, axis=1)
     share = power[size > 0] / size[size > 0, None]
-    if len(share) < len(channels) or np.minimum(share, share[0]).sum(axis=1).min() > SHARED:
+    if len(share) < len(channels) or np.minimum(share, share[0]).sum(axis=1).min() > SHARED_SHARE:
         return np.asarray(channels[0])
     return np.asarray((1 / np.sqrt(size)) @ channels)
 
 
-def experiments(name: str, signal: Any) -> list[np.ndarray]:
+def split_experiments(name: str, signal: Any) -> list[np.ndarray]:
     """The streams (n_channels, n) of each experiment."""
     many = list(signal) if isinstance(signal, list | tuple) and np.ndim(signal[0] if len(signal) else 0) else [signal]
     arrays = [
-        real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1)
+        require_real_array(f"{name}[{m}]" if len(many) > 1 else name, one, ndim=2 if np.ndim(one) != 1 else 1)
         for m, one in enumerate(many)
     ]
     arrays = [one if one.ndim == 2 else one[None] for one in arrays]
@@ -243,43 +257,43 @@ def records_from_streams(
 
     Streams that nobody can write go into the record as they are, where there is one realisation.
     """
-    fs, n_discard = positive("fs", fs), integer("n_discard", n_discard, least=0)
+    fs, n_discard = require_positive("fs", fs), require_integer("n_discard", n_discard, least=0)
     for name, given, kind in (("design", design, Multisine), ("lines", lines, LineGrid)):
         if given is not None:
-            of_kind(name, given, kind)
-    streams = checked_streams(u, outputs, r, named)
+            require_kind(name, given, kind)
+    streams = check_streams(u, outputs, r, named)
     labels = {name: (labels or {}).get(name, {}) for name in outputs}
     del u, outputs, r  # long streams are held once
     excitation = streams.get("r", streams["u"])
     if n_samples is None and design is not None:
-        n_samples = played_period(design, fs)
+        n_samples = design_period(design, fs)
     elif n_samples is None:
-        with naming_swapped(streams, labels):
-            n_samples = whole_period(excitation[0], resample)
-    n_samples = integer("n_samples", n_samples, least=4)
+        with add_swap_hint(streams, labels):
+            n_samples = rounded_period(excitation[0], resample)
+    n_samples = require_integer("n_samples", n_samples, least=4)
     for name, signal in streams.items():
         for one in signal:
             warn_about_channel(name, one, n_samples)
     warn_of_other_rates(streams, fs)
-    refuse_too_short(min(one.size for one in excitation), n_samples, n_discard)
+    require_whole_period(min(one.size for one in excitation), n_samples, n_discard)
     kept = {name: [one[n_discard * n_samples :] for one in signal] for name, signal in streams.items()}
     stream = excitation[0]
     del streams, excitation
-    with naming_swapped(kept, labels):
-        tracks = follow_input(kept.get("r", kept["u"]), n_samples, resample)
+    with add_swap_hint(kept, labels):
+        tracks = track_inputs(kept.get("r", kept["u"]), n_samples, resample)
     n_periods = min(one.size for one in kept["u"]) // n_samples
     # what may be cut once more is kept
     cut = {
         name: cut_stream(kept[name] if resample else kept.pop(name), tracks, n_periods, n_samples)
         for name in list(kept)
     }
-    with naming_swapped({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
-        refuse_wrong_period(cut.get("r", cut["u"]), stream)
+    with add_swap_hint({name: [one.ravel() for one in signal[:1]] for name, signal in cut.items()}, labels):
+        check_period(cut.get("r", cut["u"]), stream)
     warn_of_swapped(cut, labels)
     if lines is None:
-        lines = grid_of(cut.get("r", cut["u"])) if design is None else design.lines
-    refuse_gaps_of_u_alone(kept, tracks)
-    for _ in range(CURES):  # a gap in one period hides that the clock of y is off, too
+        lines = recognise_grid(cut.get("r", cut["u"])) if design is None else design.lines
+    require_equal_gaps(kept, tracks)
+    for _ in range(MAX_CORRECTIONS):  # a gap in one period hides that the clock of y is off, too
         if not examine_outputs(kept, cut, tracks, lines, resample):
             break
         cut = {name: cut_stream(signal, tracks, n_periods, n_samples) for name, signal in kept.items()}
@@ -294,7 +308,7 @@ def records_from_streams(
     if resample and all(tracks):  # so that f0 is what the input repeats at
         fs /= float(np.mean([where.spacing for where in tracks if where]))
     if design is not None:
-        cut.setdefault("r", played_reference(design, cut["u"]))
+        cut.setdefault("r", reconstruct_reference(design, cut["u"]))
     if hold is None:
         hold = "unknown" if design is None else design.hold
     u, r = cut.pop("u"), cut.pop("r", None)
@@ -303,7 +317,7 @@ def records_from_streams(
     return [first, *(replace(first, y=y, **label) for y, label in others)]
 
 
-def refuse_too_short(n: int, n_samples: int, n_discard: int) -> None:
+def require_whole_period(n: int, n_samples: int, n_discard: int) -> None:
     """Refuse streams of n samples in which no whole period is left."""
     if n < (n_discard + 1) * n_samples:
         raise ValueError(
@@ -312,21 +326,23 @@ def refuse_too_short(n: int, n_samples: int, n_discard: int) -> None:
         )
 
 
-def follow_input(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[Track | None]:
+def track_inputs(excitation: list[np.ndarray], n_samples: int, resample: bool) -> list[PeriodAlignment | None]:
     """Where the periods of each realisation stand; None where it is cut evenly. Faults are refused or cured."""
-    tracks = [track(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
-    tracks = [found for found in tracks if found.unexplained < REPEATS]
+    tracks = [track_input(one, n_samples) for one in excitation if one.size >= 2 * n_samples]
+    tracks = [found for found in tracks if found.unexplained < MAX_PERIOD_DIFFERENCE]
     if resample and len(tracks) == len(excitation):
         return list(tracks)
     for where in tracks:
-        refuse_fault(where)
+        require_period_alignment(where)
     return [None] * len(excitation)
 
 
-def cut_stream(streams: list[np.ndarray], tracks: list[Track | None], n_periods: int, n_samples: int) -> np.ndarray:
+def cut_stream(
+    streams: list[np.ndarray], tracks: list[PeriodAlignment | None], n_periods: int, n_samples: int
+) -> np.ndarray:
     """(M, P, N) of a signal: each period where it stands, or one after the other; as many as all have."""
     rows = [
-        one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else recut(one, where)[0]
+        one[: n_periods * n_samples].reshape(n_periods, n_samples) if where is None else resegment(one, where)[0]
         for one, where in zip(streams, tracks, strict=True)
     ]
     least = min(len(periods) for periods in rows)
@@ -338,19 +354,19 @@ def cut_stream(streams: list[np.ndarray], tracks: list[Track | None], n_periods:
 
 
 def examine_outputs(
-    streams: Streams, cut: dict[str, np.ndarray], tracks: list[Track | None], lines: LineGrid, resample: bool
+    streams: Streams, cut: dict[str, np.ndarray], tracks: list[PeriodAlignment | None], lines: LineGrid, resample: bool
 ) -> bool:
     """Look for faults of the outputs against the input: refuse them, warn of them, or cure them in the streams."""
     if cut["u"].shape[1] < 2:
         return False
     cured, drifts = False, []
-    for name in outputs_of(cut):
+    for name in output_names(cut):
         for m, where in enumerate(tracks):
-            lag = follow(cut["u"][m], cut[name][m], lines.excited)
-            told = told_as(name, m, tracks)
+            lag = align_output(cut["u"][m], cut[name][m], lines.excited)
+            told = output_label(name, m, tracks)
             if lag.fault and resample and where is not None:
-                periods = recut(streams["u"][m], where)[1][: len(lag.sound)]
-                streams[name][m], good = on_the_clock_of_the_input(streams[name][m], lag, periods)
+                periods = resegment(streams["u"][m], where)[1][: len(lag.sound)]
+                streams[name][m], good = resample_to_input_clock(streams[name][m], lag, periods)
                 sound = where.sound.copy()
                 sound[periods[~good]] = False
                 if not sound.any():
@@ -370,32 +386,32 @@ def examine_outputs(
     return cured
 
 
-def told_as(name: str, m: int, tracks: Sequence[Track | None]) -> str:
+def output_label(name: str, m: int, tracks: Sequence[PeriodAlignment | None]) -> str:
     """How an output is called in messages, of realisation m of several."""
     return name if len(tracks) == 1 else f"{name}, realisation {m}"
 
 
-def outputs_of(signals: Mapping[str, Any]) -> list[str]:
+def output_names(signals: Mapping[str, Any]) -> list[str]:
     """The names of those that are neither input nor reference."""
     return [name for name in signals if name not in ("u", "r")]
 
 
-def refuse_gaps_of_u_alone(streams: Streams, tracks: list[Track | None]) -> None:
-    """`refuse_unlike_gap` for every output that is cut where its input stands."""
+def require_equal_gaps(streams: Streams, tracks: list[PeriodAlignment | None]) -> None:
+    """`require_gap` for every output that is cut where its input stands."""
     for m, where in enumerate(tracks):
         if where is not None:
-            for name in outputs_of(streams):
-                refuse_unlike_gap(told_as(name, m, tracks), streams[name][m], where)
+            for name in output_names(streams):
+                require_gap(output_label(name, m, tracks), streams[name][m], where)
 
 
-def refuse_unlike_gap(name: str, y: np.ndarray, where: Track) -> None:
+def require_gap(name: str, y: np.ndarray, where: PeriodAlignment) -> None:
     """Refuse an output without the gap that its input has before all sound periods: what follows may stand anywhere."""
     first = int(np.argmax(where.sound))
     lost = where.gaps[:first].sum()
     if not lost:
         return
     periods = y[: (first + 1) * where.n_samples].reshape(first + 1, where.n_samples)
-    found = gaps_inside(periods, where.n_samples // 2)[:first].sum()
+    found = find_slips(periods, where.n_samples // 2)[:first].sum()
     if found != lost:
         of_u, of_y = (f"{abs(n):g} samples {'lost' if n < 0 else 'repeated'}" if n else "none" for n in (lost, found))
         raise ValueError(
@@ -404,17 +420,17 @@ def refuse_unlike_gap(name: str, y: np.ndarray, where: Track) -> None:
         )
 
 
-def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> Streams:
+def check_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> Streams:
     """The streams of each signal, one per realisation, once they are known to belong together.
 
     Outputs that are named are called so in messages, others y.
     """
-    streams = {"u": as_streams("u", u)}
+    streams = {"u": to_streams("u", u)}
     for output, y in outputs.items():
         name = output if named else f"y {output!r}" if len(outputs) > 1 else "y"
-        streams[name] = as_streams(name, y)
+        streams[name] = to_streams(name, y)
     if r is not None:
-        streams["r"] = as_streams("r", r)
+        streams["r"] = to_streams("r", r)
     for name, signal in streams.items():
         if len(signal) != len(streams["u"]):
             raise ValueError(f"{name} must hold as many realisations as u, {len(streams['u'])}, got {len(signal)}")
@@ -424,15 +440,15 @@ def checked_streams(u: Any, outputs: Mapping[str, Any], r: Any, named: bool) -> 
                 raise ValueError(f"{name} must be as long as u, {u_one.size} samples{which}, got {one.size}")
     for name, signal in streams.items():
         for one in signal:
-            refuse_constant(name, one[np.newaxis])
+            require_varying(name, one[np.newaxis])
     return streams
 
 
 def warn_of_other_rates(streams: Streams, fs: float) -> None:
     """Warn of an output that was sampled more slowly than the input, and held."""
-    for name in outputs_of(streams):
-        n = held_over(streams[name][0])
-        if n > 1 and n != held_over(streams["u"][0]):
+    for name in output_names(streams):
+        n = hold_factor(streams[name][0])
+        if n > 1 and n != hold_factor(streams["u"][0]):
             nth = {2: "2nd", 3: "3rd"}.get(n, f"{n}th")
             data_warning(
                 f"{name} changes at every {nth} sample only: it was sampled at {fs / n:g} Hz and held, and G has that "
@@ -446,21 +462,21 @@ def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, Any]) -> No
         return
     said = [
         f"{name} repeats exactly and u does not: are they swapped? u is what was played"
-        for name in outputs_of(cut)
-        if cut["u"].shape[1] > 1 and repeats(cut[name]) and not repeats(cut["u"])
+        for name in output_names(cut)
+        if cut["u"].shape[1] > 1 and has_equal_periods(cut[name]) and not has_equal_periods(cut["u"])
     ]
-    found = multisine_in_output({name: signal[:1, -1] for name, signal in cut.items()}, outputs_of(cut), labels)
+    found = describe_swap({name: signal[:1, -1] for name, signal in cut.items()}, output_names(cut), labels)
     if said or found:
         data_warning("; ".join([*said, *([found] if found else [])]))
 
 
 @contextmanager
-def naming_swapped(streams: Streams, labels: Mapping[str, Any]) -> Iterator[None]:
+def add_swap_hint(streams: Streams, labels: Mapping[str, Any]) -> Iterator[None]:
     """Add to a refusal of the input that the multisine is found in an output, where it is."""
     try:
         yield
     except ValueError as error:
-        found = "" if "r" in streams else multisine_in_output(first_periods(streams), outputs_of(streams), labels)
+        found = "" if "r" in streams else describe_swap(first_periods(streams), output_names(streams), labels)
         if not found:
             raise
         raise ValueError(f"{found}; so far {error}") from None
@@ -475,11 +491,11 @@ def first_periods(streams: Streams) -> dict[str, np.ndarray]:
     for name, signal in streams.items():
         with suppress(ValueError):
             n = int(detect_period(signal[0]))
-            found[name] = min((signal[0][np.newaxis, :k] for k in (n, n + 1)), key=lambda one: unevenness(one)[0])
+            found[name] = min((signal[0][np.newaxis, :k] for k in (n, n + 1)), key=lambda one: line_spread(one)[0])
     return found
 
 
-def multisine_in_output(periods: Mapping[str, np.ndarray], outputs: Sequence[str], labels: Mapping[str, Any]) -> str:
+def describe_swap(periods: Mapping[str, np.ndarray], outputs: Sequence[str], labels: Mapping[str, Any]) -> str:
     """That an output is a multisine with even lines and the input is not, in words; else empty.
 
     What a machine makes of a multisine has its resonances in it, and its distortion between the lines.
@@ -493,12 +509,12 @@ def multisine_in_output(periods: Mapping[str, np.ndarray], outputs: Sequence[str
     labels : mapping of str to mapping
         Names of input and output by output.
     """
-    uneven, dirt = unevenness(periods["u"]) if "u" in periods else (np.inf, np.inf)
+    uneven, dirt = line_spread(periods["u"]) if "u" in periods else (np.inf, np.inf)
     if uneven < UNEVEN:
         return ""
     for name, label in zip(outputs, labels.values(), strict=True):
-        spread, rest = unevenness(periods[name]) if name in periods else (np.inf, np.inf)
-        if spread < EVEN and rest < DIRT * dirt:
+        spread, rest = line_spread(periods[name]) if name in periods else (np.inf, np.inf)
+        if spread < EVEN and rest < ACTUATOR_SHARE * dirt:
             u, y = (f" ({label[key]})" if label.get(key) else "" for key in ("u_name", "y_name"))
             return (
                 f"the multisine is found in y{y}, whose lines are even to {spread:.2g} dB, and not in u{u}: are "
@@ -507,25 +523,25 @@ def multisine_in_output(periods: Mapping[str, np.ndarray], outputs: Sequence[str
     return ""
 
 
-def unevenness(period: np.ndarray) -> tuple[float, float]:
+def line_spread(period: np.ndarray) -> tuple[float, float]:
     """Standard deviation [dB] of the lines of a signal (1, N), and the share of its power that is in no line."""
     try:
         power, noise = line_powers(period[:, np.newaxis])
-        excited = lines_in(power, noise).excited - 1
+        excited = lines_from_powers(power, noise).excited - 1
     except ValueError:
         return np.inf, np.inf
-    if excited.size < FEW_LINES:
+    if excited.size < MIN_LINES:
         return np.inf, np.inf
     inside = power[: excited[-1] + 1]
     spread = float(np.std(10 * np.log10(np.maximum(power[excited], 1e-300))))
     return spread, float(1 - power[excited].sum() / inside.sum())
 
 
-def grid_of(periodic: np.ndarray) -> LineGrid:
+def recognise_grid(periodic: np.ndarray) -> LineGrid:
     """The lines found in an input or reference, with a warning where they look like the actuator's distortion."""
     power, noise = line_powers(periodic)
-    grid = lines_in(power, noise)
-    jump = jumpy_grid(power, grid)
+    grid = lines_from_powers(power, noise)
+    jump = grid_level_jump(power, grid)
     if jump:
         data_warning(
             f"the level of the {grid.excited.size} lines that were found in the input jumps by {jump:.1f} dB from line "
@@ -534,28 +550,28 @@ def grid_of(periodic: np.ndarray) -> LineGrid:
     return grid
 
 
-def refuse_fault(where: Track) -> None:
+def require_period_alignment(where: PeriodAlignment) -> None:
     """Refuse periods out of place where that would read as distortion, and warn where it just might."""
     fault = where.fault
-    if fault and (where.misplaced > SEVERE or not where.sound.all()):
+    if fault and (where.misplaced > SEVERE_POWER or not where.sound.all()):
         raise ValueError(f"n_samples must be the period of the input, got {where.n_samples}: {fault}")
     if fault:
         data_warning(f"{fault}; as it is, {100 * where.misplaced:.2g} % of the input's power is out of place")
 
 
-def as_streams(name: str, signal: Any) -> list[np.ndarray]:
+def to_streams(name: str, signal: Any) -> list[np.ndarray]:
     """One-dimensional streams, one per realisation."""
     if isinstance(signal, (list, tuple)) and signal and np.ndim(signal[0]) > 0:
         if len(signal) == 1:
-            return [real_array(name, signal[0], ndim=1)]
-        return [real_array(f"{name}[{m}]", one, ndim=1) for m, one in enumerate(signal)]
+            return [require_real_array(name, signal[0], ndim=1)]
+        return [require_real_array(f"{name}[{m}]", one, ndim=1) for m, one in enumerate(signal)]
     array = signal if isinstance(signal, np.ma.MaskedArray) else np.asarray(signal)
     if array.ndim != 1:
         raise ValueError(f"{name} must be one stream of samples, or a list of them, got shape {array.shape}")
-    return [real_array(name, array, ndim=1)]
+    return [require_real_array(name, array, ndim=1)]
 
 
-def whole_period(u: np.ndarray, resample: bool) -> int:
+def rounded_period(u: np.ndarray, resample: bool) -> int:
     """The period of the input, rounded to samples: whether it is whole is found by following the periods."""
     period = detect_period(u)
     if abs(period - round(period)) > 0.1 and not resample:
@@ -566,21 +582,21 @@ def whole_period(u: np.ndarray, resample: bool) -> int:
     return round(period)
 
 
-def refuse_wrong_period(u: np.ndarray, stream: np.ndarray) -> None:
+def check_period(u: np.ndarray, stream: np.ndarray) -> None:
     """Refuse periods that do not repeat each other: the period, or the signal, is not what was said."""
     _, n_periods, n_samples = u.shape
     if n_periods < 2:
         return
     lost, whole = 0.0, 0.0
     for one in u:
-        if all(equal(one[0], period) for period in one[1:]):
+        if all(streams_equal(one[0], period) for period in one[1:]):
             continue
         middle = one.mean()
-        for some in blocks(n_samples, n_periods):
+        for some in iterate_blocks(n_samples, n_periods):
             mean = np.add.reduce(one[:, some]) / n_periods
             lost += sum(float(np.sum((period - mean) ** 2)) for period in one[:, some])
             whole += n_periods * float(np.sum((mean - middle) ** 2))
-    if lost > REPEATS * (whole + lost):
+    if lost > MAX_PERIOD_DIFFERENCE * (whole + lost):
         unexplained = lost / (whole + lost)
         try:
             found = f"its autocorrelation points to {detect_period(stream):.1f}"

@@ -15,15 +15,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from nlfrf._base.arguments import DataWarning, generator, integer, of_kind, positive
+from nlfrf._base.arguments import DataWarning, random_generator, require_integer, require_kind, require_positive
 from nlfrf.signals.multisine import Multisine, Rng
 
-__all__ = ["are_low", "expected_peaks", "is_improbable", "reduce_crest"]
+__all__ = ["expected_peaks", "have_low_crest", "is_improbable", "reduce_crest"]
 
 
-CHANCE = 1e-5  # with which random phases have peaks as low as those that are warned of
-STREAM = 1  # of the draws, beside the seed
-SHIFT = 1.4  # of the best draw, in standard deviations, that one record's bound stands; sqrt(M) less with M
+FALSE_ALARM = 1e-5  # with which random phases have peaks as low as those that are warned of
+RANDOM_STREAM = 1  # of the draws, beside the seed
+MAX_SHIFT = 1.4  # of the best draw, in standard deviations, that one record's bound stands; sqrt(M) less with M
 
 
 def reduce_crest(
@@ -86,17 +86,22 @@ def reduce_crest(
     >>> bool(2.2 < better.crest_factor[0] < 2.7 < ms.crest_factor[0])
     True
     """
-    of_kind("ms", ms, Multisine)
-    n_fine = integer("oversampling", oversampling, least=1) * ms.n_samples
-    n_iterations = integer("n_iterations", n_iterations, least=1)
+    require_kind("ms", ms, Multisine)
+    n_fine = require_integer("oversampling", oversampling, least=1) * ms.n_samples
+    n_iterations = require_integer("n_iterations", n_iterations, least=1)
     # another stream than that of multisine(rng=the same seed): its draws would be the phases that are there already
-    rng = generator("rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, STREAM])
+    rng = random_generator("rng", rng if rng is None or isinstance(rng, np.random.Generator) else [rng, RANDOM_STREAM])
     if target is None:
-        n_draws = harmless_draws(ms.n_realizations) if n_draws is None else integer("n_draws", n_draws, least=1)
+        n_draws = (
+            max_harmless_draws(ms.n_realizations) if n_draws is None else require_integer("n_draws", n_draws, least=1)
+        )
         phases = [best_draw(ms, phase, n_draws, n_fine, rng) for phase in ms.phase]
     else:
-        target, starts = positive("target", target), [schroeder(ms.amplitude)]  # for one: it is the same for all
-        phases = [reduced(ms, phase, starts, target, n_iterations, n_fine, rng) for phase in ms.phase]
+        target, starts = (
+            require_positive("target", target),
+            [schroeder_phases(ms.amplitude)],
+        )  # for one: it is the same for all
+        phases = [reduce_one_realization(ms, phase, starts, target, n_iterations, n_fine, rng) for phase in ms.phase]
     found = replace(ms, phase=np.array(phases))
     if is_improbable(expected_peaks(found.crest_factor, found.lines.excited, found.amplitude, found.n_samples)):
         warnings.warn(
@@ -110,7 +115,7 @@ def reduce_crest(
 
 
 def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, n_samples: int) -> np.ndarray:
-    """(M,) how many peaks above `crest` times the rms a multisine of random phases has in a period, on average.
+    """Return the (M,) expected number of peaks above `crest` times the rms in a period of random phases.
 
     Rice's rates, of crossings or where they are fewer of its envelope's, never above those of independent samples;
     half of them where the second half of the period mirrors the first. The largest peak of random phases makes it a
@@ -128,7 +133,7 @@ def expected_peaks(crest: np.ndarray, lines: np.ndarray, amplitude: np.ndarray, 
     return np.asarray(np.minimum(np.minimum(crossings, envelope), samples) / mirrored)
 
 
-def are_low(peaks: np.ndarray) -> bool:
+def have_low_crest(peaks: np.ndarray) -> bool:
     """Whether peaks are lower than usual, by how many random phases would expect above them (M,), on average one.
 
     One experiment of random phases in twenty is, beyond two standard deviations of an exponential variable.
@@ -143,31 +148,31 @@ def is_improbable(peaks: np.ndarray) -> bool:
     (False, True, True)
     """
     total, n = float(peaks.sum()), peaks.size
-    if total <= max(n, -math.log(CHANCE)):  # n variables are above it more often than one is
+    if total <= max(n, -math.log(FALSE_ALARM)):  # n variables are above it more often than one is
         return False
     # the sum of n exponential variables is above s with probability sum_{i < n} s^i exp(-s) / i!
     terms = list(itertools.accumulate((math.log(total / i) for i in range(1, n)), initial=0.0))
     largest = max(terms)
-    return largest + math.log(sum(math.exp(term - largest) for term in terms)) - total < math.log(CHANCE)
+    return largest + math.log(sum(math.exp(term - largest) for term in terms)) - total < math.log(FALSE_ALARM)
 
 
-def harmless_draws(n_realizations: int) -> int:
+def max_harmless_draws(n_realizations: int) -> int:
     """Draws of which the best is SHIFT / sqrt(M) standard deviations from the mean, as a normal variable would be.
 
     >>> [harmless_draws(n) for n in (1, 2, 4, 7, 20)]
     [7, 3, 2, 2, 1]
     """
-    beyond = math.erfc(SHIFT / math.sqrt(2 * n_realizations)) / 2
+    beyond = math.erfc(MAX_SHIFT / math.sqrt(2 * n_realizations)) / 2
     return max(1, int(0.6 / beyond))
 
 
 def best_draw(ms: Multisine, phase: np.ndarray, n_draws: int, n_fine: int, rng: np.random.Generator) -> np.ndarray:
     """The phases with the lowest peaks of n draws, the given ones among them."""
     draws = [phase, *(rng.uniform(0, 2 * np.pi, phase.size) for _ in range(n_draws - 1))]
-    return min(draws, key=lambda one: crest(ms, one, n_fine))
+    return min(draws, key=lambda one: fine_crest_factor(ms, one, n_fine))
 
 
-def reduced(
+def reduce_one_realization(
     ms: Multisine,
     phase: np.ndarray,
     starts: list[np.ndarray],
@@ -177,19 +182,21 @@ def reduced(
     rng: np.random.Generator,
 ) -> np.ndarray:
     """The best phases of one realisation: from its own, from Schroeder's, then from fresh random ones."""
-    best, lowest, done, own = phase, crest(ms, phase, n_fine), 0, True
+    best, lowest, done, own = phase, fine_crest_factor(ms, phase, n_fine), 0, True
     while done < n_iterations and lowest > target:
         start = phase if own else starts.pop() if starts else rng.uniform(0, 2 * np.pi, phase.size)
         own = False
         steps = min(500, n_iterations - done)
-        found, its_crest = swapped(ms, start, steps, n_fine, target)
+        found, its_crest = clip_and_restore(ms, start, steps, n_fine, target)
         done += steps
         if its_crest < lowest:
             best, lowest = found, its_crest
     return best
 
 
-def swapped(ms: Multisine, phase: np.ndarray, n_steps: int, n_fine: int, target: float) -> tuple[np.ndarray, float]:
+def clip_and_restore(
+    ms: Multisine, phase: np.ndarray, n_steps: int, n_fine: int, target: float
+) -> tuple[np.ndarray, float]:
     """Clip in time, restore the amplitudes in frequency, n_steps times; the best phases on the way."""
     lines, half = ms.lines.excited, n_fine / 2
     best, lowest = phase, np.inf
@@ -208,12 +215,12 @@ def swapped(ms: Multisine, phase: np.ndarray, n_steps: int, n_fine: int, target:
     return best, lowest
 
 
-def crest(ms: Multisine, phase: np.ndarray, n_fine: int) -> float:
+def fine_crest_factor(ms: Multisine, phase: np.ndarray, n_fine: int) -> float:
     """Crest factor on the finer grid."""
     return float(np.abs(replace(ms, phase=phase[None]).sampled(n_fine)).max()) / ms.rms
 
 
-def schroeder(amplitude: np.ndarray) -> np.ndarray:
+def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
     """Schroeder's phases: low crest factors for flat, dense spectra (IEEE Trans. Inf. Theory 16, 1970)."""
     share = amplitude**2 / np.sum(amplitude**2)
     before = np.cumsum(share) - share

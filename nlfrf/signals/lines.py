@@ -15,11 +15,11 @@ import numpy as np
 
 from nlfrf._base.values import value
 
-__all__ = ["KINDS", "LineGrid", "grid_lines", "in_common", "local_mean", "recognise"]
+__all__ = ["KINDS", "LineGrid", "chance_correlation", "grid_lines", "local_mean", "recognise_kind"]
 
 
 KINDS = ("full", "odd", "odd-odd", "special-odd", "random-odd", "custom")
-HIGHEST = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
+MAX_LINE = 1 << 28  # a period of half a gigasample; beyond it a line number is a mistake
 #: Excited residues and their modulus, for the grids that repeat.
 RESIDUES: dict[str, tuple[tuple[int, ...], int]] = {
     "full": ((0,), 1),
@@ -59,7 +59,7 @@ class LineGrid:
         excited = line_numbers("excited", self.excited)
         if excited.size == 0:
             raise ValueError("excited must hold at least one line, got none")
-        rest = left_out(excited) if self.odd is None or self.even is None else excited
+        rest = detection_lines(excited) if self.odd is None or self.even is None else excited
         odd = rest[rest % 2 == 1] if self.odd is None else line_numbers("odd", self.odd)
         even = rest[rest % 2 == 0] if self.even is None else line_numbers("even", self.even)
         for name, detection, remainder in (("odd", odd, 1), ("even", even, 0)):
@@ -76,13 +76,13 @@ class LineGrid:
     @cached_property
     def kind(self) -> str:
         """The grid these excited lines form: one of `KINDS`."""
-        return recognise(self.excited)
+        return recognise_kind(self.excited)
 
 
-def left_out(excited: np.ndarray) -> np.ndarray:
+def detection_lines(excited: np.ndarray) -> np.ndarray:
     """Every line between the first and the last excited one that is not excited."""
-    if excited[-1] > HIGHEST:
-        raise ValueError(f"excited must be lines of at most {HIGHEST}, got {excited[-1]}")
+    if excited[-1] > MAX_LINE:
+        raise ValueError(f"excited must be lines of at most {MAX_LINE}, got {excited[-1]}")
     return np.setdiff1d(np.arange(excited[0], excited[-1]), excited, assume_unique=True)
 
 
@@ -118,7 +118,7 @@ def grid_lines(kind: str, first: int, last: int, rng: np.random.Generator) -> Li
     return LineGrid(excited=excited)
 
 
-def recognise(excited: np.ndarray) -> str:
+def recognise_kind(excited: np.ndarray) -> str:
     """The kind of grid a set of excited lines forms; "custom" where it forms none of the known ones."""
     if excited.size < 2:
         return "custom"
@@ -134,10 +134,10 @@ def recognise(excited: np.ndarray) -> str:
     # 8k+1, 8k+3, or the same pattern begun at another odd line: steps of 2 and 6 in turn
     if excited.size >= 3 and set(steps[:2].tolist()) == {2, 6} and np.all(steps[2:] == steps[:-2]):
         return "special-odd"
-    return "random-odd" if one_of_four_left_out(excited) else "custom"
+    return "random-odd" if is_special_odd(excited) else "custom"
 
 
-def one_of_four_left_out(excited: np.ndarray) -> bool:
+def is_special_odd(excited: np.ndarray) -> bool:
     """Whether odd lines fall into groups of four consecutive ones, each with one line missing."""
     index = (excited - excited[0]) // 2
     if index[-1] < 8:
@@ -158,11 +158,11 @@ def local_mean(x: np.ndarray, n: int) -> np.ndarray:
     end = half + 1 + size
     np.add.accumulate(x, axis=-1, out=total[..., half + 1 : end])
     total[..., end:] = total[..., end - 1 : end]
-    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / neighbours(size, half))
+    return np.asarray((total[..., 2 * half + 1 :] - total[..., :size]) / neighbour_counts(size, half))
 
 
 @lru_cache(maxsize=64)
-def neighbours(size: int, half: int) -> np.ndarray:
+def neighbour_counts(size: int, half: int) -> np.ndarray:
     """(size,) how many entries stand within `half` of each."""
     centre = np.arange(size)
     return np.minimum(centre + half + 1, size) - np.maximum(centre - half, 0)
@@ -171,7 +171,7 @@ def neighbours(size: int, half: int) -> np.ndarray:
 # ---- What vectors of random phases have in common by chance.
 
 
-def in_common(chance: float, n: float) -> float:
+def chance_correlation(chance: float, n: float) -> float:
     """The share of power that unit vectors of n random phases have in common, but for so small a chance.
 
     They have more than c in common with probability (1 - c)^(n - 1).

@@ -7,7 +7,15 @@ from typing import Any, overload
 
 import numpy as np
 
-from nlfrf._base.arguments import HOLDS, generator, integer, one_of, positive, real_array, shown
+from nlfrf._base.arguments import (
+    HOLDS,
+    random_generator,
+    require_choice,
+    require_integer,
+    require_positive,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import value
 from nlfrf.signals.lines import KINDS, LineGrid, grid_lines
 from nlfrf.signals.orthogonal import OrthogonalMultisine, orthogonal_multisine
@@ -60,20 +68,20 @@ class Multisine:
     hold: str = "unknown"
 
     def __post_init__(self) -> None:
-        positive("fs", self.fs)
-        one_of("hold", self.hold, HOLDS)
-        integer("n_samples", self.n_samples, least=4)
+        require_positive("fs", self.fs)
+        require_choice("hold", self.hold, HOLDS)
+        require_integer("n_samples", self.n_samples, least=4)
         n_lines = self.lines.excited.size
         if 2 * self.lines.excited[-1] >= self.n_samples:
             raise ValueError(
                 f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {self.lines.excited[-1]}"
             )
-        amplitude = real_array("amplitude", self.amplitude, ndim=1)
+        amplitude = require_real_array("amplitude", self.amplitude, ndim=1)
         if amplitude.shape != (n_lines,):
             raise ValueError(f"amplitude must have one value per excited line ({n_lines}), got {amplitude.size}")
         if np.any(amplitude <= 0):
             raise ValueError(f"amplitude must be positive on every excited line, got {amplitude.min():g}")
-        phase = real_array("phase", self.phase, ndim=2)
+        phase = require_real_array("phase", self.phase, ndim=2)
         if phase.shape[1] != n_lines or phase.shape[0] < 1:
             raise ValueError(f"phase must have shape (M, {n_lines}), got {phase.shape}")
 
@@ -241,15 +249,15 @@ def multisine(
     >>> float(round(np.sqrt(np.mean(ms.u**2)), 12))
     2.0
     """
-    one_of("kind", kind, KINDS)
-    fs, n_inputs = positive("fs", fs), integer("n_inputs", n_inputs, least=1)
-    n_samples = integer("n_samples", n_samples, least=4)
-    n_realizations = integer("n_realizations", n_realizations, least=1)
-    rng = generator("rng", rng)
-    first, last = band_lines(fs, n_samples, positive("f_min", f_min), positive("f_max", f_max))
+    require_choice("kind", kind, KINDS)
+    fs, n_inputs = require_positive("fs", fs), require_integer("n_inputs", n_inputs, least=1)
+    n_samples = require_integer("n_samples", n_samples, least=4)
+    n_realizations = require_integer("n_realizations", n_realizations, least=1)
+    rng = random_generator("rng", rng)
+    first, last = band_lines(fs, n_samples, require_positive("f_min", f_min), require_positive("f_max", f_max))
     grid = grid_in_band(kind, lines, first, last, rng)
     if n_log is not None:
-        grid = thinned(grid, integer("n_log", n_log, least=2))
+        grid = thin_grid(grid, require_integer("n_log", n_log, least=2))
     f = grid.excited * fs / n_samples
     if n_inputs > 1:
         return orthogonal_multisine(
@@ -258,18 +266,18 @@ def multisine(
             kind,
             grid,
             relative_amplitudes(amplitude, f, n_inputs),
-            each_rms(rms, n_inputs),
+            rms_per_input(rms, n_inputs),
             n_realizations=n_realizations,
             design=design,
             transform=transform,
             mixing=mixing,
-            n_draws=integer("n_draws", n_draws, least=1),
+            n_draws=require_integer("n_draws", n_draws, least=1),
             hold=hold,
             rng=rng,
         )
     if design != "orthogonal" or mixing is not None or n_draws != 1:
         raise ValueError("n_inputs must be at least 2 for a zippered design, a mixing or draws (reduce_crest), got 1")
-    rms, shape = positive("rms", rms), relative_amplitude(amplitude, f)
+    rms, shape = require_positive("rms", rms), relative_amplitude(amplitude, f)
     return Multisine(
         fs=fs,
         n_samples=n_samples,
@@ -303,7 +311,7 @@ def grid_in_band(kind: str, lines: Any, first: int, last: int, rng: np.random.Ge
         ) from None
 
 
-def thinned(grid: LineGrid, n_log: int) -> LineGrid:
+def thin_grid(grid: LineGrid, n_log: int) -> LineGrid:
     """The lines of a grid nearest to a logarithmic spacing."""
     excited = grid.excited
     wanted = np.geomspace(excited[0], excited[-1], n_log)
@@ -337,13 +345,13 @@ def relative_amplitude(amplitude: Any, f: np.ndarray) -> np.ndarray:
         amplitude = amplitude(f)
     shape = np.asarray(amplitude)
     if shape.dtype.kind not in "fiu":
-        raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {shown(amplitude)}")
+        raise ValueError(f"amplitude must be numbers, or a function of f that gives them, got {short_form(amplitude)}")
     shape = shape.astype(float)
     if shape.shape != f.shape:
         raise ValueError(f"amplitude must have one value per excited line ({f.size}), got shape {shape.shape}")
     if not np.all(np.isfinite(shape)) or np.any(shape <= 0):
         raise ValueError(
-            f"amplitude must be finite and positive on every excited line, got {shown(float(shape.min()))}"
+            f"amplitude must be finite and positive on every excited line, got {short_form(float(shape.min()))}"
         )
     return shape
 
@@ -358,10 +366,10 @@ def relative_amplitudes(amplitude: Any, f: np.ndarray, n_inputs: int) -> np.ndar
     return np.tile(relative_amplitude(given, f), (n_inputs, 1))
 
 
-def each_rms(rms: Any, n_inputs: int) -> np.ndarray:
+def rms_per_input(rms: Any, n_inputs: int) -> np.ndarray:
     """(n_u,) root mean square of each input."""
     if np.ndim(rms) == 0:
-        return np.full(n_inputs, positive("rms", rms))
+        return np.full(n_inputs, require_positive("rms", rms))
     if np.shape(rms) != (n_inputs,):
         raise ValueError(f"rms must be one number, or one per input ({n_inputs}), got shape {np.shape(rms)}")
-    return np.array([positive(f"rms[{i}]", float(one)) for i, one in enumerate(rms)])
+    return np.array([require_positive(f"rms[{i}]", float(one)) for i, one in enumerate(rms)])

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import HOLDS, integer, one_of, positive, real_array
+from nlfrf._base.arguments import HOLDS, require_choice, require_integer, require_positive, require_real_array
 from nlfrf._base.values import value
 from nlfrf.signals.lines import LineGrid
 
@@ -76,14 +76,17 @@ class OrthogonalMultisine:
     hold: str = "unknown"
 
     def __post_init__(self) -> None:
-        one_of("hold", self.hold, HOLDS)
-        positive("fs", self.fs)
-        integer("n_samples", self.n_samples, least=4)
-        one_of("design", self.design, DESIGNS)
+        require_choice("hold", self.hold, HOLDS)
+        require_positive("fs", self.fs)
+        require_integer("n_samples", self.n_samples, least=4)
+        require_choice("design", self.design, DESIGNS)
         n_lines, highest = self.lines.excited.size, int(self.lines.excited[-1])
         if 2 * highest >= self.n_samples:
             raise ValueError(f"lines must lie below the Nyquist line {self.n_samples / 2:g}, got line {highest}")
-        amplitude, phase = real_array("amplitude", self.amplitude, ndim=2), real_array("phase", self.phase, ndim=3)
+        amplitude, phase = (
+            require_real_array("amplitude", self.amplitude, ndim=2),
+            require_real_array("phase", self.phase, ndim=3),
+        )
         if amplitude.shape[1] != n_lines or phase.shape[0] != len(amplitude) or phase.shape[2] != n_lines:
             raise ValueError(
                 f"amplitude and phase must have shapes (n_u, {n_lines}) and (n_u, M, {n_lines}), "
@@ -92,7 +95,7 @@ class OrthogonalMultisine:
         if np.any(amplitude < 0) or not amplitude.any(axis=1).all():
             raise ValueError("amplitude must be zero or positive, with some line for every input")
         if self.mixing is not None:
-            refuse_mixing(real_array("mixing", self.mixing, ndim=2), len(amplitude))
+            check_mixing(require_real_array("mixing", self.mixing, ndim=2), len(amplitude))
 
     @property
     def n_inputs(self) -> int:
@@ -165,19 +168,19 @@ def orthogonal_multisine(
     rng: np.random.Generator,
 ) -> OrthogonalMultisine:
     """The signals of `multisine(n_inputs=...)`: relative amplitudes (n_u, F) scaled to rms (n_u,), phases drawn."""
-    one_of("design", design, DESIGNS)
-    one_of("transform", transform, TRANSFORMS)
+    require_choice("design", design, DESIGNS)
+    require_choice("transform", transform, TRANSFORMS)
     n_inputs = len(amplitude)
     if design == "zippered":
         if mixing is not None:
             raise ValueError(f"mixing must be left out for a zippered design: a line drives one input, got {mixing}")
-        amplitude = amplitude * shared_out(kind, grid, n_inputs, rng)
+        amplitude = amplitude * assign_lines(kind, grid, n_inputs, rng)
         T = None
     else:
         T = np.angle(orthogonal_matrix(n_inputs, transform))
     if mixing is not None:
-        mixing = real_array("mixing", mixing, ndim=2)
-        refuse_mixing(mixing, n_inputs)
+        mixing = require_real_array("mixing", mixing, ndim=2)
+        check_mixing(mixing, n_inputs)
     amplitude = amplitude * (rms / np.sqrt(np.sum(amplitude**2, axis=1) / 2))[:, None]
 
     def drawn() -> OrthogonalMultisine:
@@ -209,7 +212,7 @@ def set_phases(n_inputs: int, n_lines: int, T: np.ndarray | None, rng: np.random
     return np.mod(phi + psi + T[:, :, None], 2 * np.pi)
 
 
-def shared_out(kind: str, grid: LineGrid, n_inputs: int, rng: np.random.Generator) -> np.ndarray:
+def assign_lines(kind: str, grid: LineGrid, n_inputs: int, rng: np.random.Generator) -> np.ndarray:
     """(n_u, F) one where a zippered line drives the input: every input once in every n_u excited lines, at random.
 
     On a grid that repeats, what u1^3 sends to the detection lines would never be what it sends to its own lines.
@@ -237,9 +240,9 @@ def orthogonal_matrix(n: int, transform: str) -> np.ndarray:
     if transform == "dft":
         return np.exp(-2j * np.pi * np.outer(np.arange(n), np.arange(n)) / n)
     core, doublings = n, 0
-    while core > 2 and core % 2 == 0 and not paley(core):
+    while core > 2 and core % 2 == 0 and not is_paley_order(core):
         core, doublings = core // 2, doublings + 1
-    if core not in (1, 2) and not paley(core):
+    if core not in (1, 2) and not is_paley_order(core):
         raise ValueError(f'n_inputs must be 1, 2, 4, 8, 12, ... for transform="hadamard", got {n}. "dft" takes any.')
     H = np.array([[1.0]]) if core == 1 else paley_matrix(core) if core > 2 else np.array([[1.0, 1.0], [1.0, -1.0]])
     for _ in range(doublings):
@@ -247,7 +250,7 @@ def orthogonal_matrix(n: int, transform: str) -> np.ndarray:
     return H
 
 
-def paley(n: int) -> bool:
+def is_paley_order(n: int) -> bool:
     """Whether n - 1 is a prime with remainder 3 by 4: squares modulo it make a Hadamard matrix (Paley 1933)."""
     q = n - 1
     return q % 4 == 3 and all(q % d for d in range(2, int(q**0.5) + 1))
@@ -264,7 +267,7 @@ def paley_matrix(n: int) -> np.ndarray:
     return H
 
 
-def refuse_mixing(mixing: np.ndarray, n_inputs: int) -> None:
+def check_mixing(mixing: np.ndarray, n_inputs: int) -> None:
     """Refuse a mixing that leaves some direction without input."""
     if mixing.shape != (n_inputs, n_inputs):
         raise ValueError(f"mixing must have shape ({n_inputs}, {n_inputs}), got {mixing.shape}")

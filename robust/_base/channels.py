@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, TypeGuard
 
 from nlfrf import Bla
-from nlfrf._base.arguments import shown
+from nlfrf._base.arguments import short_form
 
 __all__ = ["is_matrix", "is_single", "require_matrix", "require_single"]
 
@@ -38,5 +38,5 @@ def require_single(name: str, thing: Any) -> None:
 def described(thing: Any) -> str:
     """A value in a refusal: of a `Bla` how many channels it has."""
     if not isinstance(thing, Bla):
-        return shown(thing) + ELSEWHERE * hasattr(thing, "frdata")
+        return short_form(thing) + ELSEWHERE * hasattr(thing, "frdata")
     return "one of one input and output" if thing.is_single else f"one of {thing.n_outputs} x {thing.n_inputs}"

@@ -21,7 +21,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, shown
+from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative, short_form
 from robust._base.channels import is_single
 from robust.analysis.aliases import Shares, shares
 from robust.analysis.check_structure import StructuredReport, check_structure
@@ -60,7 +60,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
     And on what lies between them where the controller, which is known there, has modes.
     """
     K = state_space("K", K)
-    delay, n_unstable = nonnegative("delay", delay), integer("n_unstable", n_unstable, least=0)
+    delay, n_unstable = require_nonnegative("delay", delay), require_integer("n_unstable", n_unstable, least=0)
     omega, G, form, w, perturbation, W = on_lines(model)
     dt, sampled_frf = timebase(K), sampling_time(model) or None
     refuse_misfit(omega, G, dt)
@@ -97,10 +97,12 @@ def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
     if not np.all(omega > 0):
         raise ValueError(f"model must have an FRF on positive frequencies, got a line at {omega.min():g} rad/s")
     if not np.isfinite(G).all():
-        where = hertz(omega[np.argmax(~np.isfinite(G))])
+        where = format_hertz(omega[np.argmax(~np.isfinite(G))])
         raise ValueError(f"model must have a finite FRF on every line, got {G[~np.isfinite(G)][0]} at {where}")
     if dt and omega[-1] * dt >= np.pi:
-        raise ValueError(f"K must be sampled fast enough for the lines up to {hertz(omega[-1])}, got dt = {dt:g} s")
+        raise ValueError(
+            f"K must be sampled fast enough for the lines up to {format_hertz(omega[-1])}, got dt = {dt:g} s"
+        )
 
 
 @overload
@@ -191,7 +193,7 @@ def check(
     >>> report.verdict, bool(abs(report.margin_rs - 1 / max(report.rs)) < 1e-3)
     ('robust', True)
     """
-    one_of("solver", solver, SOLVERS)
+    require_choice("solver", solver, SOLVERS)
     if signals is not None:
         require_parametric(model)
     if isinstance(model, MatrixUncertainty):
@@ -199,7 +201,9 @@ def check(
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {shown(model)}")
+        raise ValueError(
+            f"model must be an UncertaintyModel, a Bla or a FrequencyResponseData, got {short_form(model)}"
+        )
     loop = assemble(model, K, w_P, delay)
     if loop.dt:
         warn_of_unknown_hold(model, loop.dt)

@@ -9,7 +9,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz, paragraph, positive, shown
+from nlfrf._base.arguments import format_hertz, format_paragraph, require_positive, short_form
 from nlfrf._base.values import value
 from robust._base.states import Verdict
 from robust.analysis.disk_margin import LoopMargins
@@ -105,21 +105,25 @@ class StructuredReport:
     margins: LoopMargins | None = None
 
     def __str__(self) -> str:
-        lines = paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else ""))
-        lines += paragraph("because", self.reason)
+        lines = format_paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else ""))
+        lines += format_paragraph("because", self.reason)
         if self.nominally_stable:
-            lines += paragraph("stability", stability_words("mu", self.margin_rs, self.omega_rs))
+            lines += format_paragraph("stability", stability_words("mu", self.margin_rs, self.omega_rs))
             if self.worst:
                 parts = ", ".join(f"{name} {number:+.3g}" for name, number in self.worst.items())
-                lines += paragraph("worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular")
+                lines += format_paragraph(
+                    "worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular"
+                )
             if np.isfinite(self.margin_rp):
-                lines += paragraph("performance", f"max mu {1 / self.margin_rp:.3f} at {hertz(self.omega_rp)}")
+                lines += format_paragraph(
+                    "performance", f"max mu {1 / self.margin_rp:.3f} at {format_hertz(self.omega_rp)}"
+                )
         if self.margins is not None and not self.margins.reason:
-            lines += paragraph("margins", self.margins.least())
-        lines += paragraph("proved", self.proved) + paragraph("not proved", self.not_proved)
+            lines += format_paragraph("margins", self.margins.least())
+        lines += format_paragraph("proved", self.proved) + format_paragraph("not proved", self.not_proved)
         for certificate in self.certificates:
             how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
-            lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
+            lines += format_paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
         return "\n".join(lines)
 
 
@@ -167,10 +171,10 @@ def check_structure(
     ('robust', 1.111)
     """
     if not isinstance(system, UncertainSystem):
-        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {shown(system)}")
+        raise ValueError(f"system must be an UncertainSystem, from interconnection(), got {short_form(system)}")
     if not system.blocks:
         raise ValueError("system must have at least one block to check, got none")
-    deadline = time.monotonic() + positive("time_cap", time_cap)
+    deadline = time.monotonic() + require_positive("time_cap", time_cap)
     omega = structure_grid(system.N)
     nominal = decide_stability(system.N)
     if not nominal.stable:
@@ -179,7 +183,7 @@ def check_structure(
     broken, worst = worst_found(system, curves, deadline - 0.3 * time_cap)
     certificates = proofs(system, curves, deadline) if certify and curves.peak < 1 and not broken <= 1 else ()
     still_open = certify and broken > 1 and not any(one.holds for one in certificates)
-    cut = cut_up(system, GAP if gap is None else positive("gap", gap), deadline) if still_open or gap else None
+    cut = cut_up(system, GAP if gap is None else require_positive("gap", gap), deadline) if still_open or gap else None
     if cut is not None:
         broken, worst, certificates = with_parts(system, cut, broken, worst, certificates)
     stable = bool(certificates and certificates[0].holds)

@@ -18,7 +18,7 @@ import control
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from nlfrf._base.arguments import integer, real, shown
+from nlfrf._base.arguments import require_integer, require_real, short_form
 from nlfrf._base.values import value
 from robust.lti.connections import block_diagonal, lower_lft, require_shape
 from robust.lti.grids import structure_grid
@@ -197,7 +197,7 @@ def disk_margin(L: Any, *, skew: float = 0.0, n_unstable: int = 0, channels: Seq
     >>> print(margin)
     disk margin 0.4581 at 0.3112 Hz: gain -4.05 to +4.05 dB, phase 25.8 deg, in all channels at once
     """
-    skew, n_unstable = real("skew", skew), integer("n_unstable", n_unstable, least=0)
+    skew, n_unstable = require_real("skew", skew), require_integer("n_unstable", n_unstable, least=0)
     S, reason = sensitivity(L, n_unstable)
     return margin_of(S, reason, skew, None if channels is None else some_of(S.ninputs, channels))
 
@@ -246,8 +246,8 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     names = (model.inputs, model.outputs) if isinstance(model, MatrixUncertainty) else signal_names(G)
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
-    S, reason = sensitivity(around(G, K), integer("n_unstable", n_unstable, least=0))
-    skew = real("skew", skew)
+    S, reason = sensitivity(around(G, K), require_integer("n_unstable", n_unstable, least=0))
+    skew = require_real("skew", skew)
 
     def of(*channels: int) -> DiskMargin:
         return margin_of(S, reason, skew, channels)
@@ -286,8 +286,8 @@ def around(G: Any, K: control.StateSpace) -> Any:
 def some_of(n: int, channels: Sequence[int]) -> tuple[int, ...]:
     """Channels of n, or a refusal."""
     if not isinstance(channels, Sequence):
-        raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {shown(channels)}")
-    some = tuple(integer("channels", k, least=0) for k in channels)
+        raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {short_form(channels)}")
+    some = tuple(require_integer("channels", k, least=0) for k in channels)
     if not some or max(some) >= n or len(set(some)) < len(some):
         raise ValueError(f"channels must be some of 0 to {n - 1}, each once, got {list(channels)}")
     return some

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer
+from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
 from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
 from robust.models.sets.model import UncertaintyModel, require_one_channel
@@ -94,7 +94,7 @@ def sample_loops(
     """
     require_one_channel(model, "model.perturbed(Delta) makes the plants of such a set", "to make plants of")
     loop = assemble(model, K, None, delay)
-    plants = model.sample(integer("n", n, least=1), rng)
+    plants = model.sample(require_integer("n", n, least=1), rng)
     omega = loop.grid(model.omega)
     omega = omega[omega >= model.omega[0] / 10]
     seen = [in_loop(plant, loop, delay) for plant in plants]

@@ -10,7 +10,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import nonnegative
+from nlfrf._base.arguments import require_nonnegative
 from nlfrf._base.values import value
 from robust._base.states import Stability
 from robust.analysis.aliases import Aliases, Point, aliases_of, at_points, fold_down
@@ -173,7 +173,7 @@ class Loop:
 def assemble(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> Loop:
     """Put plant and controller on one time base, or refuse what does not fit together."""
     K = state_space("K", K)
-    delay = nonnegative("delay", delay)
+    delay = require_nonnegative("delay", delay)
     G = model.nominal
     dt_G, dt_K = timebase(G), timebase(K)
     dt = dt_G or dt_K

@@ -21,7 +21,14 @@ import control
 import numpy as np
 
 from nlfrf import Bla, Multisine
-from nlfrf._base.arguments import nonnegative, of_kind, positive, real, real_array, shown
+from nlfrf._base.arguments import (
+    require_kind,
+    require_nonnegative,
+    require_positive,
+    require_real,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.analysis.curves import Curves
@@ -93,8 +100,8 @@ class SineSignal:
     omega: float
 
     def __post_init__(self) -> None:
-        nonnegative("amplitude", self.amplitude)
-        positive("omega", self.omega)
+        require_nonnegative("amplitude", self.amplitude)
+        require_positive("omega", self.omega)
 
 
 @value(kw_only=False)
@@ -128,8 +135,8 @@ class NoiseSignal:
     omega_max: float = float("nan")
 
     def __post_init__(self) -> None:
-        nonnegative("rms", self.rms)
-        nonnegative("omega_min", self.omega_min)
+        require_nonnegative("rms", self.rms)
+        require_nonnegative("omega_min", self.omega_min)
         if not np.isnan(real_or_nan("omega_max", self.omega_max)) and self.omega_max <= self.omega_min:
             raise ValueError(f"omega_max must lie above omega_min, {self.omega_min:g} rad/s, got {self.omega_max:g}")
 
@@ -161,7 +168,7 @@ class StepSignal:
     height: float
 
     def __post_init__(self) -> None:
-        real("height", self.height)
+        require_real("height", self.height)
 
 
 @value(kw_only=False)
@@ -197,9 +204,9 @@ class SampledSignal:
     periodic: bool = False
 
     def __post_init__(self) -> None:
-        if real_array("samples", self.samples, ndim=1).size < 2:
+        if require_real_array("samples", self.samples, ndim=1).size < 2:
             raise ValueError(f"samples must be at least two, got {self.samples.size}")
-        positive("fs", self.fs)
+        require_positive("fs", self.fs)
 
 
 #: What can be named as a signal, for messages.
@@ -248,7 +255,7 @@ class LoopSignals:
             if isinstance(signal, Multisine):
                 continue
             if not isinstance(signal, (control.StateSpace, control.TransferFunction)):
-                raise ValueError(f"{name} must be {KINDS}, got {shown(signal)}")
+                raise ValueError(f"{name} must be {KINDS}, got {short_form(signal)}")
             shaping = state_space(name, signal)
             if not is_stable(shaping):
                 raise ValueError(
@@ -388,7 +395,7 @@ def shaped_density(name: str, shaping: control.StateSpace, dt: float) -> Density
 
 def real_or_nan(name: str, number: Any) -> float:
     """A real number, or nan for one that was not given."""
-    return float("nan") if isinstance(number, float) and np.isnan(number) else real(name, number)
+    return float("nan") if isinstance(number, float) and np.isnan(number) else require_real(name, number)
 
 
 #: Factor that a level may leave the measured ones by and still count as one of them: one record is a range of width
@@ -632,7 +639,7 @@ def predict_level(
     (True, True)
     """
     require_parametric(model)
-    of_kind("signals", signals, LoopSignals)
+    require_kind("signals", signals, LoopSignals)
     loop = assemble(model, K, None, delay)
     nominal = nominal_instability(loop)
     if not nominal.stable:
@@ -669,7 +676,7 @@ def measured_levels(model: UncertaintyModel, bla: Bla | Sequence[Bla] | None) ->
     else:
         blas = [bla] if is_single(bla) else list(bla) if isinstance(bla, Sequence) else []
         if not blas or not all(map(is_single, blas)):
-            raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {shown(bla)}")
+            raise ValueError(f"bla must be an nlfrf.Bla or a list of them, got {short_form(bla)}")
         levels = [rms_levels(one) for one in blas]
     if not levels:
         return np.full((2, 2), np.nan)

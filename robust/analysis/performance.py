@@ -9,7 +9,13 @@ import control
 import numpy as np
 from scipy.linalg import expm
 
-from nlfrf._base.arguments import hertz, integer, nonnegative, positive, real_array
+from nlfrf._base.arguments import (
+    format_hertz,
+    require_integer,
+    require_nonnegative,
+    require_positive,
+    require_real_array,
+)
 from nlfrf._base.values import Sketch, value
 from robust.lti.connections import closed_loop, lower_lft
 from robust.lti.grids import structure_grid
@@ -78,16 +84,16 @@ class ClassicalMargins:
             said = "|L| never crosses one"
         else:
             said = (
-                f"crossover {hertz(self.crossover)}, phase margin {np.degrees(self.phase_margin):.1f} deg"
-                f" at {hertz(self.omega_phase)}"
+                f"crossover {format_hertz(self.crossover)}, phase margin {np.degrees(self.phase_margin):.1f} deg"
+                f" at {format_hertz(self.omega_phase)}"
             )
         if np.isfinite(self.gain_margin):
-            said += f", gain margin {20 * np.log10(self.gain_margin):.2f} dB at {hertz(self.omega_gain)}"
+            said += f", gain margin {20 * np.log10(self.gain_margin):.2f} dB at {format_hertz(self.omega_gain)}"
         else:
             said += ", no gain above this one makes it unstable"
         if self.gain_reduction:
-            said += f", {20 * np.log10(self.gain_reduction):.2f} dB at {hertz(self.omega_reduction)}"
-        return said + (f", bandwidth {hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
+            said += f", {20 * np.log10(self.gain_reduction):.2f} dB at {format_hertz(self.omega_reduction)}"
+        return said + (f", bandwidth {format_hertz(self.bandwidth)}" if np.isfinite(self.bandwidth) else "")
 
 
 def classical_margins(omega: np.ndarray, L: np.ndarray) -> ClassicalMargins:
@@ -233,7 +239,7 @@ def loop_gains(G: Any, K: Any, *, omega: Any = None) -> LoopGains:
         G.A, np.hstack([np.zeros((G.nstates, n_y)), G.B]), np.vstack([-G.C] * 2), np.block([[one, -G.D]] * 2), G.dt
     )
     closed = lower_lft(e, K)  # the sensitivity, with all states
-    lines = np.zeros(0) if omega is None else real_array("omega", omega, ndim=1)
+    lines = np.zeros(0) if omega is None else require_real_array("omega", omega, ndim=1)
     at = np.union1d(structure_grid(closed)[1:], lines)
     if timebase(closed):
         at = at[at * timebase(closed) < np.pi * (1 - 1e-9)]
@@ -350,7 +356,7 @@ def step_response(
     True
     """
     G, K = multivariable("plant", plant), multivariable("K", K)
-    delay, j = nonnegative("delay", delay), integer("reference", reference, least=0)
+    delay, j = require_nonnegative("delay", delay), require_integer("reference", reference, least=0)
     n_y = G.noutputs
     if j >= n_y:
         raise ValueError(f"reference must be below the {n_y} outputs of the plant, got {j}")
@@ -364,7 +370,7 @@ def step_response(
     if not is_stable(loop):
         raise ValueError("K must stabilise the plant for a step to go anywhere, got a loop that is not stable")
     final = float(evaluate_transfer(A, B, C, D, np.array([1.0 if dt else 0.0]))[0, j, j].real)
-    t, out = simulate_step(loop, None if duration is None else positive("duration", duration))
+    t, out = simulate_step(loop, None if duration is None else require_positive("duration", duration))
     step = judged(t, out[j], out[n_y], final, cut=duration is None)
     kept = step.t.size
     return step if out.shape[0] == 2 else replace(step, y=out[:n_y, :kept], u=out[n_y:, :kept], reference=j)

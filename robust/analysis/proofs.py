@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from nlfrf._base.arguments import hertz
+from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.analysis.aliases import operator_performance
@@ -105,7 +105,7 @@ def no_use(curves: Curves, claim: LoopClaim) -> str:
     if claim.perturbation == "operator":
         return "not attempted for operators in an inverse form under a sampled controller" if claim.inverse else ""
     k = int(np.argmax(curves.rp))
-    return f"rp reaches {curves.rp[k]:.4g} at {hertz(curves.omega[k])}" if curves.rp[k] >= 1 else ""
+    return f"rp reaches {curves.rp[k]:.4g} at {format_hertz(curves.omega[k])}" if curves.rp[k] >= 1 else ""
 
 
 def as_certificate(found: Verification, subject: str, claim: LoopClaim, top: float) -> Certificate:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import hertz, paragraph
+from nlfrf._base.arguments import format_hertz, format_paragraph
 from nlfrf._base.values import Sketch, value
 from robust._base.states import Verdict
 from robust.analysis.aliases import Shares
@@ -68,9 +68,9 @@ def advice(
     """
     if not np.isfinite(omega_rs):
         return ""
-    seen_at = hertz(omega_rs)
+    seen_at = format_hertz(omega_rs)
     if folding is not None and folding.source != folding.omega:
-        seen_at += f" by what folds down from {hertz(folding.source)}"
+        seen_at += f" by what folds down from {format_hertz(folding.source)}"
         omega_rs = folding.source
     low, high = float(model.omega[0]), float(model.omega[-1])
     outside = omega_rs > high * 1.001 or omega_rs < low * 0.999
@@ -85,7 +85,7 @@ def advice(
         rise = there / on_line
         where = (
             f"{side} the measured band, where nothing was measured: the radius is assumed ({model.extrapolation}) to "
-            f"go on from the {edge} line, {hertz(model.omega[k])}, "
+            f"go on from the {edge} line, {format_hertz(model.omega[k])}, "
         ) + where
     said = [f"The margin is limited at {seen_at}, {where}."]
     if rise > SAID:
@@ -202,13 +202,13 @@ def folding_sentence(found: Shares, model: Any) -> str:
     other = (
         "what the perturbation may move to other frequencies" if moves(model) else "what folds down from the aliases"
     )
-    rs = f"rs {found.total:.3f} at {hertz(found.omega)}"
+    rs = f"rs {found.total:.3f} at {format_hertz(found.omega)}"
     if found.total - found.own < LITTLE * found.total:
         text = f"{other} adds less than {100 * LITTLE:g} % to {rs}"
     else:
         text = f"{found.own:.3f} of {rs} acts at that frequency, the rest is {other}"
         if found.source != found.omega:
-            text += f", most of it from {hertz(found.source)}"
+            text += f", most of it from {format_hertz(found.source)}"
     if found.total - found.measured < LITTLE * found.total:
         return f"{text}; all of it lies inside the measured band"
     return f"{text}; inside the measured band alone it would be {found.measured:.3f}, the rest is assumed"
@@ -232,13 +232,13 @@ def cure_of_folding(found: Shares, model: Any) -> str:
             "holds plants of any gain, which fold down. Keep the weight below one there, or take a multiplicative form"
         )
     other = "moves to other frequencies" if moves(model) else "does above the Nyquist frequency, which folds down,"
-    text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {hertz(found.omega)} "
+    text = f"with what the perturbation {other} rs reaches {found.total:.4g} at {format_hertz(found.omega)} "
     text += f"({found.own:.4g} without)"
     if found.source != found.omega:
-        text += f", most of it from {hertz(found.source)}"
+        text += f", most of it from {format_hertz(found.source)}"
     helps = "Sample faster, or filter before the sampler"
     if found.measured < 1:
-        helps += f"; above the last line, {hertz(model.omega[-1])}, it is assumed: measure there"
+        helps += f"; above the last line, {format_hertz(model.omega[-1])}, it is assumed: measure there"
     return f"{text}. {helps}"
 
 
@@ -246,7 +246,7 @@ def context(model: Any, loop: Any) -> str:
     """The loop in one line."""
     kind = f"sampled at {1 / loop.dt:.6g} Hz" if loop.dt else "continuous"
     held = ", zero-order hold and delay in the plant" if loop.dt and not model.nominal.dt else ""
-    band = f"{hertz(model.omega[0])} to {hertz(model.omega[-1])}"
+    band = f"{format_hertz(model.omega[0])} to {format_hertz(model.omega[-1])}"
     return (
         f"{kind}{held}; plant {loop.G.nstates} states, controller {loop.K.nstates}; {model.form} weight of order "
         f"{model.weight.nstates}, perturbations {model.perturbation}, measured {band}"
@@ -310,7 +310,7 @@ def on_lines_only(
         "advice": "Fit a nominal model (fit_nominal, uncertainty) to have the check proved at all frequencies.",
         "proved": "Nothing; computed on the measured lines only.",
         "not_proved": "Anything between and outside the measured lines.",
-        "context": f"{omega.size} lines, {hertz(omega[0])} to {hertz(omega[-1])}{loop}",
+        "context": f"{omega.size} lines, {format_hertz(omega[0])} to {format_hertz(omega[-1])}{loop}",
     }
 
 
@@ -322,11 +322,12 @@ def judge(
         if folding.member >= 1:
             return (
                 Verdict.NOT_ROBUST,
-                f"a plant of the set is unstable in this loop: rs = {folding.member:.4g} at {hertz(folding.omega)}",
+                f"a plant of the set is unstable in this loop: rs = {folding.member:.4g} at "
+                f"{format_hertz(folding.omega)}",
             )
         return Verdict.NOT_CERTIFIED, cure_of_folding(folding, model)
     if proofs.violated:
-        found = f"rs = {peaks.rs[0]:.4g} at {hertz(peaks.rs[1])}"
+        found = f"rs = {peaks.rs[0]:.4g} at {format_hertz(peaks.rs[1])}"
         how = proofs.certificates[0].reason if proofs.certificates else found
         return Verdict.NOT_ROBUST, f"a plant of the set is unstable in this loop: {how}"
     if proofs.stable:
@@ -372,8 +373,8 @@ def factor(margin: float) -> str:
 def stability_words(measure: str, margin: float, omega: float) -> str:
     """The largest rs or mu, where it is, and the margin on the uncertainty."""
     if margin == 0:
-        return f"{measure} has no bound at {hertz(omega)}: no uncertainty of this shape is small enough"
-    return f"max {measure} {1 / margin:.3f} at {hertz(omega)}: {factor(margin)}"
+        return f"{measure} has no bound at {format_hertz(omega)}: no uncertainty of this shape is small enough"
+    return f"max {measure} {1 / margin:.3f} at {format_hertz(omega)}: {factor(margin)}"
 
 
 def judge_structure(
@@ -392,7 +393,7 @@ def judge_structure(
             return Verdict.STATISTICALLY_ROBUST, "the loop is stable with every linear plant of the set" + samples
         return Verdict.ROBUST, "every perturbation of the set leaves the loop stable" + samples
     if peak >= 1:
-        reached = f"the upper bound of mu reaches {peak:.4g} at {hertz(where)}"
+        reached = f"the upper bound of mu reaches {peak:.4g} at {format_hertz(where)}"
         late = " by the time cap" if curves.late else ""
         parts = "" if cut is None else f"; part by part {cut.proved:.3g} times the set is proved, then {cut.reason}"
         return Verdict.NOT_CERTIFIED, f"{reached}{late}, but no perturbation was found that breaks the loop{parts}"
@@ -583,24 +584,25 @@ class RobustnessReport:
     def findings(self) -> list[str]:
         """The rows of the summary."""
         lines = [
-            *paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else "")),
-            *paragraph("because", self.reason),
+            *format_paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else "")),
+            *format_paragraph("because", self.reason),
         ]
         if self.nominally_stable and np.isfinite(self.margin_rs):
-            lines += paragraph("stability", stability_words("rs", self.margin_rs, self.omega_rs))
+            lines += format_paragraph("stability", stability_words("rs", self.margin_rs, self.omega_rs))
             if self.folding:
-                lines += paragraph("aliases", self.folding)
+                lines += format_paragraph("aliases", self.folding)
             if np.isfinite(self.margin_rp):
                 worst = float(np.max(self.rp))
                 text = (
-                    f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at {hertz(self.omega_rp)}; "
+                    f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at "
+                    f"{format_hertz(self.omega_rp)}; "
                     + f"demand {'met' if self.robust_performance else 'not met' if worst > 1 else 'not proved'} "
                     "for the whole set"
                 )
-                lines += paragraph("performance", text)
+                lines += format_paragraph("performance", text)
         elif self.nominally_stable:
-            lines += paragraph("stability", "no uncertainty to hold it against")
-        return lines + paragraph("proved", self.proved)
+            lines += format_paragraph("stability", "no uncertainty to hold it against")
+        return lines + format_paragraph("proved", self.proved)
 
     def _sketch_(self) -> Sketch:
         """What the set does to the loop and to the demand, for a notebook; one is the limit."""
@@ -610,26 +612,27 @@ class RobustnessReport:
 
     def __str__(self) -> str:
         lines = self.findings()
-        lines += paragraph("not proved", self.not_proved)
+        lines += format_paragraph("not proved", self.not_proved)
         for certificate in self.certificates:
             how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
             if certificate.holds and len(certificate.intervals) > 1:
                 how += f" ({len(certificate.intervals)} of them)"
             if certificate.holds:
                 how += f", {certificate.judged}"
-            lines += paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
+            lines += format_paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
         if self.nominally_stable and np.isfinite(self.disk_margin):
-            lines += paragraph(
+            lines += format_paragraph(
                 "disk margin",
-                f"{self.disk_margin:.3f} at {hertz(self.omega_disk)}: gain {20 * np.log10(self.gain_margin):.2f} dB, "
+                f"{self.disk_margin:.3f} at {format_hertz(self.omega_disk)}: "
+                f"gain {20 * np.log10(self.gain_margin):.2f} dB, "
                 f"phase {np.degrees(self.phase_margin):.1f} deg, at once",
             )
         if self.nominally_stable:
-            lines += paragraph("loop gain", str(self.classical))
+            lines += format_paragraph("loop gain", str(self.classical))
         if self.level is not None:
-            lines += paragraph("level", str(self.level))
-        lines += paragraph("next", self.advice)
-        lines += paragraph("loop", self.context)
+            lines += format_paragraph("level", str(self.level))
+        lines += format_paragraph("next", self.advice)
+        lines += format_paragraph("loop", self.context)
         return "\n".join(lines)
 
 

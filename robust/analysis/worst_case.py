@@ -7,7 +7,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import real, shown
+from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
 from robust.analysis.aliases import in_phase
 from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
@@ -212,7 +212,7 @@ class BreakingPerturbation:
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
         """The plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
-        Delta, x = self.Delta, real("factor", factor) * self.size
+        Delta, x = self.Delta, require_real("factor", factor) * self.size
         return self.model.perturbed(control.StateSpace(Delta.A, Delta.B, x * Delta.C, x * Delta.D, Delta.dt))
 
 
@@ -252,7 +252,7 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
     1.0
     """
     if not isinstance(model, MatrixUncertainty):
-        raise ValueError(f"model must be a MatrixUncertainty, got {shown(model)}")
+        raise ValueError(f"model must be a MatrixUncertainty, got {short_form(model)}")
     system = model.loop(K)
     nominal = decide_stability(system.N)
     if not nominal.stable:

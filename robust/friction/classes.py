@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.arguments import nonnegative, positive, real
+from nlfrf._base.arguments import require_nonnegative, require_positive, require_real
 from nlfrf._base.values import value
 
 __all__ = ["AnyFriction", "any_bounded", "any_bristle", "any_maxwell_slip", "any_passive"]
@@ -104,9 +104,9 @@ def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0
     """
     return AnyFriction(
         kind="Maxwell slip",
-        K0=positive("K0", K0),
+        K0=require_positive("K0", K0),
         stiction=require_ratio(stiction),
-        bristle_time=nonnegative("bristle_time", bristle_time),
+        bristle_time=require_nonnegative("bristle_time", bristle_time),
     )
 
 
@@ -146,9 +146,9 @@ def any_bristle(K0: float, stiction: float = 1.5, microdamping: float = 0.0) -> 
     """
     return AnyFriction(
         kind="bristle",
-        K0=positive("K0", K0),
+        K0=require_positive("K0", K0),
         stiction=require_ratio(stiction),
-        microdamping=nonnegative("microdamping", microdamping),
+        microdamping=require_nonnegative("microdamping", microdamping),
     )
 
 
@@ -178,7 +178,7 @@ def any_bounded(Fs: float) -> AnyFriction:
     >>> any_bounded(1.0).Fs
     1.0
     """
-    return AnyFriction(kind="bounded", Fs=positive("Fs", Fs))
+    return AnyFriction(kind="bounded", Fs=require_positive("Fs", Fs))
 
 
 def any_passive() -> AnyFriction:
@@ -209,7 +209,7 @@ def any_passive() -> AnyFriction:
 
 def require_ratio(stiction: float) -> float:
     """Return a ratio of at least one, or refuse it."""
-    stiction = real("stiction", stiction)
+    stiction = require_real("stiction", stiction)
     if stiction < 1:
         raise ValueError(f"stiction must be at least 1, largest over smallest force of a slider, got {stiction:g}")
     return stiction

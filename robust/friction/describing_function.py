@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import nlfrf
-from nlfrf._base.arguments import real_array, shown
+from nlfrf._base.arguments import require_real_array, short_form
 from nlfrf._base.values import value
 from robust.friction.passivity import MeasuredImpedances, measured_impedances
 from robust.friction.plant import FrictionLoop, FrictionPlant, friction_loop, loop_frequencies, mobility
@@ -184,7 +184,7 @@ def quasi_linear(
     (inf, '')
     """
     if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, got {shown(machine)}")
+        raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
     K = state_space("K", K)
     loop = friction_loop(machine, K, delay)
     levels = measured_impedances(friction, machine) if isinstance(friction, (list, tuple)) else None
@@ -234,7 +234,7 @@ def amplitude_grid(amplitudes: Any, levels: MeasuredImpedances | None) -> np.nda
             return AMPLITUDES
         low, high = levels.amplitude[0] / 10, levels.amplitude[-1] * MAX_LEVEL_RATIO
         return np.geomspace(low, high, int(10 * np.log10(high / low)) + 1)
-    a = real_array("amplitudes", amplitudes, ndim=1)
+    a = require_real_array("amplitudes", amplitudes, ndim=1)
     if a.size < 2 or not (a[0] > 0 and np.all(np.diff(a) > 0)):
         raise ValueError(f"amplitudes must be at least two, positive and rising [m], got {a.size}")
     return a
@@ -308,7 +308,7 @@ def amplitude_after_burst(
     loop: FrictionLoop, machine: FrictionPlant, burst: Any, at: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> float:
     """Return the amplitude [m] at the end of a burst; spring and damper follow the envelope sample by sample."""
-    burst = real_array("burst", burst, ndim=1)
+    burst = require_real_array("burst", burst, ndim=1)
     if not loop.T:
         raise ValueError("burst must be left out with a continuous controller, got one. Sample it first")
     a, stiffness, damping = at

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from nlfrf import Bla
-from nlfrf._base.arguments import real, shown
+from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.friction.classes import AnyFriction, any_maxwell_slip
@@ -465,7 +465,7 @@ def friction_class(
     """
     blas = list(blas) if isinstance(blas, Iterable) else blas
     if not isinstance(blas, list) or not all(map(is_single, blas)):
-        raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {shown(blas)}")
+        raise ValueError(f"blas must be a list of BLAs from nlfrf.identify, got {short_form(blas)}")
     for bla in blas:
         require_si("blas", bla.unit)
         refuse_unknown_amplitude("blas", bla)
@@ -473,7 +473,7 @@ def friction_class(
         raise ValueError(f"blas must hold at least three levels, from sticking to sliding, got {len(blas)}")
     if (fewest := min(bla.f.size for bla in blas)) < FEWEST_LINES:
         raise ValueError(f"blas must have at least {FEWEST_LINES} lines each, got {fewest}")
-    if real("margin", margin) < 1:
+    if require_real("margin", margin) < 1:
         raise ValueError(f"margin must be at least 1, got {margin:g}")
     blas = [bla.times(hold_correction(bla.omega, bla.hold, bla.fs, 0.0)) for bla in blas]
     machines: tuple[FrictionPlant, ...] = ()

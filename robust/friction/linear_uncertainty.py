@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import nonnegative, shown
+from nlfrf._base.arguments import require_nonnegative, short_form
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
 from robust.friction.multipliers import filter_rates
@@ -120,10 +120,10 @@ def friction_frequency_test(
     False
     """
     if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, got {shown(machine)}")
+        raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
     if not (isinstance(friction, AnyFriction) and friction.kind == "Maxwell slip"):
-        raise ValueError(f"friction must be any_maxwell_slip(...), got {shown(friction)}")
-    mass, stiffness = nonnegative("mass", mass), nonnegative("stiffness", stiffness)
+        raise ValueError(f"friction must be any_maxwell_slip(...), got {short_form(friction)}")
+    mass, stiffness = require_nonnegative("mass", mass), require_nonnegative("stiffness", stiffness)
     if not mass + stiffness > 0:
         raise ValueError(
             "mass and stiffness must not both be zero: `prove_friction` knows the linear part, got 0 and 0"

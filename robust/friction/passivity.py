@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import hertz, shown
+from nlfrf._base.arguments import format_hertz, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust._base.states import FrictionVerdict
@@ -183,7 +183,7 @@ def quotient_as_float(top: Any, bottom: Any) -> float:
 def frequency_of(y: float, T: float) -> str:
     """Return the frequency [rad/s] of a point on the axis, for the report."""
     omega = 2 / T * np.arctan(np.sqrt(y)) if T else np.sqrt(y)
-    return f"at {hertz(float(omega))}" if np.isfinite(omega) else "towards high frequencies"
+    return f"at {format_hertz(float(omega))}" if np.isfinite(omega) else "towards high frequencies"
 
 
 # ---- Friction as a spring and a damper at the levels that were measured: what is left once the machine is taken off.
@@ -239,7 +239,7 @@ def measured_impedances(blas: Sequence[Bla], machine: FrictionPlant) -> Measured
     rows = []
     for bla in blas:
         if not is_single(bla):
-            raise ValueError(f"friction must be a law or BLAs from nlfrf.identify, got {shown(bla)}")
+            raise ValueError(f"friction must be a law or BLAs from nlfrf.identify, got {short_form(bla)}")
         refuse_unknown_amplitude("friction", bla)
         peak = bla.omega[int(np.argmax(np.abs(bla.G)))]
         chosen = (bla.omega > FIT_BAND[0] * peak) & (bla.omega < FIT_BAND[1] * peak)

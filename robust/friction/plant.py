@@ -9,7 +9,7 @@ import control
 import numpy as np
 from scipy.linalg import eig, expm, solve_discrete_lyapunov
 
-from nlfrf._base.arguments import nonnegative, positive
+from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust.lti.lti import balance_matrix, timebase
 from robust.lti.realisation import multivariable, state_space
@@ -125,10 +125,10 @@ def friction_plant(
         return plant_from_model(mass, bool(port))
     if port:
         raise ValueError(f"port must be left out with a mass, whose friction acts where the force acts, got {port}")
-    mass = positive("mass", mass)
+    mass = require_positive("mass", mass)
     if stiffness is None:
         raise ValueError("stiffness must be given with a mass [N/m], zero for a free one, got none")
-    stiffness, damping = nonnegative("stiffness", stiffness), nonnegative("damping", damping)
+    stiffness, damping = require_nonnegative("stiffness", stiffness), require_nonnegative("damping", damping)
     push, place = np.array([0.0, 1 / mass]), np.array([1.0, 0.0])
     A = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
     words = f"m = {mass:.4g} kg, k = {stiffness / 1e3:.4g} kN/m, c = {damping:.3g} Ns/m"
@@ -178,7 +178,7 @@ def plant_from_model(model: Any, port: bool) -> FrictionPlant:
 
 def separate_delay(machine: FrictionPlant, delay: float) -> tuple[FrictionPlant, float]:
     """The machine without its delay, and the delay of the whole loop [s]."""
-    return replace(machine, delay=0.0), nonnegative("delay", delay) + machine.delay
+    return replace(machine, delay=0.0), require_nonnegative("delay", delay) + machine.delay
 
 
 def with_port_impedance(machine: FrictionPlant, stiffness: float, mass: float = 0.0) -> FrictionPlant:

@@ -9,7 +9,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz, positive, shown
+from nlfrf._base.arguments import format_hertz, require_positive, short_form
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust.friction.classes import AnyFriction
@@ -359,13 +359,13 @@ def prove_friction(
     'proved'
     """
     if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, got {shown(machine)}")
+        raise ValueError(f"machine must be a friction_plant, got {short_form(machine)}")
     if not isinstance(friction, AnyFriction):
-        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
+        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
     K = state_space("K", K)
     machine, delay = separate_delay(machine, delay)
     loop = friction_loop(machine, K, delay)
-    Fs = np.nan if Fs is None else positive("Fs", Fs)
+    Fs = np.nan if Fs is None else require_positive("Fs", Fs)
     if friction.kind == "bounded":
         if np.isfinite(Fs) and Fs != friction.Fs:
             raise ValueError(f"Fs must be that of the class, {friction.Fs:g} N, or left out, got {Fs:g}")
@@ -602,5 +602,5 @@ def describe_modal_damping(G: control.StateSpace) -> str:
     if not found.size:
         return "no mode that swings"
     modes = sorted(found, key=abs)
-    said = ", ".join(f"{100 * -p.real / abs(p):.2g} % at {hertz(abs(p))}" for p in modes)
+    said = ", ".join(f"{100 * -p.real / abs(p):.2g} % at {format_hertz(abs(p))}" for p in modes)
     return f"modal damping {said}, which contains the friction's"

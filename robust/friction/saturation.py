@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import positive
+from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
 from robust._base.states import FrictionVerdict, Outcome
 from robust.friction.classes import AnyFriction
@@ -519,7 +519,7 @@ def prove_saturated(
     >>> proof.verdict, proof.kick > 2 * proof.kick_linear
     ('proved up to a kick', True)
     """
-    Fs, limit = positive("Fs", Fs), positive("limit", limit)
+    Fs, limit = require_positive("Fs", Fs), require_positive("limit", limit)
     if not limit > Fs:
         raise ValueError(f"limit must be above Fs, the largest friction force, got {limit:g} N and Fs = {Fs:g} N")
     plain = prove_friction(machine, K, friction, delay=delay)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import counted, shown
+from nlfrf._base.arguments import format_count, short_form
 from robust._base.states import FrictionVerdict
 from robust.analysis.proofs import claim_of
 from robust.analysis.report import RobustnessReport
@@ -89,7 +89,7 @@ def save_certificate(report: RobustnessReport | FrictionProof | SaturatedProof, 
     if not found:
         raise ValueError(
             "report must hold a proof of a single loop, got "
-            + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else shown(report))
+            + (f"the verdict {report.verdict!r}" if hasattr(report, "verdict") else short_form(report))
         )
     claim = replace(
         found[0].claim,
@@ -145,7 +145,7 @@ def verify_certificate(path: PathLike, *, model: Any = None, K: Any = None, time
     wrong = []
     if model is not None:
         if not isinstance(model, UncertaintyModel):
-            raise ValueError(f"model must be an UncertaintyModel, got {shown(model)}")
+            raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
         mine = claim_of(model, 0.0, None, 0.0)
         names = differing_fields(claim, mine, ("plant", "weight", "reads", "inverse", "perturbation"))
         wrong += [("the model", f"not the one of the certificate: other {', '.join(names)}")] if names else []
@@ -204,7 +204,7 @@ def class_from_files(
         fit = f"robust model {quote(blas[-1])} --poles 4 --zeros 2 -o nominal.json"
         raise ValueError(
             f"machine must be BLAs at three levels, from sticking to sliding, or one model with the stiffness of the "
-            f"friction, got {counted(len(blas), 'BLA')}; "
+            f"friction, got {format_count(len(blas), 'BLA')}; "
             + go_on(fit, prove(["nominal.json"], controller, stiffness=stiffness or "NEWTON_PER_METRE"))
         )
     measured = [nlfrf.load_bla(path) for path in blas]

@@ -10,7 +10,7 @@ import control
 import numpy as np
 from scipy.io import savemat
 
-from nlfrf._base.files import Role, path_of, require_writable, signature, write_text, write_whole
+from nlfrf._base.files import Role, command_signature, require_writable, to_path, write_atomically, write_text
 from robust.io.biquads import polynomials, told_sections
 from robust.io.models import CONTROLLER_SCHEMA, MATRIX_SCHEMA, MODEL_SCHEMA, PathLike, controller
 from robust.lti.connections import in_series
@@ -57,7 +57,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
     ['K.mat', 'load_K.m']
     >>> folder.cleanup()
     """
-    path = path_of(path)
+    path = to_path(path)
     if path.suffix != ".mat":
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
@@ -74,9 +74,11 @@ def export_matlab(content: Any, path: PathLike) -> None:
     def write_mat(beside: Path) -> None:
         savemat(beside, {"content": struct}, oned_as="column")
 
-    write_whole(path, write_mat)
+    write_atomically(path, write_mat)
     said = {"NAME": f"load_{name}", "'FILE'": "'{}'".format(path.name.replace("'", "''")), "FILE": path.name}
-    text = re.sub("NAME|'FILE'|FILE", lambda found: said[found[0]], script) + f"% {signature('robust export')}\n"
+    text = (
+        re.sub("NAME|'FILE'|FILE", lambda found: said[found[0]], script) + f"% {command_signature('robust export')}\n"
+    )
     write_text(loader, text, role=Role.DERIVED)
 
 

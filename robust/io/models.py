@@ -10,7 +10,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import one_line, shown
+from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.files import parse_json, require_schema, write_text
 from robust.io.biquads import told_sections
 from robust.lti.realisation import multivariable, state_space
@@ -69,7 +69,7 @@ def decoded(content: Any) -> Any:
             return np.array([decoded(item) for item in content], dtype=float)
         return np.nan if content is None else float(content)
     except ValueError:  # of rows that are not equally long
-        raise ValueError(f"path must hold rows of the same length, got {shown(content)}") from None
+        raise ValueError(f"path must hold rows of the same length, got {short_form(content)}") from None
 
 
 def encoded_system(system: Any) -> dict[str, Any]:
@@ -110,10 +110,10 @@ def read(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]
     found = content.get("schema") if isinstance(content, dict) else type(content).__name__
     if not isinstance(content, dict) or found not in schemas:
         wanted = " or ".join(f"a {schema} file" for schema in schemas)
-        raise ValueError(f"path must hold {wanted}, got {path} with schema {shown(found)}")
+        raise ValueError(f"path must hold {wanted}, got {path} with schema {short_form(found)}")
     if content.get("version") != VERSION:
         raise ValueError(
-            f"path must hold version {VERSION} of {found}, got {path} with version {shown(content.get('version'))}"
+            f"path must hold version {VERSION} of {found}, got {path} with version {short_form(content.get('version'))}"
         )
     require_schema(content, path, "robust", str(found))
     return str(found), content
@@ -222,7 +222,7 @@ def save_model(model: UncertaintyModel | MatrixUncertainty, path: PathLike) -> N
         written(encoded_matrix(model), path)
         return
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {shown(model)}")
+        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {short_form(model)}")
     content: dict[str, Any] = {
         "schema": MODEL_SCHEMA,
         "version": VERSION,
@@ -389,7 +389,7 @@ def decoded_evidence(content: dict[str, Any]) -> Evidence:
     parts = {part: decoded(content[part]) for part in EVIDENCE if part not in numbers}
     shapes = {part: parts[part].shape[:1] for part in parts}
     if len(set(shapes.values())) > 1:
-        raise ValueError(f"evidence must have one number a line for {', '.join(shapes)}, got {shown(shapes)}")
+        raise ValueError(f"evidence must have one number a line for {', '.join(shapes)}, got {short_form(shapes)}")
     pairs = parts["G"].reshape(-1, 2)
     return Evidence(**(parts | numbers | {"G": pairs[:, 0] + 1j * pairs[:, 1]}))
 

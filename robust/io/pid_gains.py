@@ -8,7 +8,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import inverse_unit, listed, of_kind, positive
+from nlfrf._base.arguments import inverse_unit, join_names, require_kind, require_positive
 from nlfrf._base.values import value
 from robust.lti.lti import poles, response, timebase
 from robust.lti.norms import continuous_image
@@ -185,7 +185,7 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     ideal, Kp (1 + 1/(Ti s)): Kp = 2, Ti = 0.666667 s
     once a sample, at 10 Hz, e = r - y: i[k] = i[k-1] + 0.15 (e[k] + e[k-1]); u[k] = 2 e[k] + i[k]
     """
-    of_kind("unit", unit, str)
+    require_kind("unit", unit, str)
     K = multivariable("K", K)
     if (K.ninputs, K.noutputs) != (1, 1):
         return tuple(pid_gains(loop, dt=dt, unit=unit) for loop in split_diagonal("K", K))
@@ -193,7 +193,7 @@ def pid_gains(K: Any, *, dt: float | None = None, unit: str = "") -> Any:
     integrates, filter_time = parts_of(K, sampled)
     kp, ki, kd = gains_of(K, sampled, integrates, filter_time)
     refuse_misfit(K, sampled, kp, ki, kd, filter_time)
-    step = sampled if sampled else 0.0 if dt is None else positive("dt", dt)
+    step = sampled if sampled else 0.0 if dt is None else require_positive("dt", dt)
     if sampled and dt is not None and abs(dt / sampled - 1) > 1e-9:
         raise ValueError(f"dt must be that of K where K is sampled, {sampled:g} s, got {dt:g} s")
     return PidGains(
@@ -227,7 +227,7 @@ def unusual_gains(K: Any) -> str:
         for gains in found if isinstance(found, tuple) else (found,):
             named = {"Kp": gains.kp, "Ki": gains.ki, "Kd": gains.kd}
             if len({gain > 0 for gain in named.values() if gain}) > 1:
-                said = listed([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
+                said = join_names([f"{name} = {gain:.4g}" for name, gain in named.items() if gain])
                 return f"the PID has {said}: no PLC takes gains of different signs"
     return ""
 

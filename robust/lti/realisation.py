@@ -9,7 +9,7 @@ import control
 import numpy as np
 from scipy.linalg import matrix_balance
 
-from nlfrf._base.arguments import shown
+from nlfrf._base.arguments import short_form
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import (
     common_sampling_time,
@@ -55,7 +55,7 @@ def multivariable(name: str, system: Any) -> control.StateSpace:
         for part in ("nominal", "G"):  # a model or a fit, where the plant alone is wanted
             if isinstance(getattr(system, part, None), control.StateSpace):
                 cure = f" Give its {part}."
-        raise ValueError(f"{name} must be a control.StateSpace, got {shown(system)}.{cure}")
+        raise ValueError(f"{name} must be a control.StateSpace, got {short_form(system)}.{cure}")
     return require_complete(name, system)
 
 
@@ -64,7 +64,7 @@ def gain_matrix(name: str, gain: Any) -> np.ndarray:
     try:
         return np.atleast_2d(np.asarray(gain, dtype=float))
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be a system, a number or a matrix of numbers, got {shown(gain)}") from None
+        raise ValueError(f"{name} must be a system, a number or a matrix of numbers, got {short_form(gain)}") from None
 
 
 def state_space(name: str, system: Any) -> control.StateSpace:
@@ -76,14 +76,16 @@ def state_space(name: str, system: Any) -> control.StateSpace:
     if isinstance(system, (numbers.Real, np.ndarray)) and not isinstance(system, bool):
         gain = np.asarray(system, dtype=float)
         if gain.size != 1:
-            raise ValueError(f"{name} must have one input and one output, got {shown(system)}")
+            raise ValueError(f"{name} must have one input and one output, got {short_form(system)}")
         system = control.StateSpace([], [], [], gain.reshape(1, 1), None)
     if isinstance(system, control.TransferFunction):
         if (system.ninputs, system.noutputs) != (1, 1):
             raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
         system = from_polynomials(name, system.num[0][0], system.den[0][0], system.dt)
     if not isinstance(system, control.StateSpace):
-        raise ValueError(f"{name} must be a control.StateSpace, a TransferFunction or a number, got {shown(system)}")
+        raise ValueError(
+            f"{name} must be a control.StateSpace, a TransferFunction or a number, got {short_form(system)}"
+        )
     if (system.ninputs, system.noutputs) != (1, 1):
         raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
     return require_complete(name, system)

@@ -8,7 +8,7 @@ import control
 import numpy as np
 from scipy.linalg import expm
 
-from nlfrf._base.arguments import nonnegative, positive
+from nlfrf._base.arguments import require_nonnegative, require_positive
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import poles, response, timebase, with_names, zeros
 from robust.lti.norms import to_discrete
@@ -62,8 +62,8 @@ def sampled(system: Any, dt: float, delay: float = 0.0) -> control.StateSpace:
     system = multivariable("system", system)
     if timebase(system):
         raise ValueError(f"system must be continuous, got one sampled at {timebase(system):g} s")
-    positive("dt", dt)
-    delay = nonnegative("delay", delay)
+    require_positive("dt", dt)
+    delay = require_nonnegative("delay", delay)
     whole = int(np.floor(delay / dt + 1e-9))
     rest = max(0.0, delay - whole * dt)
     rest = 0.0 if rest < 1e-9 * dt else rest
@@ -216,7 +216,7 @@ def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace
     """
     several = isinstance(K, control.StateSpace) and (K.ninputs, K.noutputs) != (1, 1)
     K = multivariable("K", K) if several else state_space("K", K)
-    dt, prewarp = positive("dt", dt), nonnegative("prewarp", prewarp)
+    dt, prewarp = require_positive("dt", dt), require_nonnegative("prewarp", prewarp)
     if timebase(K):
         raise ValueError(f"K must be continuous, got one sampled at {timebase(K):g} s")
     if prewarp * dt >= np.pi:

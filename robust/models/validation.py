@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import gammaincc, ndtr
 
 from nlfrf import Bla
-from nlfrf._base.arguments import hertz, of_kind
+from nlfrf._base.arguments import format_hertz, require_kind
 from nlfrf._base.numbers import roy_quantile
 from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
@@ -189,7 +189,9 @@ class MatrixValidation:
         """What was found, in a few lines."""
         rows = [f"validation of {len(self.outputs)} outputs by {len(self.inputs)} inputs on {self.n_lines} lines"]
         if not np.isnan(self.distance).all():
-            where = f", worst at {hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
+            where = (
+                f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
+            )
             rows[0] += f": {self.n_outside_set} outside the set{where}"
         rows.append(
             f"  shape: p = {self.p_value:.2g}; best change of all entries: gain {100 * self.gain:+.2g} %, frequency "
@@ -406,7 +408,9 @@ class Validation:
 
     def __str__(self) -> str:
         """What was found, in a few lines."""
-        where = "" if not self.n_outside_set else f", worst at {hertz(float(self.omega[np.argmax(self.distance)]))}"
+        where = (
+            "" if not self.n_outside_set else f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}"
+        )
         return (
             f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}\n"
             f"  shape: p = {self.p_value:.2g}; best change: gain {100 * self.gain:+.2g} %, frequency "
@@ -473,7 +477,7 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Bla, bla: Bla) -> Val
             require_matrix("model", model)
         return validate_matrix(model, bla)
     require_single("bla", bla)
-    of_kind("model", model, UncertaintyModel)
+    require_kind("model", model, UncertaintyModel)
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")

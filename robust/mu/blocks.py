@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import shown
+from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
 
 __all__ = ["KINDS", "BlockStructure", "block_structure", "structure_for"]
@@ -90,10 +90,10 @@ def check_block(name: str, block: Any) -> tuple[int, int, str]:
     """Return rows, columns and kind of one block, or refuse it."""
     fine = isinstance(block, (tuple, list)) and len(block) in (2, 3)
     if not fine or not all(isinstance(n, (int, np.integer)) and n >= 1 for n in block[:2]):
-        raise ValueError(f"{name} must be (rows, cols) with whole numbers of at least 1, got {shown(block)}")
+        raise ValueError(f"{name} must be (rows, cols) with whole numbers of at least 1, got {short_form(block)}")
     kind = block[2] if len(block) == 3 else "full"
     if kind not in KINDS:
-        raise ValueError(f"{name} must be of the kind 'full', 'repeated' or 'real', got {shown(kind)}")
+        raise ValueError(f"{name} must be of the kind 'full', 'repeated' or 'real', got {short_form(kind)}")
     if kind != "full" and block[0] != block[1]:
         raise ValueError(f"{name} must be square to be {kind}, got {block[0]} rows and {block[1]} columns")
     if kind == "repeated" and block[0] == 1:

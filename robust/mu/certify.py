@@ -12,7 +12,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz, positive
+from nlfrf._base.arguments import format_hertz, require_positive
 from nlfrf._base.values import value
 from robust._base.states import Outcome
 from robust.lti.lti import Matrices, response_by_channel, timebase
@@ -73,12 +73,12 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
     """
     N = multivariable("N_ss", N_ss)
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
-    level = positive("level", level)
+    level = require_positive("level", level)
     subject = "structured singular value"
     nominal = decide_stability(N)
     if not nominal.stable:
         return failed_certificate(subject, level, f"the system is not stable: {nominal}")
-    deadline = time.monotonic() + positive("time_cap", time_cap)
+    deadline = time.monotonic() + require_positive("time_cap", time_cap)
     real = bool(s.skew.size)
     # a large G brings the norm so near to one that slack on it is none on mu: with real blocks the level has it
     proved = level * (1 - SLACK) if real else level
@@ -99,7 +99,7 @@ def certify_mu(N_ss: Any, blocks: Any, level: float = 1.0, *, time_cap: float = 
             return failed_certificate(subject, level, outcome.reason)
         omega = omega_of(outcome.violated_at)
         return failed_certificate(
-            subject, level, f"the bound does not stay below the level: at {hertz(omega)} {outcome.reason}"
+            subject, level, f"the bound does not stay below the level: at {format_hertz(omega)} {outcome.reason}"
         )
     return Certificate(
         subject=subject,

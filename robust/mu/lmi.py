@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import one_of
+from nlfrf._base.arguments import require_choice
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, bound_from_scalings, osborne_balance, response_matrices
 from robust.proofs.search.certificate import SOLVERS, solve_program
@@ -49,7 +49,7 @@ def mu_upper_lmi(N: np.ndarray, blocks: Any, *, solver: str = "CLARABEL", time_c
     >>> round(float(mu_upper_lmi(M, [(1, 1), (1, 1)]).value[0]), 4)
     3.0
     """
-    one_of("solver", solver, SOLVERS)
+    require_choice("solver", solver, SOLVERS)
     M = response_matrices("N", N)
     s = structure_for("blocks", blocks, M.shape[1:])
     found = [solve_scaling_program(one, s, solver, time_cap) for one in M]

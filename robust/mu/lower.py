@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from nlfrf._base.arguments import generator, integer
+from nlfrf._base.arguments import random_generator, require_integer
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.upper import MuBound, conjugate_transpose, optimal_scalings, response_matrices
 
@@ -64,8 +64,10 @@ def mu_lower(N: np.ndarray, blocks: Any, *, n_starts: int = 6, rng: Any = 0) -> 
     (3.0, 0.0)
     """
     M = response_matrices("N", N)
-    n_starts = integer("n_starts", n_starts, least=0)
-    return search_perturbation(M, structure_for("blocks", blocks, M.shape[1:]), n_starts, generator("rng", rng), np.inf)
+    n_starts = require_integer("n_starts", n_starts, least=0)
+    return search_perturbation(
+        M, structure_for("blocks", blocks, M.shape[1:]), n_starts, random_generator("rng", rng), np.inf
+    )
 
 
 def search_perturbation(M: np.ndarray, s: BlockStructure, n_starts: int, rng: Any, deadline: float) -> MuBound:

@@ -16,7 +16,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import positive
+from nlfrf._base.arguments import require_positive
 from nlfrf._base.values import value
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel, timebase, to_s_plane
@@ -322,7 +322,7 @@ def parameter_margin(N_ss: Any, blocks: Any, *, gap: float = 0.05, time_cap: flo
     """
     N = multivariable("N_ss", N_ss)
     s = structure_for("blocks", blocks, (N.noutputs, N.ninputs), of="N_ss")
-    gap, deadline = positive("gap", gap), time.monotonic() + positive("time_cap", time_cap)
+    gap, deadline = require_positive("gap", gap), time.monotonic() + require_positive("time_cap", time_cap)
     if "real" not in s.kinds:
         raise ValueError("blocks must hold a real one, got none: certify_mu is for complex ones")
     nominal = decide_stability(N)

@@ -15,7 +15,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import shown
+from nlfrf._base.arguments import short_form
 from nlfrf._base.values import value
 from robust.lti.lti import response_by_channel
 from robust.lti.norms import EPS
@@ -142,7 +142,7 @@ def response_matrices(name: str, N: Any) -> np.ndarray:
     N = np.asarray(N)
     if N.ndim != 3 or N.dtype.kind not in "fciu":
         raise ValueError(
-            f"{name} must be an array (outputs, inputs, frequencies), got {shown(N)}. One matrix: N[:, :, None]."
+            f"{name} must be an array (outputs, inputs, frequencies), got {short_form(N)}. One matrix: N[:, :, None]."
         )
     if not np.isfinite(N).all():
         raise ValueError(f"{name} must be finite, got {np.count_nonzero(~np.isfinite(N))} nan or infinite numbers")

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind
-from nlfrf._base.axes import axes, finished
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.axes import axes_or_new, finish_axes
 from robust.friction.describing_function import QuasiLinear
 from robust.plot.look import COLOR
 
@@ -34,8 +34,8 @@ def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("prediction", prediction, QuasiLinear)
-    ax = axes(ax)
+    require_kind("prediction", prediction, QuasiLinear)
+    ax = axes_or_new(ax)
     q = prediction
     N = (q.stiffnesses + 1j * q.frequencies * q.dampings) / 1e3
     grows = q.growths > 0
@@ -63,7 +63,7 @@ def plot_quasi_linear(prediction: QuasiLinear, *, kick_sure: float = np.nan, ax:
     ax.set_yscale("symlog", linthresh=STRAIGHT * top)
     ax.set(xlim=(-3 * top, 12 * top), ylim=(-3 * top, 3 * top))
     ax.set(xlabel="k_eq [kN/m]", ylabel="w c_eq [kN/m]", title=told(q, kick_sure))
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def parts(z: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.arguments import in_unit, integer, of_kind, probability, shown
-from nlfrf._base.axes import axes, db, finished
+from nlfrf._base.arguments import label_with_unit, require_integer, require_kind, require_probability, short_form
+from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.family import LoopFamily
 from robust.analysis.performance import StepResponse
@@ -43,20 +43,20 @@ def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("report", report, RobustnessReport)
-    ax = axes(ax)
+    require_kind("report", report, RobustnessReport)
+    ax = axes_or_new(ax)
     f = hz(report.omega)
-    ax.plot(f, db(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
-    ax.plot(f, db(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
-    ax.plot(f, db(np.abs(report.T)), "-.", lw=1.4, color=COLOR["limit"], label="|T|")
+    ax.plot(f, to_decibel(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
+    ax.plot(f, to_decibel(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
+    ax.plot(f, to_decibel(np.abs(report.T)), "-.", lw=1.4, color=COLOR["limit"], label="|T|")
     if report.w_P is not None:
-        ax.plot(f, -db(report.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
+        ax.plot(f, -to_decibel(report.w_P), "--", lw=1.2, color=COLOR["loop"], label="1/|w_P|")
     ax.axhline(0, color="0.5", lw=0.8)
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="magnitude [dB]", title="Nominal loop")
     seen = report.classical
     frame(ax, report, seen.crossover, seen.bandwidth, seen.omega_phase, seen.omega_gain)
     show_all_of(ax)
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def frame(ax: Any, report: Any, *happens: float) -> None:
@@ -77,8 +77,8 @@ def plot_check(report: RobustnessReport | StructuredReport, *, ax: Axes | None =
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("report", report, RobustnessReport, StructuredReport)
-    ax = axes(ax)
+    require_kind("report", report, RobustnessReport, StructuredReport)
+    ax = axes_or_new(ax)
     if isinstance(report, StructuredReport):
         return draw_mu(ax, report)
     f = hz(report.omega)
@@ -109,7 +109,7 @@ def plot_check(report: RobustnessReport | StructuredReport, *, ax: Axes | None =
         ax.set_ylim(max(1e-3, drawn.min() * 0.8), float(np.clip(1.5 * drawn.max(), 2.0, 1e2)))
     else:
         ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None = None) -> Axes:
@@ -125,9 +125,9 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     """
     from matplotlib.patches import Circle
 
-    of_kind("report", report, RobustnessReport)
-    n_discs = integer("n_discs", n_discs, least=0)
-    ax = axes(ax)
+    require_kind("report", report, RobustnessReport)
+    n_discs = require_integer("n_discs", n_discs, least=0)
+    ax = axes_or_new(ax)
     L = report.G * report.K
     reach = 2.5
     ax.plot(L.real, L.imag, "-", lw=1.6, color=COLOR["radius"], label="nominal L")
@@ -152,7 +152,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
         ylabel="Im L",
         title="L with the discs of the set",
     )
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
@@ -165,16 +165,18 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("family", family, LoopFamily)
-    ax = axes(ax)
+    require_kind("family", family, LoopFamily)
+    ax = axes_or_new(ax)
     f = hz(family.omega)
     for k, (S, stable) in enumerate(zip(family.S, family.stable, strict=True)):
         color = COLOR["noise"] if stable else COLOR["limit"]
-        ax.plot(f, db(np.abs(S)), "-", lw=0.5, color=color, alpha=0.6, label="plants of the set" if k == 0 else None)
-    ax.plot(f, db(np.abs(family.nominal)), "-", lw=1.8, color=COLOR["radius"], label="nominal |S|")
+        ax.plot(
+            f, to_decibel(np.abs(S)), "-", lw=0.5, color=color, alpha=0.6, label="plants of the set" if k == 0 else None
+        )
+    ax.plot(f, to_decibel(np.abs(family.nominal)), "-", lw=1.8, color=COLOR["radius"], label="nominal |S|")
     ax.plot(
         f,
-        db(np.where(np.isfinite(family.worst), family.worst, np.nan)),
+        to_decibel(np.where(np.isfinite(family.worst), family.worst, np.nan)),
         "--",
         lw=1.4,
         color=COLOR["limit"],
@@ -190,7 +192,7 @@ def plot_family(family: LoopFamily, *, ax: Axes | None = None) -> Axes:
     finite = np.where(np.isfinite(family.worst), family.worst, np.max(np.abs(family.nominal)))
     frame(ax, family, family.omega[np.argmax(finite)])
     show_all_of(ax, most=60.0)
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: str = "", ax: Axes | None = None) -> Axes:
@@ -209,8 +211,8 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("step", step, StepResponse)
-    ax = axes(ax)
+    require_kind("step", step, StepResponse)
+    ax = axes_or_new(ax)
     ax.axhline(step.final, color="0.5", lw=0.8)
     end = max(one.t[-1] for one in (step, worst) if one is not None)
     drawn = ((worst, "worst plant", COLOR["limit"], "--"), (step, "nominal plant", COLOR["radius"], "-"))
@@ -221,8 +223,12 @@ def plot_step(step: StepResponse, worst: StepResponse | None = None, *, unit: st
                 steps = j == one.reference
                 legend = f"{label}: overshoot {100 * one.overshoot:.0f} %" if steps else None
                 ax.plot(t, np.append(row, row[-1]), style, lw=1.6 if steps else 0.8, color=color, label=legend)
-    ax.set(xlabel="time [s]", ylabel=in_unit("y", unit, "unit of y"), title="A step of the reference by one unit of y")
-    return finished(ax)
+    ax.set(
+        xlabel="time [s]",
+        ylabel=label_with_unit("y", unit, "unit of y"),
+        title="A step of the reference by one unit of y",
+    )
+    return finish_axes(ax)
 
 
 def plot_bounds(
@@ -240,19 +246,19 @@ def plot_bounds(
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("model", model, UncertaintyModel)
+    require_kind("model", model, UncertaintyModel)
     if not isinstance(bounds, tuple | list) or len(bounds) != 2:
-        raise ValueError(f"bounds must be the pair that loop_bounds gives, got {shown(bounds)}")
-    ax = axes(ax)
+        raise ValueError(f"bounds must be the pair that loop_bounds gives, got {short_form(bounds)}")
+    ax = axes_or_new(ax)
     f, (low, high) = hz(model.omega), bounds
     L = np.abs(model.at(model.omega) * response(state_space("K", K), model.omega))
-    ax.plot(f, db(L), "-", lw=1.8, color=COLOR["radius"], label="|L|")
-    floor, ceiling = db(L.min()) - 20, db(L.max()) + 20
+    ax.plot(f, to_decibel(L), "-", lw=1.8, color=COLOR["radius"], label="|L|")
+    floor, ceiling = to_decibel(L.min()) - 20, to_decibel(L.max()) + 20
     if np.any(low > 0):
-        edge = np.where(low > 0, db(low), floor)
+        edge = np.where(low > 0, to_decibel(low), floor)
         ax.fill_between(f, floor, edge, color=COLOR["loop"], alpha=0.3, lw=0, label="too low for performance")
     if np.any(np.isfinite(high)):
-        edge = np.where(np.isfinite(high), db(high), ceiling)
+        edge = np.where(np.isfinite(high), to_decibel(high), ceiling)
         ax.fill_between(f, edge, ceiling, color=COLOR["limit"], alpha=0.3, lw=0, label="too high for the uncertainty")
     ax.set(
         xscale="log",
@@ -262,7 +268,7 @@ def plot_bounds(
         title="Loop gain and its bounds",
     )
     mark_band(ax, (f[0], f[-1]))
-    return finished(ax)
+    return finish_axes(ax)
 
 
 # ---- Where the poles and zeros of a fit lie, each in the ellipse that its scatter leaves it.
@@ -292,11 +298,11 @@ def plot_roots(fit: NominalFit, *, confidence: float = 0.95, ax: Axes | None = N
     ----------
     Pintelon & Schoukens, 2nd ed., 9.11 (covariance of the sample maximum likelihood estimate), 19.1.4 (ellipses).
     """
-    of_kind("fit", fit, NominalFit)
-    p, known = probability("confidence", confidence), fit.uncertainty
+    require_kind("fit", fit, NominalFit)
+    p, known = require_probability("confidence", confidence), fit.uncertainty
     if known is None:
         raise ValueError("fit must know how its poles scatter (fit.uncertainty), got None")
-    ax, sampled = axes(ax), bool(fit.G.dt)
+    ax, sampled = axes_or_new(ax), bool(fit.G.dt)
     for name, marker, colour, line in KINDS:
         roots, covariances = getattr(known, name), getattr(known, f"cov_{name}")
         shown = roots if sampled else hz(roots)
@@ -314,7 +320,7 @@ def plot_roots(fit: NominalFit, *, confidence: float = 0.95, ax: Axes | None = N
         ax.axvline(0, ls=":", lw=0.9, color="0.4", label="limit of stability")
     unit = "z" if sampled else "s / 2π [Hz]"
     ax.set(xlabel=f"real part of {unit}", ylabel=f"imaginary part of {unit}", title="Poles and zeros of the fit")
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def ellipse(root: complex, covariance: np.ndarray, p: float) -> np.ndarray:

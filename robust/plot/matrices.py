@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import of_kind
-from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, lower_edge, matrix_axes
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.axes import axes_or_new, finish_axes, finish_matrix, gain_band, lower_edge, matrix_axes, to_decibel
 from robust._base.channels import require_matrix
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.performance import LoopGains
@@ -45,7 +45,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Bla | Sequence[Bla] | None = 
     -------
     (n_y, n_u) ndarray of matplotlib Axes
     """
-    of_kind("model", model, MatrixUncertainty)
+    require_kind("model", model, MatrixUncertainty)
     omega = outside_too(model)
     frms = [] if frm is None else [frm] if isinstance(frm, Bla) else list(frm)
     for one in frms:
@@ -55,21 +55,24 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Bla | Sequence[Bla] | None = 
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
     for (j, i), one in np.ndenumerate(made):
-        floor = float(db(size[j][:, within].min())) - ROOM
+        floor = float(to_decibel(size[j][:, within].min())) - ROOM
         gains = size[j, i], size[j, i] - reach[j, i], size[j, i] + reach[j, i]
         gain_band(one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER)
         for k, (measured, color) in enumerate(zip(frms, cycle(MEASURED))):
             gain, radius = np.abs(measured.G[j, i]), measured.bound()[j, i]
-            ends = [db(gain) - db(lower_edge(gain, gain - radius)), db(gain + radius) - db(gain)]
+            ends = [
+                to_decibel(gain) - to_decibel(lower_edge(gain, gain - radius)),
+                to_decibel(gain + radius) - to_decibel(gain),
+            ]
             if measured.f.size <= FEW:
-                one.errorbar(measured.f, db(gain), ends, fmt="none", lw=0.6, color=color)
+                one.errorbar(measured.f, to_decibel(gain), ends, fmt="none", lw=0.6, color=color)
             label = f"measured, 95 % bound{f' ({k + 1})' * (len(frms) > 1)}"
-            one.plot(measured.f, db(gain), ".", ms=3, color=color, label=label)
-        one.plot(f, db(size[j, i]), "-", lw=1.4, color=COLOR["radius"], label="nominal")
+            one.plot(measured.f, to_decibel(gain), ".", ms=3, color=color, label=label)
+        one.plot(f, to_decibel(size[j, i]), "-", lw=1.4, color=COLOR["radius"], label="nominal")
         one.set_xscale("log")
         mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
-        one.set_ylim(floor, float(db(size[j][:, within].max())) + ROOM)
-    return finished_matrix(made, foot, "frequency [Hz]")
+        one.set_ylim(floor, float(to_decibel(size[j][:, within].max())) + ROOM)
+    return finish_matrix(made, foot, "frequency [Hz]")
 
 
 def plot_matrix_weights(model: MatrixUncertainty, *, ax: Axes | None = None) -> Any:
@@ -77,7 +80,7 @@ def plot_matrix_weights(model: MatrixUncertainty, *, ax: Axes | None = None) -> 
 
     Arguments as in `plot_matrix_set`, and what is returned; weights that a channel does not have are left empty.
     """
-    of_kind("model", model, MatrixUncertainty)
+    require_kind("model", model, MatrixUncertainty)
     omega = outside_too(model)
     if model.left:
         n = max(len(model.left), len(model.right))
@@ -95,15 +98,17 @@ def plot_matrix_weights(model: MatrixUncertainty, *, ax: Axes | None = None) -> 
             continue
         k = places[place]
         weight = np.abs(response_by_channel(weights[k], omega)[0, 0]) * np.ones(omega.size)
-        one.plot(hz(model.omega), db(model.radius[k]), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
-        one.plot(hz(omega), db(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
+        one.plot(
+            hz(model.omega), to_decibel(model.radius[k]), ".", ms=3, color=COLOR["radius"], label="radius on the lines"
+        )
+        one.plot(hz(omega), to_decibel(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
         one.set_xscale("log")
         one.ticklabel_format(axis="y", useOffset=False)
         mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
     for row in made:  # what is flat is drawn flat
         low, high = row[0].get_ylim()
         row[0].set_ylim(min(low, (low + high) / 2 - FLAT), max(high, (low + high) / 2 + FLAT))
-    return finished_matrix(made, foot, "frequency [Hz]")
+    return finish_matrix(made, foot, "frequency [Hz]")
 
 
 def plot_matrix_loop(gains: LoopGains, *, ax: Axes | None = None) -> Axes:
@@ -116,20 +121,20 @@ def plot_matrix_loop(gains: LoopGains, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("gains", gains, LoopGains)
-    ax, f = axes(ax), hz(gains.omega)
+    require_kind("gains", gains, LoopGains)
+    ax, f = axes_or_new(ax), hz(gains.omega)
     for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
         curves = getattr(gains, name)
-        ax.fill_between(f, db(curves[-1]), db(curves[0]), color=COLOR[color], alpha=0.15, lw=0)
-        ax.plot(f, db(curves[0]), style, lw=1.6, color=COLOR[color], label=f"{name}, largest")
-        ax.plot(f, db(curves[-1]), style, lw=0.7, color=COLOR[color], label=f"{name}, smallest")
+        ax.fill_between(f, to_decibel(curves[-1]), to_decibel(curves[0]), color=COLOR[color], alpha=0.15, lw=0)
+        ax.plot(f, to_decibel(curves[0]), style, lw=1.6, color=COLOR[color], label=f"{name}, largest")
+        ax.plot(f, to_decibel(curves[-1]), style, lw=0.7, color=COLOR[color], label=f"{name}, smallest")
     ax.axhline(0, color="0.5", lw=0.8)
     title = "Nominal loop" if gains.stable else "Nominal loop, not stable"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="singular values [dB]", title=title)
     low, high = (f[0], f[-1]) if gains.band is None else hz(gains.band)
     mark_band(ax, (low, high), top=f[-1])
     show_all_of(ax)
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def draw_mu(ax: Any, report: StructuredReport) -> Any:
@@ -164,7 +169,7 @@ def draw_mu(ax: Any, report: StructuredReport) -> Any:
     if not report.nominally_stable:
         ax.set_ylim(0.1, 10)
         ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def outside_too(model: MatrixUncertainty) -> np.ndarray:

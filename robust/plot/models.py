@@ -6,8 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind
-from nlfrf._base.axes import axes, bode_axes, db, finished, gain_band, labelled, lower_edge, phase_band
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.axes import (
+    axes_or_new,
+    bode_axes,
+    finish_axes,
+    gain_band,
+    join_labels,
+    lower_edge,
+    phase_band,
+    to_decibel,
+)
 from robust._base.channels import require_single
 from robust.lti.lti import response, timebase
 from robust.models.fit.nominal import NominalFit, behind_hold
@@ -38,33 +47,35 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("model", model, UncertaintyModel)
-    ax = axes(ax)
+    require_kind("model", model, UncertaintyModel)
+    ax = axes_or_new(ax)
     f = hz(model.omega)
     floor = model.radius.min() * 10 ** (-25 / 20)
     for name, part in model.budget().items():
         if np.any(part > floor):
-            ax.plot(f, db(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=f"part: {name}")
-    ax.plot(f, db(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
+            ax.plot(f, to_decibel(part), ls=STYLE[name], lw=1.1, color=COLOR[name], alpha=0.9, label=f"part: {name}")
+    ax.plot(f, to_decibel(model.radius), ".", ms=3, color=COLOR["radius"], label="radius on the lines")
     wide = outside_too(model)
-    ax.plot(hz(wide), db(np.abs(response(model.weight, wide))), "-", lw=1.8, color=COLOR["weight"], label="|weight|")
+    ax.plot(
+        hz(wide), to_decibel(np.abs(response(model.weight, wide))), "-", lw=1.8, color=COLOR["weight"], label="|weight|"
+    )
     mark_band(ax, (f[0], f[-1]), top=hz(wide[-1]))
     unit = FORMS[model.form].unit_of(model.unit)
     ax.set(
         xscale="log",
-        ylim=(db(floor), None),
+        ylim=(to_decibel(floor), None),
         xlabel="frequency [Hz]",
         ylabel=f"radius, {model.form} [{', '.join(['dB', *[unit] * bool(unit)])}]",
         title=f"Uncertainty weight of order {model.weight.nstates}; {model.extrapolation}",
     )
     ax.title.set_fontsize("small")
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """The nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
-    of_kind("model", model, UncertaintyModel)
-    ax = axes(ax)
+    require_kind("model", model, UncertaintyModel)
+    ax = axes_or_new(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     G = model.at(omega)
     w, scale = np.abs(response(model.weight, omega)), np.abs(response(model.shaping, omega))
@@ -72,11 +83,11 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
     look: dict[str, Any] = {"color": COLOR["weight"], "alpha": 0.25, "over": OVER}
     gain_band(ax, hz(omega), size, low, high, label="gains of the set", **look)
-    ax.plot(hz(omega), db(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
+    ax.plot(hz(omega), to_decibel(size), "-", lw=1.6, color=COLOR["radius"], label="nominal")
     mark_band(ax, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
     label = f"|G| [dB, {model.unit or 'unit of y / u'}]"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, ylim=frame(size))
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = None) -> tuple[Axes, Axes]:
@@ -90,7 +101,7 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     ax : matplotlib Axes, optional
         Where to draw: it gives its place to the two that are returned; a new figure when not given.
     """
-    of_kind("model", model, UncertaintyModel)
+    require_kind("model", model, UncertaintyModel)
     blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
     for one in blas:
         require_single("bla", one)
@@ -110,15 +121,18 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     shown: list[np.ndarray] = []
     for one, color in zip(blas, MEASURED * len(blas), strict=False):
         radius, measured = one.bound(), np.abs(one.G)
-        ends = [db(measured) - db(lower_edge(measured, measured - radius)), db(measured + radius) - db(measured)]
+        ends = [
+            to_decibel(measured) - to_decibel(lower_edge(measured, measured - radius)),
+            to_decibel(measured + radius) - to_decibel(measured),
+        ]
         label = f"measured, 95 % bound{f' ({len(shown) + 1})' * (len(blas) > 1)}"
-        top.errorbar(one.f, db(measured), ends, fmt="none", lw=0.8, color=color)
-        top.plot(one.f, db(measured), ".", ms=4, color=color, label=label)
+        top.errorbar(one.f, to_decibel(measured), ends, fmt="none", lw=0.8, color=color)
+        top.plot(one.f, to_decibel(measured), ".", ms=4, color=color, label=label)
         turn = np.interp(one.f, f, phase)
         around = turn + np.angle(one.G * np.exp(-1j * turn))
         bottom.errorbar(one.f, np.degrees(around), phase_band(one.G, radius), fmt=".", ms=4, lw=0.8, color=color)
         shown += [around]
-    for axes_, curve in ((top, db(size)), (bottom, np.degrees(phase))):
+    for axes_, curve in ((top, to_decibel(size)), (bottom, np.degrees(phase))):
         axes_.plot(f, curve, "-", lw=1.6, color=COLOR["radius"], label="nominal" if axes_ is top else None)
         axes_.set_xscale("log")
         mark_band(axes_, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
@@ -127,21 +141,21 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     top.set(
         ylim=frame(size, *(np.abs(one.G) for one in blas)), ylabel=f"magnitude [dB, {model.unit or 'unit of y / u'}]"
     )
-    labelled(bottom, top)
-    finished(top)
-    return top, finished(bottom)
+    join_labels(bottom, top)
+    finish_axes(top)
+    return top, finish_axes(bottom)
 
 
 def frame(*sizes: np.ndarray) -> tuple[float, float]:
     """The vertical axis [dB] about what was measured and fitted, with room for a band but none for one without end."""
     every = np.concatenate(sizes)
-    return float(db(every[every > 0].min())) - BELOW, float(db(every.max())) + ABOVE
+    return float(to_decibel(every[every > 0].min())) - BELOW, float(to_decibel(every.max())) + ABOVE
 
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """What the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
-    of_kind("model", model, UncertaintyModel)
-    ax = axes(ax)
+    require_kind("model", model, UncertaintyModel)
+    ax = axes_or_new(ax)
     f = hz(model.omega)
     below = np.zeros(f.size)
     for name, part in model.budget().items():
@@ -158,29 +172,31 @@ def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
         title="What to measure next",
     )
     mark_band(ax, (f[0], f[-1]))
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_fit(fit: NominalFit, *, ax: Axes | None = None) -> Axes:
     """The measured lines, the nominal model through them, and what is left; arguments as in `plot_weight`."""
-    of_kind("fit", fit, NominalFit)
-    ax = axes(ax)
+    require_kind("fit", fit, NominalFit)
+    ax = axes_or_new(ax)
     f, measured = hz(fit.omega), fit.response + fit.residual
-    ax.plot(f, db(np.abs(measured)), ".", ms=3, color=COLOR["noise"], label="measured")
+    ax.plot(f, to_decibel(np.abs(measured)), ".", ms=3, color=COLOR["noise"], label="measured")
     label = f"model, {fit.G.nstates} poles" + (f", delay {1e3 * fit.delay:.3g} ms" if fit.delay else "")
     wide = np.geomspace(f.min() / BESIDE, f.max() * BESIDE, 400)
     wide = np.unique(np.concatenate([wide[wide < 0.5 / fit.G.dt] if fit.G.dt else wide, f]))
     drawn = response(fit.G, 2 * np.pi * wide)
-    ax.plot(wide, db(np.abs(drawn)), "-", lw=1.6, color=COLOR["radius"], label=label)
-    ax.plot(f, db(np.abs(fit.residual)), "x", ms=3, color=COLOR["limit"], alpha=0.7, label="residual")
+    ax.plot(wide, to_decibel(np.abs(drawn)), "-", lw=1.6, color=COLOR["radius"], label=label)
+    ax.plot(f, to_decibel(np.abs(fit.residual)), "x", ms=3, color=COLOR["limit"], alpha=0.7, label="residual")
     title = f"Nominal model of {fit.G.nstates} poles"
     if np.isfinite(fit.expected_cost):
-        ax.plot(f, db(fit.std), "_", ms=4, color=COLOR["loop"], alpha=0.9, label="standard deviation of the lines")
+        ax.plot(
+            f, to_decibel(fit.std), "_", ms=4, color=COLOR["loop"], alpha=0.9, label="standard deviation of the lines"
+        )
         title += f": cost {fit.cost / fit.expected_cost:.3g} times what scatter alone leaves"
     label = f"magnitude [dB, {fit.unit or 'unit of y / u'}]"
     ax.set(xscale="log", xlabel="frequency [Hz]", ylabel=label, title=title)
     mark_band(ax, (f.min(), f.max()))
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
@@ -193,8 +209,8 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    of_kind("validation", validation, Validation)
-    ax = axes(ax)
+    require_kind("validation", validation, Validation)
+    ax = axes_or_new(ax)
     f, out = hz(validation.omega), validation.distance > 1
     ax.plot(f[~out], validation.distance[~out], ".", ms=4, color=COLOR["weight"], label="inside")
     if out.any():
@@ -210,22 +226,22 @@ def plot_validation(validation: Validation, *, ax: Axes | None = None) -> Axes:
     )
     ax.title.set_fontsize("medium")
     mark_band(ax, (f.min(), f.max()))
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
     """Cost and criterion over the number of poles; arguments as in `plot_weight`."""
     from matplotlib.ticker import MaxNLocator
 
-    of_kind("scan", scan, OrderScan)
-    ax = axes(ax)
+    require_kind("scan", scan, OrderScan)
+    ax = axes_or_new(ax)
     ax.plot(scan.n_poles, scan.cost, "o-", color=COLOR["loop"], label="cost")
     ax.plot(scan.n_poles, scan.expected_cost, ":", color=COLOR["noise"], label="what scatter alone leaves")
     ax.plot(scan.n_poles, scan.criterion, "s-", color=COLOR["radius"], label="criterion")
     ax.axvline(scan.best, color=COLOR["weight"], lw=1.5, alpha=0.6, label=f"take {scan.best} poles")
     ax.set(yscale="log", xlabel="poles", ylabel="weighted squared error", title="Order scan")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    return finished(ax)
+    return finish_axes(ax)
 
 
 def outside_too(model: UncertaintyModel) -> np.ndarray:

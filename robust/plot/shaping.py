@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.arguments import hertz
-from nlfrf._base.axes import axes, db, finished
+from nlfrf._base.arguments import format_hertz
+from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
 from robust._base.states import Verdict
 from robust.analysis.bounds import loop_bounds
 from robust.analysis.check import check
@@ -74,14 +74,14 @@ class LoopPicture:
         self.violations = (self.low > L) | (self.high < L)
         self.before.set_data(*self.line.get_data())
         self.before.set_visible(self.report is not None)
-        self.line.set_data(hz(report.omega), db(np.abs(report.G * report.K)))  # on both sides of the band too
-        self.dots.set_data(hz(omega[self.violations]), db(L[self.violations]))
+        self.line.set_data(hz(report.omega), to_decibel(np.abs(report.G * report.K)))  # on both sides of the band too
+        self.dots.set_data(hz(omega[self.violations]), to_decibel(L[self.violations]))
         self.report = report
         self.fitted(L)
         self.ax.set_title(self.sentence(), fontsize="medium")
         for line, label in ((self.before, "|L| before"), (self.dots, "beyond a bound")):
             line.set_label(label if line.get_visible() and np.size(line.get_xdata()) else None)
-        finished(self.ax)
+        finish_axes(self.ax)
         self.ax.figure.canvas.draw_idle()
         return self
 
@@ -91,16 +91,19 @@ class LoopPicture:
         if not report.nominally_stable:
             return "unstable" if report.verdict is Verdict.NOT_ROBUST else "stability cannot be told"
         over = np.flatnonzero(np.abs(report.G * report.K) > 1)
-        crossover = f", crossover {hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
+        crossover = f", crossover {format_hertz(report.omega[over[-1]])}" if over.size else ", no crossover"
         return f"nominally stable; max rs {np.max(report.rs):.2f}, max rp {np.max(report.rp):.2f}{crossover}"
 
     def fitted(self, L: np.ndarray) -> None:
         """The view around |L| and the bounds, and the forbidden regions up to its edges."""
         shown = np.concatenate([L, self.low[(self.low > 0) & (self.low < np.inf)], self.high[self.high < np.inf]])
         shown = shown[(shown > 0) & np.isfinite(shown)]
-        floor, ceiling = max(float(db(shown.min())) - 10, -120.0), min(float(db(shown.max())) + 10, 120.0)
-        low = np.where(self.low > 0, np.clip(db(np.where(self.low > 0, self.low, 1.0)), floor, ceiling), floor)
-        high = np.where(self.high < np.inf, db(np.where(self.high > 0, self.high, 1e-300)), ceiling)
+        floor, ceiling = (
+            max(float(to_decibel(shown.min())) - 10, -120.0),
+            min(float(to_decibel(shown.max())) + 10, 120.0),
+        )
+        low = np.where(self.low > 0, np.clip(to_decibel(np.where(self.low > 0, self.low, 1.0)), floor, ceiling), floor)
+        high = np.where(self.high < np.inf, to_decibel(np.where(self.high > 0, self.high, 1e-300)), ceiling)
         f = hz(self.model.omega)
         for patch in self.forbidden:
             patch.remove()
@@ -143,4 +146,4 @@ def plot_loop_bounds(
     LoopPicture
         With `update(K)`, `ax`, `report` and `violations`.
     """
-    return LoopPicture(model, w_P, delay, axes(ax)).update(1.0 if K is None else K)
+    return LoopPicture(model, w_P, delay, axes_or_new(ax)).update(1.0 if K is None else K)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import nonnegative, positive
-from nlfrf._base.command import working
-from nlfrf._base.files import signature, write_text
+from nlfrf._base.arguments import require_nonnegative, require_positive
+from nlfrf._base.command import spinner
+from nlfrf._base.files import command_signature, write_text
 from robust._base.channels import is_single
 from robust.analysis.loop_level import LoopSignals, NoiseSignal, StepSignal
 from robust.analysis.performance import loop_gains
@@ -59,11 +59,11 @@ def named_signals(
     step: float | None, disturbance: float | None, noise: float | None, up_to: float | None
 ) -> LoopSignals | None:
     """What the options name as acting on a loop: a height, two rms, the end of a band [Hz]; None where none is."""
-    end = float("nan") if up_to is None else 2 * np.pi * positive("up-to", up_to)
+    end = float("nan") if up_to is None else 2 * np.pi * require_positive("up-to", up_to)
     signals: dict[str, Any] = {} if step is None else {"reference": StepSignal(step)}
     for name, rms in (("disturbance", disturbance), ("noise", noise)):
         if rms is not None:
-            signals[name] = NoiseSignal(nonnegative(name, rms), omega_max=end)
+            signals[name] = NoiseSignal(require_nonnegative(name, rms), omega_max=end)
     return LoopSignals(**signals) if signals else None
 
 
@@ -88,11 +88,11 @@ def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
 
 def hand_over(report: Any, out: Path, say: Any) -> None:
     """Write a report, and what was proved beside it, verified."""
-    write_text(out, f"{report}\n\n{signature('robust check')}\n")
+    write_text(out, f"{report}\n\n{command_signature('robust check')}\n")
     handed = certificate_of(out)
     if any(certificate.holds and certificate.claim is not None for certificate in report.certificates):
         save_certificate(report, handed)
-        with working("verifying"):
+        with spinner("verifying"):
             say(verify_certificate(handed))
     elif handed.exists():
         say(f"{handed} is of an earlier run: this one proved nothing that it could hold")

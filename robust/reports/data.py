@@ -6,7 +6,7 @@ import numpy as np
 
 import nlfrf
 from nlfrf import Bla, Record
-from nlfrf._base.arguments import counted
+from nlfrf._base.arguments import format_count
 from robust.analysis.report import probability_of
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.fit.nominal import NominalFit
@@ -39,8 +39,8 @@ def excitation_section(records: list[Record], blas: list[Bla]) -> Section:
             ),
             (
                 f"record{which}",
-                f"{counted(record.n_realizations, 'realisation')} of {counted(record.n_periods, 'period')} of "
-                f"{record.n_samples} samples at {record.fs:g} Hz: {record.u.size / record.fs:.4g} s, "
+                f"{format_count(record.n_realizations, 'realisation')} of {format_count(record.n_periods, 'period')} "
+                f"of {record.n_samples} samples at {record.fs:g} Hz: {record.u.size / record.fs:.4g} s, "
                 f"resolution {record.f0:.4g} Hz",
             ),
         ]

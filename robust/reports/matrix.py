@@ -9,7 +9,7 @@ import control
 
 import nlfrf
 from nlfrf import Bla
-from nlfrf._base.arguments import counted
+from nlfrf._base.arguments import format_count
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.performance import loop_gains
 from robust.lti.lti import poles, timebase
@@ -112,7 +112,7 @@ def proofs(report: StructuredReport) -> Section:
 
     table = [("subject", "bound", "proved at all frequencies", "how, or why not")]
     for c in report.certificates:
-        how = f"{c.method}, {counted(len(c.intervals), 'interval')}, {c.judged}" if c.holds else c.reason
+        how = f"{c.method}, {format_count(len(c.intervals), 'interval')}, {c.judged}" if c.holds else c.reason
         table.append((c.subject, f"{c.level:g}", "yes" if c.holds else "no", how))
     return Section(
         name="check",

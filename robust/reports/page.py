@@ -15,8 +15,8 @@ from typing import Any
 
 import nlfrf
 from nlfrf import Bla, Record
-from nlfrf._base.arguments import shown
-from nlfrf._base.files import path_of, write_text
+from nlfrf._base.arguments import short_form
+from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust.analysis.check import check
 from robust.analysis.check_structure import StructuredReport
@@ -107,7 +107,7 @@ def write_report(
     >>> report.verdict in text, "http" in text.replace("http-equiv", "")
     (True, False)
     """
-    path = path_of(path)
+    path = to_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
     if isinstance(model, MatrixUncertainty):
@@ -117,7 +117,7 @@ def write_report(
             require_parametric(model)
         return matrix_report(path, model, K, several(bla), several(record), nominal, w_P, report, title, notes)
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {shown(model)}")
+        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {short_form(model)}")
     K, records = state_space("K", K), several(record)
     for one in several(bla):
         require_single("bla", one)
@@ -131,7 +131,7 @@ def write_report(
     else:
         refuse_another(report, model, K, w_P, delay)
     if not (friction is None or isinstance(friction, FrictionProof)):
-        raise ValueError(f"friction must be what prove_friction gave, got {shown(friction)}")
+        raise ValueError(f"friction must be what prove_friction gave, got {short_form(friction)}")
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
@@ -184,7 +184,7 @@ def refuse_others(name: str, given: list[Any], wanted: type) -> None:
     """Refuse what is told of a model of another number of inputs and outputs, or of nothing at all."""
     for one in given:
         if not isinstance(one, wanted):
-            raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {shown(one)}")
+            raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {short_form(one)}")
 
 
 def page(**content: Any) -> str:

@@ -10,8 +10,8 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz
-from nlfrf._base.axes import under
+from nlfrf._base.arguments import format_hertz
+from nlfrf._base.axes import height_below
 from nlfrf._base.values import value
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import state_space
@@ -51,7 +51,7 @@ def picture(
     figure = Figure(figsize=(width, height))
     left = 0.14 if square else 0.11
     draw(*content, ax=figure.add_axes((left, 0.1, 0.98 - left, 0.84)), **options)
-    bottom, top = max(map(under, figure.axes)) / height, 1 - 0.35 / height
+    bottom, top = max(map(height_below, figure.axes)) / height, 1 - 0.35 / height
     old = [axes.get_position() for axes in figure.axes]
     for axes, place in zip(figure.axes, old, strict=True):  # room for the legend below, whatever it takes
         low, high = (bottom + (y - 0.1) / 0.84 * (top - bottom) for y in (place.y0, place.y1))
@@ -106,5 +106,5 @@ def demand_text(w_P: Any) -> str:
         omega = omega[omega * timebase(w_P) < np.pi]
     size = np.abs(response(w_P, omega))
     above = np.flatnonzero(size >= 1)
-    at = f", |S| below one up to {hertz(omega[above[-1]])}" if above.size else ""
+    at = f", |S| below one up to {format_hertz(omega[above[-1]])}" if above.size else ""
     return f"|S| at most {1 / size[0]:.3g} at low and {1 / size[-1]:.3g} at high frequency{at}"

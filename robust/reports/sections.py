@@ -10,7 +10,7 @@ import control
 import numpy as np
 
 import nlfrf
-from nlfrf._base.arguments import counted, hertz
+from nlfrf._base.arguments import format_count, format_hertz
 from robust.analysis.family import sample_loops
 from robust.analysis.performance import step_response
 from robust.analysis.report import RobustnessReport, factor, stability_words
@@ -106,20 +106,20 @@ def check_section(report: RobustnessReport) -> Section:
             (
                 "performance",
                 f"nominal max |w_P S| {np.max(report.np_):.3f}, worst case {np.max(report.rp):.3f} at "
-                f"{hertz(report.omega_rp)}: demand {met} by the whole set",
+                f"{format_hertz(report.omega_rp)}: demand {met} by the whole set",
             )
         )
     if report.nominally_stable and np.isfinite(report.disk_margin):
         facts.append(
             (
                 "disk margin",
-                f"{report.disk_margin:.3f} at {hertz(report.omega_disk)}: gain "
+                f"{report.disk_margin:.3f} at {format_hertz(report.omega_disk)}: gain "
                 f"{20 * np.log10(report.gain_margin):.2f} dB, phase {np.degrees(report.phase_margin):.1f} deg, at once",
             )
         )
     table = [("subject", "bound", "proved at all frequencies", "how, or why not")]
     for c in report.certificates:
-        how = f"{c.method}, {counted(len(c.intervals), 'interval')}, {c.judged}" if c.holds else c.reason
+        how = f"{c.method}, {format_count(len(c.intervals), 'interval')}, {c.judged}" if c.holds else c.reason
         table.append((c.subject, f"{c.level:g}", "yes" if c.holds else "no", how))
     return Section(
         name="check",
@@ -147,7 +147,7 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
     worst = worst_case(model, K, delay=delay)
     peak = f"|S| = {worst.achieved:.3g}" if worst.stable else "an unstable loop"
     facts = [
-        ("worst plant", f"{peak} at {hertz(worst.omega_worst)}, with |Delta| = {abs(worst.delta):.3g} there"),
+        ("worst plant", f"{peak} at {format_hertz(worst.omega_worst)}, with |Delta| = {abs(worst.delta):.3g} there"),
         ("its poles", roots_text(poles(worst.plant), timebase(worst.plant))),
     ]
     family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)

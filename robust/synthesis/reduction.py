@@ -10,7 +10,7 @@ import control
 import numpy as np
 from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuous_lyapunov, solve_sylvester
 
-from nlfrf._base.arguments import integer, nonnegative, positive
+from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.analysis.check import check
@@ -225,9 +225,9 @@ def reduce_controller(
     (0, 3.0)
     """
     several = isinstance(model, MatrixUncertainty)
-    K, delay = multivariable("K", K) if several else state_space("K", K), nonnegative("delay", delay)
-    deadline = time.monotonic() + positive("time_cap", time_cap)
-    if order is not None and integer("order", order, least=0) >= K.nstates:
+    K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
+    deadline = time.monotonic() + require_positive("time_cap", time_cap)
+    if order is not None and require_integer("order", order, least=0) >= K.nstates:
         raise ValueError(f"order must be below the {K.nstates} states of K, got {order}")
     before = check(model, K, w_P=w_P, delay=delay)
     if order is None and not before.verdict.is_robust:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import control
 import numpy as np
 
-from nlfrf._base.arguments import integer, nonnegative, positive, real
+from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive, require_real
 from robust.lti.realisation import from_roots
 from robust.lti.sampling import discretize
 
@@ -46,7 +46,7 @@ def lead(omega: float, phase: float, *, dt: float = 0.0) -> control.StateSpace:
     >>> round(float(abs(K(10j))), 9), round(float(np.degrees(np.angle(K(10j)))), 9)
     (1.0, 50.0)
     """
-    omega, phase = positive("omega", omega), positive("phase", phase)
+    omega, phase = require_positive("omega", omega), require_positive("phase", phase)
     if phase >= np.pi / 2:
         raise ValueError(f"phase must be below pi/2 rad for one lead, got {phase:g}. Take two")
     ratio = np.sqrt((1 + np.sin(phase)) / (1 - np.sin(phase)))
@@ -83,9 +83,9 @@ def lag(omega: float, gain: float, *, dt: float = 0.0) -> control.StateSpace:
     >>> round(float(abs(lag(1.0, 20.0)(0))), 9), round(float(abs(lag(1.0, 20.0)(1e6j))), 6)
     (20.0, 1.0)
     """
-    omega = positive("omega", omega)
+    omega = require_positive("omega", omega)
     if not (isinstance(gain, float) and np.isposinf(gain)):
-        gain = real("gain", gain)
+        gain = require_real("gain", gain)
     if gain <= 1:
         raise ValueError(f"gain must be above 1, got {gain:g}")
     return on_time_base(from_roots(np.array([-omega]), np.array([-omega / gain]), 1.0, 0.0), omega, dt)
@@ -126,7 +126,11 @@ def notch(omega: float, *, depth: float = 0.1, width: float = 0.5, dt: float = 0
     >>> round(float(abs(K(np.exp(0.1j)))), 9)
     0.05
     """
-    omega, depth, width = positive("omega", omega), nonnegative("depth", depth), positive("width", width)
+    omega, depth, width = (
+        require_positive("omega", omega),
+        require_nonnegative("depth", depth),
+        require_positive("width", width),
+    )
     top, bottom = (np.roots([1.0, d * width * omega, omega**2]) for d in (depth, 1.0))
     return on_time_base(from_roots(top, bottom, 1.0, 0.0), omega, dt)
 
@@ -164,7 +168,11 @@ def roll_off(omega: float, *, order: int = 1, zeta: float = 0.7, dt: float = 0.0
     >>> round(float(abs(roll_off(10.0, order=2, zeta=0.5)(10j))), 9)
     1.0
     """
-    omega, zeta, order = positive("omega", omega), positive("zeta", zeta), integer("order", order, least=1)
+    omega, zeta, order = (
+        require_positive("omega", omega),
+        require_positive("zeta", zeta),
+        require_integer("order", order, least=1),
+    )
     if order > 2:
         raise ValueError(f"order must be 1 or 2, got {order}")
     poles = np.array([-omega]) if order == 1 else np.roots([1.0, 2 * zeta * omega, omega**2])
@@ -204,10 +212,15 @@ def pid(
     >>> complex(np.round(K(1j), 6))
     (2.001-2.90001j)
     """
-    kp, ki, kd, tau = real("kp", kp), real("ki", ki), real("kd", kd), nonnegative("filter_time", filter_time)
+    kp, ki, kd, tau = (
+        require_real("kp", kp),
+        require_real("ki", ki),
+        require_real("kd", kd),
+        require_nonnegative("filter_time", filter_time),
+    )
     if kd and not tau:
         raise ValueError("filter_time must be positive [s] where kd is not zero: a derivative needs a filter, got 0")
-    dt = nonnegative("dt", dt)
+    dt = require_nonnegative("dt", dt)
     A, B, C, D = np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), kp
     if ki:
         A, B, C = np.zeros((1, 1)), np.ones((1, 1)), np.array([[ki]])
@@ -222,5 +235,5 @@ def pid(
 
 def on_time_base(K: control.StateSpace, omega: float, dt: float) -> control.StateSpace:
     """The element on its time base, exact at its frequency."""
-    dt = nonnegative("dt", dt)
+    dt = require_nonnegative("dt", dt)
     return discretize(K, dt, prewarp=omega) if dt else K

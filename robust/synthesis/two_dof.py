@@ -14,7 +14,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import nonnegative, positive
+from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust.analysis.loop import Loop, assemble, nominal_instability
 from robust.lti.connections import in_series
@@ -123,7 +123,7 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     >>> found.F.nstates, round(float(found.F.D[0, 0]), 2)
     (0, 1.0)
     """
-    effort, loop = positive("effort", effort), reference_loop(model, K, delay)
+    effort, loop = require_positive("effort", effort), reference_loop(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
     T = loop.closed(("y",), ("r",))
     found = hinfsyn(matching_plant(T_ref, T, effort, loop.dt), 1, 1)
@@ -147,7 +147,7 @@ def reference_loop(model: Any, K: Any, delay: float) -> Loop:
     """The loop that is to follow a reference, or a refusal where it is not stable."""
     instead = "take dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
-    loop = assemble(model, K, None, nonnegative("delay", delay))
+    loop = assemble(model, K, None, require_nonnegative("delay", delay))
     nominal = nominal_instability(loop)
     if not nominal.stable:
         raise ValueError(f"K must make a stable loop to follow a reference with, got one that is {nominal}")
@@ -290,7 +290,7 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
     >>> round(float(found.F.dcgain()), 2), bool(abs(abs(found.F(2j)) - np.sqrt(5 / 2)) < 0.02)
     (1.0, True)
     """
-    effort, loop = positive("effort", effort), reference_loop(model, K, delay)
+    effort, loop = require_positive("effort", effort), reference_loop(model, K, delay)
     if not is_stable(loop.G):
         raise ValueError(
             f"model must have a stable nominal to be fed forward to, got a pole at {rightmost_pole(loop.G):.4g}. Close "

@@ -14,7 +14,7 @@ import nlfrf
 import robust
 from benchmarks.fuzz_commands import made
 from nlfrf import cli as measuring
-from nlfrf._base.command import WRITTEN
+from nlfrf._base.command import OUTPUT_PARAMETERS
 from robust import cli as controlling
 
 DESIGN = "nlfrf design --fs 512 --period 512 --f-min 2 --f-max 100 --seed 1 -o {}"
@@ -112,7 +112,7 @@ def test_every_command_that_writes_is_here():
         for program, module in (("nlfrf", measuring), ("robust", controlling))
         for name, command in get_command(module.app).commands.items()
         for parameter in command.params
-        if parameter.name in WRITTEN
+        if parameter.name in OUTPUT_PARAMETERS
     }
     options = {"out": "-o {}", "picture": "--picture {}"}
     tried = {
@@ -129,7 +129,7 @@ def test_every_command_that_writes_is_here():
         for parameter in command.params
         if "out" in parameter.name or "picture" in parameter.name
     } - {"output"}
-    assert paths == set(WRITTEN)  # what writes under another name would be taken for an input
+    assert paths == set(OUTPUT_PARAMETERS)  # what writes under another name would be taken for an input
 
 
 @pytest.mark.parametrize("command", COMMANDS)

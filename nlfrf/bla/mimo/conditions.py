@@ -10,7 +10,7 @@ from nlfrf.bla.calibration import LARGEST, read_peaks, variance_ratio
 from nlfrf.bla.mimo.channels import ChannelSpectra, nearest_places
 from nlfrf.bla.realizations import refuse_strangers, warn_of_low_peaks
 from nlfrf.records.record import Record
-from nlfrf.signals.crest import are_low, is_improbable
+from nlfrf.signals.crest import have_low_crest, is_improbable
 from nlfrf.signals.lines import LineGrid
 
 __all__ = ["calibrated", "check_experiments", "independent_experiments", "is_zippered", "read_inputs", "warn_of_loud"]
@@ -87,7 +87,7 @@ def read_inputs(record: Record, spectra: ChannelSpectra) -> float:
         size = rms(U)
         own = size > APART * size.max()
         peaks = warn_of_low_peaks(u[are_on(u.var(axis=1))], size[own], lines[own], name)
-        told.append(read_peaks(U[:, own], lines[own], are_low(peaks))[0])
+        told.append(read_peaks(U[:, own], lines[own], have_low_crest(peaks))[0])
         if is_improbable(peaks):
             break
     return float(np.mean(told))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import of_kind
+from nlfrf._base.arguments import require_kind
 from nlfrf._base.values import Sketch, value
 from nlfrf.bla.bla import Bla
 
@@ -160,7 +160,7 @@ def singular_values(
     >>> bool(np.all((found.low[0] < 3.3) & (3.3 < found.high[0])))          # 3 and the gain of the cube, 0.3
     True
     """
-    of_kind("frm", frm, Bla)
+    require_kind("frm", frm, Bla)
     left, right = (np.moveaxis(part, 2, 0) for part in frm.block(confidence, of=of, simultaneous=simultaneous))
     U, sigma, Vh = np.linalg.svd(np.moveaxis(frm.matrix, 2, 0))  # all directions, those without a gain too
     out, into = np.swapaxes(U, 1, 2).conj() @ left, right @ np.swapaxes(Vh, 1, 2).conj()  # of each direction

@@ -8,7 +8,7 @@ from typing import Any, overload
 
 import numpy as np
 
-from nlfrf._base.arguments import data_warning, integer, one_of
+from nlfrf._base.arguments import data_warning, require_choice, require_integer
 from nlfrf._base.numbers import power
 from nlfrf.bla.bla import Bla, DistortionLevels, excess
 from nlfrf.bla.frf import ROUNDING, warn_of_jumps, warn_of_lines_apart
@@ -110,9 +110,9 @@ def identify(
     >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
     True
     """
-    one_of("transient", transient, TREATMENTS)
-    one_of("level_from", level_from, ("auto", "detection", "roughness"))
-    n_detection = integer("n_detection", n_detection, least=3)
+    require_choice("transient", transient, TREATMENTS)
+    require_choice("level_from", level_from, ("auto", "detection", "roughness"))
+    n_detection = require_integer("n_detection", n_detection, least=3)
     if isinstance(record, Sequence) and any(isinstance(one, Record) and not one.is_single for one in record):
         return [identify(one, transient=transient, level_from=level_from, n_detection=n_detection) for one in record]
     if not isinstance(record, Record) or record.is_single:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.numbers import EPS, SMALL, TINY, power, squared, two_unknowns
+from nlfrf._base.numbers import EPS, SMALL_NORM, TINY, power, squared_modulus, two_unknowns
 from nlfrf._base.values import value
 from nlfrf.bla.mimo.channels import nearest_lines
 from nlfrf.signals.lines import LineGrid, local_mean
@@ -69,7 +69,7 @@ def fit_matrix(G: np.ndarray, grid: LineGrid, gamma: np.ndarray) -> LocalMatrix:
     known = np.sqrt(np.einsum("iif->fi", gamma).real)[:, None, :, None]
     value_at_zero = (near.reshape(F, -1, n) @ at_zero)[..., 0]
     # rows of one size, so that an output in other units weighs the same
-    size = known * (np.sqrt(np.mean(squared(near / known), axis=(2, 3), keepdims=True)) + TINY)
+    size = known * (np.sqrt(np.mean(squared_modulus(near / known), axis=(2, 3), keepdims=True)) + TINY)
     powers = np.stack([np.ones(r.shape), -r, -(r**2)], axis=1)[:, :, None]  # (F, 3, 1, n)
     rows = (near / size).reshape(F, 1, -1, n) * powers[:, : 3 if n >= 2 * ORDER + 4 else 1]
     rows = (rows - (rows @ Q[:, None]) @ np.swapaxes(Q, 1, 2)[:, None]).reshape(F, rows.shape[1], -1)
@@ -94,7 +94,7 @@ def fit_matrix(G: np.ndarray, grid: LineGrid, gamma: np.ndarray) -> LocalMatrix:
 def interpolate_matrix(G: np.ndarray, excited: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """(n_y, n_u, K) entries between their lines, linear in log magnitude and in phase; held at the ends."""
     size = np.abs(G)
-    floor = np.maximum(EPS * size.max(axis=-1, keepdims=True), SMALL)
+    floor = np.maximum(EPS * size.max(axis=-1, keepdims=True), SMALL_NORM)
     logarithm = np.log(np.maximum(size, floor)) + 1j * np.unwrap(np.angle(G), axis=-1)
     flat = logarithm.reshape(-1, excited.size)
     return np.exp(np.array([np.interp(lines, excited, one) for one in flat])).reshape(*G.shape[:2], lines.size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.numbers import SMALL, power
+from nlfrf._base.numbers import SMALL_NORM, power
 from nlfrf._base.values import value
 from nlfrf.bla.mimo.channels import ChannelSpectra, nearest_places
 from nlfrf.bla.mimo.conditions import is_zippered
@@ -74,7 +74,7 @@ def level_from_lines(
     window = places[near]
     U = spectra.U[..., here]
     a2 = np.mean(np.abs(U) ** 2, axis=(1, 2))
-    gain = np.einsum("jik,i->jk", np.abs(G) ** 2, a2) + SMALL
+    gain = np.einsum("jik,i->jk", np.abs(G) ** 2, a2) + SMALL_NORM
     A = gain[:, window] / gain[:, here, None]  # (n_y, F, n)
     used = np.all(narrowed(A), axis=0).astype(float)
     power = np.mean(np.abs(Yc[:, :, window]) ** 2, axis=1)
@@ -104,7 +104,7 @@ def driving(spectra: ChannelSpectra) -> np.ndarray:
 def scoring(power: np.ndarray, noise: np.ndarray, A: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Expected powers (n_y, F, n) and d (n_y, F) of q = d A + n by scoring on exponentially distributed powers."""
     excess, square = A * (power - noise), A * A
-    floor = np.maximum(noise, SMALL)
+    floor = np.maximum(noise, SMALL_NORM)
     weight = used / square
     for _ in range(5):  # the first weighs by |G|^-4, as without noise
         d = np.maximum(np.vecdot(weight, excess) / np.vecdot(weight, square), 0.0)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from nlfrf._base.numbers import TINY, squared
+from nlfrf._base.numbers import TINY, squared_modulus
 from nlfrf._base.values import value
 from nlfrf.bla.mimo.channels import ChannelSpectra
 from nlfrf.bla.mimo.conditions import is_zippered
@@ -100,8 +100,8 @@ def suspects(
     """Every channel, and all outputs together, in the experiment in which they differ most, where that does harm."""
     at = spectra.excited
     V, noise, G = (one[..., at] for one in part)
-    size = np.mean(squared(spectra.Y[..., at]), axis=1)
-    weight = 1 / (local_mean(np.mean(squared(V), axis=1), NEARBY) + 1e-24 * size + TINY)
+    size = np.mean(squared_modulus(spectra.Y[..., at]), axis=1)
+    weight = 1 / (local_mean(np.mean(squared_modulus(V), axis=1), NEARBY) + 1e-24 * size + TINY)
     C = np.einsum("jjk->jk", level.cov).real + TINY
     samples = record.n_samples / (2 * np.pi * spectra.lines[at])  # by which a line is late, for a radian
     X = G[:, :, None] * spectra.U[..., at]  # (n_y, n_u, M, F)
@@ -128,7 +128,7 @@ def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, 
     """
     V, X, weight, C = lines
     along = np.sum((V.real * X.real + V.imag * X.imag) * weight[:, None], axis=0)  # (M, F)
-    power = squared(X)
+    power = squared_modulus(X)
     whole = np.sum(power * weight[:, None], axis=0)
     usual = np.median(whole, axis=1)
     on = np.flatnonzero(usual > SILENT * usual.max())

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from nlfrf._base.numbers import BLOCK, all_finite, blocks
+from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 from nlfrf.io.readers.layout import UNIT_CELL
 
 __all__ = ["RATES", "STEPS", "UNIT", "frequency_of", "hertz_of", "is_time", "seconds_of", "told_clock", "unit_of"]
@@ -153,7 +153,7 @@ def frequency_of(t: np.ndarray) -> float:
     t = t if all_finite(t) else t[np.isfinite(t)]
     if t.size < 2:
         return 0.0
-    sample = np.arange(0, t.size - 1, max(1, t.size // BLOCK))
+    sample = np.arange(0, t.size - 1, max(1, t.size // BLOCK_ENTRIES))
     usual = float(np.median(t[sample + 1] - t[sample]))
     least, n_gaps = np.inf, 0
     for steps in steps_of(t):
@@ -181,5 +181,5 @@ def frequency_of(t: np.ndarray) -> float:
 
 def steps_of(t: np.ndarray) -> Iterator[np.ndarray]:
     """The steps of a time axis, a block at a time."""
-    for some in blocks(t.size - 1):
+    for some in iterate_blocks(t.size - 1):
         yield np.diff(t[some.start : some.stop + 1])

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.own_process import Found, require_size
+from nlfrf._base.own_process import Contents, require_size
 from nlfrf.io.readers.clock import is_time, told_clock, unit_of
 from nlfrf.io.readers.layout import EMPTY, MARKS, Layout, decoded, layout_of
 
@@ -23,7 +23,7 @@ NUMBERED = re.compile(r"\.\d+$")  # how columns that share a name are told apart
 DATE, DAYTIME = re.compile(r"\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}"), re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 
-def contents(path: Path) -> Found:
+def contents(path: Path) -> Contents:
     """Columns by the names above them; units from the row below these; the clock of a preamble."""
     with path.open("rb") as stream:
         start = stream.read(START)
@@ -32,7 +32,7 @@ def contents(path: Path) -> Found:
     return table(start, path)
 
 
-def table(start: bytes, path: Path | None = None) -> Found:
+def table(start: bytes, path: Path | None = None) -> Contents:
     """The same from the first bytes of a file, or from all of them where no path is given."""
     head = start[:START]
     text = decoded(head[: head.rfind(b"\n") + 1] or head if len(head) == START else head)

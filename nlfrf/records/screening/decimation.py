@@ -4,41 +4,43 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["coarse", "common_step", "smooth_over"]
+__all__ = ["common_smooth_step", "decimate", "smooth_step"]
 
 
-PART = 1 << 16  # samples by which it is told how smooth a signal is
-SMOOTH = 0.994  # of the autocorrelation that is left after as many samples: their mean then has 99.9 % of the power
-LARGEST = 1024  # samples looked over at most
+CHUNK_SAMPLES = 1 << 16  # samples by which it is told how smooth a signal is
+SMOOTH_CORRELATION = (
+    0.994  # of the autocorrelation that is left after as many samples: their mean then has 99.9 % of the power
+)
+MAX_STEP = 1024  # samples looked over at most
 
 
-def smooth_over(x: np.ndarray) -> int:
+def smooth_step(x: np.ndarray) -> int:
     """Over how many samples, a power of two, a signal (n,) changes by little but its noise.
 
     White noise is gone from the autocorrelation one sample away, so it is held against that.
     """
-    first = max(0, (x.size - PART) // 2)
-    part = x[first : first + PART]
+    first = max(0, (x.size - CHUNK_SAMPLES) // 2)
+    part = x[first : first + CHUNK_SAMPLES]
     part = part - part.mean()
 
     def left(lag: int) -> float:
         return float(np.vdot(part[lag:], part[:-lag])) / (part.size - lag)
 
     step, one = 1, left(1)
-    while one > 0 and step < LARGEST and 64 * step < part.size and left(2 * step) > SMOOTH * one:
+    while one > 0 and step < MAX_STEP and 64 * step < part.size and left(2 * step) > SMOOTH_CORRELATION * one:
         step *= 2
     return step
 
 
-def common_step(signals: list[np.ndarray], n_samples: int) -> int:
+def common_smooth_step(signals: list[np.ndarray], n_samples: int) -> int:
     """Over how many samples, a divisor of n_samples, all of some signals (n,) are smooth."""
-    step = min(map(smooth_over, signals))
+    step = min(map(smooth_step, signals))
     while n_samples % step:
         step //= 2
     return step
 
 
-def coarse(x: np.ndarray, step: int) -> np.ndarray:
+def decimate(x: np.ndarray, step: int) -> np.ndarray:
     """(P, N / step) means of x (P, N) over `step` samples each; x itself for one.
 
     >>> coarse(np.arange(8.0)[None], 4)

@@ -10,29 +10,33 @@ from itertools import pairwise
 
 import numpy as np
 
-from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared
+from nlfrf._base.numbers import TINY, power, rfft, rfft_at, squared_modulus
 
-__all__ = ["gaps_inside", "likeliest_lag", "torn_periods"]
+__all__ = ["find_corrupted_periods", "find_slips", "likeliest_lag"]
 
 
-SURE = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
-UNEVEN = 10.0  # log of the likelihood that they differ more in one part than in the other, from which shifts are tried
-PARTS = 64  # of a period, between which it is tried
-LEFT = 1e-3  # share of what they differ by before the gap that may be left
-WHOLE = 0.2  # how far from it a quarter may be: a spike asks for nothing of the kind, a transient for anything
-ROUNDING = 1e-9  # share of the power of y that is no difference
-ENOUGH = 16  # samples of the noise that tell its variance
-STEEP = 8.0  # times as much before a gap as behind it: no resonance that then still rings dies so fast
-PEAKED = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
-SHORT = 8  # samples of the gaps that are tried wherever they are
-NEAR = [sign * k for k in range(1, SHORT + 1) for sign in (-1, 1)]
-SPIKE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
-TOLD = 4  # shifts that explain most up to some place, of which one is that before the first gap
-LIKELIEST = 3  # longer ones, with those beside them
+MIN_LOG_LIKELIHOOD = 50.0  # by how many variances of the noise a shift must explain what two periods differ by
+UNEVEN_LOG_LIKELIHOOD = (
+    10.0  # log of the likelihood that they differ more in one part than in the other, from which shifts are tried
+)
+N_PARTS = 64  # of a period, between which it is tried
+MAX_REST = 1e-3  # share of what they differ by before the gap that may be left
+WHOLE_TOLERANCE = (
+    0.2  # how far from it a quarter may be: a spike asks for nothing of the kind, a transient for anything
+)
+ROUNDING_POWER = 1e-9  # share of the power of y that is no difference
+MIN_SAMPLES = 16  # samples of the noise that tell its variance
+STEP_RATIO = 8.0  # times as much before a gap as behind it: no resonance that then still rings dies so fast
+SPECTRAL_PEAK_SHARE = 0.3  # share of the power on five lines: of noise on a few hundred lines it is a few hundredths
+MAX_SHORT_SHIFT = 8  # samples of the gaps that are tried wherever they are
+SHORT_SHIFTS = [sign * k for k in range(1, MAX_SHORT_SHIFT + 1) for sign in (-1, 1)]
+SPIKE_SHARE = 0.01  # share of what a shift explains that each quarter has; of a spike one quarter has it all
+MIN_PERIODS = 4  # shifts that explain most up to some place, of which one is that before the first gap
+N_LIKELIEST = 3  # longer ones, with those beside them
 FINE, PLACE = 1 << 13, 32  # places of a long period between which two gaps are looked for, samples that are read there
 
 
-def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
+def find_slips(y: np.ndarray, last: int) -> np.ndarray:
     """(P,) the samples by which what follows is late (early: negative) behind a gap inside each period; 0 without one.
 
     In the last period the part behind the gap is held against the period before.
@@ -50,18 +54,18 @@ def gaps_inside(y: np.ndarray, last: int) -> np.ndarray:
     >>> gaps_inside(np.delete(np.append(y, y[0]), 130).reshape(3, 100), 50)
     array([ 0., -1.,  0.])
     """
-    apart = [summed(one - following) for one, following in pairwise(y)]
+    apart = [cumulative_power(one - following) for one, following in pairwise(y)]
     noise = least_noise(apart, y[-1])
     found = np.zeros(len(y))
     for j, up_to in enumerate(apart):
-        found[j] = shift_before_gap(y[j], y[j + 1], up_to, noise, last)
+        found[j] = slip_length(y[j], y[j + 1], up_to, noise, last)
     if not found[-2]:
         backwards = apart[-1][-1] - apart[-1][::-1]
-        found[-1] = -shift_before_gap(y[-1, ::-1], y[-2, ::-1], backwards, noise, last)
-    return drop_contradicted(y, found, last)
+        found[-1] = -slip_length(y[-1, ::-1], y[-2, ::-1], backwards, noise, last)
+    return drop_contradicted_slips(y, found, last)
 
 
-def drop_contradicted(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
+def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
     """(P,) gaps, without those that the periods around them contradict.
 
     What is lost stays lost: behind a gap of k samples every later period stands k samples early. Friction and backlash
@@ -73,7 +77,7 @@ def drop_contradicted(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
         return gaps
     lines = np.arange(1, min(last, (y.shape[1] - 1) // 2) + 1)
     spectra = [rfft_at(y[j], lines) for j in whole]
-    steps = np.array([delay_between(one, later, lines, y.shape[1]) for one, later in pairwise(spectra)])
+    steps = np.array([period_delay(one, later, lines, y.shape[1]) for one, later in pairwise(spectra)])
     apart = np.diff(whole)
     pace = float(np.median(steps[apart == 1])) if (apart == 1).any() else 0.0
     kept = gaps.copy()
@@ -84,7 +88,7 @@ def drop_contradicted(y: np.ndarray, gaps: np.ndarray, last: int) -> np.ndarray:
     return kept
 
 
-def delay_between(one: np.ndarray, later: np.ndarray, lines: np.ndarray, n_samples: int) -> float:
+def period_delay(one: np.ndarray, later: np.ndarray, lines: np.ndarray, n_samples: int) -> float:
     """Samples by which a period stands later than another, by their spectra (F,)."""
     cross, slope = later * one.conj(), 2 * np.pi * lines / n_samples
     weight = float(np.sum(slope**2 * np.abs(cross)))
@@ -104,7 +108,7 @@ def likeliest_lag(cross: np.ndarray, lines: np.ndarray, n_samples: int) -> int:
     return late if correlation[late] >= correlation[early - reach] else early - reach
 
 
-def torn_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(P,) bool: periods with several gaps inside, between which a part stands elsewhere; (P,) all gaps with theirs.
 
     What was lost and then made up for leaves all that follows in its place. Of two periods both are named.
@@ -116,7 +120,7 @@ def torn_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray
     last : int
         Last excited line.
     gaps : (P,) ndarray
-        What `gaps_inside` found: where it found any, that is what two periods differ by.
+        What `find_slips` found: where it found any, that is what two periods differ by.
 
     Examples
     --------
@@ -125,20 +129,20 @@ def torn_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray
     >>> torn_periods(y.reshape(4, 100), 50, np.zeros(4))[0]
     array([False, False,  True, False])
     """
-    apart = [summed(one - following) for one, following in pairwise(y)]
+    apart = [cumulative_power(one - following) for one, following in pairwise(y)]
     noise = least_noise(apart, y[-1])
     unlike, torn, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
     for j, up_to in enumerate(apart):
         if gaps[j] or gaps[j + 1]:
             continue
-        found, shift = two_gaps(y[j], y[j + 1], up_to, noise, last)
+        found, shift = has_slip_pair(y[j], y[j + 1], up_to, noise, last)
         if found and shift:  # what stands before both gaps is found elsewhere in the period that follows them
             torn[j], total[j] = True, shift
         elif found:
             unlike[j + 1] = True  # one or the other: nothing is lost
         else:
             backwards = up_to[-1] - up_to[::-1]
-            found, shift = two_gaps(y[j + 1, ::-1], y[j, ::-1], backwards, noise, last)
+            found, shift = has_slip_pair(y[j + 1, ::-1], y[j, ::-1], backwards, noise, last)
             if found:
                 torn[j + 1], total[j + 1] = True, -shift
     if len(y) == 2:
@@ -150,25 +154,30 @@ def torn_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[np.ndarray
 
 
 def least_noise(apart: list[np.ndarray], y: np.ndarray) -> float:
-    """Variance of what two periods differ by in the quarter where it is least, `summed`, for a signal y (N,)."""
+    """Variance of what two periods differ by in the quarter where it is least, `cumulative_power`.
+
+    For a signal y (N,).
+    """
     n = y.size
     quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in apart)
-    return max(4 * quarter, ROUNDING * float(power(y))) / n
+    return max(4 * quarter, ROUNDING_POWER * float(power(y))) / n
 
 
-def two_gaps(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int) -> tuple[bool, int]:
+def has_slip_pair(
+    one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int
+) -> tuple[bool, int]:
     """Whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
 
     And the samples by which what stands before it is, up to the first of two gaps.
     """
     n = one.size
     blur = max(n / (2 * last), 1.0)
-    if not is_uneven(apart, max(ROUNDING * float(power(following)) / n, TINY), blur):
+    if not is_uneven(apart, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return False, 0
-    tried = [0, *NEAR, *far_shifts(one, following, last)]
+    tried = [0, *SHORT_SHIFTS, *candidate_lags(one, following, last)]
     # a long period is looked at in so many places, at some samples in each
     stride = max(1, n // FINE)
-    size, edge = min(stride, PLACE), -(-SHORT // stride)  # as in `shift_before_gap`
+    size, edge = min(stride, PLACE), -(-MAX_SHORT_SHIFT // stride)  # as in `slip_length`
     at = np.arange(0, n - stride + 1, stride)[:, None] + np.arange(size)
 
     def from_there(x: np.ndarray, shift: int) -> np.ndarray:
@@ -182,25 +191,27 @@ def two_gaps(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: f
     def explained(shift: int, begin: int, end: int) -> bool:
         """Whether one of the shifts explains all of what they differ by there."""
         begin, end = begin + edge, end - edge
-        if (end - begin) * size < ENOUGH:
+        if (end - begin) * size < MIN_SAMPLES:
             return False
         whole, rest = apart[end] - apart[begin], left[shift, end] - left[shift, begin]
-        if whole - rest < SURE * blur * noise:
+        if whole - rest < MIN_LOG_LIKELIHOOD * blur * noise:
             return False
         parts = begin + np.arange(5) * (end - begin) // 4
         step = from_there(following[at], tried[shift])
         by_parts = np.diff(apart[parts] - left[shift, parts])
-        told = rest <= max(LEFT * whole, 2 * (end - begin) * size * noise)
-        told &= by_parts.min() > SPIKE * by_parts.sum()
-        if not (told and is_that_shift(parts, apart, left[shift], step, noise * blur)):
+        told = rest <= max(MAX_REST * whole, 2 * (end - begin) * size * noise)
+        told &= by_parts.min() > SPIKE_SHARE * by_parts.sum()
+        if not (told and confirms_shift(parts, apart, left[shift], step, noise * blur)):
             return False
         noise_there = one[begin * stride : end * stride]
         noise_there = noise_there - np.roll(following, -tried[shift])[begin * stride : end * stride]
-        return bool(whole - rest > SURE * correlated_samples(noise_there) * power(noise_there) / noise_there.size)
+        return bool(
+            whole - rest > MIN_LOG_LIKELIHOOD * correlation_length(noise_there) * power(noise_there) / noise_there.size
+        )
 
     # one shift up to the first gap, another up to the second: the pair that leaves least
     tells = (apart - left[1:]).max(axis=1)
-    for before in ([0], (np.argsort(tells)[-TOLD:] + 1).tolist()):
+    for before in ([0], (np.argsort(tells)[-MIN_PERIODS:] + 1).tolist()):
         least = np.inf, 0, 0, 0, 0
         for i in before:
             from_first = np.minimum.accumulate(left[i] - left[1:], axis=1)
@@ -213,11 +224,11 @@ def two_gaps(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: f
         if begin < edge or apart[-1] - apart[behind] > 2 * at.size * noise:
             continue
         if explained(j, begin, end) and (i == 0 or explained(i, 0, begin)):
-            return not rings(one - following, begin * stride, behind * stride), tried[i]
+            return not is_single_mode(one - following, begin * stride, behind * stride), tried[i]
     return False, 0
 
 
-def far_shifts(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
+def candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
     """Longer shifts by which parts of a period are likeliest found in the next one, by the phases of all lines."""
     n = one.size
     cross = rfft(one).conj() * rfft(following)
@@ -225,78 +236,85 @@ def far_shifts(one: np.ndarray, following: np.ndarray, last: int) -> list[int]:
     reach = max(2, n // 8)
     alike = np.fft.irfft(cross / np.maximum(np.abs(cross), TINY), n)
     alike = np.concatenate([alike[-reach:], alike[: reach + 1]])
-    alike[max(reach - SHORT, 0) : reach + SHORT + 1] = -np.inf
+    alike[max(reach - MAX_SHORT_SHIFT, 0) : reach + MAX_SHORT_SHIFT + 1] = -np.inf
     found: set[int] = set()
-    for _ in range(LIKELIEST):
+    for _ in range(N_LIKELIEST):
         best = int(alike.argmax())
         found |= {best - reach + beside for beside in (-1, 0, 1)}
-        alike[max(best - SHORT, 0) : best + SHORT + 1] = -np.inf
+        alike[max(best - MAX_SHORT_SHIFT, 0) : best + MAX_SHORT_SHIFT + 1] = -np.inf
     return sorted(found)
 
 
-def is_that_shift(parts: np.ndarray, apart: np.ndarray, left: np.ndarray, step: np.ndarray, noise: float) -> bool:
-    """Whether each part of a signal asks for all of a shift, by what it explains, `summed`, and the step it makes."""
+def confirms_shift(parts: np.ndarray, apart: np.ndarray, left: np.ndarray, step: np.ndarray, noise: float) -> bool:
+    """Whether each part of a signal asks for all of a shift, by what it explains, `cumulative_power`.
+
+    And the step it makes.
+    """
     before, after, size = (np.diff(x[parts]) for x in (apart, left, step))
-    return bool((np.abs(before - after - size) < 2 * WHOLE * size + 6 * np.sqrt(noise * size)).all())
+    return bool((np.abs(before - after - size) < 2 * WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)).all())
 
 
-def shift_before_gap(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int) -> int:
+def slip_length(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int) -> int:
     """The samples by which the first part of a period is found elsewhere in the next one; 0 where it is no such thing.
 
     In its place the rest must be, and both parts then differ by noise alone. A transient is elsewhere in no place.
-    What the two differ by is given, `summed`.
+    What the two differ by is given, `cumulative_power`.
     """
     n = one.size
     blur = max(n / (2 * last), 1.0)  # samples of noise that tell one thing
-    if not is_uneven(apart, max(ROUNDING * float(power(following)) / n, TINY), blur):
+    if not is_uneven(apart, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return 0
     found, most = 0, 0.0
-    for shift in shifts(one, following, apart):
+    for shift in candidate_shifts(one, following, apart):
         there = np.roll(following, -shift)
-        left, step = summed(one - there), summed(there - following)
+        left, step = cumulative_power(one - there), cumulative_power(there - following)
         gap = int(np.argmax(apart - left))
-        end = max(gap - SHORT, 0)  # what was put into the gap is nowhere else, and a spike that is moved past it is
+        end = max(
+            gap - MAX_SHORT_SHIFT, 0
+        )  # what was put into the gap is nowhere else, and a spike that is moved past it is
         explained, behind = apart[end] - left[end], apart[-1] - apart[gap]
-        least = min(noise, behind / (n - gap)) if n - gap > ENOUGH * blur else noise
-        sure = SURE * blur * max((left[end] + behind) / n, least)
-        if min(explained, left[-1] - left[gap] - behind) < sure or left[end] > max(LEFT * apart[end], 2 * end * least):
+        least = min(noise, behind / (n - gap)) if n - gap > MIN_SAMPLES * blur else noise
+        sure = MIN_LOG_LIKELIHOOD * blur * max((left[end] + behind) / n, least)
+        if min(explained, left[-1] - left[gap] - behind) < sure or left[end] > max(
+            MAX_REST * apart[end], 2 * end * least
+        ):
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
-        whole = is_that_shift(np.arange(5) * end // 4, apart, left, step, noise * blur)
-        if whole and explained > most and not rings(one - following, 0, gap):
+        whole = confirms_shift(np.arange(5) * end // 4, apart, left, step, noise * blur)
+        if whole and explained > most and not is_single_mode(one - following, 0, gap):
             rest = (one - there)[:end]
-            if explained > SURE * correlated_samples(rest) * power(rest) / end:
+            if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end:
                 found, most = shift, explained
     return found
 
 
-def rings(apart: np.ndarray, begin: int, gap: int) -> bool:
+def is_single_mode(apart: np.ndarray, begin: int, gap: int) -> bool:
     """Whether what periods differ by (N,) goes on behind a gap on one frequency, as a resonance that rings for long.
 
     It is held against what they differ by before it, from `begin` on.
     """
-    if apart.size - gap < ENOUGH:
+    if apart.size - gap < MIN_SAMPLES:
         return True  # so few samples do not tell
     before, behind = power(apart[begin:gap]) / (gap - begin), power(apart[gap:]) / (apart.size - gap)
-    if before > STEEP * behind:
+    if before > STEP_RATIO * behind:
         return False
-    spectrum = squared(rfft(apart[gap:] * np.hanning(apart.size - gap)))
+    spectrum = squared_modulus(rfft(apart[gap:] * np.hanning(apart.size - gap)))
     peak = int(np.argmax(spectrum))
-    return bool(spectrum[max(peak - 2, 0) : peak + 3].sum() > PEAKED * spectrum.sum())
+    return bool(spectrum[max(peak - 2, 0) : peak + 3].sum() > SPECTRAL_PEAK_SHARE * spectrum.sum())
 
 
-def correlated_samples(noise: np.ndarray) -> float:
+def correlation_length(noise: np.ndarray) -> float:
     """Samples of a noise (n,) that say one thing about its power: sum of its squared autocorrelation, at least 1.
 
     Noise that a resonance made varies from place to place as one with hundreds of times fewer samples would.
     """
-    spectrum = squared(rfft(noise))[1:]
+    spectrum = squared_modulus(rfft(noise))[1:]
     total = float(spectrum.sum())
     # white noise gives 2, because each line of a periodogram has a chi-square distribution of its own
     return max(float(spectrum.size * power(spectrum) / total**2 - 1), 1.0) if total > 0 else 1.0
 
 
-def summed(x: np.ndarray) -> np.ndarray:
+def cumulative_power(x: np.ndarray) -> np.ndarray:
     """(N + 1,) power of x (N,) up to each sample."""
     return np.append(0.0, np.add.accumulate(x * x))
 
@@ -304,20 +322,20 @@ def summed(x: np.ndarray) -> np.ndarray:
 def is_uneven(apart: np.ndarray, floor: float, blur: float) -> bool:
     """Whether two variances, one up to some sample and one from there on, make a difference far likelier than one."""
     n = apart.size - 1
-    parts = min(PARTS, n)
+    parts = min(N_PARTS, n)
     at = np.arange(1, parts) * n // parts
     before, whole = np.maximum(apart[at] / at, floor), max(apart[-1] / n, floor)
     behind = np.maximum((apart[-1] - apart[at]) / (n - at), floor)
     gain = n * np.log(whole) - at * np.log(before) - (n - at) * np.log(behind)
-    return bool(gain.max() > 2 * UNEVEN * blur)
+    return bool(gain.max() > 2 * UNEVEN_LOG_LIKELIHOOD * blur)
 
 
-def shifts(one: np.ndarray, following: np.ndarray, apart: np.ndarray) -> list[int]:
+def candidate_shifts(one: np.ndarray, following: np.ndarray, apart: np.ndarray) -> list[int]:
     """Those that are tried: the one that lays the part with half of the difference best, and all short ones."""
     n = one.size
     half = int(np.searchsorted(apart, apart[-1] / 2))
-    size = summed(np.tile(following, 2))
+    size = cumulative_power(np.tile(following, 2))
     together = np.fft.irfft(np.fft.rfft(one[:half], n).conj() * np.fft.rfft(following), n)
     likeliest = int(np.argmin((size[half : half + n] - size[:n]) - 2 * together))
     likeliest -= n if likeliest > n // 2 else 0
-    return NEAR if abs(likeliest) <= SHORT or abs(likeliest) > n // 8 else [likeliest, *NEAR]
+    return SHORT_SHIFTS if abs(likeliest) <= MAX_SHORT_SHIFT or abs(likeliest) > n // 8 else [likeliest, *SHORT_SHIFTS]

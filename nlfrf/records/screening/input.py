@@ -14,44 +14,44 @@ from functools import lru_cache
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from nlfrf._base.numbers import BLOCK, blocks, equal, rfft, rfft_at, squared
+from nlfrf._base.numbers import BLOCK_ENTRIES, iterate_blocks, rfft, rfft_at, squared_modulus, streams_equal
 from nlfrf._base.values import value
-from nlfrf.records.screening.decimation import coarse, common_step
-from nlfrf.records.screening.gaps import gaps_inside, likeliest_lag, torn_periods
+from nlfrf.records.screening.decimation import common_smooth_step, decimate
+from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
 
 __all__ = [
-    "MOST",
-    "SEVERE",
-    "Track",
-    "between",
-    "clipped",
-    "held_over",
-    "longest_standstill",
-    "nonzero",
-    "recut",
-    "track",
+    "MAX_LINES",
+    "SEVERE_POWER",
+    "PeriodAlignment",
+    "clipped_share",
+    "describe_slips",
+    "hold_factor",
+    "interpolate_bandlimited",
+    "longest_constant_run",
+    "resegment",
+    "track_input",
     "warn_about_channel",
 ]
 
 
-SEVERE = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
-VISIBLE = 1e-7
+SEVERE_POWER = 1e-4  # share of the input's power that a misplaced period may turn into apparent distortion
+VISIBLE_POWER = 1e-7
 HALF_WIDTH = 24  # samples on either side that the band-limited interpolation looks at
-MOST = 1 << 14  # lines that tell delays well enough
-FEW = 8  # steps of which one or two may be jumps, and the median halfway into them
-CLIPPED = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
-PILE = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
+MAX_LINES = 1 << 14  # lines that tell delays well enough
+FEW_PERIODS = 8  # steps of which one or two may be jumps, and the median halfway into them
+CLIPPED_SHARE = 2e-3  # share of samples at the extremes, in runs, past which a signal counts as clipped
+PILE_RATIO = 4.0  # samples at an extreme to those at the level next to it: a rounded parabola has at most 2.4
 PART, FEWEST_CHANGES = 1 << 16, 100  # samples in which it is seen that a signal is held, and changes that show it
-SLOW = 0.02  # how much a pace of one sample counts against one of none that explains as much
-DRIFT = 3  # order of the polynomial that a drifting clock follows over the record
-NEAR = 1e-12  # of a sample: so near it is that sample
-BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
-OFFSET = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)  # of the samples it takes
-SMOOTH = 7  # order of the polynomials that follow that window from one sample to the next: to rounding
+STANDSTILL_SHARE = 0.02  # how much a pace of one sample counts against one of none that explains as much
+DRIFT_ORDER = 3  # order of the polynomial that a drifting clock follows over the record
+ROUNDING = 1e-12  # of a sample: so near it is that sample
+KAISER_BETA = 9.0  # shape of its Kaiser window: error under 1e-5 up to 0.4 fs
+SINC_OFFSETS = np.arange(-HALF_WIDTH + 1, HALF_WIDTH + 1)  # of the samples it takes
+WINDOW_ORDER = 7  # order of the polynomials that follow that window from one sample to the next: to rounding
 
 
 @value
-class Track:
+class PeriodAlignment:
     """Where each period of a stream stands.
 
     Fields
@@ -88,7 +88,7 @@ class Track:
             return np.zeros(self.sound.size)
         known = np.add.reduceat(self.gaps, j)[:-1]
         steps, apart = np.diff(self.delay[j]) - known, np.diff(j)
-        whole = known + np.round(steps - even_pace(steps, apart) * apart)
+        whole = known + np.round(steps - common_step_length(steps, apart) * apart)
         sums = np.concatenate([[0.0], np.cumsum(whole)])
         return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
 
@@ -111,7 +111,7 @@ class Track:
 
     @property
     def spacing(self) -> float:
-        """Samples of the stream to one of a period that is cut into n_samples (`recut`)."""
+        """Samples of the stream to one of a period that is cut into n_samples (`resegment`)."""
         return (round(self.period) if self.is_whole else self.period) / self.n_samples
 
     @property
@@ -131,13 +131,13 @@ class Track:
         steps = np.diff(self.jumps)
         if steps.any():
             found = ", ".join(
-                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in nonzero(steps)
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in describe_slips(steps)
             )
             return f"samples were lost or repeated ({found}); resample=True cuts the periods where they stand"
         if not self.sound.all():
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
             return f"the input does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
-        if self.misplaced < VISIBLE or np.abs(self.delay).max() < 5 * self.noise:
+        if self.misplaced < VISIBLE_POWER or np.abs(self.delay).max() < 5 * self.noise:
             return ""
         if self.drifts:
             return (
@@ -153,23 +153,23 @@ class Track:
         )
 
 
-def even_pace(steps: np.ndarray, apart: np.ndarray) -> float:
+def common_step_length(steps: np.ndarray, apart: np.ndarray) -> float:
     """The pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
-    if steps.size > FEW:
+    if steps.size > FEW_PERIODS:
         return float(np.median(steps / apart))
     paces = np.append(steps / apart, 0.0)
     left = steps - paces[:, None] * apart
     jumps = np.round(left)
-    beside = np.abs(left - jumps).sum(axis=1) + SLOW * np.abs(paces)
+    beside = np.abs(left - jumps).sum(axis=1) + STANDSTILL_SHARE * np.abs(paces)
     return float(paces[np.lexsort((beside, np.count_nonzero(jumps, axis=1)))[0]])
 
 
-def nonzero(steps: np.ndarray) -> list[tuple[int, float]]:
+def describe_slips(steps: np.ndarray) -> list[tuple[int, float]]:
     """The first few jumps: after which period, and by how much."""
     return [(int(j), float(steps[j])) for j in np.flatnonzero(steps)[:4]]
 
 
-def track(u: np.ndarray, n_samples: int) -> Track:
+def track_input(u: np.ndarray, n_samples: int) -> PeriodAlignment:
     """Follow the periods of an input (n,) that is at least two periods long.
 
     Parameters
@@ -181,43 +181,43 @@ def track(u: np.ndarray, n_samples: int) -> Track:
     """
     n_periods = u.size // n_samples
     periods = u[: n_periods * n_samples].reshape(n_periods, n_samples)
-    if all(equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
-        return in_place(n_samples, np.ones(n_periods, dtype=bool))
-    step = common_step([u], n_samples) if n_samples > BLOCK else 1
-    found = track_periods(coarse(periods, step))
+    if all(streams_equal(periods[0], period) for period in periods[1:]):  # as a generator plays them
+        return are_in_place(n_samples, np.ones(n_periods, dtype=bool))
+    step = common_smooth_step([u], n_samples) if n_samples > BLOCK_ENTRIES else 1
+    found = track_cut_periods(decimate(periods, step))
     return replace(
         found, n_samples=n_samples, delay=step * found.delay, gaps=step * found.gaps, noise=step * found.noise
     )
 
 
-def in_place(n_samples: int, sound: np.ndarray) -> Track:
+def are_in_place(n_samples: int, sound: np.ndarray) -> PeriodAlignment:
     """Periods (P,) that are sound or not, and stand where they should."""
     nothing = np.zeros(sound.size)
-    return Track(
+    return PeriodAlignment(
         n_samples=n_samples, delay=nothing, sound=sound, gaps=nothing, noise=0.0, misplaced=0.0, unexplained=0.0
     )
 
 
-def track_periods(periods: np.ndarray) -> Track:
-    """`track` of periods (P, N) that are cut evenly; one is transformed at a time."""
+def track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
+    """`track_input` of periods (P, N) that are cut evenly; one is transformed at a time."""
     n_samples = periods.shape[1]
     power = np.array([np.vdot(one, one) - np.add.reduce(one) ** 2 / n_samples for one in periods])
     steady = power > 0.9 * np.median(power)  # not empty, or half empty
     first = int(np.argmax(steady))
-    weight = squared(rfft(periods[first]))
+    weight = squared_modulus(rfft(periods[first]))
     weight[0] = 0.0
     weight[weight < 1e-6 * weight.max()] = 0.0
     weight[int(0.45 * n_samples) :] = 0.0
     used = np.flatnonzero(weight)  # the lines that tell: all that follows is of these
-    if used.size > MOST:
-        used = np.sort(np.argpartition(weight, -MOST)[-MOST:])
+    if used.size > MAX_LINES:
+        used = np.sort(np.argpartition(weight, -MAX_LINES)[-MAX_LINES:])
     weight = weight[used]
     spectra = np.array([rfft_at(one, used) for one in periods])
-    gaps = gaps_inside(periods, int(used[-1]))
-    torn, gaps = torn_periods(periods, int(used[-1]), gaps)
+    gaps = find_slips(periods, int(used[-1]))
+    torn, gaps = find_corrupted_periods(periods, int(used[-1]), gaps)
     whole_inside = (gaps == 0) & ~torn
     if torn.all():
-        return in_place(n_samples, whole_inside)
+        return are_in_place(n_samples, whole_inside)
     if not whole_inside[first]:
         first = int(np.argmax(steady & whole_inside))
     reference = spectra[first]
@@ -237,7 +237,7 @@ def track_periods(periods: np.ndarray) -> Track:
     noise = float(np.sqrt(typical / 2 * np.sum(weight) / np.sum(slope**2 * weight) / max(1, used.size)))
     shift = delay[sound] - delay[sound].mean()
     misplaced = float(np.mean(np.sum(slope**2 * weight) * shift**2) / np.sum(weight))
-    return Track(
+    return PeriodAlignment(
         n_samples=n_samples,
         delay=delay - delay[first],
         sound=sound,
@@ -248,7 +248,7 @@ def track_periods(periods: np.ndarray) -> Track:
     )
 
 
-def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
+def resegment(x: np.ndarray, where: PeriodAlignment) -> tuple[np.ndarray, np.ndarray]:
     """The sound periods (P, N) of a stream, each cut where it stands, between the samples where need be, and which.
 
     Parameters
@@ -272,7 +272,7 @@ def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
         sound = where.sound
         # a delay is an average over its period: it belongs to the middle
         middle, smooth = j[sound] + 0.5, (where.delay - where.jumps)[sound]
-        curve = np.polyfit(middle, smooth, min(DRIFT, middle.size - 1))
+        curve = np.polyfit(middle, smooth, min(DRIFT_ORDER, middle.size - 1))
     rows, kept = [], []
     for period in j[where.sound]:
         jumps = period + 1 < n_periods and where.jumps[period + 1] != where.jumps[period]
@@ -281,14 +281,14 @@ def recut(x: np.ndarray, where: Track) -> tuple[np.ndarray, np.ndarray]:
         tau = period + np.arange(n) / n
         at = n * tau + np.polyval(curve, tau) + where.jumps[period]
         if at[0] > -0.5 and at[-1] < x.size - 0.5:
-            rows.append(between(x, at))
+            rows.append(interpolate_bandlimited(x, at))
             kept.append(period)
     if not rows:
         raise ValueError(f"u must hold at least one whole sound period of {n} samples, got none")
     return np.array(rows), np.array(kept)
 
 
-def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
+def interpolate_bandlimited(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Values of a band-limited signal between its samples, by a windowed sinc.
 
     >>> x = np.sin(0.7 * np.arange(200))
@@ -296,12 +296,14 @@ def between(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     True
     """
     windows, values = kaiser_windows(), np.empty(at.size)
-    for some in blocks(at.size, OFFSET.size):
+    for some in iterate_blocks(at.size, SINC_OFFSETS.size):
         first = np.floor(at[some]).astype(int)
-        beyond = np.maximum(at[some] - first, NEAR)
-        kernel = np.vander(2 * beyond - 1, SMOOTH + 1) @ windows
-        kernel /= beyond[:, None] - OFFSET
-        values[some] = np.vecdot(x.take(first[:, None] + OFFSET, mode="clip"), kernel) / np.add.reduce(kernel, axis=1)
+        beyond = np.maximum(at[some] - first, ROUNDING)
+        kernel = np.vander(2 * beyond - 1, WINDOW_ORDER + 1) @ windows
+        kernel /= beyond[:, None] - SINC_OFFSETS
+        values[some] = np.vecdot(x.take(first[:, None] + SINC_OFFSETS, mode="clip"), kernel) / np.add.reduce(
+            kernel, axis=1
+        )
     return values
 
 
@@ -313,19 +315,19 @@ def kaiser_windows() -> np.ndarray:
     """
     from scipy.special import i0
 
-    nodes = np.cos(np.pi * (np.arange(SMOOTH + 1) + 0.5) / (SMOOTH + 1))
-    away = ((nodes[:, None] + 1) / 2 - OFFSET) / HALF_WIDTH
-    sign = np.where(OFFSET % 2, -1.0, 1.0)
-    windows = np.linalg.solve(np.vander(nodes), sign * i0(BETA * np.sqrt(1 - away**2)))
+    nodes = np.cos(np.pi * (np.arange(WINDOW_ORDER + 1) + 0.5) / (WINDOW_ORDER + 1))
+    away = ((nodes[:, None] + 1) / 2 - SINC_OFFSETS) / HALF_WIDTH
+    sign = np.where(SINC_OFFSETS % 2, -1.0, 1.0)
+    windows = np.linalg.solve(np.vander(nodes), sign * i0(KAISER_BETA * np.sqrt(1 - away**2)))
     windows.flags.writeable = False
     return windows
 
 
-def clipped(x: np.ndarray) -> float:
+def clipped_share(x: np.ndarray) -> float:
     """Share of the samples at the largest or smallest value, where they stand there in runs because they were cut off.
 
     A signal of few levels, as of integers, stands at its extremes in runs, too, but there no longer than at the next
-    level: smooth peaks are at most `PILE` times as long in the highest one.
+    level: smooth peaks are at most `PILE_RATIO` times as long in the highest one.
 
     >>> x = np.sin(np.arange(1000) / 50)
     >>> clipped(np.round(10 * x)), clipped(np.clip(np.round(10 * x), -7, 7)) > 0.2
@@ -334,22 +336,22 @@ def clipped(x: np.ndarray) -> float:
     n = 0
     for signed, extreme in ((1.0, float(x.max())), (-1.0, float(x.min()))):
         some_in_a_row, flat_ones, following = False, 0, -np.inf
-        for some in blocks(x.size):
+        for some in iterate_blocks(x.size):
             part = x[max(0, some.start - 2) : some.stop]
             flat = part == extreme  # a row may begin in the block before
             some_in_a_row |= bool(np.any(flat[2:] & flat[1:-1] & flat[:-2]))
             flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
             following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
         if some_in_a_row:
-            beside = sum(int(np.count_nonzero(x[some] == signed * following)) for some in blocks(x.size))
-            n += flat_ones if flat_ones > PILE * beside else 0
+            beside = sum(int(np.count_nonzero(x[some] == signed * following)) for some in iterate_blocks(x.size))
+            n += flat_ones if flat_ones > PILE_RATIO * beside else 0
     return n / x.size
 
 
-def longest_standstill(x: np.ndarray) -> tuple[int, int]:
+def longest_constant_run(x: np.ndarray) -> tuple[int, int]:
     """Where the longest run of equal samples begins, and how long it is."""
     begin, length, edge = 0, 0, 0  # of the longest run so far, and where the one at hand began
-    for some in blocks(x.size):
+    for some in iterate_blocks(x.size):
         follows = x[some.start + 1 : some.stop + 1]
         changed = follows != x[some][: follows.size]
         ends = [x.size] if some.stop == x.size else []
@@ -364,7 +366,7 @@ def longest_standstill(x: np.ndarray) -> tuple[int, int]:
     return begin, length
 
 
-def held_over(x: np.ndarray) -> int:
+def hold_factor(x: np.ndarray) -> int:
     """Over how many samples each number of a stream stands, where it changes at every n-th place only; else one."""
     part = x[:PART]
     at = np.flatnonzero(part[1:] != part[:-1])
@@ -374,9 +376,9 @@ def held_over(x: np.ndarray) -> int:
 
 def warn_about_channel(name: str, signal: np.ndarray, n_samples: int) -> None:
     """Warn of a signal that is clipped or that stands still: both would read as distortion."""
-    begin, length = longest_standstill(signal)
-    share = clipped(signal) if length > 2 else 0.0
-    if share > CLIPPED:
+    begin, length = longest_constant_run(signal)
+    share = clipped_share(signal) if length > 2 else 0.0
+    if share > CLIPPED_SHARE:
         data_warning(
             f"{name} seems clipped: {100 * share:.2g} % of its samples stand at its largest or smallest value in runs; "
             "lower the level or widen the range"

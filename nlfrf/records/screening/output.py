@@ -12,38 +12,38 @@ from functools import cache
 
 import numpy as np
 
-from nlfrf._base.numbers import BLOCK, TINY, equal, power, rfft_at
+from nlfrf._base.numbers import BLOCK_ENTRIES, TINY, power, rfft_at, streams_equal
 from nlfrf._base.values import value
-from nlfrf.records.screening.decimation import coarse, common_step
-from nlfrf.records.screening.gaps import gaps_inside, likeliest_lag, torn_periods
-from nlfrf.records.screening.input import MOST, SEVERE, between, nonzero
-from nlfrf.signals.lines import in_common
+from nlfrf.records.screening.decimation import common_smooth_step, decimate
+from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips, likeliest_lag
+from nlfrf.records.screening.input import MAX_LINES, SEVERE_POWER, describe_slips, interpolate_bandlimited
+from nlfrf.signals.lines import chance_correlation
 
 __all__ = [
     "ALONE",
     "FEW",
     "N_POLYNOMIAL",
-    "WINDOW",
-    "Lag",
-    "follow",
-    "gain_told",
+    "WINDOW_LINES",
+    "OutputAlignment",
+    "align_output",
+    "describe_gain_drift",
+    "describe_offset_drift",
+    "fit_line",
     "is_transient",
-    "line",
-    "on_the_clock_of_the_input",
-    "point_told",
+    "resample_to_input_clock",
 ]
 
 
 # ---- What changes over the periods of a record: the gain from u to y, evenly or at once, and the operating point.
 
-DRIFT = 0.02  # change of gain over the record that is named
-WANDER = 0.15  # change of the operating point over the record that is named, in rms of the output
+MIN_GAIN_DRIFT = 0.02  # change of gain over the record that is named
+MIN_OFFSET_DRIFT = 0.15  # change of the operating point over the record that is named, in rms of the output
 FEW, ALONE = 4, 0.9  # periods from which a drift is told from a transient; of fewer it has to explain so much
-CLEAR = 0.3  # of a change that what is left may be apart from it
-CURE = "let it settle, or cut the record into shorter ones (n_discard)"
+CLEAR_SHARE = 0.3  # of a change that what is left may be apart from it
+DRIFT_CURE = "let it settle, or cut the record into shorter ones (n_discard)"
 
 
-def gain_told(at: np.ndarray, gain: np.ndarray, noise: float, explained: float) -> str:
+def describe_gain_drift(at: np.ndarray, gain: np.ndarray, noise: float, explained: float) -> str:
     """How the gain of the periods `at` drifts or steps, with its numbers; empty where it does neither.
 
     `explained` is what share of all that does not repeat it explains: of little, a first period alone may still ring,
@@ -51,26 +51,26 @@ def gain_told(at: np.ndarray, gain: np.ndarray, noise: float, explained: float) 
     """
     if at.size < 2 or (at.size < FEW and explained < ALONE):
         return ""
-    slope, bend = line(at, gain)
+    slope, bend = fit_line(at, gain)
     drift = slope * float(np.ptp(at))
-    place, step, rest = step_in(gain)
-    least = max(DRIFT, noise)
+    place, step, rest = find_step(gain)
+    least = max(MIN_GAIN_DRIFT, noise)
     if rest < bend or at.size < 3:
-        if abs(step) > least and rest < CLEAR * abs(step) and (place > 1 or explained > ALONE):
+        if abs(step) > least and rest < CLEAR_SHARE * abs(step) and (place > 1 or explained > ALONE):
             where = f"before period {at[place] + 1}"
-            return f"the gain from u to y steps by {100 * step:+.2g} % {where}: G is that of neither side; {CURE}"
+            return f"the gain from u to y steps by {100 * step:+.2g} % {where}: G is that of neither side; {DRIFT_CURE}"
         if place == 1:
             return ""
-    if at.size >= FEW and abs(drift) > least and bend < CLEAR * abs(drift):
+    if at.size >= FEW and abs(drift) > least and bend < CLEAR_SHARE * abs(drift):
         said = f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it"
-        return f"{said}; {CURE}"
+        return f"{said}; {DRIFT_CURE}"
     return ""
 
 
-def point_told(offset: np.ndarray) -> str:
+def describe_offset_drift(offset: np.ndarray) -> str:
     """How far the operating point of the periods wanders; empty where it does not."""
     change = float(np.ptp(offset))
-    if change <= WANDER:
+    if change <= MIN_OFFSET_DRIFT:
         return ""
     return (
         f"the operating point of y wanders by {100 * change:.2g} % of its rms over the record: G is that of "
@@ -78,13 +78,13 @@ def point_told(offset: np.ndarray) -> str:
     )
 
 
-def line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+def fit_line(at: np.ndarray, x: np.ndarray) -> tuple[float, float]:
     """Slope of the straight line through x, and the largest departure from it."""
     fit = np.polyfit(at, x, 1)
     return float(fit[0]), float(np.abs(x - np.polyval(fit, at)).max())
 
 
-def step_in(x: np.ndarray) -> tuple[int, float, float]:
+def find_step(x: np.ndarray) -> tuple[int, float, float]:
     """Where x (n,) steps, by what share of what it was, and the largest departure from that."""
     first, last = (np.maximum.accumulate(part) - np.minimum.accumulate(part) for part in (x, x[::-1]))
     rest = np.maximum(first[:-1], last[-2::-1]) / 2
@@ -96,8 +96,8 @@ def step_in(x: np.ndarray) -> tuple[int, float, float]:
 # ---- Whether periods differ by a transient: it is smooth over frequency, which neither noise nor a fault is.
 
 N_POLYNOMIAL = 3
-ENOUGH = 1000  # windows that decide whether there is a transient; more would only take time
-WINDOW = 12  # neighbouring lines over which a difference between periods is tested for smoothness
+MAX_WINDOWS = 1000  # windows that decide whether there is a transient; more would only take time
+WINDOW_LINES = 12  # neighbouring lines over which a difference between periods is tested for smoothness
 
 
 def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
@@ -108,39 +108,39 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     first, last : (M, K) complex ndarray
         Spectra of two periods on neighbouring lines.
     """
-    n_windows = first.shape[1] // WINDOW
-    step = max(1, first.shape[0] * n_windows // ENOUGH)
-    apart = first[:, : n_windows * WINDOW] - last[:, : n_windows * WINDOW]
-    windows = apart.reshape(len(apart), -1, WINDOW)[:, ::step].reshape(-1, WINDOW)
+    n_windows = first.shape[1] // WINDOW_LINES
+    step = max(1, first.shape[0] * n_windows // MAX_WINDOWS)
+    apart = first[:, : n_windows * WINDOW_LINES] - last[:, : n_windows * WINDOW_LINES]
+    windows = apart.reshape(len(apart), -1, WINDOW_LINES)[:, ::step].reshape(-1, WINDOW_LINES)
     total = power(windows)
     if np.add.reduce(total) <= 1e-20 * np.add.reduce(power(last)):
         return False
-    explained = power(windows @ smooth_part())
+    explained = power(windows @ smooth_basis())
     rest = np.maximum(total - explained, 1e-12 * total)
     # in noise the ratio is F(6, 18): mean 1.125, standard deviation 0.75
     ratio = explained / np.maximum(rest, TINY)
-    ratio *= (WINDOW - N_POLYNOMIAL) / N_POLYNOMIAL
+    ratio *= (WINDOW_LINES - N_POLYNOMIAL) / N_POLYNOMIAL
     return bool(ratio.sum() > ratio.size * (1.5 + 5 * 0.75 / ratio.size**0.5))
 
 
 @cache
-def smooth_part() -> np.ndarray:
+def smooth_basis() -> np.ndarray:
     """(WINDOW, N_POLYNOMIAL) orthonormal polynomials on the lines of a window."""
-    return np.linalg.qr(np.linspace(-1, 1, WINDOW)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
+    return np.linalg.qr(np.linspace(-1, 1, WINDOW_LINES)[:, None] ** np.arange(N_POLYNOMIAL))[0].astype(complex)
 
 
-SURE = 6.0  # standard deviations past which a fault is believed
-EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
-VISIBLE = 1e-6  # share of the power of y out of place from which it is said
-CLOCKS = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
-LEVEL = 0.25  # how far the gain of a period may be from that of the others
-UNSOUND = 1e-3  # share of the power of a period that may not repeat before it is looked at
-BY_CHANCE = 1e-3  # probability with which noise may pass for a period that is late or early
-OPPOSITE = 0.9  # of what two periods could have in common, from which one is the other with its sign turned
+SIGMAS = 6.0  # standard deviations past which a fault is believed
+MIN_EXPLAINED = 0.5  # share of what does not repeat that a delay must explain before a record is refused for it
+VISIBLE_POWER = 1e-6  # share of the power of y out of place from which it is said
+MAX_CLOCK_ERROR = 1e-4  # how far two clocks may be apart at most; what looks like more is samples lost or repeated
+MAX_LEVEL_CHANGE = 0.25  # how far the gain of a period may be from that of the others
+MAX_UNEXPLAINED = 1e-3  # share of the power of a period that may not repeat before it is looked at
+FALSE_ALARM = 1e-3  # probability with which noise may pass for a period that is late or early
+OPPOSITE_CORRELATION = 0.9  # of what two periods could have in common, from which one is the other with its sign turned
 
 
 @value(copy=False)
-class Lag:
+class OutputAlignment:
     """How an output stands against the input, period by period.
 
     Fields
@@ -199,11 +199,11 @@ class Lag:
         at = np.flatnonzero(self.sound)
         if at.size < 2:
             return 0.0
-        pace, bend = line(at, (self.delay - self.jumps)[at])
+        pace, bend = fit_line(at, (self.delay - self.jumps)[at])
         spread = float(np.sqrt(np.sum((at - at.mean()) ** 2)))
         straight = at.size < FEW or bend < 0.3 * abs(pace) * np.ptp(at)
-        likely = self.explained > (ALONE if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SURE * self.noise
-        return pace if abs(pace) * spread > SURE * self.noise and straight and likely else 0.0
+        likely = self.explained > (ALONE if at.size < FEW else 0.1) or abs(pace) * spread > 3 * SIGMAS * self.noise
+        return pace if abs(pace) * spread > SIGMAS * self.noise and straight and likely else 0.0
 
     @property
     def fault(self) -> str:
@@ -214,13 +214,13 @@ class Lag:
         gaps = np.diff(self.jumps)
         if gaps.any():
             found = ", ".join(
-                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in nonzero(gaps)
+                f"{abs(n):g} {'repeated' if n > 0 else 'lost'} before period {j + 2}" for j, n in describe_slips(gaps)
             )
             return f"samples of y were lost or repeated against u ({found}); resample=True cuts y where it stands"
         if self.broken:
             bad = ", ".join(str(j + 1) for j in np.flatnonzero(~self.sound)[:6])
             return f"y does not repeat in period {bad} of {self.sound.size}; resample=True leaves it out"
-        if self.clock and self.misplaced > VISIBLE and self.outweighs_noise:
+        if self.clock and self.misplaced > VISIBLE_POWER and self.outweighs_noise:
             ppm = 1e6 * self.clock / self.n_samples
             return (
                 f"the clock of y is off that of u by {ppm:.3g} ppm ({self.clock:+.3g} samples a period); "
@@ -241,7 +241,9 @@ class Lag:
     @property
     def severe(self) -> bool:
         """Whether that would read as distortion, beyond what is noise anyhow."""
-        return (self.misplaced > SEVERE and self.explained > EXPLAINED) or self.broken or bool(self.turns.any())
+        return (
+            (self.misplaced > SEVERE_POWER and self.explained > MIN_EXPLAINED) or self.broken or bool(self.turns.any())
+        )
 
     @property
     def start(self) -> str:
@@ -259,11 +261,11 @@ class Lag:
     def drift(self) -> str:
         """What changes slowly over the record, with its numbers and what to do; empty where nothing does."""
         at = np.flatnonzero(self.sound)
-        changed = gain_told(at, self.gain[at], SURE * self.gain_noise, self.explained)
-        return changed if changed or at.size < FEW else point_told(self.offset[at])
+        changed = describe_gain_drift(at, self.gain[at], SIGMAS * self.gain_noise, self.explained)
+        return changed if changed or at.size < FEW else describe_offset_drift(self.offset[at])
 
 
-def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
+def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlignment:
     """Follow the periods of an output against those of its input.
 
     Periods in which y still rings are left aside: a transient has a phase and a gain of its own on every line.
@@ -276,31 +278,33 @@ def follow(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> Lag:
         Excited lines.
     """
     n_samples = y.shape[1]
-    step = common_step([u[0], y[0]], n_samples) if n_samples > BLOCK else 1
-    u, y = coarse(u, step), coarse(y, step)
+    step = common_smooth_step([u[0], y[0]], n_samples) if n_samples > BLOCK_ENTRIES else 1
+    u, y = decimate(u, step), decimate(y, step)
     lines = lines[2 * lines < y.shape[1]]
-    gaps = gaps_inside(y, int(lines[-1]))
-    torn, gaps = torn_periods(y, int(lines[-1]), gaps)
+    gaps = find_slips(y, int(lines[-1]))
+    torn, gaps = find_corrupted_periods(y, int(lines[-1]), gaps)
     if torn.all():
-        return replace(nothing_told(len(y), n_samples), sound=~torn, torn=torn)
+        return replace(unknown_alignment(len(y), n_samples), sound=~torn, torn=torn)
     gaps *= step
-    lag = followed(u, y, lines, step, gaps, torn)
+    lag = align_decimated(u, y, lines, step, gaps, torn)
     if lag.fault or lag.drift:
-        first = settled_from(y, int(lines[-1]), (gaps != 0) | torn)
+        first = first_settled_period(y, int(lines[-1]), (gaps != 0) | torn)
         if first > len(y) - 2:
-            return nothing_told(len(y), n_samples)
+            return unknown_alignment(len(y), n_samples)
         if first:
-            return with_ringing(followed(u[first:], y[first:], lines, step, gaps[first:], torn[first:]), first)
+            return prepend_transient_periods(
+                align_decimated(u[first:], y[first:], lines, step, gaps[first:], torn[first:]), first
+            )
     first = int(np.argmax(lag.sound))
     if first and not lag.fault and not lag.drift:
         unbroken = np.zeros(first, dtype=bool)
-        lag = replace(lag, strange=settled_from(y[: first + 1], int(lines[-1]), unbroken) < first)
+        lag = replace(lag, strange=first_settled_period(y[: first + 1], int(lines[-1]), unbroken) < first)
     # a gap before all that is sound: that is where the rest stands
     gaps[first:] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
 
 
-def settled_from(y: np.ndarray, last: int, broken: np.ndarray) -> int:
+def first_settled_period(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     """The first of the periods (P, N) from which the next one differs by no transient, seen on the lines up to one.
 
     A transient dies away: what grows within a period, as behind a gap, is none, nor is what a gap broke (P,).
@@ -314,10 +318,10 @@ def settled_from(y: np.ndarray, last: int, broken: np.ndarray) -> int:
     return len(y) - 1
 
 
-def nothing_told(n_periods: int, n_samples: int) -> Lag:
+def unknown_alignment(n_periods: int, n_samples: int) -> OutputAlignment:
     """Where the periods tell nothing of a fault."""
     zeros, ones = np.zeros(n_periods), np.ones(n_periods)
-    return Lag(
+    return OutputAlignment(
         n_samples=n_samples,
         delay=zeros,
         jumps=zeros,
@@ -332,7 +336,7 @@ def nothing_told(n_periods: int, n_samples: int) -> Lag:
     )
 
 
-def with_ringing(lag: Lag, n: int) -> Lag:
+def prepend_transient_periods(lag: OutputAlignment, n: int) -> OutputAlignment:
     """The same with n periods before it, of which nothing is told."""
 
     def after(x: np.ndarray, before: float | bool) -> np.ndarray:
@@ -349,39 +353,44 @@ def with_ringing(lag: Lag, n: int) -> Lag:
     )
 
 
-def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray, torn: np.ndarray) -> Lag:
-    """`follow` for signals of which one sample in so many is left, with such gaps in periods, or torn ones (P,)."""
+def align_decimated(
+    u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray, torn: np.ndarray
+) -> OutputAlignment:
+    """`align_output` for signals of which one sample in so many is left, with such gaps in periods.
+
+    Or torn ones (P,).
+    """
     n_samples = step * y.shape[1]
-    if lines.size > MOST:
-        lines = np.sort(np.random.default_rng(0).choice(lines, MOST, replace=False))
-    input_side, output = aligned(u, lines), aligned(y, lines)
+    if lines.size > MAX_LINES:
+        lines = np.sort(np.random.default_rng(0).choice(lines, MAX_LINES, replace=False))
+    input_side, output = align_periods(u, lines), align_periods(y, lines)
     whole = (gaps == 0) & ~torn
     # one whole period has nothing to repeat, and the gap in the other was found because both sides of it do
-    answers = np.count_nonzero(whole) < 2 or np.mean(is_answer(output, lines, y.shape[1], whole)) > 0.5
+    answers = np.count_nonzero(whole) < 2 or np.mean(follows_input(output, lines, y.shape[1], whole)) > 0.5
     if not answers or np.count_nonzero(output.placed) <= len(y) / 2:
-        return nothing_told(len(y), n_samples)
+        return unknown_alignment(len(y), n_samples)
     delay = step * (output.delay - input_side.delay)
-    delay = held(delay, output.placed)
+    delay = forward_filled(delay, output.placed)
     slope = 2 * np.pi * lines / n_samples
     weight = np.abs(output.mean) ** 2
     total = float(weight.sum())
     lever = float(np.sum(slope**2 * weight))
     typical = float(np.median(output.rest))
     noise, gain_noise = (
-        spread(weight * by, by, typical / lines.size, len(y)) for by in (slope**2, np.ones(lines.size))
+        noise_std(weight * by, by, typical / lines.size, len(y)) for by in (slope**2, np.ones(lines.size))
     )
-    sound = output.rest < max(UNSOUND * total, 10 * typical)
+    sound = output.rest < max(MAX_UNEXPLAINED * total, 10 * typical)
     size = np.abs(output.gain)
-    sound &= np.abs(size / np.median(size) - 1) < LEVEL + SURE * gain_noise
+    sound &= np.abs(size / np.median(size) - 1) < MAX_LEVEL_CHANGE + SIGMAS * gain_noise
     if len(y) == 2:
         sound = np.ones(2, dtype=bool)
     if whole.any():
         sound &= whole
-    sound, jumps = gaps_in(delay, sound, noise, n_samples)
+    sound, jumps = slips_between_periods(delay, sound, noise, n_samples)
     shift = delay[sound] - delay[sound].mean()
     Y = output.spectra[sound]
     before = float(np.sum(np.abs(Y - Y.mean(axis=0)) ** 2))
-    return Lag(
+    return OutputAlignment(
         n_samples=n_samples,
         delay=delay - delay[np.argmax(sound)],
         jumps=jumps,
@@ -396,7 +405,7 @@ def followed(u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: n
     )
 
 
-def spread(seen: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) -> float:
+def noise_std(seen: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) -> float:
     """Standard deviation of a delay, or of a gain, by noise: lines (F,) tell of it by their power in the mean.
 
     The mean of the periods has noise in it too, which tells nothing.
@@ -405,33 +414,35 @@ def spread(seen: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) ->
     return float(np.sqrt(of_noise / 2 * seen.sum()) / told) if told > 0 else np.inf
 
 
-def held(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
+def forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
     """The delays, where they are not known that of the period before, or of the first that is."""
     at = np.flatnonzero(placed)
     return delay[at][np.maximum(np.searchsorted(at, np.arange(delay.size), side="right") - 1, 0)]
 
 
-def gaps_in(delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int) -> tuple[np.ndarray, np.ndarray]:
+def slips_between_periods(
+    delay: np.ndarray, sound: np.ndarray, noise: float, n_samples: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Which periods have no gap inside, and the whole samples by which each stands off."""
     at = np.flatnonzero(sound)
     nothing = np.zeros(delay.size)
-    if at.size < 2 or SURE * noise > 0.5:
+    if at.size < 2 or SIGMAS * noise > 0.5:
         return sound, nothing
     pace = float(np.median(np.diff(delay[at]) / np.diff(at)))
-    pace = 0.0 if abs(pace) > CLOCKS * n_samples else pace
+    pace = 0.0 if abs(pace) > MAX_CLOCK_ERROR * n_samples else pace
     left = delay - pace * np.arange(delay.size)
     apart = left[at] - left[at, None]
-    agree = np.abs(apart - np.round(apart)) < max(0.1, SURE * noise)
+    agree = np.abs(apart - np.round(apart)) < max(0.1, SIGMAS * noise)
     most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # with which most agree: the first may have a gap inside
     left -= left[most]
     whole = np.round(left)
     if not whole[at].any():
         return sound, nothing
-    sound = sound & (np.abs(left - whole) < max(0.1, SURE * noise))
-    return sound, held(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
+    sound = sound & (np.abs(left - whole) < max(0.1, SIGMAS * noise))
+    return sound, forward_filled(whole - whole[np.argmax(sound)], sound) if sound.any() else nothing
 
 
-def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def resample_to_input_clock(y: np.ndarray, lag: OutputAlignment, periods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The stream y (n,) moved to where the input stands, and which of its periods then hold what was measured.
 
     Parameters
@@ -453,11 +464,11 @@ def on_the_clock_of_the_input(y: np.ndarray, lag: Lag, periods: np.ndarray) -> t
     good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to make it unsound
     inside = (at[0 :: lag.n_samples] > -0.5)[periods]
     last = np.minimum((periods + 1) * lag.n_samples, y.size) - 1
-    return between(y, at), good & inside & (at[last] < y.size - 0.5)
+    return interpolate_bandlimited(y, at), good & inside & (at[last] < y.size - 0.5)
 
 
 @value(copy=False)
-class Aligned:
+class AlignedPeriods:
     """Periods laid over each other: delay [samples] and gain (P,) of each, what is left (P,), their mean (F,).
 
     Whether each has more in common with the others than white noise has (P,), and the spectra (P, F) as they were.
@@ -471,16 +482,18 @@ class Aligned:
     spectra: np.ndarray
 
 
-def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
+def align_periods(x: np.ndarray, lines: np.ndarray) -> AlignedPeriods:
     """The periods x (P, N) laid over the last one on the lines (F,), then over their mean."""
     n_samples = x.shape[1]
-    repeats = all(equal(x[-1], one) for one in x[:-1])
+    repeats = all(streams_equal(x[-1], one) for one in x[:-1])
     X = np.array([rfft_at(one, lines) * (2 / n_samples) for one in (x[-1:] if repeats else x)])
     X = np.repeat(X, len(x), axis=0) if repeats else X
     slope = 2 * np.pi * lines / n_samples
     reference = X[-1]
     # of either sign: what is turned round looks like a period that is late on every line
-    sign = np.where((X @ reference.conj()).real < -OPPOSITE * np.sqrt(power(X) * power(reference)), -1.0, 1.0)
+    sign = np.where(
+        (X @ reference.conj()).real < -OPPOSITE_CORRELATION * np.sqrt(power(X) * power(reference)), -1.0, 1.0
+    )
     X = X * sign[:, None]
     delay = np.zeros(len(x))
     if not repeats:
@@ -496,20 +509,20 @@ def aligned(x: np.ndarray, lines: np.ndarray) -> Aligned:
     rest = np.sum(np.abs(turned - gain[:, None] * reference) ** 2, axis=1)
     others = reference - turned / len(x)  # what a period has in common with itself says nothing
     shared = np.abs(np.sum(turned * others.conj(), axis=1)) ** 2
-    least = in_common(BY_CHANCE / n_samples, lines.size) if lines.size > 1 else 0.0
+    least = chance_correlation(FALSE_ALARM / n_samples, lines.size) if lines.size > 1 else 0.0
     placed = shared >= least * power(turned) * power(others)
-    return Aligned(delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)
+    return AlignedPeriods(delay=delay, gain=sign * gain / gain[-1], rest=rest, placed=placed, mean=reference, spectra=X)
 
 
-def is_answer(output: Aligned, lines: np.ndarray, n_samples: int, whole: np.ndarray) -> np.ndarray:
+def follows_input(output: AlignedPeriods, lines: np.ndarray, n_samples: int, whole: np.ndarray) -> np.ndarray:
     """Whether each period without a gap has a part in common with the others that noise of no colour has."""
     delay = output.delay[whole]
     X = output.spectra[whole] * np.exp(2j * np.pi / n_samples * delay[:, None] * lines)
     # a delay was looked for in all places, or none was needed
-    return has_common_part(X, BY_CHANCE / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
+    return have_common_part(X, FALSE_ALARM / np.where(np.abs(delay - np.median(delay)) < 1, 1, n_samples))
 
 
-def has_common_part(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
+def have_common_part(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     """(P,) whether each period has more in common with the others than noise has, but for so small a chance.
 
     Noise of any colour: each line counts by its power over that around it, or over the noise around it, because either
@@ -526,13 +539,13 @@ def has_common_part(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
     n_periods, n_lines = X.shape
     if n_lines < 2:
         return np.ones(n_periods, dtype=bool)
-    size = min(WINDOW, n_lines)
+    size = min(WINDOW_LINES, n_lines)
     windows = X[:, : n_lines // size * size].reshape(n_periods, -1, size)
     free = 1.0
-    if size == WINDOW:
-        smooth = smooth_part()
+    if size == WINDOW_LINES:
+        smooth = smooth_basis()
         windows = windows - (windows @ smooth) @ smooth.T
-        free -= N_POLYNOMIAL / WINDOW
+        free -= N_POLYNOMIAL / WINDOW_LINES
     total = np.maximum(np.mean(np.abs(windows) ** 2, axis=(0, 2)), TINY)
     noise = np.mean(np.abs(windows - windows.mean(axis=0)) ** 2, axis=(0, 2))
     placed = np.zeros(n_periods, dtype=bool)
@@ -544,6 +557,8 @@ def has_common_part(X: np.ndarray, chance: np.ndarray) -> np.ndarray:
         whole = weight.sum(axis=1) ** 2
         # so many lines of one power would have as much in common by chance
         n = free * whole / np.maximum(power(weight), TINY)
-        least = np.array([in_common(p, lines) for p, lines in zip(chance, np.maximum(n, 1 + 1e-9), strict=True)])
+        least = np.array(
+            [chance_correlation(p, lines) for p, lines in zip(chance, np.maximum(n, 1 + 1e-9), strict=True)]
+        )
         placed |= np.abs(cross.sum(axis=1)) ** 2 >= least * whole
     return placed

@@ -18,7 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, nonnegative, of_kind, positive, real, real_array
+from nlfrf._base.arguments import (
+    require_integer,
+    require_kind,
+    require_nonnegative,
+    require_positive,
+    require_real,
+    require_real_array,
+)
 from nlfrf._base.values import value
 from nlfrf.rig.bench import machine as axes
 from nlfrf.rig.bench.motion import some_samples
@@ -169,7 +176,7 @@ class LoopResponse:
 
     def disturbed_and_left_alone(self, calm: float) -> tuple[np.ndarray, np.ndarray]:
         """The error before and after `calm` [s]."""
-        positive("calm", calm)
+        require_positive("calm", calm)
         before, after = self.e[..., self.t < calm], self.e[..., self.t >= calm]
         if not self.diverged and after.shape[-1] < 8:
             raise ValueError(f"calm must leave at least 8 samples before the end at {self.t[-1]:g} s, got {calm:g} s")
@@ -213,7 +220,7 @@ def loop_of_axes(
     limits = limit("saturation", saturation, rig.n_inputs), limit("resolution", resolution, rig.n_outputs)
     signals = [channels("disturbance", disturbance, rig.n_inputs, n), channels("noise", noise, rig.n_outputs, n)]
     begin = begun(initial, rig.n_axes)
-    late = min(nonnegative("delay", delay) * fs, n)  # all later is after the end
+    late = min(require_nonnegative("delay", delay) * fs, n)  # all later is after the end
     for halving in range(MOST_HALVINGS + 1):  # what does not reach the end is run again before it is believed
         numbers = fs, *limits, late, steps * 2**halving
         length, found, lost = attempt_axes(rig, controller, np.ascontiguousarray(r.T), signals, begin, numbers)
@@ -251,7 +258,7 @@ def limit(name: str, given: Any, n: int) -> np.ndarray:
     """(n,) limits: one for all channels, or one for each; a saturation may be infinite, a resolution zero."""
     if np.ndim(given) > 0 and np.shape(given) != (n,):
         raise ValueError(f"{name} must be one number or {n}, one a channel, got shape {np.shape(given)}")
-    check = nonnegative if name == "resolution" else positive
+    check = require_nonnegative if name == "resolution" else require_positive
     found = np.broadcast_to(np.asarray(given, dtype=float), (n,)).tolist()
     return np.array([one if name == "saturation" and one == np.inf else check(name, one) for one in found])
 
@@ -260,7 +267,7 @@ def channels(name: str, signal: Any, n_channels: int, n: int) -> np.ndarray:
     """(n, channels) samples; zeros when not given."""
     if signal is None:
         return np.zeros((n, n_channels))
-    signal = real_array(name, signal, ndim=2)
+    signal = require_real_array(name, signal, ndim=2)
     if signal.shape != (n_channels, n):
         raise ValueError(f"{name} must have shape ({n_channels}, {n}), channels and samples of r, got {signal.shape}")
     return np.ascontiguousarray(signal.T)
@@ -273,7 +280,7 @@ def begun(initial: Any, n: int) -> np.ndarray:
         initial = np.repeat(initial[:, None], n, axis=1)
     if initial.shape != (2, n):
         raise ValueError(f"initial must hold positions and velocities, shape (2, {n}), got shape {initial.shape}")
-    return real_array("initial", initial, ndim=2)
+    return require_real_array("initial", initial, ndim=2)
 
 
 # ---- A stack of loops around one rig as the compiled code takes it: one row of every array a run.
@@ -544,9 +551,9 @@ def simulate_loop(
     >>> bool(abs(response.e[-1]) < 1e-5)
     True
     """
-    of_kind("rig", rig, Rig)
+    require_kind("rig", rig, Rig)
     if rig.several:
-        fs = positive("fs", fs)
+        fs = require_positive("fs", fs)
         steps = steps_of(rig, fs, oversampling)
         return loop_of_axes(rig, K, r, fs, saturation, resolution, delay, disturbance, noise, initial, steps)
     r = some_samples("r", r)
@@ -639,7 +646,7 @@ def simulate_loops(
     >>> bool(abs(rest.x).max() == 0), bool(abs(kicked.x).max() > 1e-5)
     (True, True)
     """
-    of_kind("rig", rig, Rig)
+    require_kind("rig", rig, Rig)
     one_axis(rig, "in a stack of loops")
     controllers = list(controllers) if isinstance(controllers, (list, tuple)) else [controllers]
     shapes = {
@@ -655,7 +662,7 @@ def simulate_loops(
     for name, count in counts.items():
         if count not in (1, n_runs):
             raise ValueError(f"{name} must be given once or for each of the {n_runs} runs, got {count}")
-    r = real_array("r", np.atleast_2d(r), ndim=2)
+    r = require_real_array("r", np.atleast_2d(r), ndim=2)
     if r.size == 0:
         raise ValueError("r must hold at least one sample, got none")
     parts = {name: many(name, given[name], r.shape[1]) for name in ("disturbance", "noise")}
@@ -689,14 +696,14 @@ def stack(
     n: int = 1,
 ) -> LoopRuns:
     """Checked arguments as arrays with one row a run; controllers of fewer states get some that do nothing."""
-    fs = positive("fs", fs)
+    fs = require_positive("fs", fs)
     given = [matrices(K, fs) for K in controllers]
     if not np.isposinf(real_or_infinite("saturation", saturation)):
-        positive("saturation", saturation)
-    resolution = nonnegative("resolution", resolution)
-    delays = np.array([nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
+        require_positive("saturation", saturation)
+    resolution = require_nonnegative("resolution", resolution)
+    delays = np.array([require_nonnegative("delay", one) for one in np.atleast_1d(delay).tolist()])
     steps = steps_of(rig, fs, oversampling)
-    initial = real_array("initial", initial, ndim=2)
+    initial = require_real_array("initial", initial, ndim=2)
     if initial.shape not in ((1, 2), (n, 2)):
         raise ValueError(f"initial must hold a position and a velocity, got shape {initial.shape}")
     size = max(A.shape[0] for A, _, _, _ in given)
@@ -739,14 +746,14 @@ def steps_of(rig: Rig, fs: float, oversampling: int) -> int:
             f"fs must leave the rig at most {MOST_STEPS} integration steps a sample, got {fs:g} Hz with {needed}: "
             f"its stable step is {rig.stable_step:.2g} s"
         )
-    return max(integer("oversampling", oversampling, least=1), needed)
+    return max(require_integer("oversampling", oversampling, least=1), needed)
 
 
 def many(name: str, signal: Any, n: int) -> np.ndarray:
     """(R, n) signals, one a run; zeros when not given."""
     if signal is None:
         return np.zeros((1, n))
-    signal = real_array(name, np.atleast_2d(signal), ndim=2)
+    signal = require_real_array(name, np.atleast_2d(signal), ndim=2)
     if signal.shape[1] != n:
         raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.shape[1]}")
     return signal
@@ -756,7 +763,7 @@ def fitted(name: str, signal: Any, n: int) -> np.ndarray:
     """A signal of n samples; zeros when not given."""
     if signal is None:
         return np.zeros(n)
-    signal = real_array(name, signal, ndim=1)
+    signal = require_real_array(name, signal, ndim=1)
     if signal.size != n:
         raise ValueError(f"{name} must have one value for each of the {n} samples of r, got {signal.size}")
     return signal
@@ -764,4 +771,4 @@ def fitted(name: str, signal: Any, n: int) -> np.ndarray:
 
 def real_or_infinite(name: str, number: Any) -> float:
     """A real number that may be infinite."""
-    return np.inf if isinstance(number, (float, np.floating)) and np.isposinf(number) else real(name, number)
+    return np.inf if isinstance(number, (float, np.floating)) and np.isposinf(number) else require_real(name, number)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import channel_names, real_array
-from nlfrf._base.values import frozen
+from nlfrf._base.arguments import channel_names, require_real_array
+from nlfrf._base.values import freeze_array
 from nlfrf.rig.kernels import data as packing
 from nlfrf.rig.laws.laws import packed_law
 
@@ -25,7 +25,7 @@ SMALL = 1e-9
 
 def checked(given: dict[str, Any]) -> dict[str, Any]:
     """The fields of a machine of several axes, as arrays that nobody can write, or a refusal."""
-    mass = real_array("mass", given["mass"], ndim=2)
+    mass = require_real_array("mass", given["mass"], ndim=2)
     n = len(mass)
     if mass.shape != (n, n) or n == 0:
         raise ValueError(f"mass must be a number or a square matrix, got shape {mass.shape}")
@@ -49,7 +49,7 @@ def checked(given: dict[str, Any]) -> dict[str, Any]:
     channels = {"inputs": ("F", found["actuators"].shape[1]), "outputs": ("x", found["sensors"].shape[0])}
     for name, (letter, count) in channels.items():
         found[name] = channel_names(name, given[name], count) or tuple(f"{letter}{i + 1}" for i in range(count))
-    found = {name: frozen(part) if isinstance(part, np.ndarray) else part for name, part in found.items()}
+    found = {name: freeze_array(part) if isinstance(part, np.ndarray) else part for name, part in found.items()}
     return found | {"friction": checked_laws(given["friction"], n)}
 
 
@@ -81,14 +81,14 @@ def square(name: str, matrix: Any, n: int) -> np.ndarray:
     """An (n, n) matrix."""
     if np.shape(matrix) != (n, n):
         raise ValueError(f"{name} must have the shape of mass, ({n}, {n}), got shape {np.shape(matrix)}")
-    return real_array(name, matrix, ndim=2)
+    return require_real_array(name, matrix, ndim=2)
 
 
 def placed(name: str, matrix: Any, n: int, axis: int) -> np.ndarray:
     """Where forces act or positions are measured: a matrix with one row or column for each axis."""
     if matrix is None:
         return np.eye(n)
-    matrix = real_array(name, matrix, ndim=2)
+    matrix = require_real_array(name, matrix, ndim=2)
     if matrix.shape[axis] != n or 0 in matrix.shape:
         raise ValueError(f"{name} must have {n} {('rows', 'columns')[axis]}, one an axis, got shape {matrix.shape}")
     if not np.abs(matrix).max(axis=axis).all():

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, of_kind, one_of, positive, real_array
+from nlfrf._base.arguments import require_choice, require_integer, require_kind, require_positive, require_real_array
 from nlfrf._base.values import value
 from nlfrf.rig.bench.rig import Rig, advance, at_rest, refuse_long_step, step_refusal, warn_coarse
 from nlfrf.rig.kernels import data as packing
@@ -82,11 +82,11 @@ def run(rig: Rig, force: Any, *, fs: float, oversampling: int = 1, hold: str = "
     >>> bool(2e-6 < motion.x[-1] < 8e-6)
     True
     """
-    of_kind("rig", rig, Rig)
+    require_kind("rig", rig, Rig)
     samples = some_samples("force", force, channels=rig.n_inputs if rig.several else None)
-    fs = positive("fs", fs)
-    oversampling = integer("oversampling", oversampling, least=1)
-    one_of("hold", hold, ("linear", "zoh"))
+    fs = require_positive("fs", fs)
+    oversampling = require_integer("oversampling", oversampling, least=1)
+    require_choice("hold", hold, ("linear", "zoh"))
 
     def attempt(steps: int) -> tuple[np.ndarray | None, packing.Memory]:
         memory = at_rest(rig)
@@ -135,8 +135,8 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
     0.8144
     """
     velocity = some_samples("v", v)
-    fs = positive("fs", fs)
-    oversampling = integer("oversampling", oversampling, least=1)
+    fs = require_positive("fs", fs)
+    oversampling = require_integer("oversampling", oversampling, least=1)
     law, grid = packed_law(friction)
     body = packing.Body(True, 1.0, 0.0, 0.0)
 
@@ -154,7 +154,7 @@ def drive(friction: Friction, v: Any, *, fs: float, oversampling: int = 1) -> Mo
 
 def some_samples(name: str, signal: Any, *, channels: int | None = None) -> np.ndarray:
     """The signal (n,), or (channels, n) where channels are given, as an array of at least one sample."""
-    samples = real_array(name, signal, ndim=1 if channels is None else 2)
+    samples = require_real_array(name, signal, ndim=1 if channels is None else 2)
     if channels is not None and len(samples) != channels:
         raise ValueError(f"{name} must have {channels} channels, as the rig has, got {len(samples)}")
     if samples.size == 0:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import DataWarning, nonnegative, one_of, positive
+from nlfrf._base.arguments import DataWarning, require_choice, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from nlfrf.rig.bench import machine as axes
 from nlfrf.rig.kernels import data as packing
@@ -167,9 +167,9 @@ class Rig:
             checked = axes.checked({name: getattr(self, name) for name in axes.FIELDS})
         else:
             checked = axes.checked_single({name: getattr(self, name) for name in axes.FIELDS})
-            positive("mass", self.mass)
-            nonnegative("stiffness", self.stiffness)
-            nonnegative("damping", self.damping)
+            require_positive("mass", self.mass)
+            require_nonnegative("stiffness", self.stiffness)
+            require_nonnegative("damping", self.damping)
             packed_law(self.friction)
         for name, content in checked.items():
             object.__setattr__(self, name, content)
@@ -266,7 +266,7 @@ def two_axis_stage(nonlinearity: str = "friction") -> Rig:
     >>> (np.sort(np.abs(poles))[::2] / (2 * np.pi)).round(1).tolist()
     [28.9, 49.8]
     """
-    one_of("nonlinearity", nonlinearity, ("friction", "springs", "none"))
+    require_choice("nonlinearity", nonlinearity, ("friction", "springs", "none"))
     k1, k2, coupling = 0.8 * (2 * np.pi * 28) ** 2, 1.5 * (2 * np.pi * 48) ** 2, 9e3
     lugre = LuGre(sigma0=3e4, sigma1=13.0, sigma2=0.4, Fc=0.7, Fs=1.0, vs=0.01)
     return Rig(

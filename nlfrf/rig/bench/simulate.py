@@ -15,7 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import DataWarning, integer, of_kind, one_of, positive, shown
+from nlfrf._base.arguments import (
+    DataWarning,
+    require_choice,
+    require_integer,
+    require_kind,
+    require_positive,
+    short_form,
+)
 from nlfrf._base.files import Role, write_arrays
 from nlfrf._base.values import value
 from nlfrf.records.record import Record
@@ -133,7 +140,7 @@ def run_each(
 def opened(resume: Any) -> Path:
     """The folder, made where it does not exist."""
     if not isinstance(resume, str | os.PathLike):
-        raise ValueError(f"resume must be a folder, got {shown(resume)}")
+        raise ValueError(f"resume must be a folder, got {short_form(resume)}")
     folder = Path(resume)
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"resume must be a folder, got the file {folder}")
@@ -283,15 +290,15 @@ def simulate(
     >>> bool(spectrum[ms.lines.even].max() < 1e-9 * spectrum[ms.lines.odd].max())
     True
     """
-    of_kind("rig", rig, Rig)
-    of_kind("ms", ms, Multisine, OrthogonalMultisine)
+    require_kind("rig", rig, Rig)
+    require_kind("ms", ms, Multisine, OrthogonalMultisine)
     experiment = Experiment(
         rig=rig,
         ms=ms,
-        n_periods=integer("n_periods", n_periods, least=1),
-        n_discard=integer("n_discard", n_discard, least=0),
-        oversampling=integer("oversampling", oversampling, least=1),
-        hold=one_of("hold", hold, ("band-limited", "zoh")),
+        n_periods=require_integer("n_periods", n_periods, least=1),
+        n_discard=require_integer("n_discard", n_discard, least=0),
+        oversampling=require_integer("oversampling", oversampling, least=1),
+        hold=require_choice("hold", hold, ("band-limited", "zoh")),
     )
     refuse_other_inputs(rig, ms)
     n_runs = ms.phase.shape[-2]
@@ -300,7 +307,7 @@ def simulate(
         refuse_long_step(rig.stable_step, ms.fs, oversampling)
         warn_coarse(rig.poles(1.0), ms.fs, oversampling)
     else:
-        steps = steps_for(realizations[0], positive("accuracy", accuracy))
+        steps = steps_for(realizations[0], require_positive("accuracy", accuracy))
         realizations = [replace(realization, oversampling=steps) for realization in realizations]
     outcomes = run_all(run_experiment, realizations, executor=executor, progress=progress, resume=resume)
     change = np.array([float(outcome["change"]) for outcome in outcomes])

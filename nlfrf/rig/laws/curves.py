@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import positive, real_array
-from nlfrf._base.values import frozen, value
+from nlfrf._base.arguments import require_positive, require_real_array
+from nlfrf._base.values import freeze_array, value
 
 __all__ = ["Curve", "ElasticPlastic", "Exponential", "Linear", "MaxwellSlip", "Parabola", "Table", "Tanh"]
 
@@ -23,8 +23,8 @@ class Yielding:
     Fy: float
 
     def __post_init__(self) -> None:
-        positive("K0", self.K0)
-        positive("Fy", self.Fy)
+        require_positive("K0", self.K0)
+        require_positive("Fy", self.Fy)
 
 
 @value(kw_only=False)
@@ -52,7 +52,7 @@ class Linear:
     Fy = np.inf  # it never yields
 
     def __post_init__(self) -> None:
-        positive("K0", self.K0)
+        require_positive("K0", self.K0)
 
     def __call__(self, z: Any) -> np.ndarray:
         """Virgin curve y(z) [N]."""
@@ -218,7 +218,7 @@ class Table:
     F: Any
 
     def __post_init__(self) -> None:
-        z, force = real_array("z", self.z, ndim=1), real_array("F", self.F, ndim=1)
+        z, force = require_real_array("z", self.z, ndim=1), require_real_array("F", self.F, ndim=1)
         if z.size < 1 or force.shape != z.shape:
             raise ValueError(f"F must have one force for each of the {z.size} displacements z, got {force.size}")
         if np.any(np.diff(z) <= 0):
@@ -240,8 +240,8 @@ class Table:
                 f"F must be concave for z > 0 (slopes that do not grow), "
                 f"got {slope[i]:g} after {slope[i - 1]:g} N/m at z = {z[i - 1]:g} m"
             )
-        object.__setattr__(self, "z", frozen(z))
-        object.__setattr__(self, "F", frozen(force))
+        object.__setattr__(self, "z", freeze_array(z))
+        object.__setattr__(self, "F", freeze_array(force))
 
     @property
     def K0(self) -> float:
@@ -292,7 +292,7 @@ class MaxwellSlip:
     strength: Any
 
     def __post_init__(self) -> None:
-        stiffness = real_array("stiffness", self.stiffness, ndim=1)
+        stiffness = require_real_array("stiffness", self.stiffness, ndim=1)
         strength = np.asarray(self.strength)
         if strength.dtype.kind not in "fiu":
             raise ValueError(f"strength must hold real numbers, got dtype {strength.dtype}")
@@ -304,7 +304,7 @@ class MaxwellSlip:
         for name, array in (("stiffness", stiffness), ("strength", strength)):
             if not np.all(array > 0):
                 raise ValueError(f"{name} must be positive for every element, got {array.min():g}")
-            object.__setattr__(self, name, frozen(array))
+            object.__setattr__(self, name, freeze_array(array))
 
     @property
     def K0(self) -> float:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import DataWarning, integer, positive, real_array
+from nlfrf._base.arguments import DataWarning, require_integer, require_positive, require_real_array
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.curves import Curve, ElasticPlastic, Exponential, Linear, MaxwellSlip, Parabola, Table, Tanh
 
@@ -69,7 +69,7 @@ def hysteresis_force(curve: Curve, z: Any) -> np.ndarray:
     """
     from nlfrf.rig.kernels import leuven as kernels
 
-    path = np.array(real_array("z", z, ndim=1))
+    path = np.array(require_real_array("z", z, ndim=1))
     packed, grid = packed_curve(curve)
     memory = kernel_data.at_rest(packed, grid)
     force = np.empty_like(path)
@@ -122,8 +122,8 @@ def fit_maxwell_slip(curve: Curve, *, n_elements: int = 16, decades: float = 2.0
     >>> bool(np.abs(elements(z) - np.tanh(64e3 * z)).max() < 5e-3)
     True
     """
-    n_elements = integer("n_elements", n_elements, least=1)
-    decades = positive("decades", decades)
+    n_elements = require_integer("n_elements", n_elements, least=1)
+    decades = require_positive("decades", decades)
     packed_curve(curve)
     if isinstance(curve, MaxwellSlip):
         return curve

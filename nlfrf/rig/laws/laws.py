@@ -13,7 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer, nonnegative, one_of, positive, real, real_array
+from nlfrf._base.arguments import (
+    require_choice,
+    require_integer,
+    require_nonnegative,
+    require_positive,
+    require_real,
+    require_real_array,
+)
 from nlfrf._base.values import value
 from nlfrf.rig.kernels import data as kernel_data
 from nlfrf.rig.laws.curves import Curve, Linear, MaxwellSlip, Tanh
@@ -90,12 +97,12 @@ class OwnFriction:
     damping: float = 0.0
 
     def __post_init__(self) -> None:
-        rest = real_array("rest", np.atleast_1d(np.asarray(self.rest, dtype=float)), ndim=1)
+        rest = require_real_array("rest", np.atleast_1d(np.asarray(self.rest, dtype=float)), ndim=1)
         object.__setattr__(self, "rest", rest)
         if rest.size > kernel_data.STACK_DEPTH or not np.isfinite(rest).all():
             raise ValueError(f"rest must hold at most {kernel_data.STACK_DEPTH} finite numbers, got {rest.size}")
-        nonnegative("stiffness", self.stiffness)
-        nonnegative("damping", self.damping)
+        require_nonnegative("stiffness", self.stiffness)
+        require_nonnegative("damping", self.damping)
         for name, wanted in (("derivative", rest.shape), ("force", ())):
             function = getattr(self, name)
             if not callable(function):
@@ -196,16 +203,16 @@ class VaryingSliders:
         elements = MaxwellSlip(stiffness=self.stiffness, strength=self.strength)
         object.__setattr__(self, "stiffness", elements.stiffness)
         object.__setattr__(self, "strength", elements.strength)
-        if real("stiction", self.stiction) < 1:
+        if require_real("stiction", self.stiction) < 1:
             raise ValueError(f"stiction must be at least 1, got {self.stiction:g}")
         for name in ("vs", "wavelength"):
             if not np.isposinf(getattr(self, name)):
-                positive(name, getattr(self, name))
-        if real("dwell", self.dwell) < 0:
+                require_positive(name, getattr(self, name))
+        if require_real("dwell", self.dwell) < 0:
             raise ValueError(f"dwell must be zero or positive, got {self.dwell:g}")
-        if not 0 <= real("asymmetry", self.asymmetry) <= 1:
+        if not 0 <= require_real("asymmetry", self.asymmetry) <= 1:
             raise ValueError(f"asymmetry must lie between 0 and 1, got {self.asymmetry:g}")
-        integer("seed", self.seed, least=0)
+        require_integer("seed", self.seed, least=0)
 
 
 def packed_sliders(law: VaryingSliders) -> tuple[kernel_data.Law, kernel_data.Grid]:
@@ -265,11 +272,11 @@ class Coulomb:
     sigma2: float = 0.0
 
     def __post_init__(self) -> None:
-        positive("Fc", self.Fc)
+        require_positive("Fc", self.Fc)
         if not given(self.Fs):
             object.__setattr__(self, "Fs", self.Fc)
         if not given(self.vs):
-            if positive("Fs", self.Fs) > self.Fc:
+            if require_positive("Fs", self.Fs) > self.Fc:
                 raise ValueError(f"vs must be given where Fs = {self.Fs:g} N exceeds Fc = {self.Fc:g} N, got none")
             object.__setattr__(self, "vs", 1.0)
         check_stribeck(self)
@@ -311,7 +318,7 @@ class Dahl:
 
     def __post_init__(self) -> None:
         for name in ("sigma0", "Fc", "n"):
-            positive(name, getattr(self, name))
+            require_positive(name, getattr(self, name))
 
 
 @value
@@ -358,7 +365,7 @@ class LuGre:
     delta: float = 2.0
 
     def __post_init__(self) -> None:
-        positive("sigma0", self.sigma0)
+        require_positive("sigma0", self.sigma0)
         check_stribeck(self)
 
 
@@ -422,8 +429,8 @@ class Leuven:
 
     def __post_init__(self) -> None:
         check_stribeck(self)
-        positive("n", self.n)
-        one_of("form", self.form, ("modified", "original"))
+        require_positive("n", self.n)
+        require_choice("form", self.form, ("modified", "original"))
         packed, _ = packed_curve(self.curve)
         if packed.Fy < self.Fs * (1 - 1e-2):
             raise ValueError(
@@ -489,7 +496,7 @@ class GeneralizedMaxwellSlip:
             raise ValueError(f"alpha must add up to 1, got {shares.Fy:g}")
         object.__setattr__(self, "stiffness", shares.stiffness)
         object.__setattr__(self, "alpha", shares.strength)
-        positive("C", self.C)
+        require_positive("C", self.C)
         check_stribeck(self)
 
 
@@ -504,10 +511,10 @@ Friction = Coulomb | Dahl | LuGre | Leuven | GeneralizedMaxwellSlip | VaryingSli
 def check_stribeck(law: Any) -> None:
     """Refuse numbers that make no Stribeck curve."""
     for name in ("Fc", "vs", "delta"):
-        positive(name, getattr(law, name))
-    nonnegative("sigma1", getattr(law, "sigma1", 0.0))
-    nonnegative("sigma2", law.sigma2)
-    if not positive("Fs", law.Fs) >= law.Fc:
+        require_positive(name, getattr(law, name))
+    require_nonnegative("sigma1", getattr(law, "sigma1", 0.0))
+    require_nonnegative("sigma2", law.sigma2)
+    if not require_positive("Fs", law.Fs) >= law.Fc:
         raise ValueError(f"Fs must be at least Fc = {law.Fc:g} N, got {law.Fs:g} N")
 
 

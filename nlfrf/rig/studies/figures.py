@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nlfrf._base.axes import finished
+from nlfrf._base.axes import finish_axes
 from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.studies.ensembles import (
     GRIDS,
@@ -167,12 +167,12 @@ def plot_level_study(study: LevelStudy, *, axes: Any = None) -> Any:
     axes[1].set(ylabel="distortion over |G| [dB]")
     axes[2].set(xlabel="frequency [Hz]", ylabel="growth [dB per 20 dB]")
     for ax in axes:
-        finished(ax)
+        finish_axes(ax)
     return axes
 
 
 def with_grids(figure: Figure, axes: Any) -> Figure:
     """The figure with grids and legends."""
     for ax in axes:
-        finished(ax)
+        finish_axes(ax)
     return figure

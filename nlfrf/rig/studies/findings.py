@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import paragraph
+from nlfrf._base.arguments import format_paragraph
 from nlfrf._base.values import value
 from nlfrf.records.record import Record
 from nlfrf.rig.bench.rig import Rig, advance, at_rest, step_refusal
@@ -77,7 +77,7 @@ class Finding:
             "holds if": self.criterion,
             "remark": self.remark,
         }
-        rows = [row for label, text in said.items() for row in paragraph(label, text)]
+        rows = [row for label, text in said.items() for row in format_paragraph(label, text)]
         return "\n".join([f"{self.name} {'holds' if self.holds else 'DOES NOT HOLD'}", *rows])
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import real_array
+from nlfrf._base.arguments import require_real_array
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
 from nlfrf.bla.mimo.identify import identify
@@ -115,7 +115,7 @@ def level_study(
     >>> bool(17 < np.median(study.growth) < 22)
     True
     """
-    levels = real_array("rms", rms, ndim=1)
+    levels = require_real_array("rms", rms, ndim=1)
     if levels.size < 2 or levels[0] <= 0 or np.any(np.diff(levels) <= 0):
         raise ValueError(f"rms must hold at least two positive, increasing levels, got {levels.tolist()}")
     blas = []

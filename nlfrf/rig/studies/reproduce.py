@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer
+from nlfrf._base.arguments import require_integer
 from nlfrf._base.axes import save_figure
 from nlfrf._base.files import Role, require_writable, write_text
 from nlfrf.rig.bench.rig import paper_rig
@@ -69,7 +69,7 @@ def reproduce(
     ValueError
         Too few realisations; a file in the place of the folder, or in it one of these names that holds something else.
     """
-    m, seed = integer("n_realizations", n_realizations, least=10), integer("seed", seed, least=0)
+    m, seed = require_integer("n_realizations", n_realizations, least=10), require_integer("seed", seed, least=0)
     folder = Path(out)
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"out must be a folder, got the file {folder}")

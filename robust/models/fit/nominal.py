@@ -11,7 +11,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla, bla_from_frf
-from nlfrf._base.arguments import integer, nonnegative, real_array, shown
+from nlfrf._base.arguments import require_integer, require_nonnegative, require_real_array, short_form
 from nlfrf._base.values import value
 from robust._base.channels import is_matrix, is_single, require_matrix
 from robust.lti.lti import SAMPLING_TOLERANCE, response, with_names
@@ -122,11 +122,11 @@ def fit_matrix(
 ) -> dict[str, Any]:
     """The fields of the `NominalFit` of a matrix, measured once or at several levels: one model for all."""
     frm, omega = frms[0], np.concatenate([one.omega for one in frms])
-    n_poles, rank = integer("n_poles", n_poles, least=0), integer("rank", rank, least=1)
+    n_poles, rank = require_integer("n_poles", n_poles, least=0), require_integer("rank", rank, least=1)
     estimated = isinstance(delay, str)
     tau = np.zeros(frm.n_inputs) if estimated else given_delays(delay, frm.n_inputs, dt)
     if estimated and delay != "estimate":
-        raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {shown(delay)}')
+        raise ValueError(f'delay must be a number [s], one for each input, or "estimate", got {short_form(delay)}')
     if n_poles > MAX_POLES:
         raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
     if n_zeros not in (None, n_poles):
@@ -177,9 +177,9 @@ def fit_matrix(
 def given_delays(delay: Any, n_inputs: int, dt: float) -> np.ndarray:
     """(n_u,) delays [s] from one number for all inputs or one for each; in discrete time whole samples."""
     if np.ndim(delay) == 0:
-        tau = np.full(n_inputs, nonnegative("delay", delay))
+        tau = np.full(n_inputs, require_nonnegative("delay", delay))
     else:
-        tau = real_array("delay", delay, ndim=1)
+        tau = require_real_array("delay", delay, ndim=1)
         if tau.size != n_inputs or np.any(tau < 0):
             raise ValueError(f"delay must be one number or {n_inputs}, one for each input, none negative, got {tau}")
     return np.array([delay_samples("delay", float(one), dt) * dt for one in tau]) if dt else tau
@@ -455,7 +455,7 @@ def frd(bla: Bla) -> control.FrequencyResponseData:
     True
     """
     if not isinstance(bla, Bla):
-        raise ValueError(f"bla must be an nlfrf.Bla, got {shown(bla)}")
+        raise ValueError(f"bla must be an nlfrf.Bla, got {short_form(bla)}")
     names = {} if bla.is_single else {"inputs": list(bla.inputs), "outputs": list(bla.outputs)}
     return control.FrequencyResponseData(bla.G, bla.omega, name="bla", **names)
 
@@ -522,7 +522,7 @@ def fit_nominal(
     >>> np.abs(fit.G.poles()).round(9).tolist()
     [50.0, 50.0]
     """
-    dt = nonnegative("dt", dt)
+    dt = require_nonnegative("dt", dt)
     if isinstance(bla, control.FrequencyResponseData) and (bla.ninputs, bla.noutputs) != (1, 1):
         bla, std = with_deviation(bla, std), None
     if frms := as_matrices(bla):
@@ -532,7 +532,7 @@ def fit_nominal(
     if isinstance(delay, str):
         found = estimate_delay(lines, orders, dt, stable)
     else:
-        delay = nonnegative("delay", delay)
+        delay = require_nonnegative("delay", delay)
         found = best_fit(lines, orders, dt, stable, delay_samples("delay", delay, dt) * dt if dt else delay)
     zeros, poles, gain, tau, _ = found
     excess = orders[0] - orders[1]
@@ -595,10 +595,10 @@ def checked_orders(
     lines: Lines, n_poles: int, n_zeros: int | None, dt: float, delay: Any
 ) -> tuple[tuple[int, int], int]:
     """Numbers of poles and zeros, and of free real parameters, that fit each other and the lines."""
-    n_poles = integer("n_poles", n_poles, least=0)
-    n_zeros = integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
+    n_poles = require_integer("n_poles", n_poles, least=0)
+    n_zeros = require_integer("n_zeros", max(n_poles - 1, 0) if n_zeros is None else n_zeros, least=0)
     if isinstance(delay, str) and delay != "estimate":
-        raise ValueError(f'delay must be a number [s] or "estimate", got {shown(delay)}')
+        raise ValueError(f'delay must be a number [s] or "estimate", got {short_form(delay)}')
     if n_poles > MAX_POLES:
         raise ValueError(f"n_poles must be at most {MAX_POLES}, got {n_poles}")
     if n_zeros > n_poles:
@@ -634,15 +634,15 @@ def measured_lines(bla: Any, std: np.ndarray | None, dt: float) -> Lines:
                 )
             var, dof = np.abs(G) ** 2 + np.finfo(float).tiny, np.full(G.size, np.nan)
         else:
-            var, dof = real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)
+            var, dof = require_real_array("std", std, ndim=1) ** 2, np.full(G.size, np.inf)
             if var.shape != G.shape or np.any(var <= 0):
-                raise ValueError(f"std must hold one positive number per line ({G.size}), got {shown(std)}")
+                raise ValueError(f"std must hold one positive number per line ({G.size}), got {short_form(std)}")
         omega = np.asarray(bla.omega, dtype=float)
     else:
         many = list(bla) if isinstance(bla, Sequence) else [bla]
         if not many or not all(map(is_single, many)):
             raise ValueError(
-                f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {shown(bla)}"
+                f"bla must be an nlfrf.Bla, a list of them or a control.FrequencyResponseData, got {short_form(bla)}"
             )
         if std is not None:
             raise ValueError("std must only be given with a FrequencyResponseData, got it with a Bla")

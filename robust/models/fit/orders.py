@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from nlfrf._base.arguments import integer
+from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
 from robust.models.fit.nominal import OUTSIDE, DesignWarning, NominalFit, as_matrices, fit_nominal
 
@@ -126,8 +126,8 @@ def scan_orders(
     >>> scan_orders(control.FrequencyResponseData(G, omega), n_poles=(1, 2), std=np.full(40, 1e-3)).best
     1
     """
-    orders = sorted({integer("n_poles", n, least=0) for n in n_poles})
-    excess = integer("relative_degree", relative_degree, least=0)
+    orders = sorted({require_integer("n_poles", n, least=0) for n in n_poles})
+    excess = require_integer("relative_degree", relative_degree, least=0)
     if not orders or orders[0] < excess:
         raise ValueError(f"n_poles must be at least the relative degree {excess}, got {orders}")
     several = bool(as_matrices(bla))

@@ -13,7 +13,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import integer, nonnegative, positive, real_array
+from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive, require_real_array
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
@@ -82,8 +82,8 @@ def performance_weight(omega_B: float, *, M_S: float = 2.0, A: float = 1e-3, ord
     >>> round(float(abs(w_P(1e6j))), 4), round(float(abs(w_P(0))))
     (0.6667, 10000)
     """
-    omega_B, M_S, A = positive("omega_B", omega_B), positive("M_S", M_S), positive("A", A)
-    order = integer("order", order, least=1)
+    omega_B, M_S, A = require_positive("omega_B", omega_B), require_positive("M_S", M_S), require_positive("A", A)
+    order = require_integer("order", order, least=1)
     if M_S <= 1:
         raise ValueError(f"M_S must be above 1: |S| of a real loop exceeds one somewhere, got {M_S:g}")
     if A >= M_S:
@@ -128,8 +128,8 @@ def control_weight(omega_bc: float, *, M_u: float = 1.0, A: float = 1e-2, order:
     >>> round(float(abs(w_u(0))), 6), round(float(abs(w_u(1e9j))), 6)
     (0.2, 10.0)
     """
-    omega_bc, M_u, A = positive("omega_bc", omega_bc), positive("M_u", M_u), positive("A", A)
-    order = integer("order", order, least=1)
+    omega_bc, M_u, A = require_positive("omega_bc", omega_bc), require_positive("M_u", M_u), require_positive("A", A)
+    order = require_integer("order", order, least=1)
     if M_u <= A:
         raise ValueError(f"A must be below M_u = {M_u:g}, got {A:g}")
     low, high = M_u ** (1 / order), A ** (1 / order)
@@ -171,7 +171,7 @@ def delay_weight(delay: float, *, gain: float = 0.0, order: int = 3) -> control.
     >>> all(abs(w_I(1j * w)) >= abs(np.exp(-0.01j * w) - 1) for w in (1.0, 100.0, 314.0, 1000.0))
     True
     """
-    delay, gain = positive("delay", delay), nonnegative("gain", gain)
+    delay, gain = require_positive("delay", delay), require_nonnegative("gain", gain)
     if gain >= 1:
         raise ValueError(f"gain must be below 1: with 100 % error the plant may vanish, got {gain:g}")
     if order not in (1, 3):
@@ -425,7 +425,7 @@ def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float =
     (True, -20.0, -2.0)
     """
     omega, radius = checked_radius(omega, radius, dt)
-    order = integer("order", order, least=0)
+    order = require_integer("order", order, least=0)
     if order > MAX_ORDER:
         raise ValueError(f"order must be at most {MAX_ORDER}, got {order}")
     fit = best_weight(omega, radius, order, float(dt))
@@ -458,8 +458,8 @@ def cover_sampled(weight: control.StateSpace, dt: float) -> control.StateSpace:
 
 def checked_radius(omega: Any, radius: Any, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """The two arrays, or a refusal."""
-    omega, radius = real_array("omega", omega, ndim=1), real_array("radius", radius, ndim=1)
-    dt = nonnegative("dt", dt)
+    omega, radius = require_real_array("omega", omega, ndim=1), require_real_array("radius", radius, ndim=1)
+    dt = require_nonnegative("dt", dt)
     if omega.size < 2 or radius.shape != omega.shape:
         raise ValueError(f"radius must have one value per frequency, at least two, got {radius.size} for {omega.size}")
     if np.any(np.diff(omega) <= 0) or omega[0] <= 0:

@@ -14,7 +14,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import one_of, shown
+from nlfrf._base.arguments import require_choice, short_form
 from nlfrf._base.values import value
 from robust.lti.connections import block_diagonal, lower_lft, upper_lft
 from robust.lti.lti import is_clockless, timebase
@@ -64,8 +64,8 @@ class Block:
     perturbation: str = "LTI"
 
     def __post_init__(self) -> None:
-        one_of("kind", self.kind, KINDS)
-        one_of("perturbation", self.perturbation, PERTURBATIONS)
+        require_choice("kind", self.kind, KINDS)
+        require_choice("perturbation", self.perturbation, PERTURBATIONS)
         for name in ("reads", "drives"):
             object.__setattr__(self, name, signals(name, getattr(self, name)))
         if self.kind != "full" and len(self.reads) != len(self.drives):
@@ -73,7 +73,7 @@ class Block:
         size = multivariable("size", self.size)
         if (size.ninputs, size.noutputs) != (1, 1) or not is_stable(size):
             raise ValueError(
-                f"size must be a number or a stable weight with one input and output, got {shown(self.size)}"
+                f"size must be a number or a stable weight with one input and output, got {short_form(self.size)}"
             )
         object.__setattr__(self, "size", size)
 
@@ -88,7 +88,7 @@ def signals(name: str, given: Any) -> tuple[str, ...]:
     """Signal names as a tuple, or a refusal."""
     names = (given,) if isinstance(given, str) else given
     if not isinstance(names, Sequence) or not all(isinstance(one, str) for one in names):
-        raise ValueError(f"{name} must hold names of signals, got {shown(given)}")
+        raise ValueError(f"{name} must hold names of signals, got {short_form(given)}")
     return tuple(names)
 
 
@@ -210,9 +210,9 @@ def interconnection(
     ([(1, 1, 'real'), (1, 1)], [(-5+0j)])
     """
     if not isinstance(systems, Sequence) or not systems:
-        raise ValueError(f"systems must hold at least one system, as a list, got {shown(systems)}")
+        raise ValueError(f"systems must hold at least one system, as a list, got {short_form(systems)}")
     if not isinstance(blocks, Mapping) or not all(isinstance(block, Block) for block in blocks.values()):
-        raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {shown(blocks)}")
+        raise ValueError(f"blocks must be named blocks, {{name: Block(...)}}, got {short_form(blocks)}")
     inputs, outputs = signals("inputs", inputs), signals("outputs", outputs)
     if bool(inputs) != bool(outputs):
         raise ValueError("outputs must be given together with inputs, got only one of them")

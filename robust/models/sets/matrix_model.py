@@ -25,8 +25,8 @@ import control
 import numpy as np
 from scipy.linalg import block_diag
 
-from nlfrf._base.arguments import one_of, real_array
-from nlfrf._base.numbers import squared
+from nlfrf._base.arguments import require_choice, require_real_array
+from nlfrf._base.numbers import squared_modulus
 from nlfrf._base.values import value
 from robust.lti.connections import block_diagonal, lower_lft, require_shape, weighted_plant
 from robust.lti.lti import (
@@ -129,8 +129,8 @@ class MatrixUncertainty:
     other: MatrixUncertainty | None = None
 
     def __post_init__(self) -> None:
-        one_of("form", self.form, MATRIX_FORMS)
-        one_of("perturbation", self.perturbation, PERTURBATIONS)
+        require_choice("form", self.form, MATRIX_FORMS)
+        require_choice("perturbation", self.perturbation, PERTURBATIONS)
         G = multivariable("nominal", self.nominal)
         object.__setattr__(self, "nominal", G)
         n_y, n_u = G.noutputs, G.ninputs
@@ -142,7 +142,10 @@ class MatrixUncertainty:
             )
         if self.form == INPUT and n_y != n_u:
             raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
-        omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=2)
+        omega, radius = (
+            require_real_array("omega", self.omega, ndim=1),
+            require_real_array("radius", self.radius, ndim=2),
+        )
         object.__setattr__(self, "omega", omega)
         object.__setattr__(self, "radius", radius)
         if self.radius.shape != (sum(wanted), self.omega.size):
@@ -202,8 +205,8 @@ class MatrixUncertainty:
         """(..., W) whether that size is at most one; without singular values where the Frobenius norm decides."""
         delta = self.perturbation_of(omega, deviation, nominal)
         if self.form == ELEMENTS:
-            return np.all(squared(delta) <= ROUNDED**2, axis=(-2, -1))
-        total = np.add.reduce(squared(delta), axis=(-2, -1))
+            return np.all(squared_modulus(delta) <= ROUNDED**2, axis=(-2, -1))
+        total = np.add.reduce(squared_modulus(delta), axis=(-2, -1))
         held = total <= ROUNDED**2
         close = ~held & (total <= ROUNDED**2 * min(delta.shape[-2:]))
         held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= ROUNDED

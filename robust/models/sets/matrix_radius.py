@@ -9,7 +9,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import integer, one_of, probability
+from nlfrf._base.arguments import require_choice, require_integer, require_probability
 from robust.lti.connections import block_diagonal, in_series
 from robust.lti.lti import timebase
 from robust.lti.realisation import multivariable
@@ -44,9 +44,9 @@ def matrix_uncertainty(
     perturbation: str,
 ) -> MatrixUncertainty:
     """`uncertainty` of a measured matrix, or of one at several levels: the widest of what each of them asks for."""
-    one_of("form", form, (*MATRIX_FORMS, AUTO))
+    require_choice("form", form, (*MATRIX_FORMS, AUTO))
     if form == AUTO:  # the price of looking at both: what may go wrong is shared between them
-        each: dict[str, Any] = {"order": order, "confidence": (1 + probability("confidence", confidence)) / 2}
+        each: dict[str, Any] = {"order": order, "confidence": (1 + require_probability("confidence", confidence)) / 2}
         each |= {"simultaneous": simultaneous, "even": even, "below": below, "above": above}
         both = [
             matrix_uncertainty(frms, nominal, form=one, perturbation=perturbation, **each)
@@ -54,7 +54,7 @@ def matrix_uncertainty(
         ]
         return replace(both[0], other=both[1])
     below, above = slope("below", below), slope("above", above)
-    p, order = probability("confidence", confidence), integer("order", order, least=0)
+    p, order = require_probability("confidence", confidence), require_integer("order", order, least=0)
     if isinstance(nominal, NominalFit):
         refuse_other_channels(frms[0], nominal, "its nominal")
         nominal = behind_delays(nominal.G, nominal.delays)

@@ -8,7 +8,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import shown
+from nlfrf._base.arguments import short_form
 from robust._base.channels import is_single
 from robust.lti.lti import response, timebase
 from robust.lti.sampling import hold_correction, hold_response
@@ -65,7 +65,7 @@ def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, 
         return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
     if isinstance(model, control.FrequencyResponseData):
         if (model.ninputs, model.noutputs) != (1, 1):
-            raise ValueError(f"model must have one input and one output, got {shown(model)}")
+            raise ValueError(f"model must have one input and one output, got {short_form(model)}")
         omega = np.asarray(model.omega, dtype=float)
         return (
             omega,

@@ -21,7 +21,14 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import generator, one_of, probability, real, real_array, shown
+from nlfrf._base.arguments import (
+    random_generator,
+    require_choice,
+    require_probability,
+    require_real,
+    require_real_array,
+    short_form,
+)
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import replace_infinite, response, timebase
@@ -140,9 +147,12 @@ class UncertaintyModel:
     evidence: tuple[Evidence, ...] = ()
 
     def __post_init__(self) -> None:
-        one_of("form", self.form, tuple(FORMS))
-        one_of("perturbation", self.perturbation, PERTURBATIONS)
-        omega, radius = real_array("omega", self.omega, ndim=1), real_array("radius", self.radius, ndim=1)
+        require_choice("form", self.form, tuple(FORMS))
+        require_choice("perturbation", self.perturbation, PERTURBATIONS)
+        omega, radius = (
+            require_real_array("omega", self.omega, ndim=1),
+            require_real_array("radius", self.radius, ndim=1),
+        )
         if omega.shape != radius.shape or omega.size == 0:
             raise ValueError(f"radius must have one value per frequency ({omega.size}), got {radius.size}")
         if np.any(np.diff(omega) <= 0) or omega[0] <= 0:
@@ -150,7 +160,7 @@ class UncertaintyModel:
         if np.any(radius <= 0):
             raise ValueError(f"radius must be positive, got {radius.min():g} at {omega[radius.argmin()]:g} rad/s")
         if not np.isnan(self.confidence):
-            probability("confidence", self.confidence)
+            require_probability("confidence", self.confidence)
         nominal, weight = self.nominal, state_space("weight", self.weight)
         if not isinstance(nominal, control.FrequencyResponseData):
             nominal = state_space("nominal", nominal)
@@ -243,7 +253,7 @@ class UncertaintyModel:
 
     def sample(self, n: int, rng: np.random.Generator | int | None = None) -> list[Any]:
         """n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
-        return random_plants(self, n, generator("rng", rng))
+        return random_plants(self, n, random_generator("rng", rng))
 
 
 @overload
@@ -366,14 +376,14 @@ def uncertainty(
         asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
         return matrix_uncertainty(frms, nominal, below=below, above=above, **asked)
     many: list[Any] = list(bla) if isinstance(bla, Sequence) else [bla]
-    row, p = FORMS[one_of("form", form, tuple(FORMS))], probability("confidence", confidence)
+    row, p = FORMS[require_choice("form", form, tuple(FORMS))], require_probability("confidence", confidence)
     nominal, delay, dt = as_nominal(nominal)
     if own := own_set(bla, nominal, row, (below, above), dt, asked | {"systematic": systematic}):
         return UncertaintyModel(nominal=nominal, form=form, delay=delay, **own)
     recorded = many
     if not isinstance(nominal, control.FrequencyResponseData):
         many = [behind_hold(b, dt) for b in many]
-    systematic = None if systematic is None else real("systematic", systematic)
+    systematic = None if systematic is None else require_real("systematic", systematic)
     omega, discs = family(many, nominal, p, simultaneous, even, systematic)
     if dt:
         inside = omega * dt < np.pi * (1 - 1e-9)
@@ -411,4 +421,4 @@ def require_one_channel(model: Any, instead: str, purpose: str, *, parametric: b
         )
     if not isinstance(model, UncertaintyModel) or (parametric and model.measured_only):
         kind = "an UncertaintyModel with a parametric nominal" if parametric else "an UncertaintyModel"
-        raise ValueError(f"model must be {kind} {purpose}, got {shown(model)}")
+        raise ValueError(f"model must be {kind} {purpose}, got {short_form(model)}")

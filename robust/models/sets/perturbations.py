@@ -7,7 +7,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import integer
+from nlfrf._base.arguments import require_integer
 from robust.lti.connections import in_series, inverse_system
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import from_roots
@@ -38,7 +38,7 @@ def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:
     plants: list[Any] = []
     # a gain as the weight need not state a clock, nor has one as the nominal to
     dt = timebase(model.weight) or (0.0 if model.measured_only else timebase(model.nominal))
-    for _ in range(20 * integer("n", n, least=0)):
+    for _ in range(20 * require_integer("n", n, least=0)):
         if len(plants) == n:
             break
         Delta = random_perturbation(rng, model.omega[0], model.omega[-1], dt)

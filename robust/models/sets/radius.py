@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import counted, nonnegative, one_of, real_array, shown
+from nlfrf._base.arguments import format_count, require_choice, require_nonnegative, require_real_array, short_form
 from robust._base.channels import is_single
 from robust.lti.grids import interpolate_frf
 from robust.lti.lti import response, timebase
@@ -226,7 +226,7 @@ def frf_at(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndar
 
 def slope(name: str, rule: Any) -> float:
     """dB per decade away from the band."""
-    return 0.0 if isinstance(rule, str) and one_of(name, rule, ("flat",)) else nonnegative(name, rule)
+    return 0.0 if isinstance(rule, str) and require_choice(name, rule, ("flat",)) else require_nonnegative(name, rule)
 
 
 def worded(rule: float) -> str:
@@ -265,11 +265,11 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
     if many and all(map(is_single, many)):
         return None
     if not any(is_plant(part) or isinstance(part, np.ndarray) for part in many):
-        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {shown(given)}")
+        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {short_form(given)}")
     if form.scaled:
         raise ValueError(f"form must not depend on units where the radius is your own, got {form.name}")
     if isinstance(given, tuple) and len(many) == 2 and not any(is_plant(part) for part in many):
-        omega, radius = real_array("omega", many[0], ndim=1), real_array("radius", many[1], ndim=1)
+        omega, radius = require_real_array("omega", many[0], ndim=1), require_real_array("radius", many[1], ndim=1)
         if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
             raise ValueError("radius must be positive, one for each omega, and these positive and increasing")
         return omega, radius, "a radius that was given"
@@ -291,7 +291,7 @@ def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.nda
     radius = np.nanmax(each, axis=0)
     if not differs:
         raise ValueError("bla must hold a plant beside the nominal, got none that differs")
-    return lines, np.maximum(radius, LEAST * radius.max()), f"{counted(len(many), 'plant')} that were given"
+    return lines, np.maximum(radius, LEAST * radius.max()), f"{format_count(len(many), 'plant')} that were given"
 
 
 def is_plant(part: Any) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 
 from flint import arb, ctx
 
-from nlfrf._base.arguments import hertz
+from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust.proofs.exact.aliases import prove_with_aliases
 from robust.proofs.exact.claim import ALIASED, LoopClaim
@@ -210,5 +210,5 @@ def frequency_of(axis: Axis, found: Decision) -> Decision:
 def describe_failure(found: Decision) -> str:
     """Say why a claim was not verified."""
     if found.violated_at >= 0:
-        return f"violated at {hertz(found.violated_at)}"
+        return f"violated at {format_hertz(found.violated_at)}"
     return found.reason

@@ -13,7 +13,7 @@ import control
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
-from nlfrf._base.arguments import positive, shown
+from nlfrf._base.arguments import require_positive, short_form
 from robust._base.states import Outcome
 from robust.lti.lti import Matrices, scale_states, timebase
 from robust.lti.norms import EPS, hinf_norm, to_continuous, to_discrete, well_conditioned
@@ -70,11 +70,11 @@ def certify_norm(
     >>> certify_norm(lag, 2.002).holds, certify_norm(lag, 1.998).holds
     (True, False)
     """
-    level = positive("level", level)
+    level = require_positive("level", level)
     if isinstance(system, control.TransferFunction):
         system = control.ss(system)
     if not isinstance(system, control.StateSpace):
-        raise ValueError(f"system must be a control.StateSpace or TransferFunction, got {shown(system)}")
+        raise ValueError(f"system must be a control.StateSpace or TransferFunction, got {short_form(system)}")
     dt, n = timebase(system), system.nstates
     everywhere = np.array([[0.0, np.pi / dt if dt else np.inf]])
 

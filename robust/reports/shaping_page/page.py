@@ -13,8 +13,8 @@ import control
 import numpy as np
 from scipy.linalg import hessenberg
 
-from nlfrf._base.arguments import nonnegative, shown
-from nlfrf._base.files import path_of, write_text
+from nlfrf._base.arguments import require_nonnegative, short_form
+from nlfrf._base.files import to_path, write_text
 from robust.analysis.bounds import loop_bounds
 from robust.analysis.loop import Loop, assemble
 from robust.lti.connections import in_series
@@ -113,7 +113,7 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
     """Everything the page needs, as JSON holds it."""
     models = list(models) if isinstance(models, Sequence) else [models]
     if not models or not all(isinstance(model, UncertaintyModel) for model in models):
-        raise ValueError(f"model must be an UncertaintyModel or a list of them, got {shown(models)}")
+        raise ValueError(f"model must be an UncertaintyModel or a list of them, got {short_form(models)}")
     if any(model.measured_only for model in models):
         raise ValueError(
             "model must have a parametric nominal to be shaped on, got one on an FRF. Make it by fit_nominal"
@@ -145,7 +145,7 @@ def page_content(models: Any, *, w_P: Any, K: Any, dt: float, delay: float, told
 
 def time_step(models: list[UncertaintyModel], K: control.StateSpace, dt: float) -> float:
     """The sampling time of the loop [s]: asked for, that of the controller, or that of the models."""
-    dt = nonnegative("dt", dt)
+    dt = require_nonnegative("dt", dt)
     known = {timebase(model.nominal) for model in models} | ({0.0} if is_constant(K) else {timebase(K)})
     known = {step for step in known | {dt} if step}
     if len(known) > 1:
@@ -315,7 +315,7 @@ def write_shaping_page(
     >>> "default-src 'none'" in text, "src=" in text          # it may ask for nothing, and does not
     (True, False)
     """
-    path = path_of(path)
+    path = to_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
     write_text(path, page_text(page_content(model, w_P=w_P, K=K, dt=dt, delay=delay, told=Told(title=title))))

@@ -19,7 +19,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz, real
+from nlfrf._base.arguments import format_hertz, require_real
 from nlfrf._base.values import value
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
@@ -75,7 +75,7 @@ def limit_on_lines(name: str, bound: Any, omega: np.ndarray) -> np.ndarray:
     if isinstance(bound, (control.StateSpace, control.TransferFunction)):
         out = np.abs(response(state_space(name, bound), omega))
     else:
-        out = np.full(omega.size, real(name, bound))
+        out = np.full(omega.size, require_real(name, bound))
     if np.any(out <= 0):
         raise ValueError(f"{name} must be positive, got {out.min():g}")
     return out
@@ -170,7 +170,9 @@ def limit_rows(at: PlantOnLines, *, M_S: Any, M_T: Any, M_u: Any, omega_c: Any, 
         rows.append(gain_row(at, "omega_c", least, 1.0))
         if most is not None:
             where = nearest_lines(at, "omega_c", most)
-            rows.append(demand_row(f"|L| <= 1 at {hertz(most)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where))
+            rows.append(
+                demand_row(f"|L| <= 1 at {format_hertz(most)}", at, 0.0, np.abs(at.G), y=1.0, x=0.0, index=where)
+            )
     if gain is not None:
         rows.append(gain_row(at, "gain", *gain))
     return rows
@@ -192,16 +194,16 @@ def peak_of_T(at: PlantOnLines, M: np.ndarray, name: str) -> Demand:
 
 def gain_row(at: PlantOnLines, name: str, omega: Any, least: Any) -> Demand:
     """|L| of the nominal at least so large at a frequency."""
-    least = real(name, least)
+    least = require_real(name, least)
     if least <= 0:
         raise ValueError(f"{name} must ask for a positive |L|, got {least:g}")
     where = nearest_lines(at, name, omega)
-    return demand_row(f"|L| >= {least:g} at {hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
+    return demand_row(f"|L| >= {least:g} at {format_hertz(float(omega))}", at, least, 0.0, y=0.0, x=at.G, index=where)
 
 
 def nearest_lines(at: PlantOnLines, name: str, omega: Any) -> np.ndarray:
     """The lines nearest to a frequency, one for each plant, or a refusal outside the band."""
-    omega = real(name, omega)
+    omega = require_real(name, omega)
     starts = np.concatenate([[0], np.flatnonzero(np.diff(at.omega) <= 0) + 1, [at.omega.size]])
     found = []
     for first, last in pairwise(starts):
@@ -209,7 +211,8 @@ def nearest_lines(at: PlantOnLines, name: str, omega: Any) -> np.ndarray:
         lowest = max(at.lowest, lines[0])
         if not lowest * 0.999 <= omega <= lines[-1] * 1.001:
             raise ValueError(
-                f"{name} must lie within the lines, {hertz(lowest)} to {hertz(lines[-1])}, got {hertz(omega)}"
+                f"{name} must lie within the lines, {format_hertz(lowest)} to {format_hertz(lines[-1])}, "
+                f"got {format_hertz(omega)}"
             )
         found.append(first + int(np.argmin(np.abs(np.log(lines / omega)))))
     return np.array(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from nlfrf._base.arguments import of_kind
+from nlfrf._base.arguments import require_kind
 from robust._base.channels import is_matrix
 from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.synthesis.fixed.one_loop import design_loop
@@ -134,7 +134,7 @@ def design_frf(
     >>> design.K.nstates, bool(design.gamma < 1.41)
     (2, True)
     """
-    of_kind("positive", positive, bool)
+    require_kind("positive", positive, bool)
     asked: dict[str, Any] = {
         "w_P": w_P,
         "w_T": w_T,

@@ -10,7 +10,15 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, positive, real, shown
+from nlfrf._base.arguments import (
+    format_hertz,
+    require_choice,
+    require_integer,
+    require_nonnegative,
+    require_positive,
+    require_real,
+    short_form,
+)
 from robust._base.channels import is_single
 from robust._base.states import Stability
 from robust.lti.lti import is_clockless, is_constant, response, timebase
@@ -74,22 +82,24 @@ def design_loop(
     """`design_frf` of a plant of one input and output."""
     given = {name: what for name, what in locals().items() if name not in ("plant", "structure")}
     began = time.perf_counter()
-    one_of("aim", aim, ("auto", "gamma", "gain"))
-    dt, delay = nonnegative("dt", dt), nonnegative("delay", delay)
-    n_unstable = integer("n_unstable", n_unstable, least=0)
-    n_iterations = integer("n_iterations", n_iterations, least=0)
-    time_cap = positive("time_cap", time_cap)
-    shape = structure_of(structure, integer("integrators", integrators, least=0), filter_time)
+    require_choice("aim", aim, ("auto", "gamma", "gain"))
+    dt, delay = require_nonnegative("dt", dt), require_nonnegative("delay", delay)
+    n_unstable = require_integer("n_unstable", n_unstable, least=0)
+    n_iterations = require_integer("n_iterations", n_iterations, least=0)
+    time_cap = require_positive("time_cap", time_cap)
+    shape = structure_of(structure, require_integer("integrators", integrators, least=0), filter_time)
     plants = list(plant) if isinstance(plant, Sequence) else [plant]
     if not plants:
         raise ValueError("plant must be a plant or a list of them, got an empty list")
     dt = loop_sampling_time(plants, dt)
     named = [*per_demand_list("omega_c", omega_c), *(per_demand_list("gain", gain)[:1] if gain is not None else [])]
-    wanted = tuple(real("omega_c", w) for w in named)
+    wanted = tuple(require_real("omega_c", w) for w in named)
     look = partial(plant_on_lines, dt=dt, delay=delay, extra=wanted, weights=(w_P, w_T, w_u, M_S, M_T, M_u))
     weights = {"w_P": w_P, "w_T": w_T, "w_u": w_u}
     limits = {"M_S": M_S, "M_T": M_T, "M_u": M_u, "omega_c": omega_c, "gain": gain}
-    ask = partial(split_demands, aim=aim, weights=weights, limits=limits, end_gain=positive("end_gain", end_gain))
+    ask = partial(
+        split_demands, aim=aim, weights=weights, limits=limits, end_gain=require_positive("end_gain", end_gain)
+    )
     seen = [look(p) for p in plants]
     basis = structure_basis(shape, stacked_plants(seen), dt, fixed)
     if positive_gains and shape.name not in PID_PARTS:
@@ -242,7 +252,7 @@ def check_start(task: DesignTask, start: Any) -> np.ndarray:
 
 def search_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
     """The best n_starts simple controllers that stabilise, or a refusal where there is none."""
-    n_starts = integer("n_starts", n_starts, least=1)
+    n_starts = require_integer("n_starts", n_starts, least=1)
     starts = find_start(
         task.basis,
         task.seen,
@@ -274,7 +284,7 @@ def per_demand_list(name: str, given: Any) -> list[Any]:
     many = list(given) if isinstance(given, (tuple, list)) else [given]
     if len(many) != 2 and (name == "gain" or len(many) != 1):
         wanted = "(omega, least |L| there)" if name == "gain" else "one number or (low, high)"
-        raise ValueError(f"{name} must be {wanted}, got {shown(given)}")
+        raise ValueError(f"{name} must be {wanted}, got {short_form(given)}")
     return many
 
 
@@ -329,6 +339,6 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, history: tuple[float, .
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
     if failed:
         failed.sort(reverse=True)
-        said = "; ".join(f"{name} is missed by a factor {v:.4g} at {hertz(w)}" for v, name, w in failed[:3])
+        said = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
         return Design(K=K, gamma=gamma, met=False, reason=f"not found: {said} ({why})", history=history)
     return Design(K=K, gamma=gamma, met=True, reason=why, history=history)

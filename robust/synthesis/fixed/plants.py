@@ -10,7 +10,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz
+from nlfrf._base.arguments import format_hertz
 from nlfrf._base.values import value
 from robust._base.channels import is_single
 from robust.analysis.loop import Loop, assemble
@@ -107,7 +107,7 @@ def plant_on_lines(
         omega, G, form, w, *_ = (plant.omega, plant.G, ADDITIVE, plant.radius) if given else on_lines(plant)
         w = np.nan_to_num(np.abs(w))
         if dt and omega[-1] * dt >= np.pi:
-            raise ValueError(f"dt must put Nyquist above the lines, up to {hertz(omega[-1])}, got {dt:g} s")
+            raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega[-1])}, got {dt:g} s")
         G = G if given else as_seen(plant, omega, G, dt, delay)
         loop, n_integrators, lowest, highest = None, slope_at_start(omega, G), float(omega[0]), float(omega[-1])
         n = omega.size

@@ -8,7 +8,14 @@ import control
 import numpy as np
 from scipy.optimize import minimize
 
-from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, positive, shown
+from nlfrf._base.arguments import (
+    format_hertz,
+    require_choice,
+    require_integer,
+    require_nonnegative,
+    require_positive,
+    short_form,
+)
 from nlfrf._base.values import value
 from robust.friction.classes import AnyFriction
 from robust.friction.plant import FrictionPlant
@@ -69,7 +76,7 @@ class ProvedDesign:
         Kp, Ki, Kd = self.parameters
         return (
             f"Kp = {Kp:.4g} N/m, Ki = {Ki:.4g} N/ms, Kd = {Kd:.4g} Ns/m: |S| below -3 dB up to "
-            f"{hertz(self.bandwidth)}, sliding or stuck, at most {self.peak:.3g}; {self.n_proofs} proofs tried."
+            f"{format_hertz(self.bandwidth)}, sliding or stuck, at most {self.peak:.3g}; {self.n_proofs} proofs tried."
             f"\n{self.proofs[0]}"
         )
 
@@ -134,8 +141,8 @@ def design_proved(
     (True, True)
     """
     machines, friction = machines_of(machine, friction)
-    dt, delay, M_S = positive("dt", dt), nonnegative("delay", delay), positive("M_S", M_S)
-    one_of("structure", structure, ("PID", "PD"))
+    dt, delay, M_S = require_positive("dt", dt), require_nonnegative("delay", delay), require_positive("M_S", M_S)
+    require_choice("structure", structure, ("PID", "PD"))
     task = ProofSearch(
         machines=machines, friction=friction, dt=dt, delay=delay, M_S=M_S, factor=sampled_notch(notch, dt)
     )
@@ -143,7 +150,7 @@ def design_proved(
     if structure == "PD":
         shape[1] = 0.0
     if np.any(shape < 0) or not shape[2] > 0:
-        raise ValueError(f"start must hold Kp, Ki >= 0 and Kd > 0, got {shown(tuple(shape))}")
+        raise ValueError(f"start must hold Kp, Ki >= 0 and Kd > 0, got {short_form(tuple(shape))}")
     tried: dict[str, Any] = {"n": 0, "best": None}
     free = [i for i in (0, 1) if shape[i] > 0]
 
@@ -154,8 +161,8 @@ def design_proved(
 
     missed(np.zeros(len(free)))
     if tried["best"] is None:
-        raise ValueError(f"start must have a gain that is proved, got none for {shown(tuple(shape))}. Damp more")
-    if integer("n_iterations", n_iterations, least=0):
+        raise ValueError(f"start must have a gain that is proved, got none for {short_form(tuple(shape))}. Damp more")
+    if require_integer("n_iterations", n_iterations, least=0):
         simplex = np.vstack([np.zeros(len(free)), 0.5 * np.eye(len(free))])
         options = {"maxfev": n_iterations, "initial_simplex": simplex, "xatol": 0.02, "fatol": 0.01}
         minimize(missed, np.zeros(len(free)), method="Nelder-Mead", options=options)
@@ -284,9 +291,9 @@ def machines_of(machine: Any, friction: AnyFriction | None) -> tuple[tuple[Frict
     if own and friction is None:
         return tuple(own), machine.friction
     if not isinstance(machine, FrictionPlant):
-        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {shown(machine)}")
+        raise ValueError(f"machine must be a friction_plant, or a FrictionClass alone, got {short_form(machine)}")
     if not isinstance(friction, AnyFriction) or friction.kind != "Maxwell slip":
-        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {shown(friction)}")
+        raise ValueError(f"friction must be a class such as any_maxwell_slip(64e3), got {short_form(friction)}")
     return (machine,), friction
 
 
@@ -309,7 +316,7 @@ def sampled_notch(omega: float | None, dt: float) -> control.StateSpace:
     """A notch of a tenth at a frequency, sampled; one where none is asked for."""
     if omega is None:
         return control.StateSpace([], [], [], [[1.0]], dt)
-    omega = positive("notch", omega)
+    omega = require_positive("notch", omega)
     if omega * dt >= np.pi:
         raise ValueError(f"notch must lie below Nyquist, {np.pi / dt:g} rad/s, got {omega:g} rad/s")
     zeros, poles = (np.roots([1, 2 * damping * omega, omega**2]) for damping in (0.05, 0.5))

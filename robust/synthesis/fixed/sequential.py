@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import hertz, integer, nonnegative, positive
+from nlfrf._base.arguments import format_hertz, require_integer, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust.analysis.check import check
 from robust.lti.connections import block_diagonal
@@ -108,7 +108,7 @@ def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[st
     dt = require_plant(plant, asked)
     n = plant.n_inputs
     each = [loop_demands(k, n, structure, {**asked, "dt": dt, "delay": 0.0}) for k in range(n)]
-    deadline = time.perf_counter() + positive("time_cap", asked["time_cap"])
+    deadline = time.perf_counter() + require_positive("time_cap", asked["time_cap"])
     seen = matrix_on_lines(plant, dt, asked["delay"])
     order = sorted(range(n), key=lambda k: -crossover_of(each[k][1]["omega_c"]))
     K: list[Any] = [None] * n
@@ -153,9 +153,9 @@ def require_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> floa
         )
     if asked["prove"] is not None:
         raise ValueError("prove must be left out of a design for a matrix: friction is proved of a single loop")
-    dt = nonnegative("dt", asked["dt"])
-    nonnegative("delay", asked["delay"])
-    if n_unstable := integer("n_unstable", asked["n_unstable"], least=0):
+    dt = require_nonnegative("dt", asked["dt"])
+    require_nonnegative("delay", asked["delay"])
+    if n_unstable := require_integer("n_unstable", asked["n_unstable"], least=0):
         raise ValueError(
             f"n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got {n_unstable}"
         )
@@ -296,7 +296,7 @@ def check_whole_set(
     size = np.linalg.norm(N, 2, axis=(1, 2))
     worst = int(size.argmax())
     margin = float(1 / size[worst])
-    return "" if margin > 1 else f"the whole set is not stable at {hertz(seen.omega[worst])}", margin
+    return "" if margin > 1 else f"the whole set is not stable at {format_hertz(seen.omega[worst])}", margin
 
 
 def check_sequential_stability(plant: Bla, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:

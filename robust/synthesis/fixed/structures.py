@@ -11,7 +11,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import integer, nonnegative, shown
+from nlfrf._base.arguments import require_integer, require_nonnegative, short_form
 from nlfrf._base.values import value
 from robust.lti.connections import in_series
 from robust.lti.lti import response
@@ -87,11 +87,11 @@ class ControllerStructure:
     def __post_init__(self) -> None:
         poles = np.atleast_1d(np.asarray(self.poles, dtype=complex))
         if not np.isfinite(poles).all() or np.any(poles.real >= 0):
-            raise ValueError(f"poles must be stable, got {shown(self.poles)}. Integrators go to n_integrators")
+            raise ValueError(f"poles must be stable, got {short_form(self.poles)}. Integrators go to n_integrators")
         if np.abs(np.poly(poles).imag).max(initial=0.0) > 1e-9 * np.abs(np.poly(poles)).max(initial=1.0):
-            raise ValueError(f"poles must be real or in conjugate pairs, got {shown(self.poles)}")
+            raise ValueError(f"poles must be real or in conjugate pairs, got {short_form(self.poles)}")
         for field in ("n_zeros", "n_integrators", "n_poles"):
-            object.__setattr__(self, field, integer(field, getattr(self, field), least=0))
+            object.__setattr__(self, field, require_integer(field, getattr(self, field), least=0))
         if poles.size and self.n_poles not in (0, poles.size):
             raise ValueError(f"n_poles must be that of the poles given, {poles.size}, got {self.n_poles}")
         object.__setattr__(self, "poles", tuple(complex(p) for p in poles))
@@ -138,12 +138,14 @@ def structure_of(name: Any, integrators: int, filter_time: float | None) -> Cont
         )
     else:
         words = ", ".join(NAMED_STRUCTURES)
-        raise ValueError(f'structure must be one of {words}, "order-n" or a ControllerStructure, got {shown(name)}')
+        raise ValueError(
+            f'structure must be one of {words}, "order-n" or a ControllerStructure, got {short_form(name)}'
+        )
     if filter_time is None:
         return found
     if text not in ("PD", "PID"):
         raise ValueError(f"filter_time must only be given with PD or PID, got it with {text!r}")
-    tau = nonnegative("filter_time", filter_time)
+    tau = require_nonnegative("filter_time", filter_time)
     if tau == 0:
         raise ValueError("filter_time must be positive [s]: a derivative needs a filter, got 0")
     return ControllerStructure(

@@ -14,7 +14,7 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import integer, positive
+from nlfrf._base.arguments import require_integer, require_positive
 from nlfrf._base.values import value
 from robust.lti.connections import block_diagonal, lower_lft, weighted_plant
 from robust.lti.grids import structure_grid
@@ -144,9 +144,9 @@ def dk_iteration(
     elif w_P is not None or w_u is not None:
         raise ValueError("w_P and w_u must be left out but for a MatrixUncertainty: of a system they are part of P")
     P = multivariable("P", P)
-    n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
-    order, n_rounds = integer("order", order, least=0), integer("n_rounds", n_rounds, least=1)
-    deadline = time.monotonic() + positive("time_cap", time_cap)
+    n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
+    order, n_rounds = require_integer("order", order, least=0), require_integer("n_rounds", n_rounds, least=1)
+    deadline = time.monotonic() + require_positive("time_cap", time_cap)
     s = structure_for("blocks", blocks, (P.noutputs - n_y, P.ninputs - n_u), of="P without y and u")
     dt = timebase(P)
     best, reason = empty_design(P, n_y, n_u), f"{n_rounds} rounds were made"

@@ -15,7 +15,7 @@ import control
 import numpy as np
 from scipy.linalg import cholesky
 
-from nlfrf._base.arguments import integer, nonnegative, positive, real
+from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive, require_real
 from nlfrf._base.values import value
 from robust.lti.connections import lower_lft
 from robust.lti.lti import Matrices, axis_points, evaluate_transfer, response_by_channel, timebase, to_s_plane
@@ -521,7 +521,7 @@ def hinfsyn(
     1.366
     """
     P = multivariable("P", P)
-    deadline = time.monotonic() + positive("time_cap", time_cap)
+    deadline = time.monotonic() + require_positive("time_cap", time_cap)
     options = {"gamma_min": gamma_min, "tolerance": tolerance, "factor": factor, "time_cap": time_cap}
     return with_certificate(P, synthesise(P, n_y, n_u, **options), max(deadline - time.monotonic(), time_cap / 4))
 
@@ -548,9 +548,9 @@ def synthesise(
     time_cap: float = 10.0,
 ) -> Synthesis:
     """`hinfsyn` without the proof of gamma, for who judges the loop by something else."""
-    n_y, n_u = integer("n_y", n_y, least=1), integer("n_u", n_u, least=1)
-    gamma_min, tolerance = nonnegative("gamma_min", gamma_min), positive("tolerance", tolerance)
-    factor, time_cap = real("factor", factor), positive("time_cap", time_cap)
+    n_y, n_u = require_integer("n_y", n_y, least=1), require_integer("n_u", n_u, least=1)
+    gamma_min, tolerance = require_nonnegative("gamma_min", gamma_min), require_positive("tolerance", tolerance)
+    factor, time_cap = require_real("factor", factor), require_positive("time_cap", time_cap)
     if factor < 1:
         raise ValueError(f"factor must be at least 1, got {factor:g}")
     if P.noutputs <= n_y or P.ninputs <= n_u:

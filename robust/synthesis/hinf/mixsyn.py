@@ -6,7 +6,7 @@ from typing import Any
 
 import control
 
-from nlfrf._base.arguments import nonnegative, positive
+from nlfrf._base.arguments import require_nonnegative, require_positive
 from robust.lti.connections import weighted_plant
 from robust.lti.lti import is_constant, timebase, with_names
 from robust.lti.realisation import multivariable, stable_weight
@@ -87,7 +87,11 @@ def mixsyn(
     >>> round(design.gamma_min, 3), bool(design.gamma < 1.38)
     (1.366, True)
     """
-    dt, delay, time_cap = nonnegative("dt", dt), nonnegative("delay", delay), positive("time_cap", time_cap)
+    dt, delay, time_cap = (
+        require_nonnegative("dt", dt),
+        require_nonnegative("delay", delay),
+        require_positive("time_cap", time_cap),
+    )
     G = multivariable("model", model.nominal if is_unstructured_model(model) else model)
     n_y, n_u, step = G.noutputs, G.ninputs, timebase(G)
     names = G.output_labels, G.input_labels

@@ -8,7 +8,7 @@ import control
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
-from nlfrf._base.arguments import positive, real
+from nlfrf._base.arguments import require_positive, require_real
 from robust.lti.connections import block_diagonal, closed_loop, in_series
 from robust.lti.lti import is_clockless, response, timebase, with_names
 from robust.lti.norms import hinf_norm, to_continuous, to_discrete
@@ -64,7 +64,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     >>> round(design.gamma_min, 3), bool(design.gamma <= 1.1 * design.gamma_min)
     (2.339, True)
     """
-    factor = real("factor", factor)
+    factor = require_real("factor", factor)
     if factor <= 1:
         raise ValueError(f"factor must be above 1, got {factor:g}")
     G = multivariable("G", G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
@@ -170,7 +170,7 @@ def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
     1.0
     """
     G = state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
-    omega_c, dt = positive("omega_c", omega_c), timebase(G)
+    omega_c, dt = require_positive("omega_c", omega_c), timebase(G)
     if dt and omega_c * dt > np.pi / 2:
         raise ValueError(
             f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s, got {omega_c:g}"

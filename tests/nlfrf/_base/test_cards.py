@@ -9,7 +9,7 @@ import pytest
 
 import nlfrf
 import robust
-from nlfrf._base.values import Sketch, card, picture, thinned
+from nlfrf._base.values import Sketch, html_card, svg_sketch, thin_curve
 from tests.support.measurement_files import FS, MS, N, P, U, Y
 
 HELD = [np.linspace(-1, 1, 100_000).reshape(2, -1), 3.5, "a word <&>", None, ("a", "b"), {"a": np.ones(3)}, [1] * 50]
@@ -85,13 +85,13 @@ def test_a_report_is_no_wall_of_numbers_any_more():
 def test_a_curve_keeps_its_extremes_when_it_is_thinned():
     y = np.zeros(100_000)
     y[54_321], y[7] = 9.0, -5.0
-    x, few = thinned(np.arange(y.size, dtype=float), y)
+    x, few = thin_curve(np.arange(y.size, dtype=float), y)
     assert few.size == 400
     assert (few.max(), few.min()) == (9.0, -5.0)
     assert x[few.argmax()] == 54_321
-    assert picture(Sketch("f", "dB", [("empty", np.ones(2), np.full(2, np.nan))], log=True)) == ""
+    assert svg_sketch(Sketch("f", "dB", [("empty", np.ones(2), np.full(2, np.nan))], log=True)) == ""
 
 
 def test_a_value_inside_a_value_is_named_only(record):
     assert "lines=LineGrid(...)" in repr(nlfrf.Record(u=record.u, y=record.y, fs=FS, lines=MS.lines))
-    assert card(record) == record._repr_html_()
+    assert html_card(record) == record._repr_html_()

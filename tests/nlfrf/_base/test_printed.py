@@ -10,7 +10,7 @@ import typer
 import nlfrf
 from nlfrf import cli
 from nlfrf._base.arguments import one_line, printable
-from nlfrf._base.command import run
+from nlfrf._base.command import run_command
 from tests.support.hostile_files import COMMANDS, NAMES
 
 HOSTILE = "force\x1b[2J\x1b]0;owned\x07\u202ednab\x9b31m"
@@ -102,7 +102,7 @@ def test_whatever_is_printed_passes_one_place(capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["speak"])
     before = sys.stdout, sys.stderr
     with pytest.raises(SystemExit) as stop:
-        run("speak", app, nlfrf.DataWarning, options={})
+        run_command("speak", app, nlfrf.DataWarning, options={})
     assert stop.value.code == 2
     assert (sys.stdout, sys.stderr) == before
     said = capsys.readouterr()

@@ -7,7 +7,7 @@ import pytest
 from scipy.io import savemat
 
 import nlfrf
-from nlfrf._base.files import write_whole
+from nlfrf._base.files import write_atomically
 from nlfrf._base.values import field_names
 from nlfrf.io.readers.clock import frequency_of
 from nlfrf.io.results import load
@@ -256,7 +256,7 @@ def test_a_file_is_written_whole_or_not_at_all(record, tmp_path):
         raise RuntimeError("disk full")
 
     with pytest.raises(RuntimeError):
-        write_whole(path, half)
+        write_atomically(path, half)
     assert path.read_text() == "before"
     assert [p.name for p in tmp_path.iterdir()] == ["out.npz"]
     with pytest.raises(ValueError, match=r"path must end in \.npz, \.mat, \.h5 or \.csv"):

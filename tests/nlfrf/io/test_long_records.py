@@ -14,7 +14,7 @@ from nlfrf.io import npz
 from nlfrf.io.readers import clock, tables
 from nlfrf.records import excited_lines as detection
 from nlfrf.records import period
-from nlfrf.records.period import coarse, smooth_over
+from nlfrf.records.period import decimate, smooth_step
 from nlfrf.records.screening import input as faults
 from tests.support.long_records import written
 
@@ -71,7 +71,7 @@ def extremes_of(x):
 @pytest.mark.parametrize("step", [7, 64, 1000, 1001])
 def test_checks_by_blocks_are_those_of_the_whole(step, monkeypatch):
     rng = np.random.default_rng(step)
-    monkeypatch.setattr(transforms, "BLOCK", step)
+    monkeypatch.setattr(transforms, "BLOCK_ENTRIES", step)
     for x in (
         rng.integers(-3, 4, 3003).astype(float),
         np.clip(rng.standard_normal(2002), -1, 1.5),
@@ -79,13 +79,13 @@ def test_checks_by_blocks_are_those_of_the_whole(step, monkeypatch):
         np.ones(1001),
     ):
         share = sum(np.mean(x == e) for e, below in extremes_of(x) if runs(x == e).max() > 2 and np.sum(x == e) > below)
-        assert faults.clipped(x) == pytest.approx(share, rel=1e-12)
+        assert faults.clipped_share(x) == pytest.approx(share, rel=1e-12)
         edges = np.flatnonzero(np.concatenate([[True], np.diff(x) != 0, [True]]))
         longest = int(np.argmax(np.diff(edges)))
-        assert faults.longest_standstill(x) == (edges[longest], np.diff(edges)[longest])
+        assert faults.longest_constant_run(x) == (edges[longest], np.diff(edges)[longest])
         assert transforms.is_constant(x) == (np.ptp(x) == 0)
-        assert transforms.equal(x, x.copy())
-        assert not transforms.equal(x, np.append(x[:-1], np.pi))
+        assert transforms.streams_equal(x, x.copy())
+        assert not transforms.streams_equal(x, np.append(x[:-1], np.pi))
         for bad in (np.nan, np.inf):
             assert not transforms.all_finite(np.append(x, bad))
     assert transforms.all_finite(np.full(3 * step, 1e308))  # whose sum is none
@@ -191,10 +191,10 @@ def test_the_period_of_a_long_signal_is_that_of_its_whole_autocorrelation(n_samp
     ms = nlfrf.multisine(fs=n_samples, n_samples=n_samples, f_min=band[0], f_max=band[1], rng=rng)
     u = np.tile(ms.u[0], n_periods) + 0.3
     u = u + noise * rng.standard_normal(u.size)
-    assert u.size > period.LONG
+    assert u.size > period.LONG_SIGNAL
     assert period.detect_period(u) == pytest.approx(n_samples, abs=0.05)
     if noise < 0.01 or band[0] > 1:  # else noise moves the top of a flat peak
-        assert period.by_autocorrelation(u) == pytest.approx(period.detect_period(u), abs=0.01)
+        assert period.period_by_autocorrelation(u) == pytest.approx(period.detect_period(u), abs=0.01)
 
 
 def test_a_long_period_between_samples_and_a_late_start_are_found():
@@ -216,14 +216,14 @@ def test_faults_of_long_periods_are_found_coarsely_as_they_are_in_full(monkeypat
     ms = nlfrf.multisine(fs=n, n_samples=n, f_min=1, f_max=400, rng=1)
     u = np.tile(ms.u[0], 6) + 1e-3 * np.random.default_rng(0).standard_normal(6 * n)
     late = np.concatenate([u[: 2 * n - 50], u[2 * n - 41 :]])  # nine samples lost
-    assert smooth_over(u) > 8
-    found = faults.track(late, n)
-    monkeypatch.setattr(faults, "BLOCK", 1 << 30)  # at every sample
-    whole = faults.track(late, n)
+    assert smooth_step(u) > 8
+    found = faults.track_input(late, n)
+    monkeypatch.setattr(faults, "BLOCK_ENTRIES", 1 << 30)  # at every sample
+    whole = faults.track_input(late, n)
     assert found.fault == whole.fault
     assert "9 lost before period 3" in found.fault
     np.testing.assert_allclose(found.delay, whole.delay, atol=0.01)
-    np.testing.assert_array_equal(coarse(u[None], 1), u[None])
+    np.testing.assert_array_equal(decimate(u[None], 1), u[None])
 
 
 def test_lines_of_long_periods_are_those_found_in_all_of_them(monkeypatch):
@@ -235,14 +235,14 @@ def test_lines_of_long_periods_are_those_found_in_all_of_them(monkeypatch):
     np.testing.assert_array_equal(found.excited, ms.lines.excited)
     np.testing.assert_array_equal(detection.detect_lines(u[:, :2]).excited, ms.lines.excited)
     power, _ = detection.line_powers(u)
-    monkeypatch.setattr(detection, "BLOCK", 1 << 30)
+    monkeypatch.setattr(detection, "BLOCK_ENTRIES", 1 << 30)
     whole, _ = detection.line_powers(u)
     np.testing.assert_allclose(power, whole, rtol=1e-9)
 
 
 @pytest.mark.parametrize("n", [2, 3, 1000, 70_001])
 def test_the_frequency_of_a_time_axis_by_blocks(n, monkeypatch):
-    monkeypatch.setattr(transforms, "BLOCK", 64)
+    monkeypatch.setattr(transforms, "BLOCK_ENTRIES", 64)
     t = np.round(np.arange(n) / 16384, 6)
     assert clock.frequency_of(t) == pytest.approx(16384, rel=2e-2 if n < 4 else 1e-3)
     if n > 3:

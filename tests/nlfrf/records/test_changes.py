@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 import nlfrf
-from nlfrf.records.screening.input import held_over
+from nlfrf.records.screening.input import hold_factor
 
 FS, N = 512.0, 1024
 
@@ -80,8 +80,8 @@ def test_what_is_coarse_or_stands_still_is_not_held():
     rng = np.random.default_rng(0)
     smooth = np.cumsum(rng.standard_normal(4000))
     for x in (smooth, np.round(smooth), np.round(smooth / 10), np.zeros(4000), np.repeat(rng.standard_normal(40), 100)):
-        assert held_over(x) == 1
-    assert held_over(np.append(0.0, np.repeat(smooth, 4))) == 4  # whatever it begins with
+        assert hold_factor(x) == 1
+    assert hold_factor(np.append(0.0, np.repeat(smooth, 4))) == 4  # whatever it begins with
 
 
 def test_swapped_channels_are_told():

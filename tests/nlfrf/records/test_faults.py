@@ -8,7 +8,7 @@ import pytest
 
 import nlfrf
 from benchmarks import faults
-from nlfrf.records.screening.output import follow
+from nlfrf.records.screening.output import align_output
 
 GUIDE = Path(__file__).parents[3] / "docs" / "guide" / "faults.md"
 
@@ -48,7 +48,7 @@ def test_a_transient_is_not_taken_for_a_fault(damping):
         for noise in (0.0, 1e-3):
             y = y + noise * np.random.default_rng(n).standard_normal(y.size)
             periods = slice(0, n * faults.N)
-            lag = follow(u[periods].reshape(n, -1), y[periods].reshape(n, -1), ms.lines.excited)
+            lag = align_output(u[periods].reshape(n, -1), y[periods].reshape(n, -1), ms.lines.excited)
             assert not (lag.fault and lag.severe)
             assert not lag.jumps.any()
 

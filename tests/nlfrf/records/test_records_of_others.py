@@ -11,9 +11,9 @@ from scipy.io import savemat
 
 import nlfrf
 from nlfrf.records.period import detect_period
-from nlfrf.records.screening.gaps import gaps_inside
-from nlfrf.records.screening.input import between, clipped
-from nlfrf.records.screening.output import follow
+from nlfrf.records.screening.gaps import find_slips
+from nlfrf.records.screening.input import clipped_share, interpolate_bandlimited
+from nlfrf.records.screening.output import align_output
 
 N = 1000
 
@@ -43,14 +43,14 @@ def test_a_delay_that_the_next_periods_contradict_is_no_lost_sample():
     u, y = stick_and_slip(4)
     parts = y.reshape(20, 2500)
     assert 0.005 < np.sqrt(np.mean((parts[12] - parts[13]) ** 2)) / np.std(y) < 0.026
-    assert not gaps_inside(parts, 10).any()
+    assert not find_slips(parts, 10).any()
     assert silent(u, y, 2500).n_periods == 20
 
 
 def test_samples_that_stay_lost_are_told_all_the_same():
     u, y = stick_and_slip(0)
     lost = np.delete(np.append(y, y[:4]), range(12 * 2500 + 800, 12 * 2500 + 804))
-    assert gaps_inside(lost.reshape(20, 2500), 10)[12] == -4
+    assert find_slips(lost.reshape(20, 2500), 10)[12] == -4
     with pytest.raises(ValueError, match=r"y must stand still against u .*4 lost before period 14"):
         nlfrf.record_from_samples(u, lost, fs=N, n_samples=2500)
 
@@ -86,13 +86,13 @@ def test_the_measured_mirror_and_beam_have_no_fault(measured):
         u, y = (np.load(folder / f"{name}_{level}_train.npy") for name in "uy")
         for experiment in range(6):
             for j in range(3):
-                lag = follow(u[:, 0, experiment].T.copy(), y[:, j, experiment].T.copy(), np.arange(1, 3840))
+                lag = align_output(u[:, 0, experiment].T.copy(), y[:, j, experiment].T.copy(), np.arange(1, 3840))
                 assert lag.fault == ""
     beam = np.load(measured / "beam_ring" / "beam_ring_2x2.npz")
     u, y = (beam[name].astype(float) for name in "uy")
     for experiment in range(2):
         for j in range(2):
-            assert follow(u[0, experiment], y[j, experiment], np.arange(120, 21601)).fault == ""
+            assert align_output(u[0, experiment], y[j, experiment], np.arange(120, 21601)).fault == ""
 
 
 @pytest.mark.parametrize("levels", [3, 10, 40])
@@ -106,17 +106,17 @@ def test_integers_are_not_clipped(levels, shape):
         "binary": np.sign(np.sin(2 * np.pi * 3.3 * t / N) + 1e-9),
     }[shape]
     x = np.round(levels * x / np.abs(x).max())
-    assert clipped(x) == 0.0
+    assert clipped_share(x) == 0.0
     if levels > 3 and shape == "multisine":
         cut = np.round(0.4 * levels)
-        assert clipped(np.clip(x, -cut, cut)) > 0.02
+        assert clipped_share(np.clip(x, -cut, cut)) > 0.02
 
 
 def test_a_wide_band_between_the_samples_has_its_own_period():
     """Of 399.75 samples four periods are 1599: 1600 were taken for 400."""
     for seed in range(6):
         u = np.tile(multisine_of(seed, fs=400, n_samples=400, f_max=180).u[0], 12)
-        stream = between(u, np.arange(u.size - 60) * (400 / 399.75) + 25)
+        stream = interpolate_bandlimited(u, np.arange(u.size - 60) * (400 / 399.75) + 25)
         assert detect_period(stream) == pytest.approx(399.75, abs=0.02)
 
 

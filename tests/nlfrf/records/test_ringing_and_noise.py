@@ -7,9 +7,9 @@ import pytest
 
 import nlfrf
 from benchmarks.sound_records import FS, N, played, without, without_twice
-from nlfrf.records.screening.gaps import gaps_inside, torn_periods
-from nlfrf.records.screening.input import between
-from nlfrf.records.screening.output import follow
+from nlfrf.records.screening.gaps import find_corrupted_periods, find_slips
+from nlfrf.records.screening.input import interpolate_bandlimited
+from nlfrf.records.screening.output import align_output
 
 
 def held(u, y, truth):
@@ -124,9 +124,9 @@ def test_short_and_silent_periods_have_no_gap(n, n_periods, size):
     one = size * np.random.default_rng(n).standard_normal(n)
     y = one * (1 + 1e-3 * np.random.default_rng(1).standard_normal((n_periods, n)))
     for signal in (np.tile(one, (n_periods, 1)), np.full((n_periods, n), size), y):
-        gaps = gaps_inside(signal, max(1, n // 4))
+        gaps = find_slips(signal, max(1, n // 4))
         assert not gaps.any()
-        assert not torn_periods(signal, max(1, n // 4), gaps)[0].any()
+        assert not find_corrupted_periods(signal, max(1, n // 4), gaps)[0].any()
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -141,15 +141,15 @@ def test_spikes_and_coloured_noise_and_drifts_are_no_gaps(seed):
     walked, drifted, grown = y + 0.3 * size * walk / np.std(walk), y + 3 * size * t**2, y * (1 + 0.2 * t)
     for signal in (spiky, walked, drifted, grown):
         periods, last = signal.reshape(n_periods, N), int(ms.lines.excited[-1])
-        gaps = gaps_inside(periods, last)
+        gaps = find_slips(periods, last)
         assert not gaps.any()
-        assert not torn_periods(periods, last, gaps)[0].any()
+        assert not find_corrupted_periods(periods, last, gaps)[0].any()
 
 
 def test_a_gap_behind_a_transient_is_told_and_cured():
     ms, u, y, truth = played(0.01, 6, 1, settled=False)
     gone = np.delete(y, np.arange(3 * N + 300, 3 * N + 307))
-    lag = follow(u[: 5 * N].reshape(5, N), gone[: 5 * N].reshape(5, N), ms.lines.excited)
+    lag = align_output(u[: 5 * N].reshape(5, N), gone[: 5 * N].reshape(5, N), ms.lines.excited)
     assert "7 lost before period 5" in lag.fault
     assert lag.delay[4] == pytest.approx(-7, abs=0.01)
     with warnings.catch_warnings():
@@ -164,7 +164,7 @@ def test_noise_of_a_delay_is_that_of_the_lines_that_carry_signal():
     delays, said = [], []
     for seed in range(30):
         ms, u, y, _ = played(0.1, 8, seed, settled=True, noise=0.5)
-        lag = follow(u.reshape(8, N), y.reshape(8, N), ms.lines.excited)
+        lag = align_output(u.reshape(8, N), y.reshape(8, N), ms.lines.excited)
         delays.append(lag.delay[1:] - lag.delay[1:].mean())
         said.append(lag.noise)
     assert np.std(delays) == pytest.approx(np.median(said), rel=0.25)
@@ -189,7 +189,7 @@ def test_a_gap_in_the_first_period_is_told_and_cured(lost, at, noise):
 def test_a_gap_and_a_clock_are_cured_together(n_periods, at, ppm):
     """The gap was cured and the clock left: the bound held 0 to 4 % of the record that `resample` gave back."""
     _, u, y, truth = played(0.1, n_periods + 1, 3, settled=True)
-    y = np.delete(between(y, np.arange(y.size) * (1 + 1e-6 * ppm)), [at, at + 1])[: n_periods * N]
+    y = np.delete(interpolate_bandlimited(y, np.arange(y.size) * (1 + 1e-6 * ppm)), [at, at + 1])[: n_periods * N]
     u = u[: y.size]
     with pytest.raises(ValueError, match=r"2 lost before period|does not repeat in period"):
         nlfrf.record_from_samples(u, y, fs=FS, n_samples=N)

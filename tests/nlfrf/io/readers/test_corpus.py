@@ -322,13 +322,13 @@ def test_a_package_that_is_missing_is_named(tmp_path, monkeypatch):
     ("suffix", "extra"), [(".mf4", "mdf"), (".tdms", "tdms"), (".uff", "uff"), (".parquet", "parquet")]
 )
 def test_a_package_missing_in_the_process_apart_is_named_with_its_extra(suffix, extra, tmp_path, monkeypatch):
-    from nlfrf._base.own_process import read_apart
+    from nlfrf._base.own_process import read_in_own_process
     from nlfrf.io import channels
 
     room = tmp_path / "room.py"
     room.write_text("def contents(path):\n    import a_package_that_is_missing\n")
     path = tmp_path / f"run{suffix}"
     path.write_bytes(b"MDF     4.10")
-    monkeypatch.setattr(channels, "read_apart", lambda _, path: read_apart(str(room), path))
+    monkeypatch.setattr(channels, "read_in_own_process", lambda _, path: read_in_own_process(str(room), path))
     with pytest.raises(ValueError, match=rf"needs a_package_that_is_missing, .* pip install 'nlfrf\[{extra}\]'"):
         read_channels(path)
