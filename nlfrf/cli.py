@@ -298,8 +298,8 @@ def reproduce(
 def doctor() -> None:
     """Say what is installed here, and what is wrong with it (exit code 1)."""
     rows, faults = examine()
-    for name, version, asked in rows:
-        print(f"{name:14} {version or 'not installed':16} {asked}")
+    for name, version, requirement in rows:
+        print(f"{name:14} {version or 'not installed':16} {requirement}")
     for fault in faults:
         print(fault)
     if faults:

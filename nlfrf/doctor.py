@@ -55,8 +55,8 @@ def examine() -> tuple[list[tuple[str, str, str]], list[str]]:
     faults = []
     for extra, need in sorted(needed(), key=lambda one: (one[0], one[1].name.lower())):
         version = installed(need.name)
-        asked = str(need.specifier) + (f", for nlfrf[{extra}]" if extra else "")
-        rows.append((need.name, version, asked))
+        requirement = str(need.specifier) + (f", for nlfrf[{extra}]" if extra else "")
+        rows.append((need.name, version, requirement))
         if version and not need.specifier.contains(version, prereleases=True):
             faults.append(f"{need.name} must be {need.specifier}, got {version}: pip install -U '{need}'")
         elif not version and not extra:
@@ -84,13 +84,13 @@ def hidden(folders: Iterable[Path]) -> list[str]:
     home = Path(__file__).resolve().parent.parent
     python = {name for name in sys.stdlib_module_names if name in sys.modules}
     packages = {*OURS, *(IMPORTED.get(name, name.replace("-", "_")) for name in distributions())}
-    looked_in = list(dict.fromkeys(path.resolve() for path in folders))
+    searched = list(dict.fromkeys(path.resolve() for path in folders))
     lines = []
-    for folder in looked_in:
+    for folder in searched:
         if folder == home or not folder.is_dir() or is_installation(folder):
             continue
         for name in sorted({entry.name.partition(".")[0] for entry in folder.iterdir()} & (python | packages)):
-            spec = PathFinder.find_spec(name, list(map(str, looked_in)))
+            spec = PathFinder.find_spec(name, list(map(str, searched)))
             if spec is None or spec.origin is None:  # a folder without an __init__.py hides nothing
                 continue
             place = Path(spec.origin)

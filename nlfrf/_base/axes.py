@@ -162,9 +162,9 @@ def plain_numbers(ax: Any) -> None:
 
 def join_labels(bottom: Any, top: Any) -> None:
     """The legend of a pair under the lower axes: the labels of the upper ones, once."""
-    said = set(bottom.get_legend_handles_labels()[1])
+    existing = set(bottom.get_legend_handles_labels()[1])
     for handle, label in zip(*top.get_legend_handles_labels(), strict=True):
-        if label not in said:
+        if label not in existing:
             draw = bottom.plot if hasattr(handle, "get_marker") else bottom.fill_between
             draw(*[[]] * (2 if draw == bottom.plot else 3), label=label, **line_style(handle))
         handle.set_label(f"_{label}")
@@ -182,11 +182,11 @@ def line_style(handle: Any) -> dict[str, Any]:
 
 def legend_columns(ax: Any, labels: list[str]) -> int:
     """How many columns of a legend fit under the axes."""
-    room = ax.get_position().width * ax.figure.get_figwidth() * LETTER_SIZE
+    available = ax.get_position().width * ax.figure.get_figwidth() * LETTER_SIZE
     if ax.figure.get_layout_engine() is not None:
-        room *= MAX_GROWTH
+        available *= MAX_GROWTH
     widest = max(map(len, labels)) + MARKER_SIZE
-    return int(np.clip(room // widest, 1, len(labels)))
+    return int(np.clip(available // widest, 1, len(labels)))
 
 
 def height_below(ax: Any) -> float:
@@ -228,8 +228,8 @@ def write_pictures(path: Path, pictures: Sequence[tuple[Callable[..., Any], Any]
 def save_figure(path: Path, figure: Any, *, dpi: int, role: Role = Role.NAMED) -> None:
     """Write a figure that says who drew it, in the formats that can say so."""
     kind = path.suffix.lstrip(".").lower()
-    said = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
-    metadata = {} if said is None else {"metadata": {said: PICTURE_SIGNATURE}}
+    existing = {"png": "Software", "pdf": "Creator", "svg": "Creator", "eps": "Creator", "ps": "Creator"}.get(kind)
+    metadata = {} if existing is None else {"metadata": {existing: PICTURE_SIGNATURE}}
     write_atomically(path, lambda beside: figure.savefig(beside, format=kind, dpi=dpi, **metadata), role=role)
 
 
@@ -268,8 +268,8 @@ def gain_band(
 
 def follow_lines(ax: Any) -> None:
     """Fit the vertical axis to the curves and points that are drawn, whatever the bands around them do."""
-    seen = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
-    values = np.concatenate([y[np.isfinite(y)] for y in seen]) if seen else np.zeros(0)
+    drawn_values = [np.asarray(line.get_ydata(), dtype=float) for line in ax.get_lines()]
+    values = np.concatenate([y[np.isfinite(y)] for y in drawn_values]) if drawn_values else np.zeros(0)
     if values.size:
         free = max(HEADROOM, 0.08 * float(np.ptp(values)))
         ax.set_ylim(float(values.min()) - free, float(values.max()) + HEADROOM)

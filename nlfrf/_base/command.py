@@ -137,7 +137,7 @@ def run_command(name: str, app: Callable[..., Any], *shown: type[Warning], optio
     with clean_streams(), warnings.catch_warnings():
         for category in shown:
             warnings.simplefilter("always", category)
-        said: set[str] = set()
+        printed: set[str] = set()
 
         others = warnings.showwarning
 
@@ -146,9 +146,9 @@ def run_command(name: str, app: Callable[..., Any], *shown: type[Warning], optio
                 others(message, category, *where, **more)
                 return
             text = name_options(one_line(str(message)), options)
-            if text not in said:  # of several outputs, each warns of what they share
+            if text not in printed:  # of several outputs, each warns of what they share
                 typer.echo(f"{name}: warning: {text}", err=True)
-            said.add(text)
+            printed.add(text)
 
         warnings.showwarning = show
         try:
@@ -187,7 +187,7 @@ def describe_error(error: Exception) -> str:
 
 def printer(json: bool) -> Callable[[Any], None]:
     """Who says what was found: standard output, or standard error where that is kept for JSON."""
-    return lambda said: typer.echo(str(said), err=json)
+    return lambda printed: typer.echo(str(printed), err=json)
 
 
 def finish_command(results: Any, good: bool, json: bool) -> None:

@@ -49,13 +49,13 @@ __all__ = [
 
 # ---- What a command may write: never onto a file that it reads, nor over a file that no command of its kind made.
 #
-# Every file of both packages goes through `write_atomically`, which asks here. A command opens `guarded_outputs`; then its
-# inputs are safe under each of their names, and an existing file is replaced only by a result of its own kind. The kind
-# is read from the file itself (`file_kind`), because nothing else survives copying a folder or calling a script again.
+# Every file of both packages goes through `write_atomically`, which asks here. A command opens `guarded_outputs`; then
+# its inputs are safe under each of their names, and an existing file is replaced only by a result of its own kind. The
+# kind is read from the file itself (`file_kind`), because nothing else survives copying a folder or calling a script
+# again.
 #
 # Outside a command a path is one that the caller wrote down, and is replaced as NumPy and pandas do. A file whose name
-# a
-# function made up (`Role.DERIVED`) is treated as in a command: nobody asked for that name.
+# a function made up (`Role.DERIVED`) is treated as in a command: nobody asked for that name.
 
 PICTURE_SIGNATURE = "nlfrf and robust: a picture of a result"  # what pictures say of who made them
 RECORD_SCHEMAS = ("nlfrf-record", "nlfrf-multirecord")
@@ -339,14 +339,14 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[Path], None]
     require_writable(path, role=role)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{path.stem}-", suffix=path.suffix)
     os.close(handle)
-    beside = Path(name)
+    temporary = Path(name)
     try:
-        write(beside)
-        admit_file(path, beside, role)
-        beside.chmod(0o666 & ~current_umask())
-        beside.replace(target)
+        write(temporary)
+        admit_file(path, temporary, role)
+        temporary.chmod(0o666 & ~current_umask())
+        temporary.replace(target)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def current_umask() -> int:
@@ -411,8 +411,8 @@ def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal:
     def quoted(name: str) -> str:
         return '"' + name.replace('"', '""') + '"' if set(name) & {between, '"'} else name
 
-    def write(beside: Path) -> None:
-        with beside.open("w", encoding="utf-8", newline="\n") as stream:
+    def write(temporary: Path) -> None:
+        with temporary.open("w", encoding="utf-8", newline="\n") as stream:
             stream.write(between.join(map(quoted, names)) + "\n")
             for first in range(0, len(table), CHUNK_ROWS):
                 rows = (between.join(map(repr, row)) for row in table[first : first + CHUNK_ROWS].tolist())
@@ -425,8 +425,8 @@ def write_table(path: Path, table: np.ndarray, names: Sequence[str], *, decimal:
 def write_text(path: str | os.PathLike[str], text: str, *, role: Role = Role.NAMED) -> None:
     """Write text as UTF-8, whole or not at all."""
 
-    def write(beside: Path) -> None:
-        beside.write_text(text, encoding="utf-8")
+    def write(temporary: Path) -> None:
+        temporary.write_text(text, encoding="utf-8")
 
     write_atomically(path, write, role=role)
 

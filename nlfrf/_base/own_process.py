@@ -40,7 +40,7 @@ BLOCK_BYTES = 1 << 20  # bytes handed over at a time
 Contents = tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]
 
 
-def read_in_own_process(room: str, path: Path) -> Contents:
+def read_in_own_process(reader_file: str, path: Path) -> Contents:
     """What the function ``contents`` of a room, given by its file, finds in a file.
 
     The room is loaded by its path alone, so it may import nothing of this package.
@@ -51,7 +51,7 @@ def read_in_own_process(room: str, path: Path) -> Contents:
         A file that cannot be read, or not within the limits; what the library said, or that it crashed.
     """
     limit = SECONDS + PER_BYTE * path.stat().st_size
-    command = [sys.executable, "-I", __file__, room, str(path)]
+    command = [sys.executable, "-I", __file__, reader_file, str(path)]
     late = threading.Event()
     with tempfile.TemporaryFile() as errors, subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors) as reader:
 
@@ -72,13 +72,17 @@ def read_in_own_process(room: str, path: Path) -> Contents:
             code = reader.wait()
             clock.cancel()
         errors.seek(0)
-        said = errors.read().decode(errors="replace").strip().splitlines()
+        message_lines = errors.read().decode(errors="replace").strip().splitlines()
     if late.is_set():
         raise ValueError(f"its library did not come to an end within {limit:g} s")
     if code != 0 or found is None:
-        if said and said[-1].startswith("ModuleNotFoundError"):
-            raise ModuleNotFoundError(said[-1], name=said[-1].split("'")[1])
-        raise ValueError(said[-1].removeprefix("ValueError: ") if said else f"its library crashed, exit code {code}")
+        if message_lines and message_lines[-1].startswith("ModuleNotFoundError"):
+            raise ModuleNotFoundError(message_lines[-1], name=message_lines[-1].split("'")[1])
+        raise ValueError(
+            message_lines[-1].removeprefix("ValueError: ")
+            if message_lines
+            else f"its library crashed, exit code {code}"
+        )
     return found
 
 
@@ -143,7 +147,7 @@ def send(found: Any, stream: IO[bytes]) -> None:
             stream.write(np.ascontiguousarray(array[first : first + step]).view(np.uint8).data)
 
 
-def run_child(room: str, path: Path) -> None:
+def run_child(reader_file: str, path: Path) -> None:
     """Read a file, and write what it holds to standard output."""
     try:
         import resource
@@ -154,7 +158,7 @@ def run_child(room: str, path: Path) -> None:
         pass  # no such limit on this system
     with os.fdopen(os.dup(1), "wb") as answer:
         os.dup2(2, 1)  # what a library prints is no part of the answer
-        spec = spec_from_file_location("room", room)
+        spec = spec_from_file_location("room", reader_file)
         assert spec is not None
         assert spec.loader is not None
         module = module_from_spec(spec)

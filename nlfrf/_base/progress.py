@@ -51,11 +51,11 @@ def progress_bar(label: str = "") -> Callable[[int, int], None]:
             return
         last = now
         left = f", {(now - begun) * (total - done) / done:.0f} s left" if 0 < done < total else f", {now - begun:.1f} s"
-        said = f"{label} {done} of {total}{left}".strip()
+        status = f"{label} {done} of {total}{left}".strip()
         if in_notebook():
             from IPython.display import HTML, display
 
-            shown = HTML(f"<progress value='{done}' max='{total}'></progress> {html.escape(said)}")
+            shown = HTML(f"<progress value='{done}' max='{total}'></progress> {html.escape(status)}")
             if handle is None:
                 handle = display(shown, display_id=True)
             else:
@@ -63,7 +63,7 @@ def progress_bar(label: str = "") -> Callable[[int, int], None]:
         elif sys.stderr.isatty():
             handle = True
             filled = round(BAR_WIDTH * done / max(total, 1))
-            sys.stderr.write(f"\r{'#' * filled}{'.' * (BAR_WIDTH - filled)} {said}   " + "\n" * (done >= total))
+            sys.stderr.write(f"\r{'#' * filled}{'.' * (BAR_WIDTH - filled)} {status}   " + "\n" * (done >= total))
             sys.stderr.flush()
 
     return show

@@ -62,9 +62,9 @@ def repr_line(thing: Any) -> str:
     >>> Tone(amplitude=np.ones((3, 100)), fs=10.0)
     Tone(amplitude=array(3, 100), fs=10.0)
     """
-    said = ", ".join(f"{field.name}={short_repr(getattr(thing, field.name, None))}" for field in fields(thing))
-    said = said if len(said) <= WIDTH else said[: WIDTH - 3] + "..."
-    return f"{type(thing).__name__}({said})"
+    described = ", ".join(f"{field.name}={short_repr(getattr(thing, field.name, None))}" for field in fields(thing))
+    described = described if len(described) <= WIDTH else described[: WIDTH - 3] + "..."
+    return f"{type(thing).__name__}({described})"
 
 
 def short_repr(thing: Any) -> str:
@@ -87,8 +87,8 @@ def short_repr(thing: Any) -> str:
         return f"[{inner}]" if isinstance(thing, list) else f"({inner}{',' * (len(thing) == 1)})"
     if isinstance(thing, dict):
         return "{" + ", ".join(f"{key}: {short_repr(held)}" for key, held in list(thing.items())[:FEW]) + "}"
-    said = " ".join(repr(thing).split())
-    return said if len(said) <= 60 else said[:57] + "..."
+    described = " ".join(repr(thing).split())
+    return described if len(described) <= 60 else described[:57] + "..."
 
 
 def is_written_out(array: np.ndarray) -> bool:
@@ -120,11 +120,11 @@ def html_card(thing: Any) -> str:
 
 def describe_content(thing: Any) -> str:
     """What a field holds: of real numbers between what and what, too."""
-    said = short_repr(thing)
+    described = short_repr(thing)
     if isinstance(thing, np.ndarray) and not is_written_out(thing) and thing.dtype.kind in "fiu":
         finite = thing[np.isfinite(thing)]
-        said += f" from {finite.min():.4g} to {finite.max():.4g}" if finite.size else " of nan"
-    return said
+        described += f" from {finite.min():.4g} to {finite.max():.4g}" if finite.size else " of nan"
+    return described
 
 
 @cache
@@ -134,8 +134,8 @@ def field_meanings(kind: type) -> dict[str, str]:
     section = re.search(r"(?:Fields|Parameters|Attributes)\n-+\n(.*?)(?=\n\n?[A-Z]\w+\n-+|\Z)", text, re.S)
     found: dict[str, str] = {}
     for entry in re.finditer(r"^(\w[\w, ]*) :[^\n]*\n((?: +[^\n]*\n?)+)", section[1] if section else "", re.M):
-        said = " ".join(entry[2].split()).split(". ")[0].rstrip(".")
-        found |= {name.strip(): said for name in entry[1].split(",")}
+        described = " ".join(entry[2].split()).split(". ")[0].rstrip(".")
+        found |= {name.strip(): described for name in entry[1].split(",")}
     return found
 
 
@@ -144,12 +144,12 @@ def svg_sketch(sketch: Sketch) -> str:
     width, height, left, low = SKETCH_SIZE
     curves = [(label, *thin_curve(np.asarray(x, float), np.asarray(y, float))) for label, x, y in sketch.curves]
     xs, ys = (np.concatenate([curve[i] for curve in curves]) for i in (1, 2))
-    seen = np.isfinite(xs) & np.isfinite(ys) & ((xs > 0) | (not sketch.log))
-    if not seen.any():
+    visible = np.isfinite(xs) & np.isfinite(ys) & ((xs > 0) | (not sketch.log))
+    if not visible.any():
         return ""
     scale = np.log10 if sketch.log else np.asarray
-    x0, x1 = (float(scale(extreme)) for extreme in (xs[seen].min(), xs[seen].max()))
-    y0, y1 = float(ys[seen].min()), float(ys[seen].max())
+    x0, x1 = (float(scale(extreme)) for extreme in (xs[visible].min(), xs[visible].max()))
+    y0, y1 = float(ys[visible].min()), float(ys[visible].max())
     wide, high = (x1 - x0) or 1.0, (y1 - y0) or 1.0
     drawn = []
     for i, (label, x, y) in enumerate(curves):
@@ -171,9 +171,9 @@ def svg_sketch(sketch: Sketch) -> str:
     return f"<svg width='{width}' height='{height}' style='background:#fff'>{''.join(drawn)}</svg>"
 
 
-def svg_text(x: float, y: float, said: str, colour: str = "#444") -> str:
+def svg_text(x: float, y: float, described: str, colour: str = "#444") -> str:
     """A few words in a picture."""
-    return f"<text x='{x:.0f}' y='{y:.0f}' font-size='10' fill='{colour}'>{html.escape(said)}</text>"
+    return f"<text x='{x:.0f}' y='{y:.0f}' font-size='10' fill='{colour}'>{html.escape(described)}</text>"
 
 
 def thin_curve(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

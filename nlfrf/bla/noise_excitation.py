@@ -218,9 +218,10 @@ def refuse_undetermined(f: np.ndarray, own: np.ndarray) -> None:
         cure = f", or ask for a band inside {good[0]:.4g} to {good[-1]:.4g} Hz" if good.size else ""
         at = int(np.argmin(own))
         raise ValueError(
-            f"u must have power of its own on every line, got {format_count(int(bad.sum()), 'line')} of {f.size} without "
-            f"it, worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a sweep, a line "
-            f"that was not played) and G is not determined; play noise or a multisine{cure}"
+            f"u must have power of its own on every line, got {format_count(int(bad.sum()), 'line')} of {f.size} "
+            f"without, worst at {f[at]:.4g} Hz, where u is as smooth over frequency as a transient (the end of a "
+            "sweep, a line that was not played) and G is not determined; play noise or a multisine"
+            f"{cure}"
         )
 
 

@@ -135,8 +135,10 @@ class Channels:
         What was given is held against what the file says.
         """
         file = Path(self.path).name
-        told = {self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names}
-        known = {name: clock for name, clock in told.items() if clock is not None}
+        known_clocks = {
+            self.full_name(name): self.clocks.get(self.full_name(name), self.clocks.get("")) for name in names
+        }
+        known = {name: clock for name, clock in known_clocks.items() if clock is not None}
         found: dict[str, tuple[float, str]] = {}
         for name, clock in known.items() if known else [("", self.clocks.get(""))]:
             if isinstance(clock, str):
@@ -144,16 +146,16 @@ class Channels:
             elif clock is not None:
                 found[name] = float(clock), f"what it says of {name!r}" if name else "its own word"
         if not found:
-            found = self.clock_beside(tuple(told), given is not None)
+            found = self.neighbouring_clock(tuple(known_clocks), given is not None)
         rates = [fs for fs, _ in found.values() if fs > 0]
         if rates and max(rates) > min(rates) * (1 + MAX_TIME_DIFFERENCE):
-            said = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
+            listing = ", ".join(f"{name!r} at {fs:g} Hz" for name, (fs, _) in found.items())
             raise ValueError(
-                f"u and y must be sampled together, but {file!r} has {said}; bring them to one clock and give them to "
-                "record_from_samples"
+                f"u and y must be sampled together, but {file!r} has {listing}; bring them to one clock and give them "
+                "to record_from_samples"
             )
         fs, where = next(iter(found.values()), (0.0, ""))
-        axes = {name: axis for name in told if (axis := self.moments_of(name)) is not None}
+        axes = {name: axis for name in known_clocks if (axis := self.moments_of(name)) is not None}
         if axes:
             require_same_moments(file, axes, require_positive("fs", given) if given is not None else fs)
         if given is None:
@@ -167,7 +169,7 @@ class Channels:
             )
         return given
 
-    def clock_beside(self, names: tuple[str, ...], known: bool) -> dict[str, tuple[float, str]]:
+    def neighbouring_clock(self, names: tuple[str, ...], known: bool) -> dict[str, tuple[float, str]]:
         """What a variable says of the clock of these channels, else a time channel; where both do, the two agree."""
         scalar = self.scalar_clock(next(iter(names), ""), known)
         n = {self.arrays[name].size: name for name in names if name in self.arrays}
@@ -198,8 +200,8 @@ class Channels:
         if isinstance(time, float):
             return float(self.arrays.get(f"{name}.start", 0.0))
         if time is None and home and name in self.arrays:
-            beside = (one for one in self.times if one.rpartition(".")[0] == home)
-            time = next((one for one in beside if self.arrays[one].size == self.arrays[name].size), None)
+            candidates = (one for one in self.times if one.rpartition(".")[0] == home)
+            time = next((one for one in candidates if self.arrays[one].size == self.arrays[name].size), None)
         return (self.second_of(time) or np.nan) * np.ravel(self.arrays[time]) if isinstance(time, str) else None
 
     def seconds(self, name: str) -> np.ndarray | None:
@@ -226,9 +228,9 @@ class Channels:
         unit = unit_of(time)
         return seconds_of((self.units.get(time) if unit is None else unit) or "")
 
-    def scalar_clock(self, beside: str, known: bool = False) -> tuple[float, str] | None:
+    def scalar_clock(self, candidates: str, known: bool = False) -> tuple[float, str] | None:
         """The sampling frequency [Hz] by a variable fs, Ts and the like, first in the struct of a channel."""
-        homes = [f"{beside.rpartition('.')[0]}." if "." in beside else "", ""]
+        homes = [f"{candidates.rpartition('.')[0]}." if "." in candidates else "", ""]
         found = []
         for name, array in self.arrays.items():
             key = name.rsplit(".", 1)[-1].replace("_", "").replace(" ", "").lower()
@@ -271,11 +273,11 @@ class Channels:
             return fs
         if known:  # without a unit, a slow clock in seconds may be a fast one in milliseconds
             return 0.0
-        said = f"the time channel {time!r} names no unit and steps by {1 / fs:g}: {fs:g} Hz if these are seconds, "
-        said += f"{1e3 * fs:g} Hz if they are milliseconds"
+        listing = f"the time channel {time!r} names no unit and steps by {1 / fs:g}: {fs:g} Hz if these are seconds, "
+        listing += f"{1e3 * fs:g} Hz if they are milliseconds"
         if fs <= UNLIKELY:
-            raise ValueError(f"fs must be given: {said}")
-        data_warning(f"{said}; seconds are taken, give fs if they are not")
+            raise ValueError(f"fs must be given: {listing}")
+        data_warning(f"{listing}; seconds are taken, give fs if they are not")
         return fs
 
 
@@ -299,13 +301,13 @@ class Reader(NamedTuple):
     """Who reads a kind of file, whether apart in a process of its own, and with which extra of this package."""
 
     contents: Any
-    apart: bool = False
+    separate: bool = False
     extra: str = ""
 
 
 TEXT_READER = Reader(tables.contents)
-HDF5_READER = Reader(hdf5, apart=True)
-MDF_READER = Reader(mdf, apart=True, extra="mdf")
+HDF5_READER = Reader(hdf5, separate=True)
+MDF_READER = Reader(mdf, separate=True, extra="mdf")
 READERS = {
     ".mat": Reader(matlab.contents),
     ".npz": Reader(npz.contents),
@@ -313,11 +315,11 @@ READERS = {
     ".lvm": Reader(lvm.contents),
     ".h5": HDF5_READER,
     ".hdf5": HDF5_READER,
-    ".tdms": Reader(tdms, apart=True, extra="tdms"),
+    ".tdms": Reader(tdms, separate=True, extra="tdms"),
     **dict.fromkeys((".mf4", ".mdf"), MDF_READER),
-    **dict.fromkeys((".uff", ".unv"), Reader(uff, apart=True, extra="uff")),
-    **dict.fromkeys((".parquet", ".feather"), Reader(columns, apart=True, extra="parquet")),
-    ".wav": Reader(wav, apart=True),
+    **dict.fromkeys((".uff", ".unv"), Reader(uff, separate=True, extra="uff")),
+    **dict.fromkeys((".parquet", ".feather"), Reader(columns, separate=True, extra="parquet")),
+    ".wav": Reader(wav, separate=True),
 }
 SUFFIXES = ", ".join(READERS)
 
@@ -355,7 +357,7 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
                     MDF_READER if stream.read(8).startswith(b"MDF ") else TEXT_READER
                 )  # its older versions are called .dat
         arrays, units, clocks, notes = (
-            read_in_own_process(reader.contents.__file__, path) if reader.apart else reader.contents(path)
+            read_in_own_process(reader.contents.__file__, path) if reader.separate else reader.contents(path)
         )
     except MemoryError:
         raise ValueError(f"path must be a readable {suffix} file, got {path.name!r}: too large to read") from None
@@ -372,10 +374,10 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     arrays, units, clocks, notes = clean_names(arrays, units, clocks, notes)
     numeric = {name: array for name, array in arrays.items() if array.dtype.kind in "fiubcUS"}
     if not numeric:
-        said = "; ".join(f"{name!r} {why}" for name, why in notes.items())
+        listing = "; ".join(f"{name!r} {why}" for name, why in notes.items())
         raise ValueError(
             f"path must be a file that holds arrays of numbers, got {path.name!r} with none"
-            + (f": {said}" if said else "")
+            + (f": {listing}" if listing else "")
             + f"; {OTHER_WAY}"
         )
     if "schema" not in numeric:

@@ -69,7 +69,7 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     """
     require_kind("ms", ms, Multisine, OrthogonalMultisine)
     require_choice("decimal", decimal, DECIMALS)
-    path, beside = to_path(path), to_path(path).with_suffix(".npz")
+    path, companion = to_path(path), to_path(path).with_suffix(".npz")
     schema = MULTISINE_SCHEMA if isinstance(ms, Multisine) else ORTHOGONAL_SCHEMA
     suffix, u = path.suffix.lower(), ms.u
     peak = float(np.abs(u).max())
@@ -79,7 +79,7 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
             f"got {path.name!r}"
         )
     if suffix in PLAYABLE_SUFFIXES:
-        require_writable(beside, role=Role.DERIVED)  # before the first of two files is there
+        require_writable(companion, role=Role.DERIVED)  # before the first of two files is there
     if suffix == ".csv":
         t = np.arange(ms.n_samples) / ms.fs
         write_table(path, np.column_stack([t, *played_samples(u)]), ["t [s]", *played_names(ms)], decimal=decimal)
@@ -109,7 +109,7 @@ def save_multisine(ms: Multisine | OrthogonalMultisine, path: str | os.PathLike[
     else:
         save_value(ms, schema, path, u=u)
         return
-    save_value(ms, schema, beside, role=Role.DERIVED, u=u, peak=np.array(peak))
+    save_value(ms, schema, companion, role=Role.DERIVED, u=u, peak=np.array(peak))
 
 
 def add_remark(path: Path, text: str) -> None:

@@ -322,16 +322,16 @@ def guess_input(file: Channels, candidates: dict[str, np.ndarray]) -> tuple[str,
         spectrum = np.abs(np.fft.rfft(u.mean(axis=1)[0]))[excited]
         uneven = float(np.std(20 * np.log10(spectrum))) if excited.size > 1 else np.inf
         period = float(n) if abs(period - n) <= WHOLE_TOLERANCE else period
-        said = f"period {period:.6g} samples"
+        description = f"period {period:.6g} samples"
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 fs = file.sampling_frequency(None, (name,))
-            said += f" ({period / fs:.4g} s), {x.size // n} periods; {format_count(excited.size, 'line')}"
-            said += f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
+            description += f" ({period / fs:.4g} s), {x.size // n} periods; {format_count(excited.size, 'line')}"
+            description += f" from {excited[0] * fs / n:.4g} to {excited[-1] * fs / n:.4g} Hz"
         except ValueError:
-            said += f", {x.size // n} periods; {format_count(excited.size, 'line')}"
-        found[name] = uneven, period, said
+            description += f", {x.size // n} periods; {format_count(excited.size, 'line')}"
+        found[name] = uneven, period, description
     if not found:
         return "", 0.0, "no channel repeats"
     best = min(

@@ -12,7 +12,7 @@ from nlfrf._base.arguments import data_warning
 __all__ = ["require_same_moments"]
 
 
-TOLD, REFUSED = 0.05, 0.5  # samples by which one channel may begin behind another
+WARN_SHIFT, MAX_SHIFT = 0.05, 0.5  # samples by which one channel may begin behind another
 N_COMPARED = 1000  # samples of long axes
 
 
@@ -31,15 +31,15 @@ def require_same_moments(file: str, axes: Mapping[str, np.ndarray | float], fs: 
     (first, there), *others = axes.items()
     for name, here in others:
         late = start_difference(there, here, fs)
-        if abs(late) < TOLD:
+        if abs(late) < WARN_SHIFT:
             continue
-        said = f"by the times in {file!r} {name!r} begins {late:+.4g} samples behind {first!r}"
-        if abs(late) > REFUSED:
+        message = f"by the times in {file!r} {name!r} begins {late:+.4g} samples behind {first!r}"
+        if abs(late) > MAX_SHIFT:
             raise ValueError(
-                f"u and y must be sampled together, but {said}; bring them to one clock and give them to "
+                f"u and y must be sampled together, but {message}; bring them to one clock and give them to "
                 "record_from_samples"
             )
-        data_warning(f"{said}: G has that delay in it, which is none of the machine")
+        data_warning(f"{message}: G has that delay in it, which is none of the machine")
 
 
 def start_difference(there: Any, here: Any, fs: float) -> float:

@@ -83,13 +83,13 @@ class LostRows:
     def __str__(self) -> str:
         steps = np.diff(self.place)
         jumps = np.flatnonzero(steps > 1)
-        said = [
+        descriptions = [
             f"time jumps by {format_small_count(int(steps[j]), 'sample')} at {self.moments[j] + 1 / self.fs:.9g} s: "
             f"{format_small_count(int(steps[j]) - 1, 'sample')} lost"
             for j in jumps[:MAX_NAMED]
         ]
         more = jumps.size - MAX_NAMED
-        return "; ".join(said + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0))
+        return "; ".join(descriptions + [f"and {format_small_count(more, 'such jump')} more"] * (more > 0))
 
     def describe(self, n_samples: int) -> str:
         """The same, with the periods that are whole.
@@ -141,7 +141,7 @@ def keep_whole_periods(
     groups: Sequence[list[np.ndarray]],
     excitation: np.ndarray,
     fs: float,
-    asked: CutOptions,
+    options: CutOptions,
     paths: Sequence[str],
 ) -> CutOptions:
     """Leave out of streams, in place, the periods in which a time column shows that rows are lost.
@@ -174,37 +174,37 @@ def keep_whole_periods(
         A file in which no period is whole.
     """
     lost = [find_lost_rows(seconds, fs) for seconds in times]
-    if not any(lost) or asked.resample:
-        return asked
+    if not any(lost) or options.resample:
+        return options
     sizes = {stream.shape[-1] for group in groups for stream in group[:1]}
     if len(sizes) > 1 or not all(all_finite(stream) for group in groups for stream in group):
-        return asked  # refused, or cut at its ends, where the streams are held against each other
-    n_samples = asked.n_samples
-    if n_samples is None and asked.design is not None:
-        n_samples = design_period(asked.design, fs)
+        return options  # refused, or cut at its ends, where the streams are held against each other
+    n_samples = options.n_samples
+    if n_samples is None and options.design is not None:
+        n_samples = design_period(options.design, fs)
     elif n_samples is None:
         found = detect_period(excitation if lost[0] is None else lost[0].filled(excitation))
         n_samples = round(found)
         if abs(found - n_samples) > WHOLE_TOLERANCE:
-            return asked  # refused where it is looked for again
+            return options  # refused where it is looked for again
     n_samples, n_discard = (
         require_integer("n_samples", n_samples, least=4),
-        require_integer("n_discard", asked.n_discard, least=0),
+        require_integer("n_discard", options.n_discard, least=0),
     )
     for m, rows in enumerate(lost):
         if rows is not None:
-            said = f"{Path(paths[m]).name!r}: {rows.describe(n_samples)}"
+            descriptions = f"{Path(paths[m]).name!r}: {rows.describe(n_samples)}"
             if not np.any(rows.whole_periods(n_samples) >= n_discard):
                 raise ValueError(
                     f"u and y must hold a whole period of n_samples = {n_samples} samples after "
-                    f"n_discard = {n_discard}, got {said}; measure again, "
+                    f"n_discard = {n_discard}, got {descriptions}; measure again, "
                     "or let resample=True look for periods"
                 )
-            data_warning(f"{said}, and kept; the others are left out")
+            data_warning(f"{descriptions}, and kept; the others are left out")
         for group in groups:
             cut = n_discard * n_samples
             group[m] = group[m][..., cut:] if rows is None else rows.kept(group[m], n_samples, n_discard)
-    return asked._replace(n_samples=n_samples, n_discard=0)
+    return options._replace(n_samples=n_samples, n_discard=0)
 
 
 MAX_FRAYED_SHARE = 0.01  # share of rows at the ends of a file that may lack a channel without a word
@@ -352,10 +352,10 @@ def load_record(
         design = load_multisine(design)
     names: dict[str, Any] = {"u": u} | ({} if r is None else {"r": r})
     outputs = [y] if isinstance(y, str) else list(y)
-    asked = CutOptions(n_samples, lines, n_discard, resample, design, hold)
+    options = CutOptions(n_samples, lines, n_discard, resample, design, hold)
     files = [read_channels(one) for one in paths]
     if (u, y, r) == ("u", "y", None) and all(file.text("schema") == MULTIRECORD_SCHEMA for file in files):
-        return stored_multirecord(files, None, None, fs, asked)
+        return stored_multirecord(files, None, None, fs, options)
     if several := next((file.path for file in files if file.text("schema") == MULTIRECORD_SCHEMA), None):
         raise ValueError(
             f"path must be a record of one input, got {several!r} of several: name its inputs in a list, or leave "
@@ -365,7 +365,7 @@ def load_record(
     if any(stored) and not all(stored):
         raise ValueError("path must be records that this package wrote, or none of them, got some of each")
     read = stored_records if all(stored) else measured_records
-    records = read(files, names, outputs, fs, asked)
+    records = read(files, names, outputs, fs, options)
     return records[0] if isinstance(y, str) else records
 
 
@@ -384,19 +384,19 @@ def check_names(u: Any, y: Any, r: Any) -> None:
 
 
 def measured_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: CutOptions
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: CutOptions
 ) -> list[Record]:
     """A record for each output, of the streams of all files."""
     streams: dict[str, Any] = {signal: [file.signal(signal, name) for file in files] for signal, name in names.items()}
     streams["y"] = {name: [file.signal("y", name) for file in files] for name in outputs}
-    asked_for = (*names.values(), *outputs)
-    clocks = [file.sampling_frequency(fs, asked_for) for file in files]
+    requested = (*names.values(), *outputs)
+    clocks = [file.sampling_frequency(fs, requested) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
     groups = [*(streams[signal] for signal in names), *streams["y"].values()]
     times = [file.seconds(names["u"]) for file in files]
-    asked = keep_whole_periods(
-        times, groups, streams.get("r", streams["u"])[0], clocks[0], asked, [f.path for f in files]
+    options = keep_whole_periods(
+        times, groups, streams.get("r", streams["u"])[0], clocks[0], options, [f.path for f in files]
     )
     trim_missing({signal: streams[signal] for signal in names}, streams["y"])
     found = {name: [names["u"], name] for name in outputs}
@@ -410,12 +410,12 @@ def measured_records(
         streams.pop("y"),
         r=streams.pop("r", None),
         fs=clocks[0],
-        n_samples=asked.n_samples,
-        lines=asked.lines,
-        n_discard=asked.n_discard,
-        resample=asked.resample,
-        design=asked.design,
-        hold=asked.hold,
+        n_samples=options.n_samples,
+        lines=options.lines,
+        n_discard=options.n_discard,
+        resample=options.resample,
+        design=options.design,
+        hold=options.hold,
         labels=labels,
     )
 
@@ -544,7 +544,7 @@ def load_multirecord(
     clocks = [file.sampling_frequency(fs, (*u, *y, *r)) for file in files]
     if max(clocks) > min(clocks) * (1 + SAME_CLOCK):
         raise ValueError(f"path must be files of one sampling frequency, got {min(clocks):g} to {max(clocks):g} Hz")
-    asked = keep_whole_periods(
+    options = keep_whole_periods(
         [file.seconds(u[0]) for file in files],
         list(signals.values()),
         signals.get("r", signals["u"])[0][0],
@@ -555,9 +555,9 @@ def load_multirecord(
     return record_from_samples(
         **signals,
         fs=clocks[0],
-        n_samples=asked.n_samples,
+        n_samples=options.n_samples,
         lines=lines,
-        n_discard=asked.n_discard,
+        n_discard=options.n_discard,
         resample=resample,
         inputs=tuple(u),
         outputs=tuple(y),

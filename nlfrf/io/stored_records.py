@@ -130,12 +130,12 @@ def record_to_columns(record: Record) -> tuple[np.ndarray, list[str]]:
 
 
 def stored_records(
-    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, asked: CutOptions
+    files: list[Channels], names: Mapping[str, str], outputs: list[str], fs: float | None, options: CutOptions
 ) -> list[Record]:
     """A record for each output, of files that `save_record` wrote."""
     records: list[Record] = []
     for output in outputs:
-        runs = [stored_record(file, {**names, "y": output}, fs, asked) for file in files]
+        runs = [stored_record(file, {**names, "y": output}, fs, options) for file in files]
         record = runs[0] if len(runs) == 1 else join_records(runs)
         if records:  # the very same input, so that what is known of it need not be found again
             record = replace(record, u=records[0].u, r=records[0].r, lines=records[0].lines)
@@ -143,29 +143,29 @@ def stored_records(
     return records
 
 
-def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, asked: CutOptions) -> Record:
+def stored_record(file: Channels, names: Mapping[str, str], fs: float | None, options: CutOptions) -> Record:
     """A record as `save_record` wrote it, already cut into periods, with its grid."""
     if "r" in file.arrays:  # which a closed loop cannot do without
         names = {"r": "r", **names}
     signals = {parameter: file.signal(parameter, name) for parameter, name in names.items()}
     labels: dict[str, Any] = {name: file.text(name) for name in LABELS}
     require_known_version(file, RECORD_SCHEMA, AXES_ORDER)
-    found = stored_periods(file, signals, asked)
+    found = stored_periods(file, signals, options)
     found |= {name: found[name][0] for name in names}
-    if asked.design is not None:
-        found.setdefault("r", reconstruct_reference(asked.design, found["u"]))
+    if options.design is not None:
+        found.setdefault("r", reconstruct_reference(options.design, found["u"]))
     return Record(**found, fs=file.sampling_frequency(fs), **labels)
 
 
 def stored_multirecord(
-    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: CutOptions
+    files: list[Channels], u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: CutOptions
 ) -> Record:
     """A record of several inputs as `save_record` wrote it; of several files the experiments of all of them."""
-    return join_records([stored_experiments(file, u, y, fs, asked) for file in files])
+    return join_records([stored_experiments(file, u, y, fs, options) for file in files])
 
 
 def stored_experiments(
-    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, asked: CutOptions
+    file: Channels, u: Sequence[str] | None, y: Sequence[str] | None, fs: float | None, options: CutOptions
 ) -> Record:
     """The experiments of one such file; of the outputs those that are asked for."""
     require_known_version(file, MULTIRECORD_SCHEMA, SEVERAL_AXES)
@@ -180,7 +180,7 @@ def stored_experiments(
         if name not in outputs:
             raise ValueError(f"y must be outputs of the record, {', '.join(outputs)}, got {short_form(name)}")
     signals = {name: file.signal(name, name) for name in ("u", "y", "r") if name in file.arrays}
-    found = stored_periods(file, signals, asked)
+    found = stored_periods(file, signals, options)
     units: dict[str, Any] = {
         name: names_from_json(name, file.arrays[name]) for name in UNITS if name in file.arrays
     }  # 0.1 had none
@@ -189,11 +189,11 @@ def stored_experiments(
         found["y"], outputs = found["y"][chosen], tuple(y)
         if "output_units" in units:
             units["output_units"] = tuple(units["output_units"][j] for j in chosen)
-    fill_reference(found, asked.design)
+    fill_reference(found, options.design)
     return Record(**found, fs=file.sampling_frequency(fs), inputs=inputs, outputs=outputs, **units)
 
 
-def stored_periods(file: Channels, signals: Mapping[str, np.ndarray], asked: CutOptions) -> dict[str, Any]:
+def stored_periods(file: Channels, signals: Mapping[str, np.ndarray], options: CutOptions) -> dict[str, Any]:
     """Signals (channels, M, P, N) as they were cut, with their lines and hold: what was asked for goes first."""
     arrays = file.arrays
     try:
@@ -202,18 +202,18 @@ def stored_periods(file: Channels, signals: Mapping[str, np.ndarray], asked: Cut
         periods = {name: signal.reshape(-1, *shape) for name, signal in signals.items()}
     except KeyError as missing:
         raise ValueError(f"path must hold a whole record, got one without {missing}") from None
-    if asked.resample:
+    if options.resample:
         raise ValueError(f"resample must be left out for a record that is cut into periods already, got {file.path!r}")
-    if asked.n_samples not in (None, shape[2]):
-        raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {short_form(asked.n_samples)}")
-    n_discard = require_integer("n_discard", asked.n_discard, least=0)
+    if options.n_samples not in (None, shape[2]):
+        raise ValueError(f"n_samples must be that of the record, {shape[2]}, got {short_form(options.n_samples)}")
+    n_discard = require_integer("n_discard", options.n_discard, least=0)
     if n_discard >= shape[1]:
         raise ValueError(f"n_discard must be less than the {shape[1]} periods of the record, got {n_discard}")
-    design, hold = asked.design, file.text("hold") or "unknown"
+    design, hold = options.design, file.text("hold") or "unknown"
     if design is not None:
         grid, hold = design.lines, design.hold if hold == "unknown" else hold
     return {
         **{name: signal[:, :, n_discard:] for name, signal in periods.items()},
-        "lines": grid if asked.lines is None else asked.lines,
-        "hold": asked.hold or hold,
+        "lines": grid if options.lines is None else options.lines,
+        "hold": options.hold or hold,
     }

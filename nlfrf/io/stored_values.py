@@ -58,8 +58,8 @@ def value_from_file(kinds: Mapping[str, Any], file: Channels) -> Any:
     """The same of a file that was read."""
     schema = file.text("schema")
     if schema not in kinds:
-        asked = " or ".join(kinds)
-        raise ValueError(f"path must be a file of the schema {asked}, got {schema or 'none'} in {file.path!r}")
+        expected = " or ".join(kinds)
+        raise ValueError(f"path must be a file of the schema {expected}, got {schema or 'none'} in {file.path!r}")
     require_known_version(file, schema, AXES_ORDER)
     kind, content = kinds[schema], file.arrays
     wanted = inspect.signature(kind).parameters

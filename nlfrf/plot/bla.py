@@ -150,10 +150,12 @@ def plot_opinion(opinion: SecondOpinion, *, ax: Axes | None = None) -> Axes:
     if np.isfinite(opinion.detection).any():
         read = to_decibel(np.sqrt(opinion.detection))
         ax.plot(opinion.f, read, "-", lw=1.4, color=COLOR["odd"], label="odd detection lines, calibrated")
-        apart = opinion.disagree
-        if apart.any():
+        disagreement = opinion.disagree
+        if disagreement.any():
             label = f"more than {DISAGREE:g} dB apart"
-            ax.plot(opinion.f[apart], read[apart], "o", ms=5, mfc="none", color=COLOR["even"], label=label)
+            ax.plot(
+                opinion.f[disagreement], read[disagreement], "o", ms=5, mfc="none", color=COLOR["even"], label=label
+            )
     ax.set(
         xscale="log",
         xlabel="frequency [Hz]",

@@ -59,10 +59,10 @@ def plot_spectrum(ms: Multisine | OrthogonalMultisine, *, ax: Axes | None = None
     top = max(float(size.max()) for size, _, _ in amplitudes.values())
     same = " like this" * all(np.ptp(size[size > 0]) < 1e-6 * top for size, _, _ in amplitudes.values())
     more = f"; it goes on{same} up to {last}" if shown < last else ""
-    for label, (size, color, beside) in amplitudes.items():
+    for label, (size, color, offset) in amplitudes.items():
         here = mine & (size > 0)
-        ax.vlines(ms.lines.excited[here] + beside, 0, size[here], color=color, lw=1.2)
-        ax.plot(ms.lines.excited[here] + beside, size[here], "o", ms=4, color=color, label=label)
+        ax.vlines(ms.lines.excited[here] + offset, 0, size[here], color=color, lw=1.2)
+        ax.plot(ms.lines.excited[here] + offset, size[here], "o", ms=4, color=color, label=label)
     for kind, marker in (("odd", "x"), ("even", "+")):
         lines = getattr(ms.lines, kind)
         lines = lines[lines <= shown]
@@ -85,8 +85,8 @@ def played_amplitudes(ms: Multisine | OrthogonalMultisine) -> dict[str, tuple[np
     if isinstance(ms, Multisine):
         return {"excited": (ms.amplitude, COLOR["excited"], 0.0)}
     sizes = np.sqrt(np.mean(np.abs(ms.spectrum) ** 2, axis=1))  # over the experiments, which mixing tells apart
-    beside = LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
-    return {f"u{i + 1}": (sizes[i], INPUT_COLORS[i % len(INPUT_COLORS)], float(beside[i])) for i in range(ms.n_inputs)}
+    offset = LINE_OFFSET * (np.arange(ms.n_inputs) - (ms.n_inputs - 1) / 2)
+    return {f"u{i + 1}": (sizes[i], INPUT_COLORS[i % len(INPUT_COLORS)], float(offset[i])) for i in range(ms.n_inputs)}
 
 
 def plot_samples(record: Record, *, signal: str = "u", ax: Axes | None = None) -> Axes:

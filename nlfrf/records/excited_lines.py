@@ -231,10 +231,10 @@ def check_lines(u: np.ndarray, lines: np.ndarray, power: np.ndarray) -> None:
     more = np.setdiff1d(found, lines, assume_unique=True)
     elsewhere = carried < MIN_CARRIED_SHARE * total and more.size > 0
     if missed.size and (elsewhere or np.isin(lines[weak], missed).any()):
-        said = ", ".join(map(str, found[:6].tolist())) + (f", ... {found[-1]}" if found.size > 6 else "")
+        listing = ", ".join(map(str, found[:6].tolist())) + (f", ... {found[-1]}" if found.size > 6 else "")
         raise ValueError(
             f"lines must be excited by the input, got line {missed[0]} with no input on it, the first of {missed.size} "
-            f"among {lines.size}; in the record {found.size} lines are: {said}"
+            f"among {lines.size}; in the record {found.size} lines are: {listing}"
         )
 
 

@@ -93,11 +93,11 @@ def interpolate_peaks(spectrum: np.ndarray, n: int, norm: np.ndarray) -> tuple[n
     bend = np.where(peak, bend, 1.0)
     raised, offset = middle + slope**2 / (8 * bend), -slope / (2 * bend)
     # from half a sample before each lag to half a sample behind it, both ends with it
-    around = np.lib.stride_tricks.sliding_window_view(raised, LAG_RESOLUTION + 1)[::LAG_RESOLUTION][:n_lags]
-    best = np.argmax(around, axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(raised, LAG_RESOLUTION + 1)[::LAG_RESOLUTION][:n_lags]
+    best = np.argmax(windows, axis=1)
     rows = np.arange(n_lags)
     place = rows + (best - LAG_RESOLUTION // 2 + offset[LAG_RESOLUTION * rows + best]) / LAG_RESOLUTION
-    return around[rows, best], place
+    return windows[rows, best], place
 
 
 def parabola_vertex(rho: np.ndarray, peak: int) -> float:

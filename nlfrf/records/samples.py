@@ -130,7 +130,7 @@ def record_from_samples(
     """
     if design is not None:
         require_kind("design", design, OrthogonalMultisine, Multisine)
-    asked: dict[str, Any] = {
+    options: dict[str, Any] = {
         "n_samples": n_samples,
         "lines": lines,
         "n_discard": n_discard,
@@ -139,8 +139,8 @@ def record_from_samples(
     }
     signals = {"u": u, "y": y} | ({} if r is None else {"r": r})
     if inputs or outputs or isinstance(design, OrthogonalMultisine) or any(map(has_channels, signals.values())):
-        return record_of_channels(signals, fs, asked, design, inputs, outputs)
-    (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, design=design, **asked)
+        return record_of_channels(signals, fs, options, design, inputs, outputs)
+    (record,) = records_from_streams(u, {"": y}, r=r, fs=fs, design=design, **options)
     return record
 
 
@@ -153,16 +153,16 @@ def has_channels(signal: Any) -> bool:
 def record_of_channels(
     signals: dict[str, Any],
     fs: float,
-    asked: dict[str, Any],
+    options: dict[str, Any],
     design: Design | None,
     inputs: Sequence[str],
     outputs: Sequence[str],
 ) -> Record:
     """`record_from_samples` for several inputs or outputs, or for channels that have names."""
     if design is not None:
-        asked["n_samples"] = design_period(design, fs) if asked["n_samples"] is None else asked["n_samples"]
-        asked["lines"] = design.lines if asked["lines"] is None else asked["lines"]
-        asked["hold"] = design.hold if asked["hold"] is None else asked["hold"]
+        options["n_samples"] = design_period(design, fs) if options["n_samples"] is None else options["n_samples"]
+        options["lines"] = design.lines if options["lines"] is None else options["lines"]
+        options["hold"] = design.hold if options["hold"] is None else options["hold"]
     streams = {name: split_experiments(name, signal) for name, signal in signals.items()}
     for name, signal in streams.items():
         lengths, wanted = ([one.shape[1] for one in some] for some in (signal, streams["u"]))
@@ -174,8 +174,8 @@ def record_of_channels(
     )
     known = "r" if "r" in streams else "u"
     names = {"u": inputs, "y": outputs, "r": inputs}
-    lines, hold = asked.pop("lines"), asked.pop("hold")
-    found, fs = cut_together(streams, known, names, asked | {"fs": fs, "lines": lines})
+    lines, hold = options.pop("lines"), options.pop("hold")
+    found, fs = cut_together(streams, known, names, options | {"fs": fs, "lines": lines})
     if lines is None:
         every = [detect_lines(channel) for channel in found[known]]
         lines = LineGrid(excited=np.unique(np.concatenate([grid.excited for grid in every])))
@@ -189,7 +189,7 @@ multirecord_from_samples = record_from_samples
 
 
 def cut_together(
-    streams: dict[str, list[np.ndarray]], known: str, names: dict[str, tuple[str, ...]], asked: dict[str, Any]
+    streams: dict[str, list[np.ndarray]], known: str, names: dict[str, tuple[str, ...]], options: dict[str, Any]
 ) -> tuple[dict[str, Any], float]:
     """Every signal (channels, M, P, N) cut where the known ones show that the periods stand, and what fs is by them.
 
@@ -200,8 +200,8 @@ def cut_together(
         for name, signal in streams.items()
         for i in range(len(signal[0]))
     }
-    beside = [sum_with_all_lines(one) for one in streams[known]]
-    cut = records_from_streams(beside, channels, r=None, design=None, hold=None, named=True, **asked)
+    summed = [sum_with_all_lines(one) for one in streams[known]]
+    cut = records_from_streams(summed, channels, r=None, design=None, hold=None, named=True, **options)
     rows = iter(cut)
     found = {name: np.stack([next(rows).y for _ in range(len(signal[0]))]) for name, signal in streams.items()}
     return found, cut[0].fs
@@ -363,23 +363,26 @@ def examine_outputs(
     for name in output_names(cut):
         for m, where in enumerate(tracks):
             lag = align_output(cut["u"][m], cut[name][m], lines.excited)
-            told = output_label(name, m, tracks)
+            described_label = output_label(name, m, tracks)
             if lag.fault and resample and where is not None:
                 periods = resegment(streams["u"][m], where)[1][: len(lag.sound)]
                 streams[name][m], good = resample_to_input_clock(streams[name][m], lag, periods)
                 sound = where.sound.copy()
                 sound[periods[~good]] = False
                 if not sound.any():
-                    raise ValueError(f"{told} must hold a sound period, got none: {lag.fault}")
+                    raise ValueError(f"{described_label} must hold a sound period, got none: {lag.fault}")
                 tracks[m] = replace(where, sound=sound)
                 cured = True
                 continue
             if lag.fault and lag.severe:
-                raise ValueError(f"{told} must stand still against u from period to period, got: {lag.fault}")
+                raise ValueError(
+                    f"{described_label} must stand still against u from period to period, got: {lag.fault}"
+                )
             if lag.fault:
-                said = f"{lag.fault}; as it is, {100 * lag.misplaced:.2g} % of the power of {told} is out of place"
-                data_warning(said)
-            drifts += [f"{told}: {said}" for said in (lag.start, lag.drift) if said]
+                share = f"{100 * lag.misplaced:.2g} % of the power of {described_label} is out of place"
+                message = f"{lag.fault}; as it is, {share}"
+                data_warning(message)
+            drifts += [f"{described_label}: {message}" for message in (lag.start, lag.drift) if message]
     if not cured:  # what was cured is looked at again, and the others with it
         for drift in drifts:
             data_warning(drift)
@@ -460,14 +463,14 @@ def warn_of_swapped(cut: dict[str, np.ndarray], labels: Mapping[str, Any]) -> No
     """Warn of an output that is the multisine, or repeats to the last digit, where the input is not or does not."""
     if "r" in cut:
         return
-    said = [
+    message = [
         f"{name} repeats exactly and u does not: are they swapped? u is what was played"
         for name in output_names(cut)
         if cut["u"].shape[1] > 1 and has_equal_periods(cut[name]) and not has_equal_periods(cut["u"])
     ]
     found = describe_swap({name: signal[:1, -1] for name, signal in cut.items()}, output_names(cut), labels)
-    if said or found:
-        data_warning("; ".join([*said, *([found] if found else [])]))
+    if message or found:
+        data_warning("; ".join([*message, *([found] if found else [])]))
 
 
 @contextmanager

@@ -42,11 +42,11 @@ class AnyFriction:
 
     @property
     def damper(self) -> float:
-        """What goes with a spring of the class that does not slip [Ns/m]."""
+        """Microdamping of a sticking element [Ns/m]: sigma1 of bristles, else 0."""
         return self.microdamping if self.kind == "bristle" else 0.0
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Which laws these are."""
         if self.kind == "Maxwell slip":
             damped = f" and damping up to {1e3 * self.bristle_time:g} ms of it" if self.bristle_time else ""
@@ -64,6 +64,11 @@ class AnyFriction:
         if self.kind == "bounded":
             return f"friction of at most {self.Fs:g} N"
         return "passive friction"
+
+    @property
+    def words(self) -> str:
+        """`description`, by its name in version 0.1."""
+        return self.description
 
 
 def any_maxwell_slip(K0: float, stiction: float = 1.5, bristle_time: float = 0.0) -> AnyFriction:

@@ -124,15 +124,15 @@ class QuasiLinear:
 
     def __str__(self) -> str:
         if np.isinf(self.amplitude):
-            said = "comes to rest from every amplitude looked at"
+            text = "comes to rest from every amplitude looked at"
         elif self.amplitude == 0:
-            said = "does not come to rest: small motions grow"
+            text = "does not come to rest: small motions grow"
         else:
-            said = f"comes to rest below {self.amplitude:.3g} m, grows beyond: a kick of {self.kick:.3g} m/s"
+            text = f"comes to rest below {self.amplitude:.3g} m, grows beyond: a kick of {self.kick:.3g} m/s"
         if self.cycles.size:
-            said += "; goes on at " + ", ".join(f"{a:.3g} m" for a in self.cycles)
+            text += "; goes on at " + ", ".join(f"{a:.3g} m" for a in self.cycles)
         after = f"\nAfter the burst: {self.outcome}." if self.outcome else ""
-        return f"Predicted: {said}.{after}\n{self.not_claimed}"
+        return f"Predicted: {text}.{after}\n{self.not_claimed}"
 
 
 def quasi_linear(

@@ -267,9 +267,9 @@ def profile_interval(solutions: list[Solution], i: int, least: float, spread: fl
     """Profile-likelihood interval of parameter i over all rates of the slipping element."""
     low, high = np.inf, -np.inf
     for one in solutions:
-        room = SIGMAS**2 * spread - (one.chi - least)
-        if room >= 0:
-            reach = float(np.sqrt(one.covariance[i, i] * room))
+        allowance = SIGMAS**2 * spread - (one.chi - least)
+        if allowance >= 0:
+            reach = float(np.sqrt(one.covariance[i, i] * allowance))
             low, high = min(low, one.found[i] - reach), max(high, one.found[i] + reach)
     return float(low), float(high)
 
@@ -483,7 +483,7 @@ def friction_class(
     else:
         machines, description, fits = fit_around(blas, nominal)
     fits.sort(key=lambda fit: -fit.force)
-    reading = read_levels(fits, around=bool(machines))
+    reading = read_levels(fits, has_nominal=bool(machines))
     read = reading.stiffness_rest - fits[0].slow
     friction = any_maxwell_slip(margin * read + fits[0].slow - reading.stiffness_low, stiction)
     if machines:
@@ -524,16 +524,16 @@ def fit_around(blas: list[Bla], nominal: Any) -> tuple[tuple[FrictionPlant, ...]
     return machines, description, fits
 
 
-def read_levels(fits: list[LevelFit], *, around: bool) -> LevelSummary:
+def read_levels(fits: list[LevelFit], *, has_nominal: bool) -> LevelSummary:
     """Put the levels together, the highest first; refuse what they do not give."""
-    require_model(fits, around=around)
+    require_model(fits, has_nominal=has_nominal)
     mass, mass_std = weighted_mean([fit.mass for fit in fits], [fit.mass_std for fit in fits])
     top, lowest = fits[0], fits[-1]
     second = next((fit for fit in fits if fit.force <= top.force / 2), lowest)
     octaves = max(1.0, float(np.log2(top.force / second.force)))
     fallen = max(0.0, second.slow - top.slow) / octaves
     low = top.slow_low - fallen
-    if not around:
+    if not has_nominal:
         low = max(low, 0.0)
     lost = lowest.stiffness - top.slow
     if not lost > SIGMAS * np.hypot(lowest.stiffness_std, (top.slow_high - top.slow) / SIGMAS):
@@ -562,9 +562,9 @@ def read_levels(fits: list[LevelFit], *, around: bool) -> LevelSummary:
     )
 
 
-def require_model(fits: list[LevelFit], *, around: bool) -> None:
+def require_model(fits: list[LevelFit], *, has_nominal: bool) -> None:
     """Refuse a turned sign, a delay, and levels that the model does not explain."""
-    if not around and all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
+    if not has_nominal and all(fit.mass < -SIGMAS * fit.mass_std for fit in fits):
         raise ValueError(
             f"blas must be from force to position, got a mass of {fits[0].mass:.3g} kg: the output falls when the "
             "input rises. Turn the sign of the sensor"
@@ -574,7 +574,7 @@ def require_model(fits: list[LevelFit], *, around: bool) -> None:
     explained = all(fit.misfit_without_delay <= fit.misfit_limit for fit in fits)
     # a lead is not refused: elements of several rates read as up to 0.04 ms of it (benchmarks/read_class.py, seed 0)
     if tau > SIGMAS * tau_std and (explained or worst.misfit <= worst.misfit_limit):
-        model = "the nominal" if around else "one mass"
+        model = "the nominal" if has_nominal else "one mass"
         raise ValueError(
             f"blas must have no other delay than {model}, got {1e3 * tau:.3g} +- {1e3 * tau_std:.1g} ms more: it would "
             "be missing in the loop, or be read as softness. Give a nominal with it: "
@@ -582,16 +582,18 @@ def require_model(fits: list[LevelFit], *, around: bool) -> None:
         )
     softening, softening_std = weighted_mean([fit.softening for fit in fits], [fit.softening_std for fit in fits])
     if softening > SIGMAS * softening_std and worst.misfit <= worst.misfit_limit:
-        model = "the nominal" if around else "one mass"
+        model = "the nominal" if has_nominal else "one mass"
         raise ValueError(
             f"blas must show no mode beyond {model}, got a reaction that softens with -w^4 by {softening:.2g} +- "
             f"{softening_std:.1g} N s^4/m, as below a mode above the band: it would be missing in the loop. Measure up "
             "to it, and give a nominal with it"
         )
     if worst.misfit > worst.misfit_limit:
-        model = "the nominal and a friction at its port" if around else "one mass on a spring"
+        model = "the nominal and a friction at its port" if has_nominal else "one mass on a spring"
         better = "of higher order, or fitted at the lowest level, where the friction is a spring"
-        cure = f"Give a nominal {better}" if around else "Give a nominal: fit_nominal(blas[0], n_poles=4, n_zeros=2)"
+        cure = (
+            f"Give a nominal {better}" if has_nominal else "Give a nominal: fit_nominal(blas[0], n_poles=4, n_zeros=2)"
+        )
         raise ValueError(
             f"blas must be of {model}: a level misses this model by {worst.misfit:.3g} times the variance of its lines "
             f"({worst.misfit_limit:.3g} is chance), so that neither its mass nor its stiffness is right. {cure}"
@@ -646,7 +648,7 @@ def common_band(blas: list[Bla]) -> str:
 
 
 def describe_class(
-    fits: list[LevelFit], reading: LevelSummary, margin: float, friction: AnyFriction, around: str, band: str
+    fits: list[LevelFit], reading: LevelSummary, margin: float, friction: AnyFriction, has_nominal: str, band: str
 ) -> str:
     """Say what was read, what is assumed, and what the data cannot show."""
     low, rest = reading.stiffness_low / 1e3, reading.stiffness_rest / 1e3
@@ -655,8 +657,8 @@ def describe_class(
     fell = f" and {reading.fallen / 1e3:.2g} kN/m, what it fell by when the force doubled," if reading.fallen else ""
     widened = f"{SIGMAS:g} standard deviations{fell} below the {top.slow / 1e3:.4g} kN/m of the highest level"
     mass = f"m = {reading.mass:.4g} +- {reading.mass_std:.1g} kg"
-    if around:
-        machine = f"around {around}; at the friction port {mass} and k = {low:.4g} kN/m beside it ({widened})"
+    if has_nominal:
+        machine = f"around {has_nominal}; at the friction port {mass} and k = {low:.4g} kN/m beside it ({widened})"
     else:
         machine = f"{mass}, k = {low:.4g} kN/m ({widened}), c = 0"
     return (

@@ -65,10 +65,15 @@ class FrequencyTest:
     mass: float
     stiffness: float
     margin: float
-    words: str
+    description: str
 
     def __str__(self) -> str:
-        return self.words
+        return self.description
+
+    @property
+    def words(self) -> str:
+        """`description`, by its name in version 0.1."""
+        return self.description
 
 
 def friction_frequency_test(
@@ -148,7 +153,7 @@ def friction_frequency_test(
         mass=mass,
         stiffness=stiffness,
         margin=times,
-        words=describe_test(found, mass, stiffness, times, friction),
+        description=describe_test(found, mass, stiffness, times, friction),
     )
 
 
@@ -166,8 +171,8 @@ def uncertain_rows(
     table[..., 0, 0] = bent.real
     table[:, 1:, 0, 0] -= lost
     table[..., 0, 1], table[..., 1, 0] = -bent / 2, -bent.conj() / 2  # v = M (f - p)
-    seen = (error * np.abs(mobility) / omega) ** 2
-    q = seen[:, None, None] * np.array([[1, -1], [-1, 1]]) - np.diag([0, 1])
+    squared_error = (error * np.abs(mobility) / omega) ** 2
+    q = squared_error[:, None, None] * np.array([[1, -1], [-1, 1]]) - np.diag([0, 1])
     return table, q
 
 
@@ -197,6 +202,6 @@ def describe_test(holds: bool, mass: float, stiffness: float, times: float, fric
     more = f", up to {times:.2g} times that" if holds and times > 1 else ""
     verdict = "holds" if holds else "was not found to hold"
     return (
-        f"Frequency test, not a proof (the sampler's first alias, frequencies of a grid): with {friction.words}, and "
-        f"{off}{more}, dissipation {verdict}."
+        f"Frequency test, not a proof (the sampler's first alias, frequencies of a grid): with {friction.description}, "
+        f"and {off}{more}, dissipation {verdict}."
     )

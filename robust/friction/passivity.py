@@ -68,8 +68,8 @@ def passive_verdict(machine: FrictionPlant, K: Any, delay: float, loop: Friction
             FrictionVerdict.NOT_DECIDED,
             f"the loop has {loop.F.shape[0]} states, and at most {MAX_STATES} are decided exactly",
         )
-    seen = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
-    if not decide_loop_stability(seen, to_matrices(K), delay=delay).holds:
+    matrices = Matrices(A=machine.A, B=machine.B_force[:, None], C=machine.C_measured[None], D=np.zeros((1, 1)))
+    if not decide_loop_stability(matrices, to_matrices(K), delay=delay).holds:
         return (
             FrictionVerdict.NOT_DECIDED,
             "the sliding loop, with all states of its controller, is not strictly stable: one may drift at rest",
@@ -279,5 +279,5 @@ def port_responses(machine: FrictionPlant, omega: np.ndarray) -> tuple[np.ndarra
     pencil = 1j * omega[:, None, None] * (1 + 1e-9) * np.eye(n) - machine.A
     push = np.broadcast_to(np.column_stack([machine.B_force, machine.B_port]).astype(complex), (omega.size, n, 2))
     moved = np.linalg.solve(pencil, push)
-    seen = np.vstack([machine.C_measured, machine.C_port]) @ moved
-    return seen[:, 0, 0], seen[:, 0, 1], seen[:, 1, 0], seen[:, 1, 1]
+    matrices = np.vstack([machine.C_measured, machine.C_port]) @ moved
+    return matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 0], matrices[:, 1, 1]

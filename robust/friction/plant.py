@@ -60,8 +60,13 @@ class FrictionPlant:
     B_port: np.ndarray
     C_measured: np.ndarray
     C_port: np.ndarray
-    words: str
+    description: str
     delay: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """`description`, by its name in version 0.1."""
+        return self.description
 
     @property
     def velocity(self) -> np.ndarray:
@@ -131,8 +136,8 @@ def friction_plant(
     stiffness, damping = require_nonnegative("stiffness", stiffness), require_nonnegative("damping", damping)
     push, place = np.array([0.0, 1 / mass]), np.array([1.0, 0.0])
     A = np.array([[0.0, 1.0], [-stiffness / mass, -damping / mass]])
-    words = f"m = {mass:.4g} kg, k = {stiffness / 1e3:.4g} kN/m, c = {damping:.3g} Ns/m"
-    return FrictionPlant(A=A, B_force=push, B_port=push, C_measured=place, C_port=place, words=words)
+    description = f"m = {mass:.4g} kg, k = {stiffness / 1e3:.4g} kN/m, c = {damping:.3g} Ns/m"
+    return FrictionPlant(A=A, B_force=push, B_port=push, C_measured=place, C_port=place, description=description)
 
 
 # The names of version 0.1, which scripts and pickles use.
@@ -164,14 +169,14 @@ def plant_from_model(model: Any, port: bool) -> FrictionPlant:
             "mass must have a velocity at its friction port (C B = 0 there), got one that jumps by "
             f"{np.abs(C[-1] @ B).max():.3g} m/s per N of force. Fit it with at least two poles more than zeros"
         )
-    words = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
+    description = f"model of order {G.nstates}" + (", friction at another port than the force" if port else "")
     return FrictionPlant(
         A=np.asarray(G.A, float),
         B_force=B[:, 0],
         B_port=B[:, -1],
         C_measured=C[0],
         C_port=C[-1],
-        words=words,
+        description=description,
         delay=delay,
     )
 
@@ -302,13 +307,13 @@ def friction_loop(machine: FrictionPlant, K: Any, delay: float = 0.0) -> Frictio
     held, queue, own = n, slice(n + 1, n + 1 + waiting), slice(n + 1 + waiting, size)
     F = np.zeros((size, size))
     F[:n, :n], F[:n, held] = machine.A, machine.B_force
-    asked = np.zeros(size)  # u = K (0 - y), of the state before the jump
-    asked[own] = K.C[0] if s else 0.0
-    asked[:n] -= K.D[0, 0] * machine.C_measured
+    command = np.zeros(size)  # u = K (0 - y), of the state before the jump
+    command[own] = K.C[0] if s else 0.0
+    command[:n] -= K.D[0, 0] * machine.C_measured
     jump = np.eye(size)
     jump[own, own] = K.A
     jump[own, :n] = -np.outer(K.B[:, 0], machine.C_measured) if s else 0.0
-    line = np.vstack([asked, np.eye(size)[queue]])  # the new force, then those that wait, oldest last
+    line = np.vstack([command, np.eye(size)[queue]])  # the new force, then those that wait, oldest last
     jump[queue] = line[:waiting]
     jumps, spans = [jump], [T]
     if part:

@@ -518,7 +518,7 @@ def describe_scope(machine: FrictionPlant, friction: AnyFriction, K: Any, delay:
     dt = timebase(K)
     clock = f"sampled at {1 / dt / 1e3:.4g} kHz" if dt else "with a continuous controller"
     late = f" with {1e3 * delay:.4g} ms of delay" if delay else ""
-    return f"with every {friction.words}, for the linear part {machine.words}, {clock}{late}"
+    return f"with every {friction.description}, for the linear part {machine.description}, {clock}{late}"
 
 
 # ---- Machines of a nominal model, damped and undamped.
@@ -539,7 +539,7 @@ def machines_of_nominal(nominal: Any) -> tuple[tuple[FrictionPlant, ...], str]:
     """
     G = getattr(nominal, "G", nominal)
     if isinstance(G, FrictionPlant):
-        return (G,), f"the machine that was given ({G.words})"
+        return (G,), f"the machine that was given ({G.description})"
     G, approximated = without_pade(state_space("nominal", G))
     delay = approximated + float(getattr(nominal, "delay", 0.0))
     description = f"a nominal of order {G.nstates}, {describe_modal_damping(G)}"
@@ -574,7 +574,7 @@ def undamped(G: control.StateSpace) -> FrictionPlant:
     machine = friction_plant(from_roots(z, p, float(np.real(gain)), 0.0))
     return FrictionPlant(
         **{name: getattr(machine, name) for name in ("A", "B_force", "B_port", "C_measured", "C_port")},
-        words=f"{machine.words} without damping",
+        description=f"{machine.description} without damping",
         delay=delay,
     )
 
@@ -602,5 +602,5 @@ def describe_modal_damping(G: control.StateSpace) -> str:
     if not found.size:
         return "no mode that swings"
     modes = sorted(found, key=abs)
-    said = ", ".join(f"{100 * -p.real / abs(p):.2g} % at {format_hertz(abs(p))}" for p in modes)
-    return f"modal damping {said}, which contains the friction's"
+    text = ", ".join(f"{100 * -p.real / abs(p):.2g} % at {format_hertz(abs(p))}" for p in modes)
+    return f"modal damping {text}, which contains the friction's"

@@ -59,25 +59,25 @@ __all__ = [
 ROUNDED_DOWN = 0.99  # far more than the rounding in E^-1
 
 
-def velocity_within_reach(energy: JudgedStorage, asked: np.ndarray, hit: np.ndarray, reach: float) -> float:
+def velocity_within_reach(energy: JudgedStorage, command_row: np.ndarray, hit: np.ndarray, reach: float) -> float:
     """Return the initial velocity [m/s] up to which |c'y| stays below a reach [N]; hit .
 
     (n,) the state change of 1 m/s.
 
     Infinite where nothing is asked for, whatever the state.
     """
-    if not asked.any():
+    if not command_row.any():
         return np.inf
     size = energy.V.shape[0]
     read = np.zeros(energy.stored.shape[0])
-    read[:size] = energy.V.T @ asked
+    read[:size] = energy.V.T @ command_row
     whole = energy.stored.copy()
     whole[:size, :size] += energy.P[-1, -1]  # just before a sample, where the force is asked for
     unit = 1 / np.sqrt(np.diag(whole))
-    asked_for = (unit * read) @ np.linalg.solve(whole * np.outer(unit, unit), unit * read)
+    peak_command = (unit * read) @ np.linalg.solve(whole * np.outer(unit, unit), unit * read)
     start = np.linalg.solve(energy.V, hit)
     put_in = float(np.einsum("i,...ij,j", start, energy.P, start).max())
-    return float(ROUNDED_DOWN * reach / np.sqrt(asked_for * put_in))
+    return float(ROUNDED_DOWN * reach / np.sqrt(peak_command * put_in))
 
 
 # ---- The loop cut open at an actuator that saturates: what it is asked for, and where what it does not give is
@@ -107,14 +107,14 @@ class LureLoop:
     """
 
     loop: FrictionLoop
-    asked: np.ndarray
-    enters: np.ndarray
+    command_row: np.ndarray
+    input_column: np.ndarray
     forgets: np.ndarray
 
     @property
     def filters(self) -> slice:
         """Where the filters stand in the state."""
-        return slice(self.asked.size - self.forgets.size, self.asked.size)
+        return slice(self.command_row.size - self.forgets.size, self.command_row.size)
 
     def open_growth(self) -> float:
         """How the loop grows with its actuator cut off, nothing of what is asked for given; negative where it dies."""
@@ -126,7 +126,7 @@ def open_at_actuator(machine: FrictionPlant, K: Any, delay: float, forgets: np.n
 
     >>> from robust.friction.plant import friction_plant
     >>> cut = open_at_actuator(friction_plant(1.0, 80e3, 0.4), 2e3, 0.0)
-    >>> (0 + cut.asked).tolist(), cut.enters.tolist()  # of displacement and velocity
+    >>> (0 + cut.command_row).tolist(), cut.input_column.tolist()  # of displacement and velocity
     ([-2000.0, 0.0], [0.0, 1.0])
     """
     K = state_space("K", K)
@@ -134,19 +134,19 @@ def open_at_actuator(machine: FrictionPlant, K: Any, delay: float, forgets: np.n
     forgets = np.zeros(0) if forgets is None else forgets
     n, m, s = machine.A.shape[0], loop.F.shape[0], K.nstates
     size = m + forgets.size
-    asked, enters = np.zeros(size), np.zeros(size)
-    asked[:n] = -K.D[0, 0] * machine.C_measured
-    asked[m - s : m] = K.C[0] if s else 0.0
+    command_row, input_column = np.zeros(size), np.zeros(size)
+    command_row[:n] = -K.D[0, 0] * machine.C_measured
+    command_row[m - s : m] = K.C[0] if s else 0.0
     if loop.T:
-        enters[n + 1 if m > n + 1 + s else n] = 1.0  # the force that waits, or the one that is held
+        input_column[n + 1 if m > n + 1 + s else n] = 1.0  # the force that waits, or the one that is held
     else:
-        enters[:n] = machine.B_force
-    enters[m:] = forgets
+        input_column[:n] = machine.B_force
+    input_column[m:] = forgets
     F, jumps = (
         embed_matrix(loop.F, size),
         np.array([embed_matrix(J, size, 1.0) for J in loop.jumps]).reshape(-1, size, size),
     )
-    rows = np.outer(forgets, asked)  # of u = asked - w
+    rows = np.outer(forgets, command_row)  # of u = asked - w
     rows[:, m:] -= np.diag(forgets)
     if loop.T:
         jumps[0][m:] += rows
@@ -154,12 +154,12 @@ def open_at_actuator(machine: FrictionPlant, K: Any, delay: float, forgets: np.n
         F[m:] = rows
     parts = {name: np.pad(getattr(loop, name), (0, size - m)) for name in ("B", "x", "v", "measured")}
     wider = FrictionLoop(F=F, T=loop.T, spans=loop.spans, jumps=jumps, **parts)
-    return LureLoop(loop=wider, asked=asked, enters=enters, forgets=forgets)
+    return LureLoop(loop=wider, command_row=command_row, input_column=input_column, forgets=forgets)
 
 
 def with_zero_input(cut: LureLoop) -> FrictionLoop:
     """Return the loop with u = 0."""
-    loop, missing = cut.loop, np.outer(cut.enters, cut.asked)
+    loop, missing = cut.loop, np.outer(cut.input_column, cut.command_row)
     if not loop.T:
         return replace(loop, F=loop.F - missing)
     return replace(loop, jumps=np.concatenate([loop.jumps[:1] - missing, loop.jumps[1:]]))
@@ -188,20 +188,20 @@ def with_saturation(form: Dissipation, cut: LureLoop, share: float, sector: floa
     That of the friction, whose first states are those of the open loop.
     """
     n = form.A.shape[0]
-    asked, enters = (np.pad(row, (0, n - row.size)) for row in (cut.asked, cut.enters))
-    seen = (share * sector + given.sum()) / 2 * asked
-    seen[cut.filters] -= given / 2
+    command_row, input_column = (np.pad(row, (0, n - row.size)) for row in (cut.command_row, cut.input_column))
+    output_row = (share * sector + given.sum()) / 2 * command_row
+    output_row[cut.filters] -= given / 2
     weight = float(sector + given.sum())
     if cut.loop.T:
-        return replace(form, block=Block(enters=enters, seen=seen, weight=weight))
+        return replace(form, block=Block(input_column=input_column, output_row=output_row, weight=weight))
     m = form.B.shape[1]
     R = np.zeros((m + 1, m + 1))
     R[:m, :m], R[m, m] = form.R, -weight
     return replace(
         form,
-        B=np.column_stack([form.B, -enters]),
+        B=np.column_stack([form.B, -input_column]),
         B_error=np.column_stack([form.B_error, np.zeros(n)]),
-        N=np.column_stack([form.N, seen]),
+        N=np.column_stack([form.N, output_row]),
         R=R,
     )
 
@@ -253,11 +253,13 @@ def saturation_terms(
     none = np.zeros(loop.B.size)
     by_f, before_f = driven_states(loop, omega, loop.B, none)
     by_w, before_w = (
-        driven_states(loop, omega, none, -cut.enters) if loop.T else driven_states(loop, omega, -cut.enters, none)
+        driven_states(loop, omega, none, -cut.input_column)
+        if loop.T
+        else driven_states(loop, omega, -cut.input_column, none)
     )
-    v, asked = np.stack([by_f, by_w], axis=1) @ loop.v, np.stack([before_f, before_w], axis=1) @ cut.asked
+    v, command_row = np.stack([by_f, by_w], axis=1) @ loop.v, np.stack([before_f, before_w], axis=1) @ cut.command_row
     f, w = np.broadcast_to([1.0, 0.0], v.shape), np.broadcast_to([0.0, 1.0], v.shape)
-    rest = float(cut.asked @ loop.rest()[0]) * (rates[0] / (rates[0] + s))[:, None] * f
+    rest = float(cut.command_row @ loop.rest()[0]) * (rates[0] / (rates[0] + s))[:, None] * f
     columns = [hermitian_product(f, v)]
     for a in rates:
         bent = (1 - a / (rho * (a - s)))[:, None] * v
@@ -266,9 +268,9 @@ def saturation_terms(
             - (a * omega**2 / (rho * K0 * (a**2 + omega**2)))[:, None, None] * hermitian_product(f, f)
         )
     each = 1 / loop.T if loop.T else 1.0  # samples a second
-    columns.append(each * hermitian_product(w, share * (asked - rest) - w))
+    columns.append(each * hermitian_product(w, share * (command_row - rest) - w))
     step = np.exp(s * loop.T) - 1 if loop.T else s
-    columns += [each * hermitian_product(w, (step / (step + phi))[:, None] * (asked - w)) for phi in forgets]
+    columns += [each * hermitian_product(w, (step / (step + phi))[:, None] * (command_row - w)) for phi in forgets]
     return np.stack(columns, axis=1)
 
 
@@ -406,7 +408,7 @@ def largest_velocity(machine: FrictionPlant, cut: LureLoop, energy: JudgedStorag
     size = energy.V.shape[0]
     hit = np.zeros(size)
     hit[: machine.A.shape[0]] = machine.B_port / (machine.velocity @ machine.B_port)
-    return velocity_within_reach(energy, np.pad(cut.asked, (0, size - cut.asked.size)), hit, reach)
+    return velocity_within_reach(energy, np.pad(cut.command_row, (0, size - cut.command_row.size)), hit, reach)
 
 
 SUBJECT = "the stored energy falls, the actuator saturated or not"
@@ -470,9 +472,9 @@ class SaturatedProof:
     certificate: Certificate | None
 
     def __str__(self) -> str:
-        said = self.claim if self.verdict.is_proved else self.reason
+        text = self.claim if self.verdict.is_proved else self.reason
         more = [self.reason] if self.verdict.is_proved and self.reason else []
-        return "\n".join([f"{self.verdict}: {said}", *more, self.not_claimed])
+        return "\n".join([f"{self.verdict}: {text}", *more, self.not_claimed])
 
 
 def prove_saturated(
@@ -525,14 +527,14 @@ def prove_saturated(
     plain = prove_friction(machine, K, friction, delay=delay)
     machine, delay = separate_delay(machine, delay)
     if friction.kind not in ("Maxwell slip", "bristle"):
-        raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.words}")
+        raise ValueError(f"friction must be any_maxwell_slip(...) or any_bristle(...), got {friction.description}")
     known: dict[str, Any] = {"friction": friction, "Fs": Fs, "limit": limit}
     if plain.verdict is not FrictionVerdict.PROVED:
         return no_saturated_proof(plain.verdict, f"without saturation: {plain.reason}", known)
     K = state_space("K", K)
     cut = open_at_actuator(machine, K, delay)
     rest, offset = cut.loop.rest()
-    left = limit - Fs * float(abs(cut.asked @ rest) + np.abs(cut.asked) @ offset)
+    left = limit - Fs * float(abs(cut.command_row @ rest) + np.abs(cut.command_row) @ offset)
     if left <= 0:
         return no_saturated_proof(FrictionVerdict.NOT_DECIDED, "holding the friction takes all of the limit", known)
     if not machine.velocity @ machine.B_port > 0:

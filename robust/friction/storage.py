@@ -43,8 +43,8 @@ class Block:
         Positive.
     """
 
-    enters: np.ndarray
-    seen: np.ndarray
+    input_column: np.ndarray
+    output_row: np.ndarray
     weight: float
 
 
@@ -119,7 +119,7 @@ def gramian(form: Dissipation) -> np.ndarray:
         both = expm(span * np.block([[-form.A, form.B @ form.B.T], [np.zeros((n, n)), form.A.T]]))
         flow, reached = both[n:, n:].T, both[n:, n:].T @ both[:n, n:]
         if not parts and form.block is not None:
-            struck = flow @ form.block.enters
+            struck = flow @ form.block.input_column
             reached = reached + np.outer(struck, struck) / form.block.weight
         parts.append((flow @ jump, reached))
     W, Phi = np.zeros((n, n)), np.eye(n)
@@ -165,7 +165,7 @@ def jump_stretch(form: Dissipation, i: int, slack: float) -> Stretch:
     jump, left = form.jumps[i], slack * np.eye(n)
     if i or form.block is None:
         return jump, np.zeros((n, n)), left
-    b, c, weight = form.block.enters, form.block.seen, form.block.weight
+    b, c, weight = form.block.input_column, form.block.output_row, form.block.weight
     return jump - np.outer(b, c) / weight, np.outer(b, b) / weight, left + np.outer(c, c) / weight
 
 
@@ -318,10 +318,12 @@ def in_balanced_coordinates(form: Dissipation) -> BoundedForm:
     B_off = aback @ (np.abs(V @ B - form.B / unit) + k * (aV @ np.abs(B)) + form.B_error / unit)
     block, block_off = None, None
     if form.block is not None:
-        b, c = form.block.enters, form.block.seen
-        block = Block(enters=back @ b, seen=V.T @ c, weight=form.block.weight)
-        left = np.abs(V @ block.enters - b) + k * (aV @ np.abs(block.enters))
-        block_off = Block(enters=aback @ left, seen=k * (aV.T @ np.abs(c)), weight=8 * EPS * form.block.weight)
+        b, c = form.block.input_column, form.block.output_row
+        block = Block(input_column=back @ b, output_row=V.T @ c, weight=form.block.weight)
+        left = np.abs(V @ block.input_column - b) + k * (aV @ np.abs(block.input_column))
+        block_off = Block(
+            input_column=aback @ left, output_row=k * (aV.T @ np.abs(c)), weight=8 * EPS * form.block.weight
+        )
     wide = np.block([[V, np.zeros((n, more))], [np.zeros((more, n)), np.eye(more)]])
     awide = np.abs(wide)
     new = Dissipation(
@@ -448,13 +450,13 @@ def jump_inequality(
     jump, unsure, block, n = judged.form.jumps[i], judged.jumps[i], judged.form.block, before.shape[0]
     lost, loose = before, np.zeros_like(before)
     if i == 0 and block is not None and judged.block is not None:
-        jump = np.column_stack([jump, -block.enters])
-        unsure = np.column_stack([unsure, judged.block.enters])
+        jump = np.column_stack([jump, -block.input_column])
+        unsure = np.column_stack([unsure, judged.block.input_column])
         lost, loose = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
         lost[:n, :n], lost[n, n] = before, block.weight
-        lost[:n, n] = lost[n, :n] = -block.seen
+        lost[:n, n] = lost[n, :n] = -block.output_row
         loose[n, n] = judged.block.weight
-        loose[:n, n] = loose[n, :n] = judged.block.seen
+        loose[:n, n] = loose[n, :n] = judged.block.output_row
     wide = np.abs(jump) + unsure
     off = (2 * n + 4) * EPS * (wide.T @ np.abs(after) @ wide + np.abs(lost)) + loose
     cross = wide.T @ np.abs(after) @ unsure

@@ -101,10 +101,10 @@ def closed_loop(
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
     D, Dk = G.D, K.D
-    around = np.eye(n_u) + Dk @ D
-    if np.linalg.norm(around, -2) < 1e-12 * max(1.0, float(np.linalg.norm(Dk @ D, 2))):
+    return_difference = np.eye(n_u) + Dk @ D
+    if np.linalg.norm(return_difference, -2) < 1e-12 * max(1.0, float(np.linalg.norm(Dk @ D, 2))):
         raise ValueError("K must leave the loop well posed, got 1 + K G singular at infinite frequency")
-    k = np.linalg.inv(around)
+    k = np.linalg.inv(return_difference)
     n, m = G.nstates, K.nstates
     one, none = np.eye(n_y), np.zeros((n_y, n_y))
     # u = k (Ck xk + Dk (r - C x - D p_in - p_out)), everything else follows from u
@@ -234,12 +234,14 @@ def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpac
     n_u, n_y = K.noutputs, K.ninputs
     w, u = np.s_[: P.ninputs - n_u], np.s_[P.ninputs - n_u :]
     z, y = np.s_[: P.noutputs - n_y], np.s_[P.noutputs - n_y :]
-    around = np.eye(n_u) - K.D @ P.D[y, u]
-    if n_u and np.linalg.svd(around, compute_uv=False)[-1] < 1e-12 * max(1.0, float(np.linalg.norm(around))):
+    return_difference = np.eye(n_u) - K.D @ P.D[y, u]
+    if n_u and np.linalg.svd(return_difference, compute_uv=False)[-1] < 1e-12 * max(
+        1.0, float(np.linalg.norm(return_difference))
+    ):
         raise ValueError("K must leave the loop well posed, got I - K P_22 singular at infinite frequency")
     # u = gain [x; xk] + direct w, everything else follows from u
-    gain = np.linalg.solve(around, np.hstack([K.D @ P.C[y], K.C]))
-    direct = np.linalg.solve(around, K.D @ P.D[y, w])
+    gain = np.linalg.solve(return_difference, np.hstack([K.D @ P.C[y], K.C]))
+    direct = np.linalg.solve(return_difference, K.D @ P.D[y, w])
     n, m = P.nstates, K.nstates
     A = np.block([[P.A, np.zeros((n, m))], [K.B @ P.C[y], K.A]])
     A = A + np.vstack([P.B[:, u], K.B @ P.D[y, u]]) @ gain

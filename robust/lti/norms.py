@@ -177,10 +177,10 @@ def crossings(matrices: Matrices, level: float) -> tuple[np.ndarray, np.ndarray]
     B, C, D = B / np.sqrt(level), C / np.sqrt(level), D / level
     Bh, Ch, Dh = B.conj().T, C.conj().T, D.conj().T  # a scaling may have made them complex
     inner, outer = np.eye(D.shape[1]) - Dh @ D, np.eye(D.shape[0]) - D @ Dh
-    room = min(np.abs(np.linalg.eigvalsh(M)).min() for M in (inner, outer))
-    if room < 1e-9:
+    smallest = min(np.abs(np.linalg.eigvalsh(M)).min() for M in (inner, outer))
+    if smallest < 1e-9:
         return None
-    rounding = EPS / min(room, 1.0)  # of what the Hamiltonian is made from, relative to it
+    rounding = EPS / min(smallest, 1.0)  # of what the Hamiltonian is made from, relative to it
     F = A + B @ np.linalg.solve(inner, Dh @ C)
     H = np.block([[F, B @ np.linalg.solve(inner, Bh)], [-Ch @ np.linalg.solve(outer, C), -F.conj().T]])
     return eigenvalues_near_axis(H, rounding)
@@ -198,14 +198,14 @@ def real_block_crossings(matrices: Matrices, G: np.ndarray) -> tuple[np.ndarray,
     R = D.conj().T @ D + skew + skew.conj().T - np.eye(D.shape[1])
     S = C.conj().T @ (D - 1j * G.conj().T)
     size = 1.0 + np.linalg.norm(D) ** 2 + 2 * np.linalg.norm(skew)
-    room = np.abs(np.linalg.eigvalsh(R)).min() / size
-    if room < 1e-9:
+    smallest = np.abs(np.linalg.eigvalsh(R)).min() / size
+    if smallest < 1e-9:
         return None
     F = A - B @ np.linalg.solve(R, S.conj().T)
     H = np.block(
         [[F, -B @ np.linalg.solve(R, B.conj().T)], [S @ np.linalg.solve(R, S.conj().T) - C.conj().T @ C, -F.conj().T]]
     )
-    return eigenvalues_near_axis(H, EPS / min(room, 1.0))
+    return eigenvalues_near_axis(H, EPS / min(smallest, 1.0))
 
 
 def eigenvalues_near_axis(H: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray] | None:
@@ -254,8 +254,8 @@ def find_gain_above(matrices: Matrices, norm: float, tolerance: float) -> tuple[
     nothing for rounding: peaks that are well above it are looked for first.
     """
     sizes = np.linalg.svd(matrices[3], compute_uv=False)
-    beside = np.any(np.abs(sizes - norm) < LEVEL_OFFSETS[0] * norm)
-    for step in (*LEVEL_OFFSETS, tolerance) if beside else (tolerance,):
+    near_direct = np.any(np.abs(sizes - norm) < LEVEL_OFFSETS[0] * norm)
+    for step in (*LEVEL_OFFSETS, tolerance) if near_direct else (tolerance,):
         found = crossings(matrices, norm * (1 + step))
         if found is None or not found[0].size:
             continue

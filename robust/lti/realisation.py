@@ -108,10 +108,10 @@ def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]
 def reachable_entry(K: control.StateSpace, j: int, i: int) -> control.StateSpace:
     """Entry (j, i) with the states that its input reaches and its output sees, by the zeros of A, B and C alone."""
     links = K.A != 0
-    reached, seen = K.B[:, i] != 0, K.C[j] != 0
+    reached, observed = K.B[:, i] != 0, K.C[j] != 0
     for _ in range(K.nstates):
-        reached, seen = reached | links @ reached, seen | seen @ links
-    kept = np.flatnonzero(reached & seen)
+        reached, observed = reached | links @ reached, observed | observed @ links
+    kept = np.flatnonzero(reached & observed)
     return control.StateSpace(K.A[np.ix_(kept, kept)], K.B[kept][:, [i]], K.C[[j]][:, kept], K.D[[j]][:, [i]], K.dt)
 
 
@@ -259,15 +259,15 @@ def rightmost_pole(system: control.StateSpace) -> complex:
 
 
 def frequency_response(
-    name: str, plant: Any, omega: np.ndarray, beside: tuple[Any, ...] = ()
+    name: str, plant: Any, omega: np.ndarray, other: tuple[Any, ...] = ()
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `beside`.
+    """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `other`.
 
     A system without a dt takes that clock.
     """
     if not isinstance(plant, control.FrequencyResponseData):
         plant = state_space(name, plant)
-    dt = common_sampling_time(*beside)
+    dt = common_sampling_time(*other)
     require_sampling_time(name, plant, "the nominal", dt)
     if isinstance(plant, control.FrequencyResponseData):
         if (plant.ninputs, plant.noutputs) != (1, 1):

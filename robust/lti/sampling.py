@@ -178,8 +178,10 @@ def without_pade(system: control.StateSpace) -> tuple[control.StateSpace, float]
 
 def roots_match(some: np.ndarray, other: np.ndarray) -> bool:
     """Whether each root has one of the other set beside it."""
-    apart = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
-    return bool(apart.min(axis=1).max() < ALLPASS_TOLERANCE and np.unique(apart.argmin(axis=1)).size == some.size)
+    distances = np.abs(some[:, None] - other[None, :]) / np.abs(some)[:, None]
+    return bool(
+        distances.min(axis=1).max() < ALLPASS_TOLERANCE and np.unique(distances.argmin(axis=1)).size == some.size
+    )
 
 
 def discretize(K: Any, dt: float, *, prewarp: float = 0.0) -> control.StateSpace:

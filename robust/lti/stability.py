@@ -196,21 +196,21 @@ def winding_number(omega: np.ndarray, G: np.ndarray, K: control.StateSpace, dt: 
     L = G * response(K, omega)
     jump = np.abs(np.angle(G[1:] / G[:-1])) > LARGEST_JUMP
     large = np.abs(L) > SMALL_LOOP
-    seen = not np.any(jump & (large[1:] | large[:-1])) and passes_clear_of_minus_one(L)
-    seen &= shows_integrators(omega, G, n)
+    trusted = not np.any(jump & (large[1:] | large[:-1])) and passes_clear_of_minus_one(L)
+    trusted &= shows_integrators(omega, G, n)
     # a loop that is still above one at its last line may cross -1 beyond it, but where that is Nyquist
-    seen &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
-    seen &= bool(np.all(np.abs(to_s_plane(unstable_pole_values(K, dt), dt)) < omega[-1]))
+    trusted &= abs(L[-1]) < 1 or omega[-1] * dt > 0.9 * np.pi
+    trusted &= bool(np.all(np.abs(to_s_plane(unstable_pole_values(K, dt), dt)) < omega[-1]))
     beyond = controller_mode_lines(
         K, (omega[-1], np.pi / dt if dt else np.inf)
     )  # where the plant is no larger than at the end
-    seen &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
+    trusted &= bool(np.all(np.abs(G[-1] * response(K, beyond)) < max(1.0, abs(L[-1]))))
     omega, G = extend_below(omega, G, n)
     more = np.union1d(omega, controller_mode_lines(K, (omega[0], omega[-1])))
     omega, G = more, interpolate_frf(more, omega, G)
     F = 1 + G * response(K, omega)
     turns, clear = count_half_turns(F, n + integrator_poles(K, dt))
-    return round(float(turns)), bool(clear and seen and is_resolved(F, np.log(omega)))
+    return round(float(turns)), bool(clear and trusted and is_resolved(F, np.log(omega)))
 
 
 def passes_clear_of_minus_one(L: np.ndarray) -> bool:
@@ -236,9 +236,9 @@ def slope_at_start(omega: np.ndarray, G: np.ndarray) -> int:
     """
     near = np.flatnonzero(omega <= 1.6 * omega[0])
     if near.size < 3 and omega.size >= 3:
-        steep, steeper = initial_slopes(omega, G)
-        if steeper > steep:
-            return max(0, int(np.floor(steep + 0.1)))
+        first_slope, next_slope = initial_slopes(omega, G)
+        if next_slope > first_slope:
+            return max(0, int(np.floor(first_slope + 0.1)))
     near = near if near.size >= 3 else np.arange(min(3, omega.size))
     if near.size < 2:
         return 0
@@ -257,8 +257,8 @@ def shows_integrators(omega: np.ndarray, G: np.ndarray, n: int) -> bool:
         return False
     if n == 0 or omega.size < 3 or omega[2] <= 1.6 * omega[0]:
         return True
-    steep, steeper = initial_slopes(omega, G)
-    return abs(steeper - steep) < 0.5
+    first_slope, next_slope = initial_slopes(omega, G)
+    return abs(next_slope - first_slope) < 0.5
 
 
 def phase_offset(first: complex, n: int) -> float:

@@ -88,8 +88,8 @@ class ParametricLoop:
     def closed(self, x: np.ndarray) -> np.ndarray:
         """(K, n, n) state matrices."""
         d = x[:, self.of]
-        around = np.eye(len(self.of)) - self.D * d[:, None, :]
-        return np.asarray(self.A + self.B @ (d[:, :, None] * np.linalg.solve(around, self.C[None])))
+        return_difference = np.eye(len(self.of)) - self.D * d[:, None, :]
+        return np.asarray(self.A + self.B @ (d[:, :, None] * np.linalg.solve(return_difference, self.C[None])))
 
     def excess(self, x: np.ndarray) -> np.ndarray:
         """(K,) how far the farthest pole is beyond the stability boundary; inf where the loop has no solution."""
@@ -105,8 +105,8 @@ class ParametricLoop:
         k = int(np.argmax(np.abs(values) if self.dt else values.real))
         left = np.linalg.pinv(right)[k]
         d = x[self.of]
-        around = np.eye(len(d)) - self.D * d
-        reads = np.linalg.solve(around, self.C @ right[:, k])  # (I - D d)^-1 C r
+        return_difference = np.eye(len(d)) - self.D * d
+        reads = np.linalg.solve(return_difference, self.C @ right[:, k])  # (I - D d)^-1 C r
         drives = np.linalg.solve(np.eye(len(d)) - (d[:, None] * self.D).T, self.B.T @ left)
         turn = values[k].conj() / abs(values[k]) if self.dt else 1.0
         moves = (turn * drives * reads).real
@@ -136,23 +136,23 @@ def find_crossing(
     rows, cols = (np.concatenate([np.arange(cut[k].start, cut[k].stop) for k in real]) for cut in (s.rows, s.cols))
     of = np.repeat(np.arange(len(real)), [s.rows[k].stop - s.rows[k].start for k in real])
     loop = ParametricLoop(A=N.A, B=N.B[:, cols], C=N.C[rows], D=N.D[np.ix_(rows, cols)], of=of, dt=timebase(N))
-    around = search_directions(len(real))
+    return_difference = search_directions(len(real))
     inner = 0.0
     for size in np.geomspace(least, limit, N_SIZES):
-        excess = loop.excess(size * around)
+        excess = loop.excess(size * return_difference)
         if excess.max() > 0 or time.monotonic() > deadline:
             break
         inner = size
     if excess.max() <= 0:
         return None
-    y = around[excess.argmax()]
+    y = return_difference[excess.argmax()]
     size = bisect_direction(loop, y, inner, size)
     for _ in range(N_IMPROVEMENTS):
         if time.monotonic() > deadline:
             break
         # uphill at the present size: the best corner by the slope, and part of the way to it
         better = np.sign(loop.slope(size * y))
-        tried = np.concatenate([y + np.linspace(0.1, 1, 10)[:, None] * (better - y), around])
+        tried = np.concatenate([y + np.linspace(0.1, 1, 10)[:, None] * (better - y), return_difference])
         excess = loop.excess(0.999 * size * tried)
         if excess.max() <= 0:
             break
@@ -437,10 +437,10 @@ def box_system(search: BoxSearch, box: tuple[np.ndarray, np.ndarray]) -> control
         H[col] = search.level * half[k]
         if s.kinds[k] == "real":
             C[col, row] = search.level * middle[k] * np.eye(row.stop - row.start)
-    around = np.eye(s.shape[0]) - N.D @ C
-    if np.linalg.cond(around) > 1e12:
+    return_difference = np.eye(s.shape[0]) - N.D @ C
+    if np.linalg.cond(return_difference) > 1e12:
         return None
-    y = np.linalg.solve(around, np.hstack([N.C, N.D * H]))  # (rows, n + cols)
+    y = np.linalg.solve(return_difference, np.hstack([N.C, N.D * H]))  # (rows, n + cols)
     y_x, y_v = y[:, : N.nstates], y[:, N.nstates :]
     return control.StateSpace(N.A + N.B @ C @ y_x, N.B @ (C @ y_v + np.diag(H)), y_x, y_v, N.dt)
 

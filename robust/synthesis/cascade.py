@@ -59,8 +59,8 @@ def cascade(K_outer: Any, K_inner: Any, *, outer: Any = 1.0, inner: Any = 1.0) -
     systems = {name: state_space(name, part) for name, part in parts.items()}
     clocks = {name: timebase(system) for name, system in systems.items() if not is_constant(system)}
     if len(set(clocks.values())) > 1:
-        told = ", ".join(f"{name} {dt:g} s" for name, dt in clocks.items())
-        raise ValueError(f"K_inner must have the sampling time of all other parts, 0 for continuous, got {told}")
+        listing = ", ".join(f"{name} {dt:g} s" for name, dt in clocks.items())
+        raise ValueError(f"K_inner must have the sampling time of all other parts, 0 for continuous, got {listing}")
     dt = next(iter(clocks.values()), systems["K_inner"].dt)
     K_outer, K_inner, outer, inner = (control.StateSpace(s.A, s.B, s.C, s.D, dt) for s in systems.values())
     return in_series(in_parallel(inner, in_series(outer, K_outer, dt=dt)), K_inner, dt=dt)

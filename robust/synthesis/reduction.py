@@ -70,10 +70,10 @@ def weighted_candidates(K: Matrices, before: Matrices, behind: Matrices) -> Iter
     kept, (A, B, C) = split_modes(A, B, C)
     n, (Ab, Bb, Cb, Db), (Aa, Ba, Ca, _) = A.shape[0], before, behind
     driven = np.block([[A, B @ Cb], [np.zeros((Ab.shape[0], n)), Ab]])
-    seen = np.block([[A, np.zeros((n, Aa.shape[0]))], [Ba @ C, Aa]])
+    A_weighted = np.block([[A, np.zeros((n, Aa.shape[0]))], [Ba @ C, Aa]])
     into, out = np.vstack([B @ Db, Bb]), np.hstack([behind[3] @ C, Ca])
     P = solve_continuous_lyapunov(driven, -into @ into.T)[:n, :n]
-    Q = solve_continuous_lyapunov(seen.T, -out.T @ out)[:n, :n]
+    Q = solve_continuous_lyapunov(A_weighted.T, -out.T @ out)[:n, :n]
     for way, small in truncations((A, B, C, D), P, Q):
         yield f"weighted by the loop, {way}", small[0].shape[0] + kept[0].shape[0], add_systems(kept, small)
 
@@ -249,9 +249,9 @@ def reduce_controller(
             report = check(model, small, w_P=w_P, delay=delay)
             kept, lost = compare_reports(report, before, change_of_T(model, K, small, before))
             if kept or order is not None:
-                told = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
+                common = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
                 return Reduction(
-                    K=with_names(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **told
+                    K=with_names(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **common
                 )
     return Reduction(
         K=K,
@@ -277,11 +277,13 @@ def candidates(
     if not is_measured(model):
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
         if isinstance(model, MatrixUncertainty):
-            around = [control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs]
+            closed_loops = [
+                control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs
+            ]
         else:
             loop = assemble(model, K, w_P, delay)
-            around = [loop.closed(*pair) for pair in pairs]
-        before, behind = map(continuous_image, around)
+            closed_loops = [loop.closed(*pair) for pair in pairs]
+        before, behind = map(continuous_image, closed_loops)
         if np.all(np.linalg.eigvals(before[0]).real < 0):
             ways.append(lambda: weighted_candidates(image, before, behind))
     for way in ways:

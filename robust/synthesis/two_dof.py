@@ -192,8 +192,8 @@ def tracking_errors(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.nda
     curves = loop.curves(omega)
     S, a, b = curves.S, curves.a, curves.b
     with np.errstate(all="ignore"):
-        room = 1 - np.abs(b) ** 2
-        middle, radius = S * (1 - a * b.conj()) / room, np.abs(S) * np.abs(a - b) / room
+        margin = 1 - np.abs(b) ** 2
+        middle, radius = S * (1 - a * b.conj()) / margin, np.abs(S) * np.abs(a - b) / margin
         worst = np.abs(wanted - (1 - middle) * f) + np.abs(f) * radius
     return np.abs(wanted - (1 - S) * f), np.where(np.abs(b) < 1, worst, np.inf)
 

@@ -54,13 +54,13 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
     >>> gaps_inside(np.delete(np.append(y, y[0]), 130).reshape(3, 100), 50)
     array([ 0., -1.,  0.])
     """
-    apart = [cumulative_power(one - following) for one, following in pairwise(y)]
-    noise = least_noise(apart, y[-1])
+    difference = [cumulative_power(one - following) for one, following in pairwise(y)]
+    noise = least_noise(difference, y[-1])
     found = np.zeros(len(y))
-    for j, up_to in enumerate(apart):
+    for j, up_to in enumerate(difference):
         found[j] = slip_length(y[j], y[j + 1], up_to, noise, last)
     if not found[-2]:
-        backwards = apart[-1][-1] - apart[-1][::-1]
+        backwards = difference[-1][-1] - difference[-1][::-1]
         found[-1] = -slip_length(y[-1, ::-1], y[-2, ::-1], backwards, noise, last)
     return drop_contradicted_slips(y, found, last)
 
@@ -78,10 +78,10 @@ def drop_contradicted_slips(y: np.ndarray, gaps: np.ndarray, last: int) -> np.nd
     lines = np.arange(1, min(last, (y.shape[1] - 1) // 2) + 1)
     spectra = [rfft_at(y[j], lines) for j in whole]
     steps = np.array([period_delay(one, later, lines, y.shape[1]) for one, later in pairwise(spectra)])
-    apart = np.diff(whole)
-    pace = float(np.median(steps[apart == 1])) if (apart == 1).any() else 0.0
+    difference = np.diff(whole)
+    pace = float(np.median(steps[difference == 1])) if (difference == 1).any() else 0.0
     kept = gaps.copy()
-    for first, end, step in zip(whole[:-1], whole[1:], steps - pace * apart, strict=True):
+    for first, end, step in zip(whole[:-1], whole[1:], steps - pace * difference, strict=True):
         total = gaps[first:end].sum()
         if total and abs(step - total) >= abs(step):
             kept[first:end] = 0.0
@@ -129,42 +129,42 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     >>> torn_periods(y.reshape(4, 100), 50, np.zeros(4))[0]
     array([False, False,  True, False])
     """
-    apart = [cumulative_power(one - following) for one, following in pairwise(y)]
-    noise = least_noise(apart, y[-1])
-    unlike, torn, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
-    for j, up_to in enumerate(apart):
+    difference = [cumulative_power(one - following) for one, following in pairwise(y)]
+    noise = least_noise(difference, y[-1])
+    unlike, corrupted, total = np.zeros(len(y) + 1, dtype=bool), np.zeros(len(y), dtype=bool), gaps.copy()
+    for j, up_to in enumerate(difference):
         if gaps[j] or gaps[j + 1]:
             continue
         found, shift = has_slip_pair(y[j], y[j + 1], up_to, noise, last)
         if found and shift:  # what stands before both gaps is found elsewhere in the period that follows them
-            torn[j], total[j] = True, shift
+            corrupted[j], total[j] = True, shift
         elif found:
             unlike[j + 1] = True  # one or the other: nothing is lost
         else:
             backwards = up_to[-1] - up_to[::-1]
             found, shift = has_slip_pair(y[j + 1, ::-1], y[j, ::-1], backwards, noise, last)
             if found:
-                torn[j + 1], total[j + 1] = True, -shift
+                corrupted[j + 1], total[j + 1] = True, -shift
     if len(y) == 2:
-        return torn | unlike[1], total
-    torn |= unlike[1:] & unlike[:-1]
-    torn[0] |= unlike[1] and not (unlike[2] or torn[1])
-    torn[-1] |= unlike[-2] and not (unlike[-3] or torn[-2])
-    return torn, total
+        return corrupted | unlike[1], total
+    corrupted |= unlike[1:] & unlike[:-1]
+    corrupted[0] |= unlike[1] and not (unlike[2] or corrupted[1])
+    corrupted[-1] |= unlike[-2] and not (unlike[-3] or corrupted[-2])
+    return corrupted, total
 
 
-def least_noise(apart: list[np.ndarray], y: np.ndarray) -> float:
+def least_noise(difference: list[np.ndarray], y: np.ndarray) -> float:
     """Variance of what two periods differ by in the quarter where it is least, `cumulative_power`.
 
     For a signal y (N,).
     """
     n = y.size
-    quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in apart)
+    quarter = min(float(np.diff(up_to[np.arange(5) * n // 4]).min()) for up_to in difference)
     return max(4 * quarter, ROUNDING_POWER * float(power(y))) / n
 
 
 def has_slip_pair(
-    one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int
+    one: np.ndarray, following: np.ndarray, difference: np.ndarray, noise: float, last: int
 ) -> tuple[bool, int]:
     """Whether a part of a period, neither its first nor its last, is found elsewhere in the next one.
 
@@ -172,7 +172,7 @@ def has_slip_pair(
     """
     n = one.size
     blur = max(n / (2 * last), 1.0)
-    if not is_uneven(apart, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
+    if not is_uneven(difference, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return False, 0
     tried = [0, *SHORT_SHIFTS, *candidate_lags(one, following, last)]
     # a long period is looked at in so many places, at some samples in each
@@ -186,22 +186,22 @@ def has_slip_pair(
 
     here = one[at]
     left = np.array([from_there(here, shift) for shift in tried])
-    apart = left[0]
+    difference = left[0]
 
     def explained(shift: int, begin: int, end: int) -> bool:
         """Whether one of the shifts explains all of what they differ by there."""
         begin, end = begin + edge, end - edge
         if (end - begin) * size < MIN_SAMPLES:
             return False
-        whole, rest = apart[end] - apart[begin], left[shift, end] - left[shift, begin]
+        whole, rest = difference[end] - difference[begin], left[shift, end] - left[shift, begin]
         if whole - rest < MIN_LOG_LIKELIHOOD * blur * noise:
             return False
         parts = begin + np.arange(5) * (end - begin) // 4
         step = from_there(following[at], tried[shift])
-        by_parts = np.diff(apart[parts] - left[shift, parts])
-        told = rest <= max(MAX_REST * whole, 2 * (end - begin) * size * noise)
-        told &= by_parts.min() > SPIKE_SHARE * by_parts.sum()
-        if not (told and confirms_shift(parts, apart, left[shift], step, noise * blur)):
+        by_parts = np.diff(difference[parts] - left[shift, parts])
+        matches = rest <= max(MAX_REST * whole, 2 * (end - begin) * size * noise)
+        matches &= by_parts.min() > SPIKE_SHARE * by_parts.sum()
+        if not (matches and confirms_shift(parts, difference, left[shift], step, noise * blur)):
             return False
         noise_there = one[begin * stride : end * stride]
         noise_there = noise_there - np.roll(following, -tried[shift])[begin * stride : end * stride]
@@ -210,18 +210,18 @@ def has_slip_pair(
         )
 
     # one shift up to the first gap, another up to the second: the pair that leaves least
-    tells = (apart - left[1:]).max(axis=1)
+    tells = (difference - left[1:]).max(axis=1)
     for before in ([0], (np.argsort(tells)[-MIN_PERIODS:] + 1).tolist()):
         least = np.inf, 0, 0, 0, 0
         for i in before:
             from_first = np.minimum.accumulate(left[i] - left[1:], axis=1)
-            for j, rest in enumerate(from_first + left[1:] - apart, 1):
+            for j, rest in enumerate(from_first + left[1:] - difference, 1):
                 end = int(np.argmin(rest))
                 if rest[end] < least[0]:
                     least = float(rest[end]), i, j, int(np.argmin((left[i] - left[j])[: end + 1])), end
         _, i, j, begin, end = least
-        behind = min(end + edge, apart.size - 1)
-        if begin < edge or apart[-1] - apart[behind] > 2 * at.size * noise:
+        behind = min(end + edge, difference.size - 1)
+        if begin < edge or difference[-1] - difference[behind] > 2 * at.size * noise:
             continue
         if explained(j, begin, end) and (i == 0 or explained(i, 0, begin)):
             return not is_single_mode(one - following, begin * stride, behind * stride), tried[i]
@@ -240,21 +240,21 @@ def candidate_lags(one: np.ndarray, following: np.ndarray, last: int) -> list[in
     found: set[int] = set()
     for _ in range(N_LIKELIEST):
         best = int(alike.argmax())
-        found |= {best - reach + beside for beside in (-1, 0, 1)}
+        found |= {best - reach + offset for offset in (-1, 0, 1)}
         alike[max(best - MAX_SHORT_SHIFT, 0) : best + MAX_SHORT_SHIFT + 1] = -np.inf
     return sorted(found)
 
 
-def confirms_shift(parts: np.ndarray, apart: np.ndarray, left: np.ndarray, step: np.ndarray, noise: float) -> bool:
+def confirms_shift(parts: np.ndarray, difference: np.ndarray, left: np.ndarray, step: np.ndarray, noise: float) -> bool:
     """Whether each part of a signal asks for all of a shift, by what it explains, `cumulative_power`.
 
     And the step it makes.
     """
-    before, after, size = (np.diff(x[parts]) for x in (apart, left, step))
+    before, after, size = (np.diff(x[parts]) for x in (difference, left, step))
     return bool((np.abs(before - after - size) < 2 * WHOLE_TOLERANCE * size + 6 * np.sqrt(noise * size)).all())
 
 
-def slip_length(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise: float, last: int) -> int:
+def slip_length(one: np.ndarray, following: np.ndarray, difference: np.ndarray, noise: float, last: int) -> int:
     """The samples by which the first part of a period is found elsewhere in the next one; 0 where it is no such thing.
 
     In its place the rest must be, and both parts then differ by noise alone. A transient is elsewhere in no place.
@@ -262,25 +262,25 @@ def slip_length(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise
     """
     n = one.size
     blur = max(n / (2 * last), 1.0)  # samples of noise that tell one thing
-    if not is_uneven(apart, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
+    if not is_uneven(difference, max(ROUNDING_POWER * float(power(following)) / n, TINY), blur):
         return 0
     found, most = 0, 0.0
-    for shift in candidate_shifts(one, following, apart):
+    for shift in candidate_shifts(one, following, difference):
         there = np.roll(following, -shift)
         left, step = cumulative_power(one - there), cumulative_power(there - following)
-        gap = int(np.argmax(apart - left))
+        gap = int(np.argmax(difference - left))
         end = max(
             gap - MAX_SHORT_SHIFT, 0
         )  # what was put into the gap is nowhere else, and a spike that is moved past it is
-        explained, behind = apart[end] - left[end], apart[-1] - apart[gap]
+        explained, behind = difference[end] - left[end], difference[-1] - difference[gap]
         least = min(noise, behind / (n - gap)) if n - gap > MIN_SAMPLES * blur else noise
         sure = MIN_LOG_LIKELIHOOD * blur * max((left[end] + behind) / n, least)
         if min(explained, left[-1] - left[gap] - behind) < sure or left[end] > max(
-            MAX_REST * apart[end], 2 * end * least
+            MAX_REST * difference[end], 2 * end * least
         ):
             continue
         # how much of that shift each quarter of the part asks for: all of it, where it is a gap
-        whole = confirms_shift(np.arange(5) * end // 4, apart, left, step, noise * blur)
+        whole = confirms_shift(np.arange(5) * end // 4, difference, left, step, noise * blur)
         if whole and explained > most and not is_single_mode(one - following, 0, gap):
             rest = (one - there)[:end]
             if explained > MIN_LOG_LIKELIHOOD * correlation_length(rest) * power(rest) / end:
@@ -288,17 +288,17 @@ def slip_length(one: np.ndarray, following: np.ndarray, apart: np.ndarray, noise
     return found
 
 
-def is_single_mode(apart: np.ndarray, begin: int, gap: int) -> bool:
+def is_single_mode(difference: np.ndarray, begin: int, gap: int) -> bool:
     """Whether what periods differ by (N,) goes on behind a gap on one frequency, as a resonance that rings for long.
 
     It is held against what they differ by before it, from `begin` on.
     """
-    if apart.size - gap < MIN_SAMPLES:
+    if difference.size - gap < MIN_SAMPLES:
         return True  # so few samples do not tell
-    before, behind = power(apart[begin:gap]) / (gap - begin), power(apart[gap:]) / (apart.size - gap)
+    before, behind = power(difference[begin:gap]) / (gap - begin), power(difference[gap:]) / (difference.size - gap)
     if before > STEP_RATIO * behind:
         return False
-    spectrum = squared_modulus(rfft(apart[gap:] * np.hanning(apart.size - gap)))
+    spectrum = squared_modulus(rfft(difference[gap:] * np.hanning(difference.size - gap)))
     peak = int(np.argmax(spectrum))
     return bool(spectrum[max(peak - 2, 0) : peak + 3].sum() > SPECTRAL_PEAK_SHARE * spectrum.sum())
 
@@ -319,21 +319,21 @@ def cumulative_power(x: np.ndarray) -> np.ndarray:
     return np.append(0.0, np.add.accumulate(x * x))
 
 
-def is_uneven(apart: np.ndarray, floor: float, blur: float) -> bool:
+def is_uneven(difference: np.ndarray, floor: float, blur: float) -> bool:
     """Whether two variances, one up to some sample and one from there on, make a difference far likelier than one."""
-    n = apart.size - 1
+    n = difference.size - 1
     parts = min(N_PARTS, n)
     at = np.arange(1, parts) * n // parts
-    before, whole = np.maximum(apart[at] / at, floor), max(apart[-1] / n, floor)
-    behind = np.maximum((apart[-1] - apart[at]) / (n - at), floor)
+    before, whole = np.maximum(difference[at] / at, floor), max(difference[-1] / n, floor)
+    behind = np.maximum((difference[-1] - difference[at]) / (n - at), floor)
     gain = n * np.log(whole) - at * np.log(before) - (n - at) * np.log(behind)
     return bool(gain.max() > 2 * UNEVEN_LOG_LIKELIHOOD * blur)
 
 
-def candidate_shifts(one: np.ndarray, following: np.ndarray, apart: np.ndarray) -> list[int]:
+def candidate_shifts(one: np.ndarray, following: np.ndarray, difference: np.ndarray) -> list[int]:
     """Those that are tried: the one that lays the part with half of the difference best, and all short ones."""
     n = one.size
-    half = int(np.searchsorted(apart, apart[-1] / 2))
+    half = int(np.searchsorted(difference, difference[-1] / 2))
     size = cumulative_power(np.tile(following, 2))
     together = np.fft.irfft(np.fft.rfft(one[:half], n).conj() * np.fft.rfft(following), n)
     likeliest = int(np.argmin((size[half : half + n] - size[:n]) - 2 * together))

@@ -87,8 +87,8 @@ class PeriodAlignment:
         if j.size < 2:
             return np.zeros(self.sound.size)
         known = np.add.reduceat(self.gaps, j)[:-1]
-        steps, apart = np.diff(self.delay[j]) - known, np.diff(j)
-        whole = known + np.round(steps - common_step_length(steps, apart) * apart)
+        steps, intervals = np.diff(self.delay[j]) - known, np.diff(j)
+        whole = known + np.round(steps - common_step_length(steps, intervals) * intervals)
         sums = np.concatenate([[0.0], np.cumsum(whole)])
         return np.asarray(sums[np.maximum(np.searchsorted(j, np.arange(self.sound.size), side="right") - 1, 0)])
 
@@ -153,15 +153,15 @@ class PeriodAlignment:
         )
 
 
-def common_step_length(steps: np.ndarray, apart: np.ndarray) -> float:
+def common_step_length(steps: np.ndarray, intervals: np.ndarray) -> float:
     """The pace that most steps keep, over so many periods each: all but those with a jump by whole samples."""
     if steps.size > FEW_PERIODS:
-        return float(np.median(steps / apart))
-    paces = np.append(steps / apart, 0.0)
-    left = steps - paces[:, None] * apart
+        return float(np.median(steps / intervals))
+    paces = np.append(steps / intervals, 0.0)
+    left = steps - paces[:, None] * intervals
     jumps = np.round(left)
-    beside = np.abs(left - jumps).sum(axis=1) + STANDSTILL_SHARE * np.abs(paces)
-    return float(paces[np.lexsort((beside, np.count_nonzero(jumps, axis=1)))[0]])
+    costs = np.abs(left - jumps).sum(axis=1) + STANDSTILL_SHARE * np.abs(paces)
+    return float(paces[np.lexsort((costs, np.count_nonzero(jumps, axis=1)))[0]])
 
 
 def describe_slips(steps: np.ndarray) -> list[tuple[int, float]]:
@@ -214,9 +214,9 @@ def track_cut_periods(periods: np.ndarray) -> PeriodAlignment:
     weight = weight[used]
     spectra = np.array([rfft_at(one, used) for one in periods])
     gaps = find_slips(periods, int(used[-1]))
-    torn, gaps = find_corrupted_periods(periods, int(used[-1]), gaps)
-    whole_inside = (gaps == 0) & ~torn
-    if torn.all():
+    corrupted, gaps = find_corrupted_periods(periods, int(used[-1]), gaps)
+    whole_inside = (gaps == 0) & ~corrupted
+    if corrupted.all():
         return are_in_place(n_samples, whole_inside)
     if not whole_inside[first]:
         first = int(np.argmax(steady & whole_inside))
@@ -343,8 +343,8 @@ def clipped_share(x: np.ndarray) -> float:
             flat_ones += int(np.count_nonzero(flat[min(2, some.start) :]))
             following = max(following, float(np.max(signed * part[~flat], initial=-np.inf)))
         if some_in_a_row:
-            beside = sum(int(np.count_nonzero(x[some] == signed * following)) for some in iterate_blocks(x.size))
-            n += flat_ones if flat_ones > PILE_RATIO * beside else 0
+            costs = sum(int(np.count_nonzero(x[some] == signed * following)) for some in iterate_blocks(x.size))
+            n += flat_ones if flat_ones > PILE_RATIO * costs else 0
     return n / x.size
 
 

@@ -62,8 +62,8 @@ def describe_gain_drift(at: np.ndarray, gain: np.ndarray, noise: float, explaine
         if place == 1:
             return ""
     if at.size >= FEW and abs(drift) > least and bend < CLEAR_SHARE * abs(drift):
-        said = f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it"
-        return f"{said}; {DRIFT_CURE}"
+        message = f"the gain from u to y drifts by {100 * drift:+.2g} % over the record: G is that of no moment of it"
+        return f"{message}; {DRIFT_CURE}"
     return ""
 
 
@@ -110,8 +110,8 @@ def is_transient(first: np.ndarray, last: np.ndarray) -> bool:
     """
     n_windows = first.shape[1] // WINDOW_LINES
     step = max(1, first.shape[0] * n_windows // MAX_WINDOWS)
-    apart = first[:, : n_windows * WINDOW_LINES] - last[:, : n_windows * WINDOW_LINES]
-    windows = apart.reshape(len(apart), -1, WINDOW_LINES)[:, ::step].reshape(-1, WINDOW_LINES)
+    difference = first[:, : n_windows * WINDOW_LINES] - last[:, : n_windows * WINDOW_LINES]
+    windows = difference.reshape(len(difference), -1, WINDOW_LINES)[:, ::step].reshape(-1, WINDOW_LINES)
     total = power(windows)
     if np.add.reduce(total) <= 1e-20 * np.add.reduce(power(last)):
         return False
@@ -175,14 +175,14 @@ class OutputAlignment:
     delay: np.ndarray
     jumps: np.ndarray
     sound: np.ndarray
-    torn: np.ndarray
+    corrupted: np.ndarray
     noise: float
     misplaced: float
     explained: float
     gain: np.ndarray
     gain_noise: float
     offset: np.ndarray
-    strange: bool = False
+    mismatched: bool = False
 
     @property
     def broken(self) -> bool:
@@ -191,7 +191,7 @@ class OutputAlignment:
         Or a gap, behind which all that is sound stands elsewhere against the input; or a part of it does.
         """
         first = int(np.argmax(self.sound))
-        return bool(self.torn.any()) or not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
+        return bool(self.corrupted.any()) or not self.sound[first:].all() or bool(self.jumps[0] != self.jumps[first])
 
     @property
     def clock(self) -> float:
@@ -248,7 +248,7 @@ class OutputAlignment:
     @property
     def start(self) -> str:
         """What may be wrong before the first sound period, and what to do; empty where it may be a transient."""
-        if not self.strange:
+        if not self.mismatched:
             return ""
         first = int(np.argmax(self.sound))
         which = "period 1 differs" if first == 1 else f"periods 1 to {first} differ"
@@ -282,23 +282,23 @@ def align_output(u: np.ndarray, y: np.ndarray, lines: np.ndarray) -> OutputAlign
     u, y = decimate(u, step), decimate(y, step)
     lines = lines[2 * lines < y.shape[1]]
     gaps = find_slips(y, int(lines[-1]))
-    torn, gaps = find_corrupted_periods(y, int(lines[-1]), gaps)
-    if torn.all():
-        return replace(unknown_alignment(len(y), n_samples), sound=~torn, torn=torn)
+    corrupted, gaps = find_corrupted_periods(y, int(lines[-1]), gaps)
+    if corrupted.all():
+        return replace(unknown_alignment(len(y), n_samples), sound=~corrupted, corrupted=corrupted)
     gaps *= step
-    lag = align_decimated(u, y, lines, step, gaps, torn)
+    lag = align_decimated(u, y, lines, step, gaps, corrupted)
     if lag.fault or lag.drift:
-        first = first_settled_period(y, int(lines[-1]), (gaps != 0) | torn)
+        first = first_settled_period(y, int(lines[-1]), (gaps != 0) | corrupted)
         if first > len(y) - 2:
             return unknown_alignment(len(y), n_samples)
         if first:
             return prepend_transient_periods(
-                align_decimated(u[first:], y[first:], lines, step, gaps[first:], torn[first:]), first
+                align_decimated(u[first:], y[first:], lines, step, gaps[first:], corrupted[first:]), first
             )
     first = int(np.argmax(lag.sound))
     if first and not lag.fault and not lag.drift:
         unbroken = np.zeros(first, dtype=bool)
-        lag = replace(lag, strange=first_settled_period(y[: first + 1], int(lines[-1]), unbroken) < first)
+        lag = replace(lag, mismatched=first_settled_period(y[: first + 1], int(lines[-1]), unbroken) < first)
     # a gap before all that is sound: that is where the rest stands
     gaps[first:] = 0.0
     return replace(lag, jumps=lag.jumps + np.append(0.0, np.add.accumulate(gaps))[:-1]) if gaps.any() else lag
@@ -326,7 +326,7 @@ def unknown_alignment(n_periods: int, n_samples: int) -> OutputAlignment:
         delay=zeros,
         jumps=zeros,
         sound=ones > 0,
-        torn=zeros > 0,
+        corrupted=zeros > 0,
         noise=np.inf,
         misplaced=0.0,
         explained=0.0,
@@ -347,14 +347,14 @@ def prepend_transient_periods(lag: OutputAlignment, n: int) -> OutputAlignment:
         delay=after(lag.delay, 0.0),
         jumps=after(lag.jumps, lag.jumps[0]),
         sound=after(lag.sound, True),
-        torn=after(lag.torn, False),
+        corrupted=after(lag.corrupted, False),
         gain=after(lag.gain, lag.gain[0]),
         offset=after(lag.offset, lag.offset[0]),
     )
 
 
 def align_decimated(
-    u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray, torn: np.ndarray
+    u: np.ndarray, y: np.ndarray, lines: np.ndarray, step: int, gaps: np.ndarray, corrupted: np.ndarray
 ) -> OutputAlignment:
     """`align_output` for signals of which one sample in so many is left, with such gaps in periods.
 
@@ -364,7 +364,7 @@ def align_decimated(
     if lines.size > MAX_LINES:
         lines = np.sort(np.random.default_rng(0).choice(lines, MAX_LINES, replace=False))
     input_side, output = align_periods(u, lines), align_periods(y, lines)
-    whole = (gaps == 0) & ~torn
+    whole = (gaps == 0) & ~corrupted
     # one whole period has nothing to repeat, and the gap in the other was found because both sides of it do
     answers = np.count_nonzero(whole) < 2 or np.mean(follows_input(output, lines, y.shape[1], whole)) > 0.5
     if not answers or np.count_nonzero(output.placed) <= len(y) / 2:
@@ -395,7 +395,7 @@ def align_decimated(
         delay=delay - delay[np.argmax(sound)],
         jumps=jumps,
         sound=sound,
-        torn=torn,
+        corrupted=corrupted,
         noise=noise,
         misplaced=float(np.mean(shift**2)) * lever / total,
         explained=1 - float(np.sum(output.rest[sound])) / before if before > 0 else 0.0,
@@ -405,13 +405,13 @@ def align_decimated(
     )
 
 
-def noise_std(seen: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) -> float:
+def noise_std(observed: np.ndarray, by: np.ndarray, of_noise: float, n_periods: int) -> float:
     """Standard deviation of a delay, or of a gain, by noise: lines (F,) tell of it by their power in the mean.
 
     The mean of the periods has noise in it too, which tells nothing.
     """
-    told = seen.sum() - of_noise / n_periods * by.sum()
-    return float(np.sqrt(of_noise / 2 * seen.sum()) / told) if told > 0 else np.inf
+    signal_power = observed.sum() - of_noise / n_periods * by.sum()
+    return float(np.sqrt(of_noise / 2 * observed.sum()) / signal_power) if signal_power > 0 else np.inf
 
 
 def forward_filled(delay: np.ndarray, placed: np.ndarray) -> np.ndarray:
@@ -431,8 +431,8 @@ def slips_between_periods(
     pace = float(np.median(np.diff(delay[at]) / np.diff(at)))
     pace = 0.0 if abs(pace) > MAX_CLOCK_ERROR * n_samples else pace
     left = delay - pace * np.arange(delay.size)
-    apart = left[at] - left[at, None]
-    agree = np.abs(apart - np.round(apart)) < max(0.1, SIGMAS * noise)
+    difference = left[at] - left[at, None]
+    agree = np.abs(difference - np.round(difference)) < max(0.1, SIGMAS * noise)
     most = at[np.argmax(np.count_nonzero(agree, axis=1))]  # with which most agree: the first may have a gap inside
     left -= left[most]
     whole = np.round(left)
@@ -459,7 +459,7 @@ def resample_to_input_clock(y: np.ndarray, lag: OutputAlignment, periods: np.nda
     row = np.clip(np.searchsorted(periods, turns.astype(int), side="right") - 1, 0, periods.size - 1)
     at += lag.jumps[row]
     first = int(np.argmax(lag.sound))
-    good = (lag.sound | (np.arange(periods.size) < first)) & ~lag.torn
+    good = (lag.sound | (np.arange(periods.size) < first)) & ~lag.corrupted
     step = np.diff(lag.jumps, append=lag.jumps[-1]) != 0
     good &= ~(step & np.append(good[1:], True))  # the gap lies in the period before, too short to make it unsound
     inside = (at[0 :: lag.n_samples] > -0.5)[periods]

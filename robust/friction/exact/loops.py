@@ -59,10 +59,10 @@ def exact_loop(claim: FrictionClaim) -> ExactLoop:
         waiting = whole + (part > 0)
         size, own = n + 1 + waiting + s, n + 1 + waiting
         F = [list(A[i]) + [B[i][0]] + [0] * (size - n - 1) for i in range(n)] + [[0] * size for _ in range(size - n)]
-        asked = [-D * c for c in C[0]] + [0] * (1 + waiting) + list(K["C"][0]) if s else [-D * c for c in C[0]]
-        asked = asked + [0] * (size - len(asked))
+        command_row = [-D * c for c in C[0]] + [0] * (1 + waiting) + list(K["C"][0]) if s else [-D * c for c in C[0]]
+        command_row = command_row + [0] * (size - len(command_row))
         rows = identity(size)
-        forces = [asked, *identity(size)[n + 1 : own]]  # the new one, then those that wait, the oldest last
+        forces = [command_row, *identity(size)[n + 1 : own]]  # the new one, then those that wait, the oldest last
         rows[n + 1 : own] = forces[:waiting]
         for i in range(s):
             rows[own + i] = [-K["B"][i][0] * c for c in C[0]] + [0] * (1 + waiting) + list(K["A"][i])
@@ -128,8 +128,8 @@ class ExactBlock:
     weight : fmpq
     """
 
-    enters: Any
-    seen: Any
+    input_column: Any
+    output_row: Any
     weight: Any
 
 
@@ -168,7 +168,7 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     assert claim.actuator is not None
     forgets = [to_rational(phi) for phi in claim.actuator.forgets]
     n, size = loop.F.nrows(), loop.F.nrows() + len(forgets)
-    asked, zero, unit = commanded_force_row(claim, size), to_rational(0.0), identity(size)
+    command_row, zero, unit = commanded_force_row(claim, size), to_rational(0.0), identity(size)
 
     def wide(M: Any, still: bool) -> list[list[Any]]:
         rows = [list(row) + [zero] * (size - n) for row in M.tolist()]
@@ -179,7 +179,7 @@ def with_actuator_filters(claim: FrictionClaim, loop: ExactLoop) -> ExactLoop:
     F, jumps = wide(loop.F, False), [wide(jump, True) for jump in loop.jumps]
     moved = jumps[0] if jumps else F
     for j, phi in enumerate(forgets):
-        moved[n + j] = [old + phi * a for old, a in zip(moved[n + j], asked, strict=True)]
+        moved[n + j] = [old + phi * a for old, a in zip(moved[n + j], command_row, strict=True)]
         moved[n + j][n + j] -= phi
     more = [[zero] * (size - n)]
     return ExactLoop(
@@ -200,17 +200,23 @@ def dead_zone_block(claim: FrictionClaim, loop: ExactLoop, size: int) -> ExactBl
     n, m = claim.machine.order, loop.F.nrows()
     first = m - len(theta)
     total = sum(theta, start=to_rational(0.0))
-    seen = [(share * sector + total) / 2 * a for a in commanded_force_row(claim, m)] + [to_rational(0.0)] * (size - m)
-    enters = [to_rational(0.0)] * size
+    output_row = [(share * sector + total) / 2 * a for a in commanded_force_row(claim, m)] + [to_rational(0.0)] * (
+        size - m
+    )
+    input_column = [to_rational(0.0)] * size
     for j, (weight, phi) in enumerate(zip(theta, own.forgets, strict=True)):
-        seen[first + j] -= weight / 2
-        enters[first + j] = to_rational(phi)
+        output_row[first + j] -= weight / 2
+        input_column[first + j] = to_rational(phi)
     if loop.spans:
-        enters[n + 1 if first > n + 1 + claim.controller.order else n] = to_rational(1.0)
+        input_column[n + 1 if first > n + 1 + claim.controller.order else n] = to_rational(1.0)
     else:
         for i, row in enumerate(to_rational_matrix(claim.machine.B).tolist()):
-            enters[i] = row[0]
-    return ExactBlock(enters=fmpq_mat([[e] for e in enters]), seen=fmpq_mat([[c] for c in seen]), weight=sector + total)
+            input_column[i] = row[0]
+    return ExactBlock(
+        input_column=fmpq_mat([[e] for e in input_column]),
+        output_row=fmpq_mat([[c] for c in output_row]),
+        weight=sector + total,
+    )
 
 
 def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], stored: Any) -> str:
@@ -222,17 +228,17 @@ def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], 
     own = claim.actuator
     assert own is not None
     m, size = loop.F.nrows(), claim.V.shape[0]
-    asked = commanded_force_row(claim, m)
+    command_row = commanded_force_row(claim, m)
     rest = [row[0] for row in equilibrium(loop).tolist()]
-    held = sum((a * r for a, r in zip(asked, rest, strict=True)), start=to_rational(0.0))
+    held = sum((a * r for a, r in zip(command_row, rest, strict=True)), start=to_rational(0.0))
     left = to_rational(own.limit) - to_rational(own.Fs) * abs(held)
     if left <= 0:
         return "holding the friction takes all of the limit"
     V = to_rational_matrix(claim.V)
-    wide = [*asked, *[to_rational(0.0)] * (size - m)]
+    wide = [*command_row, *[to_rational(0.0)] * (size - m)]
     read = V.transpose() * fmpq_mat([[a] for a in wide])
     read = fmpq_mat(read.tolist() + [[to_rational(0.0)]] * (stored.nrows() - size))
-    asked_for = (read.transpose() * stored.solve(read)).tolist()[0][0]
+    peak_command = (read.transpose() * stored.solve(read)).tolist()[0][0]
     B, v = to_rational_matrix(claim.machine.B).tolist(), loop.v.tolist()[0]
     through = sum((v[i] * B[i][1] for i in range(claim.machine.order)), start=to_rational(0.0))
     if through <= 0:
@@ -241,4 +247,4 @@ def check_reach(claim: FrictionClaim, loop: ExactLoop, energy: list[list[Any]], 
     start = V.solve(hit)
     put_in = max((start.transpose() * P * start).tolist()[0][0] for interval in energy for P in interval)
     over = (1 - to_rational(own.share)) * to_rational(own.kick)
-    return "" if over * over * put_in * asked_for <= left * left else "a kick of that size may leave the sector"
+    return "" if over * over * put_in * peak_command <= left * left else "a kick of that size may leave the sector"

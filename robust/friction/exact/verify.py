@@ -93,13 +93,13 @@ def with_dead_zone(form: ExactSupply, block: ExactBlock, loop: ExactLoop) -> Exa
     if loop.spans:
         return replace(form, block=block)
 
-    def beside(M: Any, column: list[list[Any]]) -> Any:
+    def append_column(M: Any, column: list[list[Any]]) -> Any:
         return fmpq_mat([[*row, *more] for row, more in zip(M.tolist(), column, strict=True)])
 
     m = form.R.nrows()
-    R = beside(form.R, [[to_rational(0.0)]] * m).tolist()
+    R = append_column(form.R, [[to_rational(0.0)]] * m).tolist()
     R.append([*[to_rational(0.0)] * m, -block.weight])
-    B, N = beside(form.B, (-block.enters).tolist()), beside(form.N, block.seen.tolist())
+    B, N = append_column(form.B, (-block.input_column).tolist()), append_column(form.N, block.output_row.tolist())
     return replace(form, B=B, N=N, R=fmpq_mat(R))
 
 
@@ -248,7 +248,7 @@ def in_coordinates(form: ExactSupply, claim: FrictionClaim) -> ExactSupply:
     W = fmpq_mat(wide)
     block = form.block
     if block is not None:
-        block = replace(block, enters=back * block.enters, seen=turned * block.seen)
+        block = replace(block, input_column=back * block.input_column, output_row=turned * block.output_row)
     return ExactSupply(
         block=block,
         A=back * form.A * V,
@@ -297,7 +297,7 @@ def jump_inequality(form: ExactSupply, i: int, before: Any, after: Any, jump: An
     plain = before - jump.transpose() * after * jump
     if i or form.block is None:
         return plain
-    b, c, weight = form.block.enters, form.block.seen, form.block.weight
+    b, c, weight = form.block.input_column, form.block.output_row, form.block.weight
     side = (jump.transpose() * after * b - c).tolist()
     corner = weight - (b.transpose() * after * b).tolist()[0][0]
     rows = [[*row, *more] for row, more in zip(plain.tolist(), side, strict=True)]

@@ -377,11 +377,11 @@ def joint_claim_measure(
         channel = t.K_num
     if not left > 0:
         return False
-    room, own = den * t.closed * (left.abs_lower() ** 2), num * t.G_den * channel
+    denominator, own = den * t.closed * (left.abs_lower() ** 2), num * t.G_den * channel
     if not performance:
-        return bool(lower_bound(room - own) > 0)
+        return bool(lower_bound(denominator - own) > 0)
     a, b = own * t.P_den * (u.hold**2), t.P_num * t.G_den * t.K_den * den
-    rest = room * t.P_den - a - b
+    rest = denominator * t.P_den - a - b
     return bool(lower_bound(rest) > 0 and lower_bound(rest * rest - a * b * 4) > 0)
 
 

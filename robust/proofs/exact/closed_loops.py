@@ -134,8 +134,8 @@ def closed_loop(plant: Matrices, controller: Matrices) -> Balls:
     C1, C2 = to_balls(plant.C[:z]), to_balls(plant.C[z:])
     D11, D12, D21, D22 = (to_balls(D) for D in (plant.D[:z, :w], plant.D[:z, w:], plant.D[z:, :w], plant.D[z:, w:]))
     A_K, B_K, C_K, D_K = (to_balls(getattr(controller, name)) for name in "ABCD")
-    around = (identity_balls(n_u) - D_K * D22).inv()
-    gain, direct = around * stack_columns(D_K * C2, C_K), around * D_K * D21  # u = gain (x, x_K) + direct w
+    loop_inverse = (identity_balls(n_u) - D_K * D22).inv()
+    gain, direct = loop_inverse * stack_columns(D_K * C2, C_K), loop_inverse * D_K * D21  # u = gain (x, x_K) + direct w
     n, m = plant.order, controller.order
     through = stack_rows(B2, B_K * D22)
     return (
@@ -156,8 +156,8 @@ def decide_norm_at_precision(
     direct = identity_balls(D.ncols()) * square - D.transpose() * D
     pivots = ldl_pivots(direct.tolist())
     if not all(p > 0 for p in pivots):
-        said = "not below the level at infinite frequency"
-        return refuted(said) if any(p <= 0 for p in pivots) else undecided(said, needs_digits=True)
+        text = "not below the level at infinite frequency"
+        return refuted(text) if any(p <= 0 for p in pivots) else undecided(text, needs_digits=True)
     if not n:
         return proved()
     scaled = balance_states(loop)

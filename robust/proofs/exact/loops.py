@@ -158,15 +158,15 @@ def decide_claims(claim: LoopClaim, decided: dict[str, Decision], deadline: floa
         decided |= prove_with_aliases(claim, aliased, axis, found, squared_scaling(scaling), deadline)
     for name in [name for name in names if name not in aliased]:
 
-        def asked(terms: Terms, name: str = name) -> list[Any]:
+        def inequalities(terms: Terms, name: str = name) -> list[Any]:
             return claim_inequalities(name, claim.reads, claim.inverse, terms, squared_scaling(scaling))
 
         if axis.algebraic:
             decided[name] = prove_on_half_line(
-                axis, asked(polynomial_terms(found)), asked(terms_at_infinity(found)), deadline
+                axis, inequalities(polynomial_terms(found)), inequalities(terms_at_infinity(found)), deadline
             )
         else:
-            decided[name] = positive_on_intervals(axis, found, asked, deadline)
+            decided[name] = positive_on_intervals(axis, found, inequalities, deadline)
 
 
 def squared_scaling(scaling: Any) -> Any:
@@ -187,8 +187,8 @@ def prove_on_half_line(axis: Axis, expressions: list[Any], ends: list[Any], dead
     """Polynomials in y = x^2 positive for all y >= 0, and at the far end of the axis."""
     for expression, end in zip(expressions, ends, strict=True):
         if not end > 0:
-            said = f"not below the limit at {'the Nyquist' if axis.dt else 'infinite'} frequency"
-            return refuted(said) if end <= 0 else undecided(said, needs_digits=True)
+            text = f"not below the limit at {'the Nyquist' if axis.dt else 'infinite'} frequency"
+            return refuted(text) if end <= 0 else undecided(text, needs_digits=True)
         found = positive_on_half_line(expression, deadline=deadline)
         if not found.holds:
             return frequency_of(axis, found)

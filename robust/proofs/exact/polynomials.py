@@ -256,8 +256,8 @@ def positive_on_half_line(p: Any, *, deadline: float = np.inf) -> Decision:
     coefficients = p.coeffs()
     if not coefficients or not coefficients[0] > 0:
         below = not coefficients or bool(coefficients[0] <= 0)
-        said = "not positive at zero"
-        return refuted(said, 0.0) if below else undecided(said, needs_digits=True)
+        text = "not positive at zero"
+        return refuted(text, 0.0) if below else undecided(text, needs_digits=True)
     low, high = root_bounds([arb(c) for c in coefficients])
     todo: list[tuple[float, float]] = [(0.0, low), (low, high), (high, np.inf)]
     for _ in range(MAX_PIECES):

@@ -145,31 +145,31 @@ MIN_OMEGA_SHARE = 1e-30  # of the highest frequency
 Inequalities = Callable[[Terms], list[Any]]
 
 
-def positive_on_intervals(axis: Axis, found: Squares, asked: Inequalities, deadline: float) -> Decision:
+def positive_on_intervals(axis: Axis, found: Squares, inequalities: Inequalities, deadline: float) -> Decision:
     """Prove that all that is asked of the terms is positive from zero to Nyquist, or to infinity."""
     if axis.dt:
         # a little beyond Nyquist, as pi is no double
         top = float((arb.pi() / arb(axis.dt)).upper()) * (1 + 1e-15)
         terms = sampled_terms(axis, found)
     else:
-        top = tail_frequency(found, asked)
+        top = tail_frequency(found, inequalities)
         if top == inf:
             return undecided("undecided at infinite frequency", needs_digits=True)
         terms = delayed_terms(axis, found)
-    for expression in asked(terms(arb(0), arb(0))):
+    for expression in inequalities(terms(arb(0), arb(0))):
         if not expression.p[0] > 0:
-            said = "not positive at zero"
-            return refuted(said, 0.0) if expression.p[0] <= 0 else undecided(said, needs_digits=True)
+            text = "not positive at zero"
+            return refuted(text, 0.0) if expression.p[0] <= 0 else undecided(text, needs_digits=True)
     todo = [(0.0, top)]
     for count in range(MAX_INTERVALS):
         if not todo:
             return proved()
         low, high = todo.pop()
         middle, half = (arb(low) + arb(high)) / 2, (arb(high) - arb(low)) / 2
-        if all(lower_bound(jet) > 0 for jet in asked(terms(middle, half))):
+        if all(lower_bound(jet) > 0 for jet in inequalities(terms(middle, half))):
             continue
         narrow = high - low <= 1e-3 * high
-        if narrow and any(jet.p[0] <= 0 for jet in asked(terms(middle, arb(0)))):
+        if narrow and any(jet.p[0] <= 0 for jet in inequalities(terms(middle, arb(0)))):
             return refuted("negative there", (low + high) / 2)
         if high - low <= MIN_RELATIVE_WIDTH * high or high < MIN_OMEGA_SHARE * top:
             return undecided(f"undecided near {high:.6g} rad/s", needs_digits=True)
@@ -248,7 +248,7 @@ def polynomial_in_sine(p: Any, degree: int) -> Any:
     return kind([shifted[k] for k in range(degree, -1, -1)])(kind([1, -1]))
 
 
-def tail_frequency(found: Squares, asked: Inequalities) -> float:
+def tail_frequency(found: Squares, inequalities: Inequalities) -> float:
     """A frequency from which on the claim holds whatever the phase of the delay is; inf where none is found."""
     omega = 1e-3
     while omega < MAX_OMEGA:
@@ -264,7 +264,7 @@ def tail_frequency(found: Squares, asked: Inequalities) -> float:
         N, D = G[0] * K[0], G[1] * K[1]
         cross = arb(0, (N.abs_upper() * D.abs_upper()).sqrt().abs_upper())
         terms = loop_terms(G, K, *weights, cross=cross, closed=N + D + cross * 2)
-        if all(x > 0 for x in asked(terms)):
+        if all(x > 0 for x in inequalities(terms)):
             return omega
         omega *= 4
     return inf

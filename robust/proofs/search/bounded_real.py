@@ -118,9 +118,9 @@ def prove_inequality(matrices: Matrices, discrete: bool, solver: str, time_cap: 
     there = change_coordinates(image, preconditioning_coordinates(image))
     reasons = []
     for method, proposal in (("KYP", solve_kyp), ("KYP, P from a Riccati equation", None)):
-        X, said = (np.eye(len(there[0])), "") if proposal is None else proposal(there, solver, time_cap)
+        X, trouble = (np.eye(len(there[0])), "") if proposal is None else proposal(there, solver, time_cap)
         if X is None:
-            reasons.append(said)
+            reasons.append(trouble)
             continue
         # judged in the coordinates of the proposal: there rounding is smallest
         failure = judge_inequality(*(to_discrete(*there) if discrete else there), (X + X.T) / 2, discrete=discrete)

@@ -101,11 +101,11 @@ def solve_step(step: Step, seconds: float) -> tuple[np.ndarray | None, str]:
 
     for pick in (both["hard"], ~both["hard"]):
         if pick.any():
-            room = step.hard.R[pick] @ eta
+            right_side = step.hard.R[pick] @ eta
             constraints.append(
-                small(step.hard, pick) <= room
+                small(step.hard, pick) <= right_side
                 if pick is both["hard"]
-                else cp.SOC(room, cp.vstack(alone(step.hard, pick)), axis=0)
+                else cp.SOC(right_side, cp.vstack(alone(step.hard, pick)), axis=0)
             )
     if step.aim.line.size:
         level = cp.Variable()

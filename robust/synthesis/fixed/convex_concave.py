@@ -34,7 +34,7 @@ class DesignTask:
     """All there is to a design: the lines, the demands, and the columns of Y and F X on the lines."""
 
     basis: Basis
-    seen: list[PlantOnLines]
+    family: list[PlantOnLines]
     at: PlantOnLines
     aim: str
     rows: list[Demand]
@@ -75,7 +75,7 @@ class DesignTask:
         """Demands first, then the goal."""
         return max(self.hard(theta), 1 + TOLERANCE), self.goal(theta)
 
-    def apart(self, old: np.ndarray, new: np.ndarray) -> str:
+    def stability_change(self, old: np.ndarray, new: np.ndarray) -> str:
         """Empty where loop and controller keep their number of unstable poles on the way from old to new; else why."""
         P_old, P = self.loop(old), self.loop(new)
         if not np.all((P * P_old.conj()).real[self.at.known] > 0):
@@ -85,7 +85,7 @@ class DesignTask:
         K = self.basis.controller(new)
         if self.stable and unstable_poles(K, self.basis.dt):
             return "the controller is unstable"
-        return loops_stable(K, self.seen, self.n_unstable)[1]
+        return loops_stable(K, self.family, self.n_unstable)[1]
 
 
 def linear_rows(task: DesignTask, theta: np.ndarray) -> np.ndarray:
@@ -285,7 +285,7 @@ def line_search(task: DesignTask, old: np.ndarray, new: np.ndarray) -> tuple[np.
         for reach in ladder:
             trial = old + reach * (new - old)
             found = task.merit(trial)
-            why = task.apart(old, trial) if found < merit else ""
+            why = task.stability_change(old, trial) if found < merit else ""
             if found < merit and not why:
                 best, merit = trial, found
             elif reach > 1:

@@ -100,14 +100,14 @@ def objective_row(at: PlantOnLines, w_P: Any, w_T: Any, w_u: Any) -> Demand | No
 def weight_rows(at: PlantOnLines, *, w_P: Any, w_T: Any, w_u: Any) -> list[Demand]:
     """The weights as demands of their own."""
     rows = []
-    for name, w, said in (
+    for name, w, text in (
         ("w_P", w_P, "|w_P S| <= 1 for the whole set"),
         ("w_T", w_T, "|w_T T| <= 1"),
         ("w_u", w_u, "|w_u K S| <= 1"),
     ):
         found = objective_row(at, *(w if name == n else None for n in ("w_P", "w_T", "w_u")))
         if found is not None:  # one modulus alone: sqrt(0 + c^2) = c
-            rows.append(replace(found, name=said, b=found.b + found.c, c=0 * found.c))
+            rows.append(replace(found, name=text, b=found.b + found.c, c=0 * found.c))
     return rows
 
 
@@ -135,12 +135,12 @@ def demand_row(
     return Demand(name=name, index=index, **wide, **right)
 
 
-def end_row(seen: list[PlantOnLines], at: PlantOnLines, most: float) -> list[Demand]:
+def end_row(family: list[PlantOnLines], at: PlantOnLines, most: float) -> list[Demand]:
     """|L| small from the last line of every FRF on, where the plant is taken to be no larger than there."""
-    starts = np.cumsum([0, *(s.omega.size for s in seen)])
+    starts = np.cumsum([0, *(s.omega.size for s in family)])
     lasts = [
         np.arange(np.flatnonzero(s.known)[-1], s.omega.size) + first
-        for s, first in zip(seen, starts[:-1], strict=True)
+        for s, first in zip(family, starts[:-1], strict=True)
         if s.loop is None
     ]
     ends = np.concatenate([np.zeros(0, dtype=int), *lasts])

@@ -135,7 +135,7 @@ def design_frf(
     (2, True)
     """
     require_kind("positive", positive, bool)
-    asked: dict[str, Any] = {
+    options: dict[str, Any] = {
         "w_P": w_P,
         "w_T": w_T,
         "w_u": w_u,
@@ -162,10 +162,10 @@ def design_frf(
         "progress": progress,
     }
     if isinstance(plant, MatrixUncertainty) or is_matrix(plant):
-        return close_in_turn(plant, structure, asked)
+        return close_in_turn(plant, structure, options)
     if isinstance(plant, list | tuple) and any(isinstance(one, MatrixUncertainty) or is_matrix(one) for one in plant):
         raise ValueError(
             "plant must be one Bla of several channels (or MatrixUncertainty) or a list of single loops, got a list "
             "of matrices"
         )
-    return design_loop(plant, structure, **asked)
+    return design_loop(plant, structure, **options)

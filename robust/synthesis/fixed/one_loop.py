@@ -100,8 +100,8 @@ def design_loop(
     ask = partial(
         split_demands, aim=aim, weights=weights, limits=limits, end_gain=require_positive("end_gain", end_gain)
     )
-    seen = [look(p) for p in plants]
-    basis = structure_basis(shape, stacked_plants(seen), dt, fixed)
+    family = [look(p) for p in plants]
+    basis = structure_basis(shape, stacked_plants(family), dt, fixed)
     if positive_gains and shape.name not in PID_PARTS:
         raise ValueError(f"positive must be asked of {', '.join(PID_PARTS)}, got it with {shape.name!r}")
     if positive_gains and not is_constant(basis.fixed):
@@ -116,7 +116,7 @@ def design_loop(
         of_lines = {"at": at, **ask(own, at), **basis.on_lines(at.omega)}
         return DesignTask(
             basis=basis,
-            seen=seen,
+            family=family,
             stable=bool(stable),
             positive=bool(positive_gains),
             n_unstable=n_unstable,
@@ -210,12 +210,12 @@ def proved_parameters(
         )
     lowered = theta.copy()
     lowered[task.basis.n_y :] *= gain
-    said = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
-    return lowered, f"{why}; {said}"
+    text = "proved for its class of friction" + (f" at {gain:.3g} times the gain found" if gain < 1 else "")
+    return lowered, f"{why}; {text}"
 
 
 def split_demands(
-    seen: list[PlantOnLines],
+    family: list[PlantOnLines],
     at: PlantOnLines,
     *,
     aim: str,
@@ -233,14 +233,14 @@ def split_demands(
         rows += weight_rows(at, **weights)
         if not rows:
             raise ValueError("M_S (or another limit, or a weight) must be given: nothing is asked of the loop")
-    return {"aim": aim, "gamma": objective_row(at, **weights), "rows": rows + end_row(seen, at, end_gain)}
+    return {"aim": aim, "gamma": objective_row(at, **weights), "rows": rows + end_row(family, at, end_gain)}
 
 
 def check_start(task: DesignTask, start: Any) -> np.ndarray:
     """The parameters of a controller that was given to start from, or a refusal."""
     theta = start_from_controller(task.basis, start, task.at)
     K = task.basis.controller(theta)
-    state, why = loops_stable(K, task.seen, task.n_unstable)
+    state, why = loops_stable(K, task.family, task.n_unstable)
     if state is not Stability.STABLE:
         raise ValueError(f"start must stabilise the plant, got one with which {why}")
     if task.positive and np.any(linear_rows(task, theta) @ theta < 0):
@@ -255,7 +255,7 @@ def search_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
     n_starts = require_integer("n_starts", n_starts, least=1)
     starts = find_start(
         task.basis,
-        task.seen,
+        task.family,
         task.at,
         task.rows,
         task.objective,
@@ -272,7 +272,7 @@ def search_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
     if not starts:
         raise ValueError(
             f"start must be given: no simple {task.basis.structure.name} controller was found that stabilises "
-            f"{'every plant' if len(task.seen) > 1 else 'the plant'}"
+            f"{'every plant' if len(task.family) > 1 else 'the plant'}"
         )
     return sorted(starts, key=task.merit)[:n_starts]
 
@@ -323,7 +323,7 @@ def structure_basis(shape: Any, at: PlantOnLines, dt: float, fixed: Any) -> Basi
 def evaluate_design(task: DesignTask, theta: np.ndarray, history: tuple[float, ...], why: str) -> Design:
     """Everything recomputed at the controller returned, and what can be said of it."""
     K = task.basis.controller(theta)
-    state, trouble = loops_stable(K, task.seen, task.n_unstable)
+    state, trouble = loops_stable(K, task.family, task.n_unstable)
     good = state is Stability.STABLE
     k = response(K, task.at.omega)
     ones = np.ones(k.size, complex)
@@ -339,6 +339,6 @@ def evaluate_design(task: DesignTask, theta: np.ndarray, history: tuple[float, .
             failed.append((float(v.max()), row.name, float(task.at.omega[row.index[v.argmax()]])))
     if failed:
         failed.sort(reverse=True)
-        said = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
-        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {said} ({why})", history=history)
+        text = "; ".join(f"{name} is missed by a factor {v:.4g} at {format_hertz(w)}" for v, name, w in failed[:3])
+        return Design(K=K, gamma=gamma, met=False, reason=f"not found: {text} ({why})", history=history)
     return Design(K=K, gamma=gamma, met=True, reason=why, history=history)

@@ -187,15 +187,15 @@ def design_grid(
     grids += [replace(loop, K=one).grid(lines) for one in K]
     omega = np.unique(np.concatenate(grids))
     omega = omega[(omega > 0) & (omega < loop.top * (1 - 1e-9))]
-    apart = np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])
-    return omega[apart | np.isin(omega, extra)]
+    distinct = np.concatenate([[True], np.diff(np.log(omega)) > 1e-6])
+    return omega[distinct | np.isin(omega, extra)]
 
 
-def stacked_plants(seen: list[PlantOnLines]) -> PlantOnLines:
+def stacked_plants(plants: list[PlantOnLines]) -> PlantOnLines:
     """The plants of a family as one, line after line, so that a demand is asked of all of them."""
     parts: dict[str, Any] = {
-        name: np.concatenate([getattr(s, name) for s in seen])
+        name: np.concatenate([getattr(s, name) for s in plants])
         for name in ("omega", "G", "centre", "radius", "outside", "inverse", "known")
     }
-    lowest, highest = max(s.lowest for s in seen), max(s.highest for s in seen)
+    lowest, highest = max(s.lowest for s in plants), max(s.highest for s in plants)
     return PlantOnLines(**parts, loop=None, n_integrators=0, lowest=lowest, highest=highest)

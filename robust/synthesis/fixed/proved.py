@@ -185,7 +185,7 @@ class ProofSearch:
         K = in_series(sampled_pid(shape, self.dt), self.factor)
 
         def allowed(g: float) -> tuple[FrictionProof, ...] | None:
-            if self.seen(g * K)[1] > self.M_S:
+            if self.evaluate(g * K)[1] > self.M_S:
                 return None
             tried["n"] += 1
             return all_proved(g * K, self.machines, self.friction, self.delay)
@@ -194,7 +194,7 @@ class ProofSearch:
         if proofs is None:
             return 50.0
         tried["gain"] = g
-        bandwidth, peak = self.seen(g * K)
+        bandwidth, peak = self.evaluate(g * K)
         best = tried["best"]
         if best is None or bandwidth > best["bandwidth"]:
             parameters = tuple(float(g * part) for part in shape)
@@ -207,7 +207,7 @@ class ProofSearch:
             }
         return -float(np.log(max(bandwidth, 1e-6)))
 
-    def seen(self, K: control.StateSpace) -> tuple[float, float]:
+    def evaluate(self, K: control.StateSpace) -> tuple[float, float]:
         """Bandwidth and largest |S| over the machines, sliding and stuck; 0 and inf where one is unstable."""
         omega = np.geomspace(1e-4, 1, N_FREQUENCIES) * np.pi / self.dt * 0.999
         band, peak = np.inf, 0.0

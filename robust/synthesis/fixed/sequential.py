@@ -68,7 +68,7 @@ class MatrixOnLines:
     right: np.ndarray
     radius: np.ndarray
 
-    def seen_by(self, k: int, K: list[Any], wider: float) -> DiscsOnLines:
+    def seen_from(self, k: int, K: list[Any], wider: float) -> DiscsOnLines:
         """What loop k sees with the loops closed that have a controller."""
         G, row, column = self.G, *(np.zeros(self.G.shape[:2], dtype=complex) for _ in range(2))
         row[:, k] = column[:, k] = 1.0
@@ -103,35 +103,35 @@ class MatrixOnLines:
         return np.asarray(entries + block)
 
 
-def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[str, Any]) -> Design:
+def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, options: dict[str, Any]) -> Design:
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
-    dt = require_plant(plant, asked)
+    dt = require_plant(plant, options)
     n = plant.n_inputs
-    each = [loop_demands(k, n, structure, {**asked, "dt": dt, "delay": 0.0}) for k in range(n)]
-    deadline = time.perf_counter() + require_positive("time_cap", asked["time_cap"])
-    seen = matrix_on_lines(plant, dt, asked["delay"])
+    each = [loop_demands(k, n, structure, {**options, "dt": dt, "delay": 0.0}) for k in range(n)]
+    deadline = time.perf_counter() + require_positive("time_cap", options["time_cap"])
+    on_lines = matrix_on_lines(plant, dt, options["delay"])
     order = sorted(range(n), key=lambda k: -crossover_of(each[k][1]["omega_c"]))
     K: list[Any] = [None] * n
     wider, history = 1.0, list[float]()
     for _ in range(WIDENINGS):
         for sweep in range(SWEEPS):
             for k in order:
-                if K[k] is None or not evaluate_loop(seen, k, K, each[k], wider).met:
+                if K[k] is None or not evaluate_loop(on_lines, k, K, each[k], wider).met:
                     each[k][1]["time_cap"] = max((deadline - time.perf_counter()) / (2 * n), 0.2)
-                    made = design_loop_k(plant, seen, k, K, tighten_demands(each[k], TIGHTENING**sweep), wider)
+                    made = design_loop_k(plant, on_lines, k, K, tighten_demands(each[k], TIGHTENING**sweep), wider)
                     history += made.history
                     K[k] = made.K
-            loops = [evaluate_loop(seen, k, K, each[k], 1.0) for k in range(n)]
+            loops = [evaluate_loop(on_lines, k, K, each[k], 1.0) for k in range(n)]
             late = time.perf_counter() > deadline
             if late or all(loop.met for loop in loops):
                 break
-        whole, margin = check_whole_set(plant, seen, K, order, dt)
+        whole, margin = check_whole_set(plant, on_lines, K, order, dt)
         if not whole or not 0 < margin < np.inf or late:
             break
         wider *= 1.1 / margin
     bad = [f"{loop_name(plant, k)}: {loop.reason}" for k, loop in enumerate(loops) if not loop.met]
     bad += [f"not found: {whole}"] if whole else []
-    said = (
+    text = (
         f"loops {', '.join(str(k + 1) for k in order)} closed in this order, each judged with all others closed and "
         "designed again where it fell short"
     )
@@ -139,33 +139,33 @@ def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[st
         K=with_names(block_diagonal(K, dt), plant.outputs, plant.inputs),
         gamma=float(np.max([loop.gamma for loop in loops])),
         met=not bad,
-        reason="; ".join(bad) or f"{said}; the whole set is stable, up to {margin:.3g} times as large",
+        reason="; ".join(bad) or f"{text}; the whole set is stable, up to {margin:.3g} times as large",
         history=tuple(history),
     )
 
 
-def require_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> float:
+def require_plant(plant: Bla | MatrixUncertainty, options: dict[str, Any]) -> float:
     """The sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
             f"plant must have as many inputs as outputs for a diagonal controller, got {plant.n_inputs} inputs and "
             f"{plant.n_outputs} outputs"
         )
-    if asked["prove"] is not None:
+    if options["prove"] is not None:
         raise ValueError("prove must be left out of a design for a matrix: friction is proved of a single loop")
-    dt = require_nonnegative("dt", asked["dt"])
-    require_nonnegative("delay", asked["delay"])
-    if n_unstable := require_integer("n_unstable", asked["n_unstable"], least=0):
+    dt = require_nonnegative("dt", options["dt"])
+    require_nonnegative("delay", options["delay"])
+    if n_unstable := require_integer("n_unstable", options["n_unstable"], least=0):
         raise ValueError(
             f"n_unstable must be 0 for loops closed in turn, which start from a stable matrix, got {n_unstable}"
         )
     if isinstance(plant, Bla):
         return dt
     step = timebase(plant.nominal)
-    if asked["delay"] or (dt and dt != step):
+    if options["delay"] or (dt and dt != step):
         raise ValueError(
             f"dt and delay must be in the nominal of a MatrixUncertainty, by sampled(), got {dt:g} s and "
-            f"{asked['delay']:g} s on top of a nominal at {step:g} s"
+            f"{options['delay']:g} s on top of a nominal at {step:g} s"
         )
     wild = unstable_pole_values(plant.nominal, step)
     if wild.size:
@@ -176,7 +176,7 @@ def require_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> floa
     return step
 
 
-def loop_demands(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+def loop_demands(k: int, n: int, structure: Any, options: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
     """Structure and demands of one loop: of a list the one that is its own."""
 
     def own(name: str, given: Any) -> Any:
@@ -186,7 +186,7 @@ def loop_demands(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple
             raise ValueError(f"{name} must have one of {n} loops each where it is a list, got {len(given)}")
         return given[k]
 
-    rest = {name: own(name, given) if name in PER_LOOP_OPTIONS else given for name, given in asked.items()}
+    rest = {name: own(name, given) if name in PER_LOOP_OPTIONS else given for name, given in options.items()}
     return own("structure", structure), rest
 
 
@@ -238,17 +238,17 @@ def loop_name(plant: Bla | MatrixUncertainty, k: int) -> str:
 
 def design_loop_k(
     plant: Bla | MatrixUncertainty,
-    seen: MatrixOnLines,
+    on_lines: MatrixOnLines,
     k: int,
     K: list[Any],
     own: tuple[Any, dict[str, Any]],
     wider: float,
 ) -> Design:
     """The controller of loop k, begun from the one it has, with the others as they are."""
-    structure, asked = own
-    discs = seen.seen_by(k, K, wider)
+    structure, options = own
+    discs = on_lines.seen_from(k, K, wider)
     try:
-        return design_loop(discs, structure, **(asked if K[k] is None else {**asked, "start": K[k]}))
+        return design_loop(discs, structure, **(options if K[k] is None else {**options, "start": K[k]}))
     except ValueError as error:
         closed = ", ".join(str(j + 1) for j in range(len(K)) if K[j] is not None and j != k) or "none"
         raise ValueError(
@@ -258,25 +258,27 @@ def design_loop_k(
 
 def tighten_demands(own: tuple[Any, dict[str, Any]], share: float) -> tuple[Any, dict[str, Any]]:
     """The demands with a share of the peaks and crossovers allowed: room for what the other loops change afterwards."""
-    structure, asked = own
-    peaks = {name: share * asked[name] for name in PEAKS if asked[name] is not None}
-    omega_c, gain = asked["omega_c"], asked["gain"]
+    structure, options = own
+    peaks = {name: share * options[name] for name in PEAKS if options[name] is not None}
+    omega_c, gain = options["omega_c"], options["gain"]
     if omega_c is not None:
         low, high = omega_c if isinstance(omega_c, tuple) else (omega_c, None)
         omega_c = low / share if high is None else (min(low / share, high), max(high * share, low))
     if gain is not None:
         gain = (gain[0], gain[1] / share)
-    return structure, {**asked, **peaks, "omega_c": omega_c, "gain": gain}
+    return structure, {**options, **peaks, "omega_c": omega_c, "gain": gain}
 
 
-def evaluate_loop(seen: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, Any]], wider: float) -> Design:
+def evaluate_loop(
+    on_lines: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, Any]], wider: float
+) -> Design:
     """Loop k as it is, with all others closed."""
-    structure, asked = own
-    return design_loop(seen.seen_by(k, K, wider), structure, **{**asked, "start": K[k], "n_iterations": 0})
+    structure, options = own
+    return design_loop(on_lines.seen_from(k, K, wider), structure, **{**options, "start": K[k], "n_iterations": 0})
 
 
 def check_whole_set(
-    plant: Bla | MatrixUncertainty, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float
+    plant: Bla | MatrixUncertainty, on_lines: MatrixOnLines, K: list[Any], order: list[int], dt: float
 ) -> tuple[str, float]:
     """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
     if isinstance(plant, MatrixUncertainty):
@@ -286,24 +288,24 @@ def check_whole_set(
             return f"the whole cannot be checked: {error}", np.nan
         good = report.robustly_stable
         return "" if good else f"the whole set is not stable: {report.reason}", float(report.margin_rs)
-    finer = seen.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
-    for lines in (seen, finer):
+    finer = on_lines.with_modes(K)  # of all controllers: what one loop sees holds the modes of the others
+    for lines in (on_lines, finer):
         if why := check_sequential_stability(plant, lines, K, order, dt):
             return why, np.nan
-    seen = finer
-    gains = diagonal_matrices(np.array([response(one, seen.omega) for one in K]))
-    N = seen.right @ gains @ np.linalg.inv(np.eye(len(K)) + seen.G @ gains) @ seen.left
+    on_lines = finer
+    gains = diagonal_matrices(np.array([response(one, on_lines.omega) for one in K]))
+    N = on_lines.right @ gains @ np.linalg.inv(np.eye(len(K)) + on_lines.G @ gains) @ on_lines.left
     size = np.linalg.norm(N, 2, axis=(1, 2))
     worst = int(size.argmax())
     margin = float(1 / size[worst])
-    return "" if margin > 1 else f"the whole set is not stable at {format_hertz(seen.omega[worst])}", margin
+    return "" if margin > 1 else f"the whole set is not stable at {format_hertz(on_lines.omega[worst])}", margin
 
 
-def check_sequential_stability(plant: Bla, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
+def check_sequential_stability(plant: Bla, on_lines: MatrixOnLines, K: list[Any], order: list[int], dt: float) -> str:
     """Empty where det(1 + G K) winds as it has to: the product of what each loop closes with those before it closed."""
     closed: list[Any] = [None] * len(K)
     for k in order:
-        loop = seen.seen_by(k, closed, 1.0)
+        loop = on_lines.seen_from(k, closed, 1.0)
         turns, clear = winding_number(loop.omega, loop.G, K[k], dt)
         if not clear or turns != unstable_poles(K[k], dt):
             return f"the whole is not known to be stable: {loop_name(plant, k)} winds {turns} times about zero"

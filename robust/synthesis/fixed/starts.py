@@ -70,10 +70,10 @@ def project_on_structure(basis: Basis, K0: control.StateSpace, omega: np.ndarray
     return theta if np.real(basis.Y(np.zeros(1, complex)) @ theta[: basis.n_y])[0] > 0 else -theta
 
 
-def loops_stable(K: control.StateSpace, seen: list[PlantOnLines], n_unstable: int) -> tuple[Stability, str]:
+def loops_stable(K: control.StateSpace, family: list[PlantOnLines], n_unstable: int) -> tuple[Stability, str]:
     """Whether K stabilises every plant of the family, by poles or by winding number, and if not, what was found."""
-    for i, at in enumerate(seen):
-        who = f" of plant {i + 1}" if len(seen) > 1 else ""
+    for i, at in enumerate(family):
+        who = f" of plant {i + 1}" if len(family) > 1 else ""
         if at.loop is not None:
             found, why = stable_by_poles(at.loop, K)
             if found is not Stability.STABLE:
@@ -104,7 +104,7 @@ def stable_by_poles(loop: Loop, K: control.StateSpace) -> tuple[Stability, str]:
 
 def find_start(
     basis: Basis,
-    seen: list[PlantOnLines],
+    family: list[PlantOnLines],
     at: PlantOnLines,
     rows: list[Demand],
     aim: Demand | None,
@@ -148,12 +148,12 @@ def find_start(
     used: list[float] = []
     order = np.lexsort((best, hard))
     for batch in np.array_split(order, max(1, order.size // 200)) if order.size else []:
-        for k in batch[winding_is_right(basis, theta[batch], seen, n_unstable)]:
+        for k in batch[winding_is_right(basis, theta[batch], family, n_unstable)]:
             if any(abs(np.log(centres[k] / c)) < 0.5 for c in used):
                 continue
             K = basis.controller(theta[k])
             may_be_given = allow_unstable or unstable_poles(K, basis.dt) == 0
-            if may_be_given and loops_stable(K, seen, n_unstable)[0] is Stability.STABLE:
+            if may_be_given and loops_stable(K, family, n_unstable)[0] is Stability.STABLE:
                 found.append(theta[k])
                 used.append(centres[k])
         if len(found) >= wanted:
@@ -161,11 +161,11 @@ def find_start(
     return found
 
 
-def winding_is_right(basis: Basis, theta: np.ndarray, seen: list[PlantOnLines], n_unstable: int) -> np.ndarray:
+def winding_is_right(basis: Basis, theta: np.ndarray, family: list[PlantOnLines], n_unstable: int) -> np.ndarray:
     """(N,) bool: whether 1 + L winds as it has to for each of many stable controllers, on the lines."""
     out = np.ones(theta.shape[0], dtype=bool)
     n_K = basis.structure.n_integrators + integrator_poles(basis.fixed, basis.dt)
-    for at in seen:
+    for at in family:
         omega, G = at.omega[at.known], at.G[at.known]
         if at.loop is None:
             omega, G = extend_below(omega, G, at.n_integrators)

@@ -147,14 +147,14 @@ def hidden_mode(plant: Plant) -> str:
         if mode.real < -1e-9 * max(1.0, abs(mode)) or mode.imag < 0:
             continue
         away = A - mode * np.eye(n)
-        for matrix, words in (
+        for matrix, description in (
             (np.hstack([away, plant.B2]), "u does not reach"),
             (np.vstack([away, plant.C2]), "y misses"),
         ):
             if np.linalg.svd(matrix, compute_uv=False)[n - 1] < 1e-10 * max(1.0, float(np.linalg.norm(A))):
                 s = mode * plant.speed
                 where = f"z = {(1 + s) / (1 - s):.4g}" if plant.dt else f"s = {s:.4g}"
-                return f"{words} the mode at {where}"
+                return f"{description} the mode at {where}"
     return ""
 
 
@@ -201,8 +201,8 @@ def has_zero_on_axis(plant: Plant) -> bool:
     size = max(1e-300, float(np.linalg.norm(A)))
     for mode in np.linalg.eigvals(A) if A.size else ():
         if abs(mode.real) < 1e-6 * size and mode.imag >= 0:
-            seen = np.vstack([A - 1j * mode.imag * np.eye(A.shape[0]), C])
-            if np.linalg.svd(seen, compute_uv=False)[-1] < 1e-13 * size:
+            pencil = np.vstack([A - 1j * mode.imag * np.eye(A.shape[0]), C])
+            if np.linalg.svd(pencil, compute_uv=False)[-1] < 1e-13 * size:
                 return True
     return False
 

@@ -531,10 +531,10 @@ def with_certificate(P: control.StateSpace, found: Synthesis, time_cap: float) -
     if not found.found:
         return found
     proof = certify_closed_loop(P, found.K, found.gamma, subject="norm of the closed loop", time_cap=time_cap)
-    said = "; ".join(
+    text = "; ".join(
         part for part in (found.reason, "" if proof.holds else f"gamma is not certified: {proof.reason}") if part
     )
-    return replace(found, gamma=proof.level, certificate=proof, reason=said)
+    return replace(found, gamma=proof.level, certificate=proof, reason=text)
 
 
 def synthesise(

@@ -100,9 +100,9 @@ def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:
     n_u, n_y, n = G.ninputs, G.noutputs, G.nstates
     one, none = np.eye(n_u), np.zeros
     B = np.hstack([none((n, n_y)), G.B, G.B])
-    seen = np.hstack([np.eye(n_y), G.D, G.D])
+    C_y = np.hstack([np.eye(n_y), G.D, G.D])
     C = np.vstack([none((n_u, n)), G.C, -G.C])
-    D = np.vstack([np.hstack([none((n_u, n_y + n_u)), one]), seen, -seen])
+    D = np.vstack([np.hstack([none((n_u, n_y + n_u)), one]), C_y, -C_y])
     return control.StateSpace(G.A, B, C, D, G.dt)
 
 
@@ -128,9 +128,11 @@ def shaping_system(name: str, given: Any, n: int, dt: float) -> control.StateSpa
     W = multivariable(name, given)
     if (W.ninputs, W.noutputs) == (1, 1) and n > 1:
         W = block_diagonal([W] * n, W.dt)
-    beside, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
-    if beside != n:
-        raise ValueError(f"{name} must have {n} {side}, one a channel of G, or be one for all of them, got {beside}")
+    n_channels, side = (W.noutputs, "outputs") if name == "W1" else (W.ninputs, "inputs")
+    if n_channels != n:
+        raise ValueError(
+            f"{name} must have {n} {side}, one a channel of G, or be one for all of them, got {n_channels}"
+        )
     if not is_clockless(W) and timebase(W) != dt:
         raise ValueError(f"{name} must have the sampling time of G, {dt:g} s, got {timebase(W):g} s")
     return W
@@ -175,15 +177,15 @@ def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
         raise ValueError(
             f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s, got {omega_c:g}"
         )
-    around = np.abs(response(G, omega_c * np.array([0.9, 1.0, 1.1])))
-    if not np.all((around > 0) & np.isfinite(around)):
-        raise ValueError(f"omega_c must lie where the plant has gain, got |G| = {around[1]:g} at {omega_c:g} rad/s")
-    flat = np.log(around[2] / around[0]) / np.log(1.1 / 0.9) > -0.5
+    gains = np.abs(response(G, omega_c * np.array([0.9, 1.0, 1.1])))
+    if not np.all((gains > 0) & np.isfinite(gains)):
+        raise ValueError(f"omega_c must lie where the plant has gain, got |G| = {gains[1]:g} at {omega_c:g} rad/s")
+    flat = np.log(gains[2] / gains[0]) / np.log(1.1 / 0.9) > -0.5
     zeros = np.zeros(0) if flat else np.array([-omega_c / 5])
     W = from_roots(zeros, np.zeros(1), 1.0, 0.0)
     if dt:
         # the map scaled so that it is exact at omega_c
         scale = omega_c / np.tan(omega_c * dt / 2)
         W = control.StateSpace(*to_discrete(W.A / scale, W.B / scale, W.C, W.D), dt)
-    gain = 1 / (around[1] * np.abs(response(W, np.array([omega_c])))[0])
+    gain = 1 / (gains[1] * np.abs(response(W, np.array([omega_c])))[0])
     return control.StateSpace(W.A, W.B, W.C * gain, W.D * gain, W.dt)

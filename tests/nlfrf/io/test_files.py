@@ -308,7 +308,7 @@ def test_a_reader_that_hangs_is_stopped(record, tmp_path, monkeypatch):
     from nlfrf._base import own_process
 
     nlfrf.save_record(record, tmp_path / "r.h5")
-    monkeypatch.setattr(own_process, "TIME_CAP", 0.01)
+    monkeypatch.setattr(own_process, "SECONDS", 0.01)
     with pytest.raises(ValueError, match=r"its library did not come to an end within 0.01"):
         nlfrf.load_record(tmp_path / "r.h5")
 

@@ -136,8 +136,8 @@ def test_hdf5_read_by_blocks_is_that_of_the_whole(block, tmp_path, monkeypatch):
         ):
             file.create_dataset(name, data=array, **options).attrs["columns"] = ["t", "u", "y"]
     # the room as the child loads it, with blocks of another size
-    child = f"from nlfrf._base import own_process as o; import sys; from pathlib import Path; o.BLOCK = {block}\n"
-    child += f"o.child({hdf5.__file__!r}, Path(sys.argv[1]))"
+    child = f"from nlfrf._base import own_process as o; import sys; from pathlib import Path; o.BLOCK_BYTES = {block}\n"
+    child += f"o.run_child({hdf5.__file__!r}, Path(sys.argv[1]))"
     done = subprocess.run(
         [sys.executable, "-c", child, tmp_path / "x.h5"], check=True, capture_output=True, cwd=ROOT
     ).stdout
