@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import control
 
 from nlfrf._base.values import value
@@ -12,7 +15,7 @@ __all__ = ["Design"]
 
 @value
 class Design:
-    """A controller and how good it is by its own measure.
+    """A controller and how good it is by its own measure; unpacks as K, CL, gamma, info = ncfsyn(G).
 
     Fields
     ------
@@ -31,6 +34,9 @@ class Design:
     certificate : Certificate or None
         The proof of gamma, from plant and controller as they are given, or why there is none; None of a gamma on the
         lines of an FRF.
+    CL : control.StateSpace or None
+        The closed loop whose norm gamma is: of `mixsyn` from r to the weighted e, u and y, of `ncfsyn` from the
+        perturbations (p_out, p_in) of the shaped plant to its (u, y). None of a design on the lines of an FRF.
     history : tuple of float
         gamma, or the worst demand while one was not met, after every iteration.
 
@@ -53,6 +59,11 @@ class Design:
     reason: str = ""
     history: tuple[float, ...] = ()
     certificate: Certificate | None = None
+    CL: control.StateSpace | None = None
+
+    def __iter__(self) -> Iterator[Any]:
+        """Unpack as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
+        return iter((self.K, self.CL, self.gamma, self))
 
     @property
     def certified(self) -> bool:

@@ -8,6 +8,7 @@ local optimum; what is returned is the best loop seen, judged by mu with the str
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -37,7 +38,7 @@ FIT_TOLERANCE = 1.02  # peak of the fitted scalings over mu that is good enough 
 
 @value
 class DkDesign:
-    """What D-K iteration found.
+    """What D-K iteration found; unpacks as K, CL, mu, info = dk_iteration(P, ...).
 
     Fields
     ------
@@ -53,6 +54,8 @@ class DkDesign:
         mu proved at all frequencies, one per cent above its peak; or why not.
     reason : str
         Why the iteration ended.
+    CL : control.StateSpace or None
+        F_l(P, K), closed but for the blocks; None where no controller was found.
 
     References
     ----------
@@ -76,6 +79,11 @@ class DkDesign:
     history: tuple[tuple[float, float, int], ...]
     certificate: Any
     reason: str
+    CL: control.StateSpace | None = None
+
+    def __iter__(self) -> Iterator[Any]:
+        """Unpack as in MATLAB and python-control: K, CL, mu, info = ..., info the whole result."""
+        return iter((self.K, self.CL, self.mu, self))
 
 
 def dk_iteration(
@@ -165,8 +173,9 @@ def dk_iteration(
             reason = "the time cap was reached" if late else "mu did not fall any more"
             break
         scaling, used = fit_scalings(response_by_channel(lower_lft(P, K), found.omega), s, found.omega, dt, order)
-    certificate = certify_mu(lower_lft(P, best.K), blocks, 1.01 * best.mu) if np.isfinite(best.mu) else None
-    return replace(best, history=tuple(history), certificate=certificate, reason=reason)
+    CL = lower_lft(P, best.K) if np.isfinite(best.mu) else None
+    certificate = None if CL is None else certify_mu(CL, blocks, 1.01 * best.mu)
+    return replace(best, history=tuple(history), certificate=certificate, reason=reason, CL=CL)
 
 
 def performance_plant(

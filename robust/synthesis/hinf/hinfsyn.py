@@ -6,7 +6,7 @@ The bracket on gamma is closed on the existence conditions; what is returned is 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -405,6 +405,8 @@ STEPS_UP = (1.0, 1.01, 1.03, 1.1, 1.3, 2.0, 5.0)
 class Synthesis:
     """A controller, the norm it reaches, and the bracket on what any controller can reach.
 
+    Unpacks as K, CL, gamma, info = hinfsyn(P, n_y, n_u).
+
     Fields
     ------
     K : control.StateSpace
@@ -424,6 +426,8 @@ class Synthesis:
         Why nothing, or less than asked for, was found, or gamma is not certified; empty otherwise.
     certificate : Certificate or None
         The proof of gamma, from P and K as they are given, or why there is none; None where nothing was found.
+    CL : control.StateSpace or None
+        F_l(P, K) from w to z; None where nothing was found.
 
     References
     ----------
@@ -445,6 +449,11 @@ class Synthesis:
     n_steps: int
     reason: str
     certificate: Certificate | None = None
+    CL: control.StateSpace | None = None
+
+    def __iter__(self) -> Iterator[Any]:
+        """Unpack as in MATLAB and python-control: K, CL, gamma, info = ..., info the whole result."""
+        return iter((self.K, self.CL, self.gamma, self))
 
     @property
     def certified(self) -> bool:
@@ -534,7 +543,7 @@ def with_certificate(P: control.StateSpace, found: Synthesis, time_cap: float) -
     text = "; ".join(
         part for part in (found.reason, "" if proof.holds else f"gamma is not certified: {proof.reason}") if part
     )
-    return replace(found, gamma=proof.level, certificate=proof, reason=text)
+    return replace(found, gamma=proof.level, certificate=proof, reason=text, CL=lower_lft(P, found.K))
 
 
 def synthesise(

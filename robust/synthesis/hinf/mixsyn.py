@@ -27,9 +27,9 @@ WEIGHTED_PORTS = {"w_P": "e", "w_u": "u", "w_T": "y"}  # what each weight reads
 def mixsyn(
     model: Any,
     w_P: Any,
-    *,
     w_u: Any = None,
     w_T: Any = None,
+    *,
     dt: float = 0.0,
     delay: float = 0.0,
     factor: float = 1.01,
@@ -37,6 +37,7 @@ def mixsyn(
 ) -> Design:
     """H-infinity synthesis in mixed sensitivity: minimise the norm of [w_P S; w_u K S; w_T T].
 
+    The order of the weights is that of python-control and MATLAB: `mixsyn(G, w1, w2, w3)` weights S, K S and T.
     Under 1, every weight is met: |S| < 1/|w_P|, |K S| < 1/|w_u|, |T| < 1/|w_T|. With a model, its weight takes the
     place of w_T (or joins S or K S, by its form), so that gamma < 1 includes stability of the whole set.
 
@@ -124,6 +125,7 @@ def mixsyn(
         met=found.found,
         reason=reason,
         certificate=found.certificate,
+        CL=found.CL,
     )
 
 

@@ -85,14 +85,15 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     K = with_names(
         in_series(W2, K_inf, W1, dt=dt), G.output_labels, G.input_labels
     )  # from the outputs of G to its inputs
-    achieved = hinf_norm(control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt))[0]
+    CL = control.StateSpace(*closed_loop(shaped, K_inf, ("u", "y"), ("p_out", "p_in")), dt)
+    achieved = hinf_norm(CL)[0]
     if not np.isfinite(achieved):
-        return Design(K=K, gamma=achieved, gamma_min=gamma_min)
+        return Design(K=K, gamma=achieved, gamma_min=gamma_min, CL=CL)
     proof = certify_closed_loop(
         coprime_factor_plant(shaped), K_inf, achieved, subject="norm of the shaped loop", time_cap=TIME_CAP
     )
     reason = "" if proof.holds else f"gamma is not certified: {proof.reason}"
-    return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof)
+    return Design(K=K, gamma=proof.level, gamma_min=gamma_min, reason=reason, certificate=proof, CL=CL)
 
 
 def coprime_factor_plant(G: control.StateSpace) -> control.StateSpace:

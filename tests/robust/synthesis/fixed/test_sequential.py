@@ -46,7 +46,7 @@ def test_what_a_loop_sees_with_others_closed():
     none = np.zeros((2, 3, 1))
     radius = rng.uniform(0.5, 1, g.shape)
     lines = MatrixOnLines(omega=omega, G=g, left=none, right=none.swapaxes(1, 2), radius=radius)
-    seen = lines.seen_by(1, K, 2.0)
+    seen = lines.seen_from(1, K, 2.0)
     gains = control.append(K[0], number(0.0), K[2])
     closed = control.feedback(G, gains)[1, 1]
     np.testing.assert_allclose(seen.G, closed(1j * omega), rtol=1e-9)
@@ -55,13 +55,13 @@ def test_what_a_loop_sees_with_others_closed():
         moved = g.copy()
         moved[:, j, i] += 1e-6
         other = MatrixOnLines(omega=omega, G=moved, left=none, right=none.swapaxes(1, 2), radius=radius)
-        slopes[:, j, i] = (other.seen_by(1, K, 1.0).G - seen.G) / 1e-6
+        slopes[:, j, i] = (other.seen_from(1, K, 1.0).G - seen.G) / 1e-6
     np.testing.assert_allclose(seen.radius, 2 * np.sum(np.abs(slopes) * radius, axis=(1, 2)), rtol=1e-4)
     left, right = rng.standard_normal((2, 3, 3)), rng.standard_normal((2, 3, 3))
     block = MatrixOnLines(omega=omega, G=g, left=left, right=right, radius=0 * radius)
     largest = [np.linalg.norm(right[w] @ slopes[w].T @ left[w], "nuc") for w in range(2)]  # of rank one
-    np.testing.assert_allclose(block.seen_by(1, K, 1.0).radius, largest, rtol=1e-4)
-    alone = lines.seen_by(1, [None, K[1], None], 1.0)
+    np.testing.assert_allclose(block.seen_from(1, K, 1.0).radius, largest, rtol=1e-4)
+    alone = lines.seen_from(1, [None, K[1], None], 1.0)
     np.testing.assert_allclose(alone.G, g[:, 1, 1])
     np.testing.assert_allclose(alone.radius, radius[:, 1, 1])
 
