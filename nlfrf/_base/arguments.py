@@ -97,7 +97,7 @@ def format_count(n: int, what: str) -> str:
 def format_small_count(n: int, what: str) -> str:
     """A count with its noun, small numbers in words.
 
-    >>> in_words(1, "sample"), in_words(2, "sample"), in_words(40, "sample")
+    >>> format_small_count(1, "sample"), format_small_count(2, "sample"), format_small_count(40, "sample")
     ('one sample', 'two samples', '40 samples')
     """
     return f"{NUMBER_WORDS[n]} {what}" + "s" * (n != 1) if 0 <= n < len(NUMBER_WORDS) else format_count(n, what)
@@ -106,7 +106,7 @@ def format_small_count(n: int, what: str) -> str:
 def join_names(names: Sequence[str]) -> str:
     """Names with commas and an "and" between them.
 
-    >>> listed(["1"]), listed(["1", "3"]), listed(["1", "3", "4"])
+    >>> join_names(["1"]), join_names(["1", "3"]), join_names(["1", "3", "4"])
     ('1', '1 and 3', '1, 3 and 4')
     """
     return " and ".join([*([", ".join(names[:-1])] if len(names) > 1 else []), names[-1]])
@@ -142,7 +142,7 @@ def ratio_unit(top: str, bottom: str) -> str:
 def label_with_unit(what: str, unit: str, otherwise: str) -> str:
     """A quantity with its unit in brackets, for an axis: the one known, or what it would be.
 
-    >>> in_unit("u", "N", "unit of u"), in_unit("u", "", "unit of u")
+    >>> label_with_unit("u", "N", "unit of u"), label_with_unit("u", "", "unit of u")
     ('u [N]', 'u [unit of u]')
     """
     return f"{what} [{unit or otherwise}]"

@@ -39,17 +39,32 @@ HEADROOM = 6.0  # dB that are left free above and below the curves of a picture,
 MAX_GROWTH = 1.25  # what a layout adds to the width that the axes had to begin with
 
 
-def axes_or_new(ax: Axes | None) -> Any:
-    """The axes given, or those of a new figure."""
-    if ax is not None:
+def single_axes(ax: Any, n_axes: int = 1) -> Any:
+    """Return one Axes of what `plt.subplots` may give, or refuse an array of several: the picture draws on one."""
+    if not isinstance(ax, (np.ndarray, list, tuple)):
         return ax
+    given = np.asarray(ax, dtype=object).ravel()
+    if given.size == 1:
+        return given[0]
+    also = f", or {n_axes} of them" if n_axes > 1 else ""
+    raise ValueError(f"ax must be one Axes{also}, got an array of {given.size}; give one of them, such as ax.flat[0]")
+
+
+def axes_or_new(ax: Axes | None) -> Any:
+    """Return the axes given, or those of a new figure."""
+    if ax is not None:
+        return single_axes(ax)
     from matplotlib import pyplot as plt
 
     return plt.subplots(figsize=(8, 4.5), layout="constrained")[1]
 
 
-def bode_axes(ax: Axes | None) -> tuple[Any, Any]:
-    """Axes of magnitude and phase over one another, in the place of those given or in a new figure."""
+def bode_axes(ax: Any) -> tuple[Any, Any]:
+    """Return axes of magnitude and of phase: the two given, or two in the place of one, or in a new figure."""
+    if isinstance(ax, (np.ndarray, list, tuple)) and np.size(np.asarray(ax, dtype=object)) == 2:
+        top, bottom = np.asarray(ax, dtype=object).ravel()
+        return top, bottom
+    ax = single_axes(ax, 2)
     if ax is None:
         from matplotlib import pyplot as plt
 
@@ -76,6 +91,7 @@ def matrix_axes(ax: Axes | None, rows: Sequence[str], columns: Sequence[str]) ->
     Rows are called at their left end, columns at their top: outputs and inputs. A row shares what goes up.
     """
     n, m = len(rows), len(columns)
+    ax = single_axes(ax)
     if ax is None:
         from matplotlib import pyplot as plt
 

@@ -164,9 +164,9 @@ def run_command(name: str, app: Callable[..., Any], *shown: type[Warning], optio
 def name_options(text: str, options: Mapping[str, str]) -> str:
     """A message of the library in the words of the command line.
 
-    >>> in_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
+    >>> name_options("n_samples must be 7; give n_samples=7 or resample=True", {"n_samples": "period", "resample": ""})
     '--period must be 7; give --period 7 or --resample'
-    >>> in_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call stays one
+    >>> name_options("go to record_from_samples(u, y, fs=...)", {"fs": "fs"})  # a call stays one
     'go to record_from_samples(u, y, fs=...)'
     """
     for parameter, option in options.items():

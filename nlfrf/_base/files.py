@@ -204,7 +204,7 @@ def is_replaceable(target: Path, path: Path) -> bool:
 def command_signature(command: str) -> str:
     """The line at the end of a text file by which `file_kind` knows the command that wrote it.
 
-    >>> signature("robust check")
+    >>> command_signature("robust check")
     "(written by 'robust check')"
     """
     return f"(written by '{command}')"

@@ -117,7 +117,7 @@ FEW_PARTS = 8  # samples to a line and a part, from which a long transform is pu
 def iterate_blocks(n: int, size: int = 1) -> list[slice]:
     """n entries of `size` numbers each, as many at a time as stay in the cache.
 
-    >>> blocks(5, BLOCK // 2)
+    >>> iterate_blocks(5, BLOCK_ENTRIES // 2)
     [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
     """
     step = max(1, BLOCK_ENTRIES // size)

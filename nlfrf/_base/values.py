@@ -271,7 +271,7 @@ def to_json(thing: Any, most: float = np.inf) -> str:
 
     Arrays of more than `most` numbers are left out, and their shape told.
 
-    >>> as_json({"gamma": 1.5, "poles": np.array([-1 + 2j]), "delay": float("nan")})
+    >>> to_json({"gamma": 1.5, "poles": np.array([-1 + 2j]), "delay": float("nan")})
     '{"gamma": 1.5, "poles": [[-1.0, 2.0]], "delay": null}'
     """
     return json.dumps(to_plain(thing, most), ensure_ascii=False)

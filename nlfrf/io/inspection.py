@@ -138,7 +138,7 @@ class FileContents:
 def quote_name(name: str) -> str:
     """A channel's name as `nlfrf identify` takes it: in quotes, as in a table, where commas would part it.
 
-    >>> print(quoted("Kraft"), quoted("Kraft, x"))
+    >>> print(quote_name("Kraft"), quote_name("Kraft, x"))
     Kraft "Kraft, x"
     """
     plain = "," not in name and not name.startswith('"') and name == name.strip()

@@ -159,7 +159,7 @@ def is_improbable(peaks: np.ndarray) -> bool:
 def max_harmless_draws(n_realizations: int) -> int:
     """Draws of which the best is SHIFT / sqrt(M) standard deviations from the mean, as a normal variable would be.
 
-    >>> [harmless_draws(n) for n in (1, 2, 4, 7, 20)]
+    >>> [max_harmless_draws(n) for n in (1, 2, 4, 7, 20)]
     [7, 3, 2, 2, 1]
     """
     beyond = math.erfc(MAX_SHIFT / math.sqrt(2 * n_realizations)) / 2

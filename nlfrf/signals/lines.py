@@ -176,7 +176,7 @@ def chance_correlation(chance: float, n: float) -> float:
 
     They have more than c in common with probability (1 - c)^(n - 1).
 
-    >>> round(in_common(0.01, 2), 2), round(in_common(0.01, 100), 3)
+    >>> round(chance_correlation(0.01, 2), 2), round(chance_correlation(0.01, 100), 3)
     (0.99, 0.045)
     """
     return float(1 - chance ** (1 / (n - 1)))

@@ -228,7 +228,7 @@ def lower_lft(P: control.StateSpace, K: control.StateSpace) -> control.StateSpac
         A loop without a solution: I - D_K D_22 singular.
 
     >>> P = control.ss([], [], [], [[1.0, 2.0], [3.0, 0.5]])
-    >>> float(lower(P, control.ss([], [], [], [[1.0]])).D[0, 0])      # 1 + 2 (1 - 0.5)^-1 3
+    >>> float(lower_lft(P, control.ss([], [], [], [[1.0]])).D[0, 0])      # 1 + 2 (1 - 0.5)^-1 3
     13.0
     """
     n_u, n_y = K.noutputs, K.ninputs

@@ -85,10 +85,16 @@ def state_space(name: str, system: Any) -> control.StateSpace:
     if not isinstance(system, control.StateSpace):
         raise ValueError(
             f"{name} must be a control.StateSpace, a TransferFunction or a number, got {short_form(system)}"
+            + controller_hint(system)
         )
     if (system.ninputs, system.noutputs) != (1, 1):
         raise ValueError(f"{name} must have one input and one output, got {system.ninputs} and {system.noutputs}")
     return require_complete(name, system)
+
+
+def controller_hint(thing: Any) -> str:
+    """Return where the controller of a design is found, for a refusal of the design itself; else an empty string."""
+    return "; its controller is its field K" if isinstance(getattr(thing, "K", None), control.StateSpace) else ""
 
 
 def split_diagonal(name: str, K: control.StateSpace) -> list[control.StateSpace]:

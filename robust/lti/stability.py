@@ -91,7 +91,8 @@ def delay_pole_count(L: control.StateSpace, delay: float) -> float:
 
     inf where |L| > 1 at infinite frequency, nan where rounding decides.
 
-    >>> moved_out(control.ss(control.tf([5], [1, 1])), 0.36), moved_out(control.ss(control.tf([5], [1, 1])), 0.37)
+    >>> L = control.ss(control.tf([5], [1, 1]))
+    >>> delay_pole_count(L, 0.36), delay_pole_count(L, 0.37)
     (0.0, 2.0)
     """
     direct = abs(float(L.D[0, 0]))

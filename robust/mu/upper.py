@@ -139,6 +139,11 @@ def upper_bound(M: np.ndarray, blocks: Any, target: float = 0.0, deadline: float
 
 def response_matrices(name: str, N: Any) -> np.ndarray:
     """(W, n_out, n_in) from (n_out, n_in, W), or a refusal."""
+    if isinstance(N, control.lti.LTI):
+        raise ValueError(
+            f"{name} must be an array (outputs, inputs, frequencies), got a {type(N).__name__}; give its response, "
+            f"{name}(1j * omega), or use certify_mu, which bounds mu of a state space at all frequencies"
+        )
     N = np.asarray(N)
     if N.ndim != 3 or N.dtype.kind not in "fciu":
         raise ValueError(

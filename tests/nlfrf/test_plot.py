@@ -142,3 +142,21 @@ def test_a_bound_below_100_percent_has_no_word_of_it():
     assert not any("100 %" in text.get_text() for text in ax.get_legend().get_texts())
     assert not any(band.get_hatch() for band in ax.collections)
     plt.close("all")
+
+
+def test_a_bode_picture_takes_the_two_axes_of_subplots_and_other_pictures_refuse_them():
+    bla = identify(Record(u=U, y=U + 0.1 * U**3, fs=128, lines=MS.lines))
+    figure, both = plt.subplots(2, 1)
+    try:
+        assert pictures.plot_bode(bla, ax=both) is not None
+        assert figure.axes == list(both)  # drawn where it was asked for
+        assert all(one.get_lines() for one in both)
+        assert pictures.plot_bla(bla, ax=np.array([[both[0]]])) is both[0]
+        with pytest.raises(
+            ValueError, match=r"ax must be one Axes, got an array of 2; give one of them, such as ax.flat"
+        ):
+            pictures.plot_bla(bla, ax=both)
+        with pytest.raises(ValueError, match=r"ax must be one Axes, or 2 of them, got an array of 3"):
+            pictures.plot_bode(bla, ax=[*both, both[0]])
+    finally:
+        plt.close(figure)

@@ -51,7 +51,7 @@ def find_slips(y: np.ndarray, last: int) -> np.ndarray:
     Examples
     --------
     >>> y = np.random.default_rng(1).standard_normal((1, 100)).repeat(3, axis=0).ravel()
-    >>> gaps_inside(np.delete(np.append(y, y[0]), 130).reshape(3, 100), 50)
+    >>> find_slips(np.delete(np.append(y, y[0]), 130).reshape(3, 100), 50)
     array([ 0., -1.,  0.])
     """
     difference = [cumulative_power(one - following) for one, following in pairwise(y)]
@@ -126,7 +126,7 @@ def find_corrupted_periods(y: np.ndarray, last: int, gaps: np.ndarray) -> tuple[
     --------
     >>> y = np.random.default_rng(1).standard_normal((1, 100)).repeat(4, axis=0).ravel()
     >>> y[230:270] = y[231:271]
-    >>> torn_periods(y.reshape(4, 100), 50, np.zeros(4))[0]
+    >>> find_corrupted_periods(y.reshape(4, 100), 50, np.zeros(4))[0]
     array([False, False,  True, False])
     """
     difference = [cumulative_power(one - following) for one, following in pairwise(y)]

@@ -292,7 +292,7 @@ def interpolate_bandlimited(x: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Values of a band-limited signal between its samples, by a windowed sinc.
 
     >>> x = np.sin(0.7 * np.arange(200))
-    >>> bool(abs(between(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
+    >>> bool(abs(interpolate_bandlimited(x, np.array([100.3]))[0] - np.sin(0.7 * 100.3)) < 1e-5)
     True
     """
     windows, values = kaiser_windows(), np.empty(at.size)
@@ -330,7 +330,7 @@ def clipped_share(x: np.ndarray) -> float:
     level: smooth peaks are at most `PILE_RATIO` times as long in the highest one.
 
     >>> x = np.sin(np.arange(1000) / 50)
-    >>> clipped(np.round(10 * x)), clipped(np.clip(np.round(10 * x), -7, 7)) > 0.2
+    >>> clipped_share(np.round(10 * x)), clipped_share(np.clip(np.round(10 * x), -7, 7)) > 0.2
     (0.0, True)
     """
     n = 0

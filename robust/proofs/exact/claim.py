@@ -222,7 +222,7 @@ def system_from_dict(given: Any) -> Matrices | None:
 def content_digest(given: Any) -> str:
     """SHA-256 over the entries in sorted order; a float counts by the shortest digits that give it back.
 
-    >>> digest({"a": 1.0})[:8], digest({"a": 1.0000000000000002})[:8]
+    >>> content_digest({"a": 1.0})[:8], content_digest({"a": 1.0000000000000002})[:8]
     ('c29a44ab', 'a9c3d934')
     """
     text = json.dumps(given, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)

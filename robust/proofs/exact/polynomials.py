@@ -62,7 +62,7 @@ def transfer_quotient(system: Matrices) -> Quotient:
 
     >>> import numpy as np
     >>> A, B, C, D = np.array([[-2.0]]), np.ones((1, 1)), np.ones((1, 1)), np.array([[0.5]])
-    >>> g = quotient(Matrices(A=A, B=B, C=C, D=D))                  # 1/(s + 2) + 1/2 = (s/2 + 2)/(s + 2)
+    >>> g = transfer_quotient(Matrices(A=A, B=B, C=C, D=D))                  # 1/(s + 2) + 1/2 = (s/2 + 2)/(s + 2)
     >>> str(g.num), str(g.den)
     ('1/2*x + 2', 'x + 2')
     """
@@ -153,7 +153,7 @@ def exact_roots(system: Matrices) -> Roots:
 
     >>> import numpy as np
     >>> one = np.ones((1, 1))
-    >>> found = roots_of(Matrices(A=-one, B=one, C=one, D=one))                       # (s + 2)/(s + 1)
+    >>> found = exact_roots(Matrices(A=-one, B=one, C=one, D=one))                       # (s + 2)/(s + 1)
     >>> found.zeros.real.tolist(), found.poles.real.tolist(), found.gain
     ([-2.0], [-1.0], 1.0)
     """

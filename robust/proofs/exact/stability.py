@@ -398,7 +398,7 @@ def decide_loop_stability(plant: Matrices, controller: Matrices, *, delay: float
     >>> one = np.ones((1, 1))
     >>> def gain(k): return Matrices(A=np.zeros((0, 0)), B=np.zeros((0, 1)), C=np.zeros((1, 0)), D=k * one)
     >>> lag = Matrices(A=-one, B=one, C=one, D=0 * one)                       # 1/(s + 1): stable for K > -1
-    >>> [stable_loop(lag, gain(k)).holds for k in (-1.0, np.nextafter(-1, 0))]
+    >>> [decide_loop_stability(lag, gain(k)).holds for k in (-1.0, np.nextafter(-1, 0))]
     [False, True]
     """
     found = undecided("not looked at", needs_digits=True)
@@ -415,7 +415,7 @@ def decide_matrix_stability(A: np.ndarray, *, discrete: bool = False) -> Decisio
     """Whether every eigenvalue of a matrix of doubles lies in the open left half plane, or inside the unit circle.
 
     >>> import numpy as np
-    >>> [stable_matrix(np.array([[0.0, 1.0], [-1.0, d]])).holds for d in (0.0, -5e-324, 5e-324)]
+    >>> [decide_matrix_stability(np.array([[0.0, 1.0], [-1.0, d]])).holds for d in (0.0, -5e-324, 5e-324)]
     [False, True, False]
     """
     n = len(A)

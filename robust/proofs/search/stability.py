@@ -48,7 +48,7 @@ def decide_stability(system: control.StateSpace) -> StabilityResult:
     """Whether every pole of the system, its matrix taken as it is, is strictly stable.
 
     >>> on_the_axis = control.ss([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
-    >>> found = instability(on_the_axis)
+    >>> found = decide_stability(on_the_axis)
     >>> found.state, found.at_boundary
     ('unstable', True)
     """

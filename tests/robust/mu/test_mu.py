@@ -244,6 +244,10 @@ def test_no_certificate_for_what_is_not_stable(A):
         (lambda: mu_upper(SP_8_5, [(0, 2)]), "blocks.0. must be .rows, cols. with whole numbers"),
         (lambda: mu_upper(SP_8_5, "full"), "blocks must be a list"),
         (lambda: mu_upper(SP_8_5[:, :, 0], [(2, 2)]), "N must be an array .outputs, inputs, frequencies."),
+        (
+            lambda: mu_upper(control.ss(-1, 1, 1, 0), [(1, 1)]),
+            "got a StateSpace; give its response, N.1j . omega., or use",
+        ),
         (lambda: mu_lower(SP_8_5 * np.nan, [(2, 2)]), "N must be finite, got 4 nan"),
         (lambda: certify_mu(control.ss(-1, 1, 1, 0), [(1, 1)], -1.0), "level must be positive"),
         (lambda: certify_mu(control.ss(-1, 1, 1, 0), [(2, 1)], 1.0), "outputs and 1 inputs of N_ss, got 2 rows"),
