@@ -84,12 +84,12 @@ from .models.fit.weights import control_weight as control_weight
 from .models.fit.weights import delay_weight as delay_weight
 from .models.fit.weights import fit_weight as fit_weight
 from .models.fit.weights import performance_weight as performance_weight
+from .models.sets.build import uncertainty as uncertainty
 from .models.sets.interconnection import Block as Block
 from .models.sets.interconnection import UncertainSystem as UncertainSystem
 from .models.sets.interconnection import interconnection as interconnection
-from .models.sets.matrix_model import MatrixUncertainty as MatrixUncertainty
+from .models.sets.model import MatrixUncertainty as MatrixUncertainty
 from .models.sets.model import UncertaintyModel as UncertaintyModel
-from .models.sets.model import uncertainty as uncertainty
 from .models.validation import MatrixValidation as MatrixValidation
 from .models.validation import Validation as Validation
 from .models.validation import validate as validate

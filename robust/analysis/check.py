@@ -15,12 +15,11 @@ A controller that runs sampled is checked sampled: hold and computation delay go
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf import Bla
 from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, shown
 from robust._base.channels import is_single
 from robust.analysis.aliases import Shares, shares
@@ -43,9 +42,8 @@ from robust.lti.grids import beside_modes, interpolated, reaching
 from robust.lti.lti import clock_of, refuse_other_clock, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles, winding
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.measured import as_seen, on_lines, sampling_time, warn_of_unknown_hold
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.proofs.search.certificate import SOLVERS
 
 __all__ = ["check", "check_lines"]
@@ -103,33 +101,6 @@ def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
         raise ValueError(f"K must be sampled fast enough for the lines up to {hertz(omega[-1])}, got dt = {dt:g} s")
 
 
-@overload
-def check(
-    model: MatrixUncertainty,
-    K: Any,
-    *,
-    w_P: Any = ...,
-    delay: float = ...,
-    certify: bool = ...,
-    solver: str = ...,
-    n_unstable: int = ...,
-) -> StructuredReport: ...
-
-
-@overload
-def check(
-    model: UncertaintyModel | Bla | control.FrequencyResponseData,
-    K: Any,
-    *,
-    w_P: Any = ...,
-    delay: float = ...,
-    certify: bool = ...,
-    solver: str = ...,
-    n_unstable: int = ...,
-    signals: LoopSignals | None = ...,
-) -> RobustnessReport: ...
-
-
 def check(
     model: Any,
     K: Any,
@@ -140,7 +111,7 @@ def check(
     solver: str = "CLARABEL",
     n_unstable: int = 0,
     signals: LoopSignals | None = None,
-) -> RobustnessReport | StructuredReport:
+) -> RobustnessReport:
     """Check a controller against a model with uncertainty, and say what was proved.
 
     Parameters
@@ -194,7 +165,7 @@ def check(
     one_of("solver", solver, SOLVERS)
     if signals is not None:
         require_parametric(model)
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         return check_matrix(model, K, w_P, delay, certify)
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
@@ -239,19 +210,19 @@ def folding_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) -> Shar
     return shares(loop.at_points(loop.curves(omega)), band, total)
 
 
-def check_matrix(model: MatrixUncertainty, K: Any, w_P: Any, delay: float, certify: bool) -> StructuredReport:
+def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certify: bool) -> Any:
     """`check` of several inputs and outputs: that of its blocks, with the margins of every loop."""
     if delay:
         raise ValueError(f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top")
-    if model.other is None:
+    if model.alternative_form is None:
         found = check_structure(model.loop(K, w_P=w_P), certify=certify)
     else:
-        found = better(model, model.other, K, w_P, certify)
+        found = better(model, model.alternative_form, K, w_P, certify)
     margins = disk_margins(model, K)
     return replace(found, probability=probability_of(model), band=model.omega[[0, -1]], margins=margins)
 
 
-def better(one: MatrixUncertainty, other: MatrixUncertainty, K: Any, w_P: Any, certify: bool) -> StructuredReport:
+def better(one: UncertaintyModel, other: UncertaintyModel, K: Any, w_P: Any, certify: bool) -> StructuredReport:
     """The report on the form of a set that establishes more, then on that of the larger margin; with its name."""
 
     def established(report: StructuredReport) -> tuple[bool, bool, float]:

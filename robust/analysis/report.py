@@ -18,7 +18,7 @@ from robust.analysis.performance import ClassicalMargins, classical_margins
 from robust.analysis.proofs import Proofs
 from robust.lti.stability import StabilityResult
 from robust.models.sets.forms import FORMS, loop_discs
-from robust.models.sets.joint import told
+from robust.models.sets.joint import format_probability
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.certificate import Certificate
 
@@ -146,10 +146,10 @@ def probability_of(model: Any) -> str:
     confidence, joint = getattr(model, "confidence", np.nan), getattr(model, "joint", np.nan)
     if np.isnan(confidence):
         return ""
-    if getattr(model, "other", None) is not None:  # both sets hold the truth: what may go wrong adds up
-        confidence, joint = 2 * confidence - 1, max(joint + model.other.joint - 1, 0.0)
+    if getattr(model, "alternative_form", None) is not None:  # both sets hold the truth: what may go wrong adds up
+        confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
-    estimated = "" if np.isnan(joint) else told(joint)
+    estimated = "" if np.isnan(joint) else format_probability(joint)
     if model.simultaneous:
         text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
         return f"{text} ({estimated} by estimate)" if estimated else text

@@ -16,8 +16,7 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import along, response, timebase
 from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.model import UncertaintyModel, require_one_channel
+from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
 from robust.models.sets.perturbations import perturbed, with_phase, with_phases, within
 from robust.mu.lower import mu_lower
 from robust.mu.upper import refined
@@ -185,7 +184,7 @@ class BreakingPerturbation:
         Where the loop gets singular [rad/s].
     Delta : control.StateSpace
         The perturbation divided by its size: gain one at every frequency.
-    model : MatrixUncertainty
+    model : UncertaintyModel
         The set it belongs to.
 
     References
@@ -208,7 +207,7 @@ class BreakingPerturbation:
     size: float
     omega: float
     Delta: control.StateSpace
-    model: MatrixUncertainty
+    model: UncertaintyModel
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
         """The plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
@@ -216,12 +215,12 @@ class BreakingPerturbation:
         return self.model.perturbed(control.StateSpace(Delta.A, Delta.B, x * Delta.C, x * Delta.D, Delta.dt))
 
 
-def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbation:
+def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbation:
     """The smallest perturbation found that breaks the loop u = K (r - y), to look at and to replay on a machine.
 
     Parameters
     ----------
-    model : MatrixUncertainty
+    model : UncertaintyModel
         The set.
     K : control.StateSpace
         Controller, negative feedback.
@@ -251,7 +250,7 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
     >>> round(breaking_perturbation(model, K).size, 3)   # all four at once: 1 + 2 * 0.5 d = 0
     1.0
     """
-    if not isinstance(model, MatrixUncertainty):
+    if not has_several_channels(model):
         raise ValueError(f"model must be a MatrixUncertainty, got {shown(model)}")
     system = model.loop(K)
     nominal = instability(system.N)

@@ -11,7 +11,7 @@ from scipy.linalg import matrix_balance
 
 from nlfrf._base.arguments import shown
 from robust.lti.connections import in_series, joined
-from robust.lti.lti import clock_of, constant, poles, refuse_other_clock, response, scaled_states, timebase
+from robust.lti.lti import along, clock_of, constant, poles, refuse_other_clock, scaled_states, timebase
 from robust.lti.stability import stable
 
 __all__ = [
@@ -249,23 +249,26 @@ def least_stable(system: control.StateSpace) -> complex:
 
 
 def frequency_response(
-    name: str, plant: Any, omega: np.ndarray, beside: tuple[Any, ...] = ()
+    name: str, plant: Any, omega: np.ndarray, beside: tuple[Any, ...] = (), shape: tuple[int, int] = (1, 1)
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `beside`.
 
-    A system without a dt takes that clock.
+    A system without a dt takes that clock. The response is (W,), or (n_y, n_u, W) of a shape of several channels.
     """
     if not isinstance(plant, control.FrequencyResponseData):
-        plant = state_space(name, plant)
+        plant = state_space(name, plant) if shape == (1, 1) else multivariable(name, plant)
     dt = clock_of(*beside)
     refuse_other_clock(name, plant, "the nominal", dt)
+    if (plant.noutputs, plant.ninputs) != shape:
+        wanted = "one input and one output" if shape == (1, 1) else f"{shape[1]} inputs and {shape[0]} outputs"
+        raise ValueError(f"{name} must have {wanted}, got {plant.ninputs} and {plant.noutputs}")
     if isinstance(plant, control.FrequencyResponseData):
-        if (plant.ninputs, plant.noutputs) != (1, 1):
-            raise ValueError(f"{name} must have one input and one output, got {plant.ninputs} and {plant.noutputs}")
-        return np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata[0, 0], dtype=complex)
-    if plant.dt is None and dt:
-        plant = control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt)
-    return omega, response(plant, omega)
+        omega, G = np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata, dtype=complex)
+    else:
+        if plant.dt is None and dt:
+            plant = control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt)
+        G = along(plant, omega)
+    return omega, G[0, 0] if shape == (1, 1) else G
 
 
 def in_order(roots: np.ndarray) -> np.ndarray:

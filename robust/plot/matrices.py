@@ -16,7 +16,7 @@ from robust.analysis.check_structure import StructuredReport
 from robust.analysis.performance import LoopGains
 from robust.lti.lti import along, timebase
 from robust.models.fit.nominal import behind_hold
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import MatrixUncertainty
 from robust.plot.look import BESIDE, COLOR, MEASURED, OVER, hz, mark_band, show_all_of
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def plot_matrix_set(model: MatrixUncertainty, frm: Bla | Sequence[Bla] | None = 
     for one in frms:
         require_matrix("frm", one)
     frms = [behind_hold(one, timebase(model.nominal)) for one in frms]
-    f, size, reach = hz(omega), np.abs(along(model.nominal, omega)), model.reach(omega)
+    f, size, reach = hz(omega), np.abs(along(model.nominal, omega)), model.entry_radius(omega)
     made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
     within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
     for (j, i), one in np.ndenumerate(made):

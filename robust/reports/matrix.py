@@ -13,7 +13,7 @@ from nlfrf._base.arguments import counted
 from robust.analysis.check_structure import StructuredReport
 from robust.analysis.performance import loop_gains
 from robust.lti.lti import poles, timebase
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import MatrixUncertainty
 from robust.reports import parts
 from robust.reports.parts import Section, roots_text, rows_of, system_text
 

@@ -25,8 +25,7 @@ from robust.analysis.report import RobustnessReport, meaning
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
 from robust.reports.matrix import matrix_sections
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_section
@@ -37,7 +36,7 @@ __all__ = ["write_report"]
 
 def write_report(
     path: str | os.PathLike[str],
-    model: UncertaintyModel | MatrixUncertainty,
+    model: UncertaintyModel,
     K: Any,
     *,
     bla: Bla | Sequence[Bla] | None = None,
@@ -110,7 +109,7 @@ def write_report(
     path = path_of(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         if delay or friction is not None:
             raise ValueError("delay and friction must be left out for a MatrixUncertainty: a delay is in its nominal")
         if signals is not None:
@@ -154,7 +153,7 @@ def write_report(
 
 def matrix_report(
     path: Path,
-    model: MatrixUncertainty,
+    model: UncertaintyModel,
     K: Any,
     frms: list[Any],
     records: list[Any],
@@ -174,7 +173,7 @@ def matrix_report(
     K = multivariable("K", K)
     if report is not None:
         refuse_another_matrix(report, model, K)
-    found: StructuredReport = check(model, K, w_P=w_P) if report is None else report
+    found: Any = check(model, K, w_P=w_P) if report is None else report
     sections = matrix_sections(found, model, K, frms or [nlfrf.identify(one) for one in records], nominal)
     write_text(path, page(title=title, notes=notes, report=found, beside="", sections=sections))
     return found

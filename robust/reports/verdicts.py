@@ -16,7 +16,6 @@ from robust.analysis.report import RobustnessReport, meaning
 from robust.friction.prove import FrictionProof
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.parts import Section
 
@@ -113,7 +112,7 @@ def is_demand(report: RobustnessReport, w_P: Any) -> bool:
     return same(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P)
 
 
-def refuse_another_matrix(report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace) -> None:
+def refuse_another_matrix(report: StructuredReport, model: UncertaintyModel, K: control.StateSpace) -> None:
     """Refuse a report of another set or controller, by margins of the nominal loop and by mu where it peaks."""
     if not (same_margins(report, disk_margins(model, K)) and same_peak(report, model, K)):
         raise ValueError(ANOTHER)
@@ -133,9 +132,9 @@ def parts(margins: LoopMargins) -> tuple[Any, ...]:
     return (*margins.inputs, *margins.outputs, margins.all_inputs, margins.all_outputs, margins.everywhere)
 
 
-def same_peak(report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace) -> bool:
+def same_peak(report: StructuredReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
     """Whether mu of this set, in one of its forms, has at the peak of the report the size that is told of there."""
     if not report.nominally_stable:
         return True
-    peaks = [bound_at(form.loop(K), report.omega_rs) for form in (model, model.other) if form is not None]
+    peaks = [bound_at(form.loop(K), report.omega_rs) for form in (model, model.alternative_form) if form is not None]
     return bool(np.isclose(peaks, 1 / report.margin_rs, rtol=0.02, atol=0).any())  # searched for, to better than that

@@ -19,7 +19,7 @@ from robust.lti.connections import closed_loop
 from robust.lti.lti import Matrices, along, named, response, timebase
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable, state_space
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import has_several_channels
 
 __all__ = ["Reduction", "balanced", "of_factors", "reduce_controller", "split", "weighted"]
 
@@ -217,7 +217,7 @@ def reduce_controller(
     >>> found.order, round(float(found.K.D[0, 0]), 6)
     (0, 3.0)
     """
-    several = isinstance(model, MatrixUncertainty)
+    several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), nonnegative("delay", delay)
     deadline = time.monotonic() + positive("time_cap", time_cap)
     if order is not None and integer("order", order, least=0) >= K.nstates:
@@ -242,7 +242,7 @@ def reduce_controller(
             report = check(model, small, w_P=w_P, delay=delay)
             kept, lost = compared(report, before, moved(model, K, small, before))
             if kept or order is not None:
-                told = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
+                told: dict[str, Any] = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
                 return Reduction(
                     K=named(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **told
                 )
@@ -269,7 +269,7 @@ def candidates(
     ways = [lambda: balanced(image), lambda: of_factors(image)]
     if not measured(model):
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
-        if isinstance(model, MatrixUncertainty):
+        if has_several_channels(model):
             around = [control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs]
         else:
             loop = assemble(model, K, w_P, delay)
@@ -331,7 +331,7 @@ def compared(report: Any, before: Any, change: float) -> tuple[bool, str]:
 
 def moved(model: Any, K: control.StateSpace, small: control.StateSpace, before: Any) -> float:
     """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         G, one = along(model.nominal, before.omega), np.eye(model.n_outputs)
         L = (np.moveaxis(np.einsum("jkw,klw->jlw", G, along(part, before.omega)), 2, 0) for part in (K, small))
         S, S_r = (np.linalg.inv(one + part) for part in L)

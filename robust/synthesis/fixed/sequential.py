@@ -25,9 +25,9 @@ from robust.lti.grids import beside_modes, interpolated, structure_grid
 from robust.lti.lti import named, over_frequency, response, timebase
 from robust.lti.stability import outside, unstable_poles, winding
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.matrix_radius import full_block
 from robust.models.sets.measured import as_seen
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.radius import RadiusSpec, full_block
 from robust.synthesis.fixed.one_loop import design_loop
 from robust.synthesis.fixed.plants import DiscsOnLines
 from robust.synthesis.hinf.design import Design
@@ -103,7 +103,7 @@ class MatrixOnLines:
         return np.asarray(entries + block)
 
 
-def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[str, Any]) -> Design:
+def close_in_turn(plant: Bla | UncertaintyModel, structure: Any, asked: dict[str, Any]) -> Design:
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
     dt = refuse_plant(plant, asked)
     n = plant.n_inputs
@@ -144,7 +144,7 @@ def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, asked: dict[st
     )
 
 
-def refuse_plant(plant: Bla | MatrixUncertainty, asked: dict[str, Any]) -> float:
+def refuse_plant(plant: Bla | UncertaintyModel, asked: dict[str, Any]) -> float:
     """The sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
@@ -190,12 +190,12 @@ def one_loop_of(k: int, n: int, structure: Any, asked: dict[str, Any]) -> tuple[
     return own("structure", structure), rest
 
 
-def on_lines(plant: Bla | MatrixUncertainty, dt: float, delay: float) -> MatrixOnLines:
+def on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
     """The matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
         factor = as_seen(plant, plant.omega, np.ones(plant.f.size, dtype=complex), dt, delay)
-        left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), CONFIDENCE, False, True, ADDITIVE)
+        left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), RadiusSpec(p=CONFIDENCE), ADDITIVE)
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
         return MatrixOnLines(
             omega=plant.omega, G=G, left=diagonal(left), right=diagonal(right), radius=np.zeros(G.shape)
@@ -227,13 +227,13 @@ def crossover(given: Any) -> float:
     return float(np.min(given)) if given is not None else 0.0
 
 
-def loop_name(plant: Bla | MatrixUncertainty, k: int) -> str:
+def loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
     """A loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 
 def design_one(
-    plant: Bla | MatrixUncertainty,
+    plant: Bla | UncertaintyModel,
     seen: MatrixOnLines,
     k: int,
     K: list[Any],
@@ -272,10 +272,10 @@ def judged(seen: MatrixOnLines, k: int, K: list[Any], own: tuple[Any, dict[str, 
 
 
 def checked(
-    plant: Bla | MatrixUncertainty, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float
+    plant: Bla | UncertaintyModel, seen: MatrixOnLines, K: list[Any], order: list[int], dt: float
 ) -> tuple[str, float]:
     """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
-    if isinstance(plant, MatrixUncertainty):
+    if isinstance(plant, UncertaintyModel):
         try:
             report = check(plant, joined(K, dt))
         except ValueError as error:

@@ -13,7 +13,6 @@ from robust.lti.connections import closed_loop, in_series, joined
 from robust.lti.lti import fits_any_clock, named, response, timebase
 from robust.lti.norms import hinf_norm, to_continuous, to_discrete
 from robust.lti.realisation import from_roots, multivariable, state_space
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.design import Design
@@ -67,7 +66,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     factor = real("factor", factor)
     if factor <= 1:
         raise ValueError(f"factor must be above 1, got {factor:g}")
-    G = multivariable("G", G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
+    G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     dt = timebase(G)
     W1, W2 = shaping("W1", W1, G.ninputs, dt), shaping("W2", W2, G.noutputs, dt)
     shaped = in_series(W1, G, W2, dt=dt)
