@@ -3,7 +3,6 @@
 # Loop shaping by hand
 from .analysis.bounds import loop_bounds as loop_bounds
 from .analysis.check import check as check
-from .analysis.check_structure import StructuredReport as StructuredReport
 from .analysis.check_structure import check_structure as check_structure
 from .analysis.disk_margin import DiskMargin as DiskMargin
 from .analysis.disk_margin import LoopMargins as LoopMargins
@@ -30,6 +29,7 @@ from .analysis.performance import StepResponse as StepResponse
 from .analysis.performance import loop_gains as loop_gains
 from .analysis.performance import step_response as step_response
 from .analysis.report import RobustnessReport as RobustnessReport
+from .analysis.report import StructuredReport as StructuredReport
 
 # Uncertain: sets of plants
 from .analysis.worst_case import BreakingPerturbation as BreakingPerturbation

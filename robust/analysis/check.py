@@ -23,7 +23,7 @@ import numpy as np
 from nlfrf._base.arguments import hertz, integer, nonnegative, one_of, shown
 from robust._base.channels import is_single
 from robust.analysis.aliases import Shares, shares
-from robust.analysis.check_structure import StructuredReport, check_structure
+from robust.analysis.check_structure import check_structure
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.disk_margin import disk_margins
 from robust.analysis.loop import Loop, assemble, find_peaks, nominal_instability
@@ -31,12 +31,12 @@ from robust.analysis.loop_level import LoopSignals, predict_level, require_param
 from robust.analysis.proofs import claim_of, prove_set
 from robust.analysis.report import (
     RobustnessReport,
+    describe_confidence,
     fill_report,
     folding_sentence,
     on_lines_only,
     on_set,
     on_unstable,
-    probability_of,
 )
 from robust.lti.grids import beside_modes, interpolated, reaching
 from robust.lti.lti import clock_of, refuse_other_clock, response, timebase
@@ -86,7 +86,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
         loop=f"{hold}; controller {K.nstates} states",
     )
     of = {"demand": w_P, "delay": delay, "band": omega[[0, -1]], "unit": getattr(model, "unit", "")}
-    of["probability"] = probability_of(model)
+    of["probability"] = describe_confidence(model)
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
 
@@ -140,7 +140,7 @@ def check(
     Returns
     -------
     RobustnessReport
-        A bad controller is a result, not an error. Of a MatrixUncertainty the `StructuredReport` of `check_structure`.
+        A bad controller is a result, not an error. Of several channels by `check_structure`.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def check(
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
     of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
-    of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": probability_of(model)}
+    of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": describe_confidence(model)}
     claim = claim_of(model, K, loop.w_P, delay)
     nominal = nominal_instability(loop)
     if not nominal.stable:
@@ -210,25 +210,26 @@ def folding_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) -> Shar
     return shares(loop.at_points(loop.curves(omega)), band, total)
 
 
-def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certify: bool) -> Any:
-    """`check` of several inputs and outputs: that of its blocks, with the margins of every loop."""
+def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certify: bool) -> RobustnessReport:
+    """`check` of several channels: that of the blocks of the best form, with the margins of every loop."""
     if delay:
-        raise ValueError(f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top")
-    if model.alternative_form is None:
-        found = check_structure(model.loop(K, w_P=w_P), certify=certify)
-    else:
-        found = better(model, model.alternative_form, K, w_P, certify)
-    margins = disk_margins(model, K)
-    return replace(found, probability=probability_of(model), band=model.omega[[0, -1]], margins=margins)
+        raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
+    forms = [form for form in (model, model.alternative_form) if form is not None]
+    reports = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form in forms}
+    taken = best_form(reports)
+    found = reports[taken]
+    reason = found.reason
+    if len(forms) > 1:
+        reason += f"; of the forms {' and '.join(reports)} the {taken} one says most"
+    of = {"probability": describe_confidence(model), "band": model.omega[[0, -1]], "form": taken, "demand": w_P}
+    return replace(found, reason=reason, margins=disk_margins(model, K), perturbation=model.perturbation, **of)
 
 
-def better(one: UncertaintyModel, other: UncertaintyModel, K: Any, w_P: Any, certify: bool) -> StructuredReport:
-    """The report on the form of a set that establishes more, then on that of the larger margin; with its name."""
+def best_form(reports: dict[str, RobustnessReport]) -> str:
+    """The form of a set whose report establishes more, then that of the larger margin."""
 
-    def established(report: StructuredReport) -> tuple[bool, bool, float]:
+    def established(form: str) -> tuple[bool, bool, float]:
+        report = reports[form]
         return report.robust_performance, report.robustly_stable, float(np.nan_to_num(report.margin_rs, nan=-1.0))
 
-    found = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form in (one, other)}
-    taken = max(found, key=lambda form: established(found[form]))
-    tried = f"of the forms {one.form} and {other.form} the {taken} one says most"
-    return replace(found[taken], reason=f"{found[taken].reason}; {tried}")
+    return max(reports, key=established)

@@ -71,8 +71,6 @@ def model_pictures(model: Any, blas: Any) -> Pictures:
     """A model as `robust model` draws it."""
     from robust import plot
 
-    if has_several_channels(model):
-        return [(lambda one, ax: plot.plot_matrix_set(one, blas, ax=ax), model), (plot.plot_matrix_weights, model)]
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_bode(one, blas, ax=ax), model)]
 
 

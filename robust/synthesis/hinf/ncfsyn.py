@@ -10,9 +10,9 @@ from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import positive, real
 from robust.lti.connections import closed_loop, in_series, joined
-from robust.lti.lti import fits_any_clock, named, response, timebase
+from robust.lti.lti import along, fits_any_clock, named, response, timebase
 from robust.lti.norms import hinf_norm, to_continuous, to_discrete
-from robust.lti.realisation import from_roots, multivariable, state_space
+from robust.lti.realisation import from_roots, multivariable
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.design import Design
@@ -136,6 +136,8 @@ def shaping(name: str, given: Any, n: int, dt: float) -> control.StateSpace:
 def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
     """A first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
 
+    Of several channels a diagonal of such weights, each by the diagonal entry of the plant at its input.
+
     Where the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade through the
     crossover; where the plant falls by itself, W1 = k (s + omega_c/5) / s.
 
@@ -166,13 +168,21 @@ def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
     >>> round(float(abs(W1(1j) * 2 / (1j + 10))), 12)
     1.0
     """
-    G = state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+    G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     omega_c, dt = positive("omega_c", omega_c), timebase(G)
+    if G.ninputs != G.noutputs:
+        raise ValueError(f"G must have as many inputs as outputs, got {G.ninputs} inputs and {G.noutputs} outputs")
     if dt and omega_c * dt > np.pi / 2:
         raise ValueError(
             f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s, got {omega_c:g}"
         )
-    around = np.abs(response(G, omega_c * np.array([0.9, 1.0, 1.1])))
+    around = np.abs(along(G, omega_c * np.array([0.9, 1.0, 1.1])))
+    loops = [crossover_of_loop(around[k, k], omega_c, dt) for k in range(G.ninputs)]
+    return loops[0] if len(loops) == 1 else joined(loops, dt)
+
+
+def crossover_of_loop(around: np.ndarray, omega_c: float, dt: float) -> control.StateSpace:
+    """`crossover_weight` of one loop, from |G| (3,) at 0.9, 1 and 1.1 omega_c."""
     if not np.all((around > 0) & np.isfinite(around)):
         raise ValueError(f"omega_c must lie where the plant has gain, got |G| = {around[1]:g} at {omega_c:g} rad/s")
     flat = np.log(around[2] / around[0]) / np.log(1.1 / 0.9) > -0.5

@@ -205,7 +205,7 @@ def test_refusals():
         MatrixUncertainty(
             nominal=G, form="additive", left=w, right=w, omega=OMEGA, radius=covered, confidence=0.95
         )  # fmt: skip
-    with pytest.raises(ValueError, match="delay must be in the nominal of a MatrixUncertainty"):
+    with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
         robust.check(model, control.ss([], [], [], np.eye(2)), delay=0.1)
     with pytest.raises(ValueError, match="K must leave the nominal loop stable"):
         robust.breaking_perturbation(model, control.ss([], [], [], -100 * np.eye(2)))
