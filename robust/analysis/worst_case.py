@@ -11,18 +11,28 @@ from nlfrf._base.arguments import real, shown
 from nlfrf._base.values import value
 from robust.analysis.aliases import in_phase
 from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
-from robust.lti.connections import in_series, joined, worst_perturbation
+from robust.lti.connections import in_series, joined, upper, worst_perturbation
 from robust.lti.grids import structure_grid
 from robust.lti.lti import along, response, timebase
 from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
-from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
+from robust.models.sets.interconnection import UncertainSystem
+from robust.models.sets.model import UncertaintyModel, has_several_channels, require_parametric
 from robust.models.sets.perturbations import perturbed, with_phase, with_phases, within
 from robust.mu.lower import mu_lower
-from robust.mu.upper import refined
+from robust.mu.upper import refined, worst_gain
 from robust.proofs.search.stability import instability
 
-__all__ = ["BreakingPerturbation", "WorstCase", "all_passes", "as_system", "breaking_perturbation", "worst_case"]
+__all__ = [
+    "BreakingPerturbation",
+    "WorstCase",
+    "all_passes",
+    "as_system",
+    "breaking_perturbation",
+    "largest_gains",
+    "performance_loop",
+    "worst_case",
+]
 
 
 @value
@@ -34,16 +44,18 @@ class WorstCase:
     omega : (W,) ndarray
         Frequencies [rad/s].
     gain : (W,) ndarray
-        Largest |S_p| over the set (|w_P S_p| with w_P); inf where a plant of the set puts a pole on the boundary.
+        Largest |S_p| over the set (|w_P S_p| with w_P); inf where a plant of the set puts a pole on the boundary. Of
+        several channels an upper bound of the largest singular value, by the structured singular value.
     omega_worst : float
         Where it is largest, or where a perturbation destabilises the loop [rad/s].
     plant : control.StateSpace
         A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K, where
-        each alias that adds more than 0.3 % has its own phase (in an inverse form only the frequency itself).
-    delta : complex
-        The perturbation there; of modulus below one where less suffices to destabilise.
+        each alias that adds more than 0.3 % has its own phase (in an inverse form only the frequency itself). Of
+        several channels the worst that was found, which may stay below the bound.
+    delta : complex, or (drives, reads) complex ndarray
+        The perturbation there; of modulus (largest singular value) below one where less suffices to destabilise.
     achieved : float
-        |S_p| (|w_P S_p|) of the loop with that plant at omega_worst, recomputed.
+        |S_p| (|w_P S_p|; its largest singular value) of the loop with that plant at omega_worst, recomputed.
     stable : bool
         Whether the loop with that plant is stable.
 
@@ -65,7 +77,7 @@ class WorstCase:
     gain: np.ndarray
     omega_worst: float
     plant: control.StateSpace
-    delta: complex
+    delta: Any
     achieved: float
     stable: bool
 
@@ -76,13 +88,13 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     Parameters
     ----------
     model : UncertaintyModel
-        With a parametric nominal.
+        With a parametric nominal, of any number of channels.
     K : control.StateSpace, TransferFunction or float
-        Controller, continuous or discrete, negative feedback.
+        Controller, continuous or discrete, negative feedback; of several channels on the time base of the nominal.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight on S; 1 when not given.
     delay : float
-        Computation delay [s].
+        Computation delay [s]; of several channels it is in the nominal.
 
     Returns
     -------
@@ -106,7 +118,9 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     >>> bool(np.all(model.distance(worst.plant) <= 1 + 1e-9))             # a plant of the set
     True
     """
-    require_one_channel(model, "take breaking_perturbation, or worst_gain", "to make plants of")
+    require_parametric(model, "to make plants of")
+    if not model.is_single:
+        return worst_of_several(model, K, w_P, delay)
     loop = assemble(model, K, w_P, delay)
     nominal = nominal_instability(loop)
     if not nominal.stable:
@@ -170,11 +184,99 @@ def lead_of(loop: Loop, delay: float) -> float:
 # vector of all-passes carries each direction, and the perturbation is no larger anywhere else.
 
 NEAR = 1e-4  # of the lowest frequency, or of the distance to Nyquist
+N_PEAKS = 3  # frequencies at which the worst perturbation is looked for
+MOST_GAINS = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
+HALVINGS = 24  # of log g, from three decades: to 1e-6
+
+
+def worst_of_several(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> WorstCase:
+    """`worst_case` of several channels: the bound by mu, and the worst perturbation found where it peaks."""
+    system = performance_loop(model, K, w_P, delay)
+    omega, gain = largest_gains(system, model.omega)
+    try:
+        broken = breaking_perturbation(model, K)
+    except ValueError:  # nothing breaks the loop
+        broken = None
+    if broken is not None and broken.size <= 1:
+        where, Delta, stable = broken.omega, scaled(broken.Delta, broken.size), False
+    else:
+        dt = timebase(model.nominal)
+        found = []
+        for at in np.unique(np.clip(omega[np.argsort(-gain)[:N_PEAKS]], *phase_band(omega, dt))):
+            delta = worst_delta(along(system.N, np.array([at]))[:, :, 0], system)
+            one = as_system(delta, float(at), dt, full=model.form != ELEMENTS)
+            found.append((sensitivity_of(system, one, float(at)), float(at), one))
+        _, where, Delta = max(found, key=lambda one: one[0])
+        stable = instability(upper(system.N, Delta)).stable
+    return WorstCase(
+        omega=omega,
+        gain=gain,
+        omega_worst=where,
+        plant=model.perturbed(Delta),
+        delta=along(Delta, np.array([where]))[:, :, 0],
+        achieved=sensitivity_of(system, Delta, where),
+        stable=stable,
+    )
+
+
+def performance_loop(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> UncertainSystem:
+    """The loop of several channels with S, or w_P S, as its performance; refused where its nominal is not stable."""
+    if delay:
+        raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
+    one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
+    system = model.loop(K, w_P=one if w_P is None else w_P)
+    nominal = instability(system.N)
+    if not nominal.stable:
+        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
+    return system
+
+
+def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [rad/s], and the bound on the gain from inputs to outputs over the set there."""
+    omega = np.union1d(structure_grid(system.N), lines)
+    omega = omega[omega > 0]
+    omega = np.union1d(omega[:: max(1, omega.size // MOST_GAINS)], omega[[0, -1]])
+    return omega, worst_gain(along(system.N, omega), system.structure)
+
+
+def worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
+    """(drives, reads) the perturbation of gain at most one that was found to make the gain of N (rows, cols) largest.
+
+    Of N with its outputs over g, the smallest perturbation that makes it singular together with a full block between
+    outputs and inputs has size one where g is the gain that the other blocks reach: looked for by bisection of log g.
+    """
+    rows, cols = (sum(block[k] for block in system.structure) for k in (0, 1))
+    low = float(np.linalg.norm(N[rows:, cols:], 2)) + np.finfo(float).tiny
+    high, best = 1e3 * low, np.zeros((cols, rows), dtype=complex)
+    for _ in range(HALVINGS):
+        middle = np.sqrt(low * high)
+        scaled_N = np.concatenate([N[:rows], N[rows:] / middle])
+        found = mu_lower(scaled_N[:, :, None], system.with_performance, n_starts=2)
+        if found.value[0] >= 1:
+            low, best = middle, found.delta[:cols, :rows, 0]
+        else:
+            high = middle
+    return best
+
+
+def sensitivity_of(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
+    """Largest singular value from inputs to outputs at omega [rad/s], with a perturbation."""
+    return float(np.linalg.norm(along(upper(system.N, Delta), np.array([omega]))[:, :, 0], 2))
+
+
+def scaled(Delta: control.StateSpace, size: float) -> control.StateSpace:
+    """size times a system."""
+    return control.StateSpace(Delta.A, Delta.B, size * Delta.C, size * Delta.D, Delta.dt)
+
+
+def phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
+    """Frequencies [rad/s] between which an all-pass has a phase to give: not at zero, not at Nyquist."""
+    return NEAR * float(omega[omega > 0].min()), np.pi / dt * (1 - NEAR) if dt else np.inf
 
 
 @value
 class BreakingPerturbation:
-    """A perturbation of a `MatrixUncertainty` that puts a pole of the loop on the stability boundary.
+    """A perturbation of a set of several channels that puts a pole of the loop on the stability boundary.
 
     Fields
     ------
@@ -196,7 +298,7 @@ class BreakingPerturbation:
     --------
     >>> G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     >>> w = control.ss([], [], [], [[1.0]])
-    >>> model = MatrixUncertainty(
+    >>> model = UncertaintyModel(
     ...     nominal=G, form="additive", left=(w, w), right=(w, w), omega=np.array([1.0]), radius=np.ones((4, 1)),
     ...     confidence=0.95)
     >>> worst = breaking_perturbation(model, control.ss([], [], [], 2 * np.eye(2)))
@@ -211,8 +313,7 @@ class BreakingPerturbation:
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
         """The plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
-        Delta, x = self.Delta, real("factor", factor) * self.size
-        return self.model.perturbed(control.StateSpace(Delta.A, Delta.B, x * Delta.C, x * Delta.D, Delta.dt))
+        return self.model.perturbed(scaled(self.Delta, real("factor", factor) * self.size))
 
 
 def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbation:
@@ -243,7 +344,7 @@ def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbati
     >>> G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     >>> w = control.ss([], [], [], [[0.5]])
     >>> omega = np.array([1.0])
-    >>> model = MatrixUncertainty(
+    >>> model = UncertaintyModel(
     ...     nominal=G, form="elements", left=(), right=(w,) * 4, omega=omega, radius=np.full((4, 1), 0.5),
     ...     confidence=0.95)
     >>> K = control.ss([], [], [], np.eye(2))
@@ -251,7 +352,7 @@ def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbati
     1.0
     """
     if not has_several_channels(model):
-        raise ValueError(f"model must be a MatrixUncertainty, got {shown(model)}")
+        raise ValueError(f"model must be of several channels, got {shown(model)}: worst_case takes one of one channel")
     system = model.loop(K)
     nominal = instability(system.N)
     if not nominal.stable:
@@ -260,8 +361,7 @@ def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbati
     omega, mu = refined(N, system.structure, structure_grid(N))
     dt = timebase(N)
     # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
-    top = np.pi / dt * (1 - NEAR) if dt else np.inf
-    some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], NEAR * omega[omega > 0].min(), top))
+    some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *phase_band(omega, dt)))
     found = mu_lower(along(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:

@@ -135,7 +135,7 @@ def write_report(
         set_section(model),
         loop_section(report, model, K),
         check_section(report),
-        *([worst_section(model, K, report, delay)] if single else []),
+        worst_section(model, K, report, delay),
         settings_section(model, K, w_P, delay),
     ]
     beside = "" if friction is None else in_short(friction)

@@ -144,8 +144,12 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
         return Section(name=name, title=title, lead=f"None can be given: {why}.")
     worst = worst_case(model, K, delay=delay)
     peak = f"|S| = {worst.achieved:.3g}" if worst.stable else "an unstable loop"
+    size = np.linalg.norm(np.atleast_2d(worst.delta), 2)
     facts = [
-        ("worst plant", f"{peak} at {hertz(worst.omega_worst)}, with |Delta| = {abs(worst.delta):.3g} there"),
+        (
+            "worst plant",
+            f"{peak} at {hertz(worst.omega_worst)}, with |Delta| = {size:.3g} there",
+        ),
         ("its poles", roots_text(poles(worst.plant), timebase(worst.plant))),
     ]
     family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)

@@ -66,7 +66,7 @@ from robust.models.sets.perturbations import perturbed, random_delta, within
 from robust.models.sets.radius import PARTS, frf_at
 from robust.models.sets.records import RecordSummary
 
-__all__ = ["MatrixUncertainty", "UncertaintyModel", "has_several_channels", "require_one_channel"]
+__all__ = ["MatrixUncertainty", "UncertaintyModel", "has_several_channels", "require_one_channel", "require_parametric"]
 
 
 ROUNDED = 1 + 1e-9  # a Delta of size one, but for rounding

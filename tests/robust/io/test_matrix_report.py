@@ -47,8 +47,8 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     report = robust.write_report(tmp_path / "r.html", MODEL, K, bla=FRM, nominal=FIT, w_P=w_P)
     again = robust.check(MODEL, K, w_P=w_P)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
-    assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "settings"]
-    text = page.text.rpartition("Versions and settings")[0]  # of the machine that wrote it
+    assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "worst", "settings"]
+    text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
     rows = [FRM, nlfrf.singular_values(FRM), FIT, MODEL, again, *([again.margins] if again.margins else [])]
     said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
     said += [again.reason, again.proved, again.not_proved, again.probability, MODEL.source, MODEL.extrapolation]
@@ -67,7 +67,7 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     for known in sorted({" ".join(one.split()) for one in said if one.strip()}, key=len, reverse=True):
         text = text.replace(known, " # ")
     text = re.sub(r"Written \S+ \S+ \S+|0 to reset|0 Hz \(integrator\)|95 %", " ", text)
-    text = re.sub(r"\b[1-7]\. (?=Verdict|Best|Nominal|Uncertainty|Controller|Check|Versions|$)", " ", text)
+    text = re.sub(r"\b[1-8]\. (?=Verdict|Best|Nominal|Uncertainty|Controller|Check|Worst|Versions|$)", " ", text)
     assert [text[max(0, m.start() - 40) : m.end() + 20] for m in NUMBER.finditer(text)] == []
     assert report.verdict == again.verdict == ("statistically robust" if K is SMALL else "not robust")
     assert report.verdict in text.lower()
@@ -79,7 +79,7 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     report = robust.check(MODEL, SMALL)
     robust.write_report(tmp_path / "r.html", MODEL, SMALL, record=RECORD, report=report)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
-    assert len(page.images) == 7
+    assert len(page.images) == 9
     assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
     with pytest.raises(ValueError, match="w_P must be that of the report"):
         robust.write_report(tmp_path / "n.html", MODEL, SMALL, report=report, w_P=W_P)
