@@ -26,6 +26,7 @@ from robust.analysis.aliases import Shares, shares
 from robust.analysis.check_structure import check_structure
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.disk_margin import disk_margins
+from robust.analysis.folded import as_sampled
 from robust.analysis.loop import Loop, assemble, find_peaks, nominal_instability
 from robust.analysis.loop_level import LoopSignals, predict_level, require_parametric
 from robust.analysis.proofs import claim_of, prove_set
@@ -212,17 +213,24 @@ def folding_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) -> Shar
 
 def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certify: bool) -> RobustnessReport:
     """`check` of several channels: that of the blocks of the best form, with the margins of every loop."""
-    if delay:
-        raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
-    forms = [form for form in (model, model.alternative_form) if form is not None]
-    reports = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form in forms}
+    forms = [as_sampled(form, K, delay) for form in (model, model.alternative_form) if form is not None]
+    reports = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form, _ in forms}
     taken = best_form(reports)
     found = reports[taken]
     reason = found.reason
     if len(forms) > 1:
         reason += f"; of the forms {' and '.join(reports)} the {taken} one says most"
-    of = {"probability": describe_confidence(model), "band": model.omega[[0, -1]], "form": taken, "demand": w_P}
-    return replace(found, reason=reason, margins=disk_margins(model, K), perturbation=model.perturbation, **of)
+    of: dict[str, Any] = {
+        "probability": describe_confidence(model),
+        "band": model.omega[[0, -1]],
+        "form": taken,
+        "demand": w_P,
+    }
+    folding = {form.form: words for form, words in forms}[taken]
+    if folding:
+        of |= {"folding": folding, "delay": float(delay)}
+        of["not_proved"] = f"That the weights of the sampled set cover every alias; {found.not_proved}"
+    return replace(found, reason=reason, margins=disk_margins(forms[0][0], K), perturbation=model.perturbation, **of)
 
 
 def best_form(reports: dict[str, RobustnessReport]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from nlfrf._base.arguments import integer
 from nlfrf._base.values import value
+from robust.analysis.folded import as_sampled
 from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
 from robust.analysis.worst_case import largest_gains, performance_loop
 from robust.lti.connections import closed_loop
@@ -120,8 +121,9 @@ def sample_loops(
 
 def loops_of_several(model: UncertaintyModel, K: Any, n: int, delay: float, rng: Any) -> LoopFamily:
     """`sample_loops` of several channels."""
-    omega, worst = largest_gains(performance_loop(model, K, None, delay), model.omega)
-    K = multivariable("K", K)
+    K, band = multivariable("K", K), model.omega[[0, -1]]
+    model, _ = as_sampled(model, K, delay)
+    omega, worst = largest_gains(performance_loop(model, K, None), model.omega)
     loops = []
     for plant in (model.nominal, *model.sample(n, rng)):
         loops.append(control.StateSpace(*closed_loop(plant, K, ("e",), ("r",)), plant.dt))
@@ -132,5 +134,5 @@ def loops_of_several(model: UncertaintyModel, K: Any, n: int, delay: float, rng:
         stable=np.array([instability(loop).stable for loop in loops[1:]]),
         nominal=S[0],
         worst=worst,
-        band=model.omega[[0, -1]],
+        band=band,
     )

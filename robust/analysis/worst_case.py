@@ -10,6 +10,7 @@ import numpy as np
 from nlfrf._base.arguments import real, shown
 from nlfrf._base.values import value
 from robust.analysis.aliases import in_phase
+from robust.analysis.folded import as_sampled
 from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
 from robust.lti.connections import in_series, joined, upper, worst_perturbation
 from robust.lti.grids import structure_grid
@@ -51,7 +52,7 @@ class WorstCase:
     plant : control.StateSpace
         A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K, where
         each alias that adds more than 0.3 % has its own phase (in an inverse form only the frequency itself). Of
-        several channels the worst that was found, which may stay below the bound.
+        several channels the worst that was found, which may stay below the bound, sampled under a sampled K.
     delta : complex, or (drives, reads) complex ndarray
         The perturbation there; of modulus (largest singular value) below one where less suffices to destabilise.
     achieved : float
@@ -90,11 +91,11 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     model : UncertaintyModel
         With a parametric nominal, of any number of channels.
     K : control.StateSpace, TransferFunction or float
-        Controller, continuous or discrete, negative feedback; of several channels on the time base of the nominal.
+        Controller, continuous or discrete, negative feedback.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight on S; 1 when not given.
     delay : float
-        Computation delay [s]; of several channels it is in the nominal.
+        Computation delay [s]; of several channels it is in the nominal, but where K is sampled and that is not.
 
     Returns
     -------
@@ -191,7 +192,8 @@ HALVINGS = 24  # of log g, from three decades: to 1e-6
 
 def worst_of_several(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> WorstCase:
     """`worst_case` of several channels: the bound by mu, and the worst perturbation found where it peaks."""
-    system = performance_loop(model, K, w_P, delay)
+    model, _ = as_sampled(model, K, delay)
+    system = performance_loop(model, K, w_P)
     omega, gain = largest_gains(system, model.omega)
     try:
         broken = breaking_perturbation(model, K)
@@ -219,10 +221,8 @@ def worst_of_several(model: UncertaintyModel, K: Any, w_P: Any, delay: float) ->
     )
 
 
-def performance_loop(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> UncertainSystem:
+def performance_loop(model: UncertaintyModel, K: Any, w_P: Any) -> UncertainSystem:
     """The loop of several channels with S, or w_P S, as its performance; refused where its nominal is not stable."""
-    if delay:
-        raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
     one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
     system = model.loop(K, w_P=one if w_P is None else w_P)
     nominal = instability(system.N)

@@ -25,6 +25,7 @@ __all__ = [
     "paired",
     "stable_weight",
     "state_space",
+    "structural_part",
 ]
 
 

@@ -22,6 +22,7 @@ __all__ = [
     "Extrapolation",
     "RadiusSpec",
     "block_radius",
+    "diagonal_over",
     "disc_parts",
     "element_parts",
     "frf_at",
