@@ -20,7 +20,6 @@ import numpy as np
 import nlfrf
 import robust
 from benchmarks.plants import OTHERS, STATIC, spring
-from robust.lti.lti import response
 
 DESIGNS = {
     "rig": dict(fs=4096, n_samples=16384, f_min=1.25, f_max=150, rms=0.25),
@@ -89,8 +88,7 @@ def set_of(bla, n_poles, order, **more):
 
 def held(model, omega, G):
     """Share of the FRFs (n, F) that lie in the set on all lines."""
-    size = np.abs(response(model.weight, omega))
-    return float(np.mean(np.all(model.deviations(omega, G, model.at(omega)) <= size, axis=1)))
+    return float(np.mean(np.all(model.is_within(omega, G, model.at(omega)), axis=1)))
 
 
 def measure(case, ms, y, n_records, rng):

@@ -16,7 +16,7 @@ import numpy as np
 
 import robust
 from robust.models.sets.forms import MATRIX_FORMS
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import MatrixUncertainty
 
 
 def random_system(rng, n, n_out, n_in, dt, gain):

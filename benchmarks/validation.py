@@ -19,7 +19,7 @@ from scipy.stats import kstest, ncx2, norm
 import nlfrf
 import robust
 from benchmarks.plants import OTHERS, STATIC
-from robust.models.sets.evidence import evidence_of
+from robust.models.sets.records import summarize_record
 
 F_N, ZETA = 58.6, 0.0622  # of the rig in small motions, as its fit tells
 
@@ -70,8 +70,8 @@ def behind(y, f, change):
 def model_of(bla, nominal=None):
     """A model that remembers a record, around its FRF where no nominal is given; its weight has no say here."""
     nominal, ones = robust.frd(bla) if nominal is None else nominal, np.ones(bla.f.size)
-    known = (evidence_of(bla),)
-    return robust.UncertaintyModel(nominal, 2.0, "multiplicative", bla.omega, ones, 0.95, evidence=known)
+    known = (summarize_record(bla),)
+    return robust.UncertaintyModel(nominal, 2.0, "multiplicative", bla.omega, ones, 0.95, records=known)
 
 
 def judged(ms, y, n_records, n_poles, snr, rng, changes=CHANGES):

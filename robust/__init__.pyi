@@ -3,7 +3,6 @@
 # Loop shaping by hand
 from .analysis.bounds import loop_bounds as loop_bounds
 from .analysis.check import check as check
-from .analysis.check_structure import StructuredReport as StructuredReport
 from .analysis.check_structure import check_structure as check_structure
 from .analysis.disk_margin import DiskMargin as DiskMargin
 from .analysis.disk_margin import LoopMargins as LoopMargins
@@ -30,6 +29,7 @@ from .analysis.performance import StepResponse as StepResponse
 from .analysis.performance import loop_gains as loop_gains
 from .analysis.performance import step_response as step_response
 from .analysis.report import RobustnessReport as RobustnessReport
+from .analysis.report import StructuredReport as StructuredReport
 
 # Uncertain: sets of plants
 from .analysis.worst_case import BreakingPerturbation as BreakingPerturbation
@@ -85,12 +85,12 @@ from .models.fit.weights import control_weight as control_weight
 from .models.fit.weights import delay_weight as delay_weight
 from .models.fit.weights import fit_weight as fit_weight
 from .models.fit.weights import performance_weight as performance_weight
+from .models.sets.build import uncertainty as uncertainty
 from .models.sets.interconnection import Block as Block
 from .models.sets.interconnection import UncertainSystem as UncertainSystem
 from .models.sets.interconnection import interconnection as interconnection
-from .models.sets.matrix_model import MatrixUncertainty as MatrixUncertainty
+from .models.sets.model import MatrixUncertainty as MatrixUncertainty
 from .models.sets.model import UncertaintyModel as UncertaintyModel
-from .models.sets.model import uncertainty as uncertainty
 from .models.validation import MatrixValidation as MatrixValidation
 from .models.validation import Validation as Validation
 from .models.validation import validate as validate

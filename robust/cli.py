@@ -156,7 +156,7 @@ def design(
     if positive_gains and method != "pid":
         raise ValueError(f"positive must be asked of --method pid, got it with {method}")
     if method == "pid":
-        plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else model_of_one(model)
+        plant: Any = nlfrf.load_bla(model) if model.suffix.lower() in BLAS else robust.load_model(model)
         omega_c = None if bandwidth is None else 2 * np.pi * bandwidth
         with spinner("designing"):
             asked: dict[str, Any] = {"M_S": peak, "omega_c": omega_c, "dt": sample_time, "delay": delay}
@@ -165,7 +165,7 @@ def design(
     else:
         if bandwidth is None:
             raise ValueError(f"bandwidth must be given [Hz] for {method}")
-        plant = model_of_one(model)
+        plant = robust.load_model(model)
         if plant.measured_only:
             raise ValueError(f"model must have a parametric nominal to design on, got {model} with an FRF")
         with spinner("designing"):
@@ -362,7 +362,9 @@ def report(
         list[Path] | None, typer.Option("--bla", help="BLA behind the model; may be repeated. Found from the record.")
     ] = None,
     record: Annotated[list[Path] | None, typer.Option("--record", help="Measured record; may be repeated.")] = None,
-    input: Annotated[str, typer.Option("--input", help="Name of the input in the record.")] = "u",
+    input: Annotated[
+        str, typer.Option("--input", help="Name of the input in the record; the names of a model of several.")
+    ] = "u",
     output: Annotated[str, typer.Option("--output", help="Name of the output in the record.")] = "y",
     fs: Annotated[float | None, typer.Option(help="Its sampling frequency [Hz]; from the file when not given.")] = None,
     period: Annotated[int | None, typer.Option(help="Its samples in one period; found when not given.")] = None,
@@ -387,8 +389,10 @@ def report(
 ) -> None:
     """Write a whole run as one HTML file to hand over: record, BLA, model, controller, check and proof."""
     refuse_demand(bandwidth, error)
-    plant, K = model_of_one(model), robust.load_controller(controller)
+    plant, K = robust.load_model(model), robust.load_controller(controller)
     load: Any = {"u": input, "y": output, "fs": fs, "n_samples": period, "n_discard": discard}
+    if not plant.is_single:
+        load |= {"u": list(plant.inputs), "y": list(plant.outputs)}
     w_P = demanded(plant, bandwidth, peak, error)
     proof = None
     if stiffness is not None:

@@ -7,6 +7,7 @@ check_structure  the same with several uncertainties
 curves           S, T, rs, rp over frequency for the whole set, at the poles of the parts too
 disk_margin      gain and phase at once, in all channels at once
 family           loops around random plants of the set, to look at
+folded           a continuous set of several channels as a sampler sees it: the sampled set that holds it
 gap              the distance between plants (nu-gap), and the margin of a loop for it
 loop             plant, controller, hold, delay on one time base: stable or not, its peaks, with another plant
 loop_level       predict at which level a loop moves the machine, and compare that with the measured levels

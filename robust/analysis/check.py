@@ -15,37 +15,36 @@ A controller that runs sampled is checked sampled: hold and computation delay go
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative, short_form
 from robust._base.channels import is_single
 from robust.analysis.aliases import Shares, shares
-from robust.analysis.check_structure import StructuredReport, check_structure
+from robust.analysis.check_structure import check_structure
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
 from robust.analysis.disk_margin import disk_margins
+from robust.analysis.folded import as_sampled
 from robust.analysis.loop import Loop, assemble, find_peaks, nominal_instability
 from robust.analysis.loop_level import LoopSignals, predict_level, require_parametric
 from robust.analysis.proofs import claim_of, prove_set
 from robust.analysis.report import (
     RobustnessReport,
+    describe_confidence,
     fill_report,
     folding_sentence,
     on_lines_only,
     on_set,
     on_unstable,
-    probability_of,
 )
 from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import unstable_poles, winding_number
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.measured import as_seen, on_lines, sampling_time, warn_of_unknown_hold
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.proofs.search.certificate import SOLVERS
 
 __all__ = ["check", "check_lines"]
@@ -88,7 +87,7 @@ def check_lines(model: Any, K: Any, *, w_P: Any, delay: float, n_unstable: int) 
         loop=f"{hold}; controller {K.nstates} states",
     )
     of = {"demand": w_P, "delay": delay, "band": omega[[0, -1]], "unit": getattr(model, "unit", "")}
-    of["probability"] = probability_of(model)
+    of["probability"] = describe_confidence(model)
     return fill_report(curves, peaks, words, perturbation=perturbation, stable=stable, **of)
 
 
@@ -105,33 +104,6 @@ def refuse_misfit(omega: np.ndarray, G: np.ndarray, dt: float) -> None:
         )
 
 
-@overload
-def check(
-    model: MatrixUncertainty,
-    K: Any,
-    *,
-    w_P: Any = ...,
-    delay: float = ...,
-    certify: bool = ...,
-    solver: str = ...,
-    n_unstable: int = ...,
-) -> StructuredReport: ...
-
-
-@overload
-def check(
-    model: UncertaintyModel | Bla | control.FrequencyResponseData,
-    K: Any,
-    *,
-    w_P: Any = ...,
-    delay: float = ...,
-    certify: bool = ...,
-    solver: str = ...,
-    n_unstable: int = ...,
-    signals: LoopSignals | None = ...,
-) -> RobustnessReport: ...
-
-
 def check(
     model: Any,
     K: Any,
@@ -142,7 +114,7 @@ def check(
     solver: str = "CLARABEL",
     n_unstable: int = 0,
     signals: LoopSignals | None = None,
-) -> RobustnessReport | StructuredReport:
+) -> RobustnessReport:
     """Check a controller against a model with uncertainty, and say what was proved.
 
     Parameters
@@ -171,7 +143,7 @@ def check(
     Returns
     -------
     RobustnessReport
-        A bad controller is a result, not an error. Of a MatrixUncertainty the `StructuredReport` of `check_structure`.
+        A bad controller is a result, not an error. Of several channels by `check_structure`.
 
     Raises
     ------
@@ -196,7 +168,7 @@ def check(
     require_choice("solver", solver, SOLVERS)
     if signals is not None:
         require_parametric(model)
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         return check_matrix(model, K, w_P, delay, certify)
     if is_single(model) or isinstance(model, control.FrequencyResponseData) or getattr(model, "measured_only", False):
         return check_lines(model, K, w_P=w_P, delay=delay, n_unstable=n_unstable)
@@ -209,7 +181,7 @@ def check(
         warn_of_unknown_hold(model, loop.dt)
     omega = loop.grid(model.omega)
     of: dict[str, Any] = {"perturbation": model.perturbation, "demand": loop.w_P, "delay": float(delay)}
-    of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": probability_of(model)}
+    of |= {"band": model.omega[[0, -1]], "unit": model.unit, "probability": describe_confidence(model)}
     claim = claim_of(model, K, loop.w_P, delay)
     nominal = nominal_instability(loop)
     if not nominal.stable:
@@ -243,25 +215,33 @@ def folding_at_peak(loop: Loop, peaks: Peaks, band: tuple[float, float]) -> Shar
     return shares(loop.at_points(loop.curves(omega)), band, total)
 
 
-def check_matrix(model: MatrixUncertainty, K: Any, w_P: Any, delay: float, certify: bool) -> StructuredReport:
-    """`check` of several inputs and outputs: that of its blocks, with the margins of every loop."""
-    if delay:
-        raise ValueError(f"delay must be in the nominal of a MatrixUncertainty, by sampled(), got {delay:g} s on top")
-    if model.other is None:
-        found = check_structure(model.loop(K, w_P=w_P), certify=certify)
-    else:
-        found = better(model, model.other, K, w_P, certify)
-    margins = disk_margins(model, K)
-    return replace(found, probability=probability_of(model), band=model.omega[[0, -1]], margins=margins)
+def check_matrix(model: UncertaintyModel, K: Any, w_P: Any, delay: float, certify: bool) -> RobustnessReport:
+    """`check` of several channels: that of the blocks of the best form, with the margins of every loop."""
+    forms = [as_sampled(form, K, delay) for form in (model, model.alternative_form) if form is not None]
+    reports = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form, _ in forms}
+    taken = best_form(reports)
+    found = reports[taken]
+    reason = found.reason
+    if len(forms) > 1:
+        reason += f"; of the forms {' and '.join(reports)} the {taken} one says most"
+    of: dict[str, Any] = {
+        "probability": describe_confidence(model),
+        "band": model.omega[[0, -1]],
+        "form": taken,
+        "demand": w_P,
+    }
+    folding = {form.form: words for form, words in forms}[taken]
+    if folding:
+        of |= {"folding": folding, "delay": float(delay)}
+        of["not_proved"] = f"That the weights of the sampled set cover every alias; {found.not_proved}"
+    return replace(found, reason=reason, margins=disk_margins(forms[0][0], K), perturbation=model.perturbation, **of)
 
 
-def better(one: MatrixUncertainty, other: MatrixUncertainty, K: Any, w_P: Any, certify: bool) -> StructuredReport:
-    """The report on the form of a set that establishes more, then on that of the larger margin; with its name."""
+def best_form(reports: dict[str, RobustnessReport]) -> str:
+    """The form of a set whose report establishes more, then that of the larger margin."""
 
-    def established(report: StructuredReport) -> tuple[bool, bool, float]:
+    def established(form: str) -> tuple[bool, bool, float]:
+        report = reports[form]
         return report.robust_performance, report.robustly_stable, float(np.nan_to_num(report.margin_rs, nan=-1.0))
 
-    found = {form.form: check_structure(form.loop(K, w_P=w_P), certify=certify) for form in (one, other)}
-    taken = max(found, key=lambda form: established(found[form]))
-    tried = f"of the forms {one.form} and {other.form} the {taken} one says most"
-    return replace(found[taken], reason=f"{found[taken].reason}; {tried}")
+    return max(reports, key=established)

@@ -9,11 +9,9 @@ from typing import Any
 import control
 import numpy as np
 
-from nlfrf._base.arguments import format_hertz, format_paragraph, require_positive, short_form
+from nlfrf._base.arguments import require_positive, short_form
 from nlfrf._base.values import value
-from robust._base.states import Verdict
-from robust.analysis.disk_margin import LoopMargins
-from robust.analysis.report import judge_structure, judged, nominal_verdict, stability_words, structure_sentences
+from robust.analysis.report import RobustnessReport, judge_structure, nominal_verdict, structure_sentences
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response_by_channel
 from robust.lti.stability import StabilityResult
@@ -27,109 +25,16 @@ from robust.proofs.search.bounded_real import certify_norm
 from robust.proofs.search.certificate import Certificate, failed_certificate
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["StructuredReport", "bound_at", "check_structure"]
+__all__ = ["bound_at", "check_structure"]
 
 
 GAP = 0.05  # to which an open verdict is pursued
 FARTHEST = 100.0  # times as large as complex numbers would have to be: how far real ones are looked for
 
 
-@value
-class StructuredReport:
-    """What was found about a loop with several uncertainties, and what was proved.
-
-    Fields
-    ------
-    omega : (W,) ndarray
-        Frequencies of the curves [rad/s].
-    mu, mu_rp : (W,) ndarray
-        Upper bounds for robust stability and for robust performance (nan without inputs and outputs, or where the
-        nominal loop is not stable): below one at every frequency is what is asked for.
-    nominally_stable, robustly_stable, robust_performance : bool
-        True only when established at all frequencies.
-    margin_rs, margin_rp : float
-        Factor on all perturbations up to which the upper bound stays at one (on the perturbations and the performance
-        together for margin_rp), or that was proved part by part of the box of real parameters.
-    margin_broken : float
-        Factor at which a perturbation that was found makes the loop singular; inf where none was found.
-    omega_rs, omega_rp : float
-        Where the upper bounds peak [rad/s].
-    worst : dict
-        That perturbation, block by block at margin_broken = 1: a number in [-1, 1] for a real block, the size of a
-        complex one.
-    certificates : tuple of Certificate
-    verdict : Verdict
-        "robust", "statistically robust", "not robust" or "not certified", as for `RobustnessReport`.
-    reason, proved, not_proved : str
-        In words.
-    probability : str
-        With which probability a `MatrixUncertainty` holds another set of experiments; empty where none is claimed.
-    band : (2,) ndarray or None
-        Lowest and highest measured frequency [rad/s] of a `MatrixUncertainty`.
-    margins : LoopMargins or None
-        Disk margins of its nominal loop, one loop at a time and all at once; None of any other system.
-
-    References
-    ----------
-    SP 8.9 (RS), 8.10 (RP).
-
-    Examples
-    --------
-    >>> from robust.models.sets.interconnection import Block, interconnection
-    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
-    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
-    >>> report = check_structure(interconnection([lag, K], {"pole": Block("y", "pole", 7.5, kind="real")}))
-    >>> report.verdict, round(report.margin_rs, 3)                                  # 5 of 7.5
-    ('not robust', 0.667)
-    """
-
-    omega: np.ndarray
-    mu: np.ndarray
-    mu_rp: np.ndarray
-    nominally_stable: bool
-    robustly_stable: bool = False
-    robust_performance: bool = False
-    margin_rs: float = np.nan
-    margin_rp: float = np.nan
-    margin_broken: float = np.nan
-    omega_rs: float = np.nan
-    omega_rp: float = np.nan
-    worst: Any = None
-    certificates: tuple[Certificate, ...] = ()
-    verdict: Verdict
-    reason: str
-    proved: str
-    not_proved: str
-    probability: str = ""
-    band: Any = None
-    margins: LoopMargins | None = None
-
-    def __str__(self) -> str:
-        lines = format_paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else ""))
-        lines += format_paragraph("because", self.reason)
-        if self.nominally_stable:
-            lines += format_paragraph("stability", stability_words("mu", self.margin_rs, self.omega_rs))
-            if self.worst:
-                parts = ", ".join(f"{name} {number:+.3g}" for name, number in self.worst.items())
-                lines += format_paragraph(
-                    "worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular"
-                )
-            if np.isfinite(self.margin_rp):
-                lines += format_paragraph(
-                    "performance", f"max mu {1 / self.margin_rp:.3f} at {format_hertz(self.omega_rp)}"
-                )
-        if self.margins is not None and not self.margins.reason:
-            lines += format_paragraph("margins", self.margins.least())
-        lines += format_paragraph("proved", self.proved) + format_paragraph("not proved", self.not_proved)
-        for certificate in self.certificates:
-            how = f"yes, {certificate.method}" if certificate.holds else f"no: {certificate.reason}"
-            lines += format_paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
-        return "\n".join(lines)
-
-
 def check_structure(
     system: UncertainSystem, *, certify: bool = True, gap: float | None = None, time_cap: float = 60.0
-) -> StructuredReport:
+) -> RobustnessReport:
     """Check a loop with several uncertainties by the structured singular value, and say what was proved.
 
     Parameters
@@ -147,7 +52,7 @@ def check_structure(
 
     Returns
     -------
-    StructuredReport
+    RobustnessReport
         A bad loop is a result, not an error. With an "operator" block among others the scalings have to be the same at
         every frequency (Shamma 1994), and only that is accepted as a proof.
 
@@ -190,10 +95,11 @@ def check_structure(
     performs = len(certificates) == 2 and certificates[1].holds
     verdict, reason = judge_structure(system, curves, broken, certify, certificates, cut)
     proved, not_proved = structure_sentences(system, stable, performs)
-    return StructuredReport(
+    return RobustnessReport(
         omega=curves.omega,
-        mu=curves.mu,
-        mu_rp=curves.mu_rp,
+        rs=curves.mu,
+        np_=np.full(curves.omega.size, np.nan),
+        rp=curves.mu_rp,
         nominally_stable=True,
         robustly_stable=stable,
         robust_performance=performs,
@@ -211,13 +117,14 @@ def check_structure(
     )
 
 
-def unstable(omega: np.ndarray, nominal: StabilityResult) -> StructuredReport:
+def unstable(omega: np.ndarray, nominal: StabilityResult) -> RobustnessReport:
     """The report on a loop that is not stable to begin with: no bounds."""
     nothing = np.full(omega.size, np.nan)
-    return StructuredReport(
+    return RobustnessReport(
         omega=omega,
-        mu=nothing,
-        mu_rp=nothing,
+        rs=nothing,
+        np_=nothing,
+        rp=nothing,
         nominally_stable=False,
         verdict=nominal_verdict(nominal),
         reason=f"the nominal loop is {nominal}",

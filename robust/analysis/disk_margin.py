@@ -33,7 +33,7 @@ from robust.lti.lti import (
 )
 from robust.lti.realisation import multivariable
 from robust.lti.stability import winding_number
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel
 from robust.mu.upper import mu_upper, refine_grid
 from robust.proofs.search.stability import decide_stability
 
@@ -207,7 +207,7 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
 
     Parameters
     ----------
-    G : control.StateSpace, TransferFunction, FrequencyResponseData or MatrixUncertainty
+    G : control.StateSpace, TransferFunction, FrequencyResponseData or UncertaintyModel
         Plant of one or several inputs and outputs; of a set its nominal. Of an FRF the margins hold on its lines only.
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.
@@ -239,11 +239,11 @@ def disk_margins(G: Any, K: Any, *, skew: float = 0.0, n_unstable: int = 0) -> L
     >>> round(margins.inputs[0].alpha, 2), round(margins.all_inputs.alpha, 4)    # 1/sqrt(100.5)
     (2.0, 0.0998)
     """
-    model, G = G, G.nominal if isinstance(G, MatrixUncertainty) else G
+    model, G = G, G.nominal if isinstance(G, UncertaintyModel) else G
     K = multivariable("K", K)
     if not isinstance(G, control.FrequencyResponseData):
         G = multivariable("G", G)
-    names = (model.inputs, model.outputs) if isinstance(model, MatrixUncertainty) else signal_names(G)
+    names = (model.inputs, model.outputs) if isinstance(model, UncertaintyModel) else signal_names(G)
     n_y, n_u = G.noutputs, G.ninputs
     require_shape(K, n_y, n_u)
     S, reason = sensitivity(around(G, K), require_integer("n_unstable", n_unstable, least=0))

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import control
 import numpy as np
 
 from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
+from robust.analysis.folded import as_sampled
 from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
-from robust.models.sets.model import UncertaintyModel, require_one_channel
+from robust.analysis.worst_case import largest_gains, performance_loop
+from robust.lti.connections import closed_loop
+from robust.lti.lti import response_by_channel
+from robust.lti.realisation import multivariable
+from robust.models.sets.model import UncertaintyModel, require_parametric
+from robust.proofs.search.stability import decide_stability
 
 __all__ = ["LoopFamily", "sample_loops"]
 
@@ -23,13 +30,13 @@ class LoopFamily:
     omega : (W,) ndarray
         Frequencies [rad/s].
     S : (n, W) complex ndarray
-        Sensitivity with each plant.
+        Sensitivity with each plant; of several channels its largest singular value.
     stable : (n,) ndarray of bool
         Whether each loop is stable.
     nominal : (W,) complex ndarray
-        Sensitivity with the nominal plant.
+        Sensitivity with the nominal plant; of several channels its largest singular value.
     worst : (W,) ndarray
-        Largest |S_p| over the whole set.
+        Largest |S_p| over the whole set; of several channels an upper bound.
     band : (2,) ndarray or None
         First and last measured frequency [rad/s].
 
@@ -92,9 +99,12 @@ def sample_loops(
     >>> sample_loops(model, 2.0, 5, rng=0).stable.tolist()
     [True, True, True, True, True]
     """
-    require_one_channel(model, "model.perturbed(Delta) makes the plants of such a set", "to make plants of")
+    require_parametric(model, "to make plants of")
+    n = require_integer("n", n, least=1)
+    if not model.is_single:
+        return loops_of_several(model, K, n, delay, rng)
     loop = assemble(model, K, None, delay)
-    plants = model.sample(require_integer("n", n, least=1), rng)
+    plants = model.sample(n, rng)
     omega = loop.grid(model.omega)
     omega = omega[omega >= model.omega[0] / 10]
     seen = [in_loop(plant, loop, delay) for plant in plants]
@@ -106,4 +116,25 @@ def sample_loops(
         nominal=nominal.S,
         worst=nominal.worst,
         band=model.omega[[0, -1]],
+    )
+
+
+def loops_of_several(model: UncertaintyModel, K: Any, n: int, delay: float, rng: Any) -> LoopFamily:
+    """`sample_loops` of several channels."""
+    K, band = multivariable("K", K), model.omega[[0, -1]]
+    model, _ = as_sampled(model, K, delay)
+    omega, worst = largest_gains(performance_loop(model, K, None), model.omega)
+    loops = []
+    for plant in (model.nominal, *model.sample(n, rng)):
+        loops.append(control.StateSpace(*closed_loop(plant, K, ("e",), ("r",)), plant.dt))
+    S = np.array(
+        [np.linalg.norm(np.moveaxis(response_by_channel(loop, omega), 2, 0), 2, axis=(1, 2)) for loop in loops]
+    )
+    return LoopFamily(
+        omega=omega,
+        S=S[1:],
+        stable=np.array([decide_stability(loop).stable for loop in loops[1:]]),
+        nominal=S[0],
+        worst=worst,
+        band=band,
     )

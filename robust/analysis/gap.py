@@ -12,7 +12,6 @@ from robust.lti.lti import Matrices, is_constant, sampling_times_differ, timebas
 from robust.lti.norms import hinf_norm
 from robust.lti.realisation import multivariable
 from robust.models.sets.coprime import coprime_factors
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.model import UncertaintyModel
 
 __all__ = ["ncf_margin", "nu_gap"]
@@ -115,7 +114,7 @@ def ncf_margin(G: Any, K: Any) -> float:
 
 def nominal(name: str, G: Any) -> control.StateSpace:
     """The plant itself, of whatever was given."""
-    return multivariable(name, G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
+    return multivariable(name, G.nominal if isinstance(G, UncertaintyModel) else G)
 
 
 def left_factors(G: control.StateSpace, right: Matrices) -> Matrices:

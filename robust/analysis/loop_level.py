@@ -38,9 +38,9 @@ from robust.lti.connections import worst_sensitivity
 from robust.lti.lti import SAMPLING_TOLERANCE, poles, replace_infinite, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space
 from robust.lti.stability import is_stable
-from robust.models.sets.evidence import rms_levels
 from robust.models.sets.forms import numerator
 from robust.models.sets.model import UncertaintyModel, require_one_channel
+from robust.models.sets.records import rms_levels
 
 __all__ = [
     "Density",

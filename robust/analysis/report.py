@@ -12,30 +12,32 @@ from nlfrf._base.values import Sketch, value
 from robust._base.states import Verdict
 from robust.analysis.aliases import Shares
 from robust.analysis.curves import Curves, Peaks
+from robust.analysis.disk_margin import LoopMargins
 from robust.analysis.loop import Loop
 from robust.analysis.loop_level import LoopLevel
 from robust.analysis.performance import ClassicalMargins, classical_margins
 from robust.analysis.proofs import Proofs
 from robust.lti.stability import StabilityResult
 from robust.models.sets.forms import FORMS, loop_discs
-from robust.models.sets.joint import told
+from robust.models.sets.joint import format_probability
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.certificate import Certificate
 
 __all__ = [
     "VERDICTS",
     "RobustnessReport",
+    "StructuredReport",
+    "describe_confidence",
     "factor",
     "fill_report",
     "folding_sentence",
+    "format_verdict",
     "judge_structure",
-    "judged",
     "meaning",
     "nominal_verdict",
     "on_lines_only",
     "on_set",
     "on_unstable",
-    "probability_of",
     "stability_words",
     "structure_sentences",
 ]
@@ -141,15 +143,15 @@ def described(model: Any) -> str:
     return f"every linear plant inside the {model.form} weight"
 
 
-def probability_of(model: Any) -> str:
+def describe_confidence(model: Any) -> str:
     """The confidence behind a set and the joint probability beside it, in words; empty where none is claimed."""
     confidence, joint = getattr(model, "confidence", np.nan), getattr(model, "joint", np.nan)
     if np.isnan(confidence):
         return ""
-    if getattr(model, "other", None) is not None:  # both sets hold the truth: what may go wrong adds up
-        confidence, joint = 2 * confidence - 1, max(joint + model.other.joint - 1, 0.0)
+    if getattr(model, "alternative_form", None) is not None:  # both sets hold the truth: what may go wrong adds up
+        confidence, joint = 2 * confidence - 1, max(joint + model.alternative_form.joint - 1, 0.0)
     percent = f"{100 * confidence:.4g} %"
-    estimated = "" if np.isnan(joint) else told(joint)
+    estimated = "" if np.isnan(joint) else format_probability(joint)
     if model.simultaneous:
         text = f"the FRF of another realisation lies in the set with {percent} probability, all lines together"
         return f"{text} ({estimated} by estimate)" if estimated else text
@@ -157,7 +159,7 @@ def probability_of(model: Any) -> str:
     return f"{text}, all lines together with {estimated}" if estimated else text
 
 
-def judged(verdict: Verdict, probability: str) -> str:
+def format_verdict(verdict: Verdict, probability: str) -> str:
     """The verdict in capitals, what it means, and with which probability the set holds what it was made for."""
     return f"{verdict.upper()} ({meaning(verdict, probability)}{'; ' if probability else ''}{probability})"
 
@@ -184,8 +186,8 @@ def sentences(model: Any, loop: Any, stable: bool, performance: bool) -> tuple[s
         missing.append(
             "stability of the nonlinear plant itself: distortion is not a linear perturbation, no theorem applies"
         )
-        if probability_of(model):
-            missing.append(f"more than the confidence of the set ({probability_of(model)})")
+        if describe_confidence(model):
+            missing.append(f"more than the confidence of the set ({describe_confidence(model)})")
     if loop.w_P is not None and not performance:
         missing.append("the performance demand for the whole set")
     if loop.dt and loop.aliases is None:
@@ -443,30 +445,43 @@ def structure_sentences(system: Any, stable: bool, performs: bool) -> tuple[str,
 
 @value
 class RobustnessReport:
-    """What was found about one controller on one model, and what was proved.
+    """What was found about one controller on one model, and what was proved; for any number of channels.
+
+    One loop with one uncertainty is judged by closed forms and exact arithmetic; several channels, and several
+    uncertainties of an `UncertainSystem`, by the structured singular value. Fields that only one of the two has say so.
 
     Fields
     ------
     omega : (W,) ndarray
         Frequencies of the curves [rad/s].
-    S, T : (W,) complex ndarray
-        Sensitivity and complementary sensitivity of the nominal loop.
+    S, T : (W,) complex ndarray or None
+        Sensitivity and complementary sensitivity of the nominal loop; of one loop.
     rs, np_, rp : (W,) ndarray
         Robust stability (below 1), nominal performance |w_P S|, robust performance |w_P| max |S_p|; nan where
-        the nominal loop is unstable or no w_P was given.
+        the nominal loop is unstable or no w_P was given. By the structured singular value rs and rp are upper bounds of
+        mu, also called `mu` and `mu_rp`, and np_ is nan.
     nominally_stable, robustly_stable, robust_performance : bool
         True only when established; robust ones hold for the whole set, whatever the verdict makes of the set.
     margin_rs, margin_rp : float
         Largest factor on the uncertainty alone with robust stability, with rp <= 1 (0 where |w_P S| >= 1 already);
-        nan for an unstable loop.
+        nan for an unstable loop. By mu the factor up to which the upper bound stays at one (margin_rp: on the
+        perturbations and the performance together), or that was proved part by part of the box of real parameters.
+    margin_broken : float
+        By mu: the factor at which a perturbation that was found makes the loop singular; inf where none was found.
     omega_rs, omega_rp : float
         Where they are limited [rad/s].
     disk_margin, omega_disk : float
-        Symmetric disk margin alpha = 1/max |S - 1/2| and where; nan for an unstable loop.
+        Symmetric disk margin alpha = 1/max |S - 1/2| and where; nan for an unstable loop, and of several channels,
+        which have `margins`.
+    worst : dict or None
+        By mu: the perturbation of margin_broken, block by block at margin_broken = 1: a number in [-1, 1] for a real
+        block, the size of a complex one.
+    margins : LoopMargins or None
+        Of a set of several channels the disk margins of its nominal loop, one loop at a time and all at once.
     certificates : tuple of Certificate
         What was proved over all frequencies.
     perturbation : str
-        Class of the set: "LTI", "statistical" or "operator".
+        Class of the set: "LTI", "statistical" or "operator"; empty of an `UncertainSystem`, whose blocks have theirs.
     verdict : Verdict
         "robust", "statistically robust", "not robust" or "not certified".
     reason, advice : str
@@ -475,14 +490,14 @@ class RobustnessReport:
         In one sentence each.
     context : str
         The loop in one line.
-    G, K : (W,) complex ndarray
-        Responses of plant and controller, hold and delay included.
-    radius : (W,) ndarray
-        |weight|, in the unit of the form.
+    G, K : (W,) complex ndarray or None
+        Responses of plant and controller, hold and delay included; of one loop.
+    radius : (W,) ndarray or None
+        |weight|, in the unit of the form; of one loop.
     form : str
         Form of the uncertainty.
     w_P : (W,) ndarray or None
-        |w_P| on the grid, where performance was asked for.
+        |w_P| on the grid, where performance was asked for; of one loop.
     shaping : (W,) complex ndarray or None
         What the plant is scaled by where the form depends on its units.
     demand : control.StateSpace or None
@@ -502,22 +517,30 @@ class RobustnessReport:
 
     References
     ----------
-    SP 7.5, 7.6; Seiler, Packard & Gahinet 2020 (disk margin).
+    SP 7.5, 7.6, 8.9 (RS), 8.10 (RP); Seiler, Packard & Gahinet 2020 (disk margin).
 
     Examples
     --------
     >>> import control
-    >>> from robust import UncertaintyModel, check
+    >>> from robust import Block, UncertaintyModel, check, check_structure, interconnection
     >>> plant, w = control.tf([1], [1, 1]), control.tf([0.2], [1])
     >>> model = UncertaintyModel(plant, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> report = check(model, 2.0)
     >>> report.verdict, bool(report.margin_rs * max(report.rs) > 0.999)
     ('statistically robust', True)
+
+    By the structured singular value:
+
+    >>> lag = control.ss([[-1.0]], [[1.0, 1.0]], [[1.0]], [[0.0, 0.0]], inputs=["u", "pole"], outputs="y")
+    >>> K = control.ss([], [], [], [[-4.0]], inputs="y", outputs="u")
+    >>> report = check_structure(interconnection([lag, K], {"pole": Block("y", "pole", 7.5, kind="real")}))
+    >>> report.verdict, round(report.margin_rs, 3)                                  # 5 of 7.5
+    ('not robust', 0.667)
     """
 
     omega: np.ndarray
-    S: np.ndarray
-    T: np.ndarray
+    S: Any = None
+    T: Any = None
     rs: np.ndarray
     np_: np.ndarray
     rp: np.ndarray
@@ -526,22 +549,25 @@ class RobustnessReport:
     robust_performance: bool = False
     margin_rs: float = np.nan
     margin_rp: float = np.nan
+    margin_broken: float = np.nan
     omega_rs: float = np.nan
     omega_rp: float = np.nan
     disk_margin: float = np.nan
     omega_disk: float = np.nan
+    worst: Any = None
+    margins: LoopMargins | None = None
     certificates: tuple[Certificate, ...] = ()
-    perturbation: str
+    perturbation: str = ""
     verdict: Verdict
     reason: str
-    advice: str
+    advice: str = ""
     proved: str
     not_proved: str
-    context: str
-    G: np.ndarray
-    K: np.ndarray
-    radius: np.ndarray
-    form: str
+    context: str = ""
+    G: Any = None
+    K: Any = None
+    radius: Any = None
+    form: str = ""
     w_P: Any = None
     shaping: Any = None
     demand: Any = None
@@ -551,6 +577,21 @@ class RobustnessReport:
     probability: str = ""
     folding: str = ""
     level: LoopLevel | None = None
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is of one loop with one uncertainty, by closed forms; else by the structured singular value."""
+        return self.S is not None
+
+    @property
+    def mu(self) -> np.ndarray:
+        """(W,) `rs`, as upper bound of mu for robust stability."""
+        return self.rs
+
+    @property
+    def mu_rp(self) -> np.ndarray:
+        """(W,) `rp`, as upper bound of mu for robust performance."""
+        return self.rp
 
     @property
     def discs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -574,7 +615,8 @@ class RobustnessReport:
     @property
     def classical(self) -> ClassicalMargins:
         """Crossover, phase and gain margin and bandwidth of the nominal loop, one at a time."""
-        return classical_margins(self.omega, self.G * self.K) if self.nominally_stable else ClassicalMargins()
+        seen = self.nominally_stable and self.is_single
+        return classical_margins(self.omega, self.G * self.K) if seen else ClassicalMargins()
 
     @property
     def summary(self) -> str:
@@ -583,31 +625,55 @@ class RobustnessReport:
 
     def findings(self) -> list[str]:
         """The rows of the summary."""
-        lines = [
-            *format_paragraph("verdict", judged(self.verdict, self.probability if self.nominally_stable else "")),
-            *format_paragraph("because", self.reason),
-        ]
-        if self.nominally_stable and np.isfinite(self.margin_rs):
-            lines += format_paragraph("stability", stability_words("rs", self.margin_rs, self.omega_rs))
-            if self.folding:
-                lines += format_paragraph("aliases", self.folding)
-            if np.isfinite(self.margin_rp):
-                worst = float(np.max(self.rp))
-                text = (
-                    f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at "
-                    f"{format_hertz(self.omega_rp)}; "
-                    + f"demand {'met' if self.robust_performance else 'not met' if worst > 1 else 'not proved'} "
-                    "for the whole set"
-                )
-                lines += format_paragraph("performance", text)
-        elif self.nominally_stable:
+        lines = format_paragraph(
+            "verdict", format_verdict(self.verdict, self.probability if self.nominally_stable else "")
+        )
+        lines += format_paragraph("because", self.reason)
+        if not self.nominally_stable:
+            return lines + format_paragraph("proved", self.proved)
+        if self.is_single and not np.isfinite(self.margin_rs):
             lines += format_paragraph("stability", "no uncertainty to hold it against")
+            return lines + format_paragraph("proved", self.proved)
+        lines += format_paragraph("stability", stability_words(self.measure, self.margin_rs, self.omega_rs))
+        if self.folding:
+            lines += format_paragraph("aliases", self.folding)
+        if self.worst:
+            parts = ", ".join(f"{name} {number:+.3g}" for name, number in self.worst.items())
+            lines += format_paragraph(
+                "worst found", f"{self.margin_broken:.3f} times ({parts}) makes the loop singular"
+            )
+        if np.isfinite(self.margin_rp):
+            lines += format_paragraph("performance", self.performance_words())
         return lines + format_paragraph("proved", self.proved)
+
+    @property
+    def measure(self) -> str:
+        """What robust stability is measured by: "rs", or "mu"."""
+        return "rs" if self.is_single else "mu"
+
+    def performance_words(self) -> str:
+        """The nominal and the worst case over the demand, and whether the whole set meets it."""
+        if not self.is_single:
+            return f"max mu {1 / self.margin_rp:.3f} at {format_hertz(self.omega_rp)}"
+        worst = float(np.max(self.rp))
+        met = "met" if self.robust_performance else "not met" if worst > 1 else "not proved"
+        return (
+            f"nominal max |w_P S| {np.max(self.np_):.3f}, worst case {worst:.3f} at {format_hertz(self.omega_rp)}; "
+            f"demand {met} for the whole set"
+        )
+
+    def disk_words(self) -> str:
+        """The disk margin of one loop."""
+        return (
+            f"{self.disk_margin:.3f} at {format_hertz(self.omega_disk)}: "
+            f"gain {20 * np.log10(self.gain_margin):.2f} dB, phase {np.degrees(self.phase_margin):.1f} deg, at once"
+        )
 
     def _sketch_(self) -> Sketch:
         """What the set does to the loop and to the demand, for a notebook; one is the limit."""
         f = self.omega / (2 * np.pi)
-        curves = [("rs", f, self.rs), ("rp", f, self.rp), ("limit", f[[0, -1]], np.ones(2)), ("|S|", f, np.abs(self.S))]
+        curves = [(self.measure, f, self.rs), ("rp", f, self.rp), ("limit", f[[0, -1]], np.ones(2))]
+        curves += [("|S|", f, np.abs(self.S))] if self.is_single else []
         return Sketch("Hz", "", [(label, x, np.minimum(y, 3.0)) for label, x, y in curves], log=True)
 
     def __str__(self) -> str:
@@ -621,19 +687,19 @@ class RobustnessReport:
                 how += f", {certificate.judged}"
             lines += format_paragraph("certificate", f"{certificate.subject} at all frequencies: {how}")
         if self.nominally_stable and np.isfinite(self.disk_margin):
-            lines += format_paragraph(
-                "disk margin",
-                f"{self.disk_margin:.3f} at {format_hertz(self.omega_disk)}: "
-                f"gain {20 * np.log10(self.gain_margin):.2f} dB, "
-                f"phase {np.degrees(self.phase_margin):.1f} deg, at once",
-            )
-        if self.nominally_stable:
-            lines += format_paragraph("loop gain", str(self.classical))
-        if self.level is not None:
-            lines += format_paragraph("level", str(self.level))
-        lines += format_paragraph("next", self.advice)
-        lines += format_paragraph("loop", self.context)
+            lines += format_paragraph("disk margin", self.disk_words())
+        if self.margins is not None and not self.margins.reason:
+            lines += format_paragraph("margins", self.margins.least())
+        known = {"level": "" if self.level is None else str(self.level), "next": self.advice, "loop": self.context}
+        if self.nominally_stable and self.is_single:
+            known = {"loop gain": str(self.classical)} | known
+        for name, text in known.items():
+            lines += format_paragraph(name, text) if text else []
         return "\n".join(lines)
+
+
+#: The name of `RobustnessReport` by the structured singular value before one type took both.
+StructuredReport = RobustnessReport
 
 
 def fill_report(

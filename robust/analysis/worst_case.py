@@ -10,20 +10,30 @@ import numpy as np
 from nlfrf._base.arguments import require_real, short_form
 from nlfrf._base.values import value
 from robust.analysis.aliases import in_phase
+from robust.analysis.folded import as_sampled
 from robust.analysis.loop import Loop, assemble, in_loop, nominal_instability, sensitivity, stable_with
-from robust.lti.connections import block_diagonal, in_series, worst_perturbation
+from robust.lti.connections import block_diagonal, in_series, upper_lft, worst_perturbation
 from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.norms import to_discrete
 from robust.models.sets.forms import ELEMENTS, FORMS
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.model import UncertaintyModel, require_one_channel
+from robust.models.sets.interconnection import UncertainSystem
+from robust.models.sets.model import UncertaintyModel, has_several_channels, require_parametric
 from robust.models.sets.perturbations import perturbed, with_phase, with_phases, within
 from robust.mu.lower import mu_lower
-from robust.mu.upper import refine_grid
+from robust.mu.upper import refine_grid, worst_gain
 from robust.proofs.search.stability import decide_stability
 
-__all__ = ["BreakingPerturbation", "WorstCase", "all_passes", "as_system", "breaking_perturbation", "worst_case"]
+__all__ = [
+    "BreakingPerturbation",
+    "WorstCase",
+    "all_passes",
+    "as_system",
+    "breaking_perturbation",
+    "largest_gains",
+    "performance_loop",
+    "worst_case",
+]
 
 
 @value
@@ -35,16 +45,18 @@ class WorstCase:
     omega : (W,) ndarray
         Frequencies [rad/s].
     gain : (W,) ndarray
-        Largest |S_p| over the set (|w_P S_p| with w_P); inf where a plant of the set puts a pole on the boundary.
+        Largest |S_p| over the set (|w_P S_p| with w_P); inf where a plant of the set puts a pole on the boundary. Of
+        several channels an upper bound of the largest singular value, by the structured singular value.
     omega_worst : float
         Where it is largest, or where a perturbation destabilises the loop [rad/s].
     plant : control.StateSpace
         A plant of the set that reaches it there: continuous for a continuous nominal, also under a sampled K, where
-        each alias that adds more than 0.3 % has its own phase (in an inverse form only the frequency itself).
-    delta : complex
-        The perturbation there; of modulus below one where less suffices to destabilise.
+        each alias that adds more than 0.3 % has its own phase (in an inverse form only the frequency itself). Of
+        several channels the worst that was found, which may stay below the bound, sampled under a sampled K.
+    delta : complex, or (drives, reads) complex ndarray
+        The perturbation there; of modulus (largest singular value) below one where less suffices to destabilise.
     achieved : float
-        |S_p| (|w_P S_p|) of the loop with that plant at omega_worst, recomputed.
+        |S_p| (|w_P S_p|; its largest singular value) of the loop with that plant at omega_worst, recomputed.
     stable : bool
         Whether the loop with that plant is stable.
 
@@ -66,7 +78,7 @@ class WorstCase:
     gain: np.ndarray
     omega_worst: float
     plant: control.StateSpace
-    delta: complex
+    delta: Any
     achieved: float
     stable: bool
 
@@ -77,13 +89,13 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     Parameters
     ----------
     model : UncertaintyModel
-        With a parametric nominal.
+        With a parametric nominal, of any number of channels.
     K : control.StateSpace, TransferFunction or float
         Controller, continuous or discrete, negative feedback.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight on S; 1 when not given.
     delay : float
-        Computation delay [s].
+        Computation delay [s]; of several channels it is in the nominal, but where K is sampled and that is not.
 
     Returns
     -------
@@ -107,7 +119,9 @@ def worst_case(model: UncertaintyModel, K: Any, w_P: Any = None, *, delay: float
     >>> bool(np.all(model.distance(worst.plant) <= 1 + 1e-9))             # a plant of the set
     True
     """
-    require_one_channel(model, "take breaking_perturbation, or worst_gain", "to make plants of")
+    require_parametric(model, "to make plants of")
+    if not model.is_single:
+        return worst_of_several(model, K, w_P, delay)
     loop = assemble(model, K, w_P, delay)
     nominal = nominal_instability(loop)
     if not nominal.stable:
@@ -171,11 +185,98 @@ def lead_of(loop: Loop, delay: float) -> float:
 # vector of all-passes carries each direction, and the perturbation is no larger anywhere else.
 
 NEAR = 1e-4  # of the lowest frequency, or of the distance to Nyquist
+N_PEAKS = 3  # frequencies at which the worst perturbation is looked for
+MOST_GAINS = 150  # frequencies, about, of the bound of several channels: each takes some thirty bounds of mu
+HALVINGS = 24  # of log g, from three decades: to 1e-6
+
+
+def worst_of_several(model: UncertaintyModel, K: Any, w_P: Any, delay: float) -> WorstCase:
+    """`worst_case` of several channels: the bound by mu, and the worst perturbation found where it peaks."""
+    model, _ = as_sampled(model, K, delay)
+    system = performance_loop(model, K, w_P)
+    omega, gain = largest_gains(system, model.omega)
+    try:
+        broken = breaking_perturbation(model, K)
+    except ValueError:  # nothing breaks the loop
+        broken = None
+    if broken is not None and broken.size <= 1:
+        where, Delta, stable = broken.omega, scaled(broken.Delta, broken.size), False
+    else:
+        dt = timebase(model.nominal)
+        found = []
+        for at in np.unique(np.clip(omega[np.argsort(-gain)[:N_PEAKS]], *phase_band(omega, dt))):
+            delta = worst_delta(response_by_channel(system.N, np.array([at]))[:, :, 0], system)
+            one = as_system(delta, float(at), dt, full=model.form != ELEMENTS)
+            found.append((sensitivity_of(system, one, float(at)), float(at), one))
+        _, where, Delta = max(found, key=lambda one: one[0])
+        stable = decide_stability(upper_lft(system.N, Delta)).stable
+    return WorstCase(
+        omega=omega,
+        gain=gain,
+        omega_worst=where,
+        plant=model.perturbed(Delta),
+        delta=response_by_channel(Delta, np.array([where]))[:, :, 0],
+        achieved=sensitivity_of(system, Delta, where),
+        stable=stable,
+    )
+
+
+def performance_loop(model: UncertaintyModel, K: Any, w_P: Any) -> UncertainSystem:
+    """The loop of several channels with S, or w_P S, as its performance; refused where its nominal is not stable."""
+    one = control.StateSpace([], [], [], [[1.0]], model.nominal.dt)
+    system = model.loop(K, w_P=one if w_P is None else w_P)
+    nominal = decide_stability(system.N)
+    if not nominal.stable:
+        raise ValueError(f"K must stabilise the nominal plant for its worst case to mean anything, got it {nominal}")
+    return system
+
+
+def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [rad/s], and the bound on the gain from inputs to outputs over the set there."""
+    omega = np.union1d(structure_grid(system.N), lines)
+    omega = omega[omega > 0]
+    omega = np.union1d(omega[:: max(1, omega.size // MOST_GAINS)], omega[[0, -1]])
+    return omega, worst_gain(response_by_channel(system.N, omega), system.structure)
+
+
+def worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:
+    """(drives, reads) the perturbation of gain at most one that was found to make the gain of N (rows, cols) largest.
+
+    Of N with its outputs over g, the smallest perturbation that makes it singular together with a full block between
+    outputs and inputs has size one where g is the gain that the other blocks reach: looked for by bisection of log g.
+    """
+    rows, cols = (sum(block[k] for block in system.structure) for k in (0, 1))
+    low = float(np.linalg.norm(N[rows:, cols:], 2)) + np.finfo(float).tiny
+    high, best = 1e3 * low, np.zeros((cols, rows), dtype=complex)
+    for _ in range(HALVINGS):
+        middle = np.sqrt(low * high)
+        scaled_N = np.concatenate([N[:rows], N[rows:] / middle])
+        found = mu_lower(scaled_N[:, :, None], system.with_performance, n_starts=2)
+        if found.value[0] >= 1:
+            low, best = middle, found.delta[:cols, :rows, 0]
+        else:
+            high = middle
+    return best
+
+
+def sensitivity_of(system: UncertainSystem, Delta: control.StateSpace, omega: float) -> float:
+    """Largest singular value from inputs to outputs at omega [rad/s], with a perturbation."""
+    return float(np.linalg.norm(response_by_channel(upper_lft(system.N, Delta), np.array([omega]))[:, :, 0], 2))
+
+
+def scaled(Delta: control.StateSpace, size: float) -> control.StateSpace:
+    """size times a system."""
+    return control.StateSpace(Delta.A, Delta.B, size * Delta.C, size * Delta.D, Delta.dt)
+
+
+def phase_band(omega: np.ndarray, dt: float) -> tuple[float, float]:
+    """Frequencies [rad/s] between which an all-pass has a phase to give: not at zero, not at Nyquist."""
+    return NEAR * float(omega[omega > 0].min()), np.pi / dt * (1 - NEAR) if dt else np.inf
 
 
 @value
 class BreakingPerturbation:
-    """A perturbation of a `MatrixUncertainty` that puts a pole of the loop on the stability boundary.
+    """A perturbation of a set of several channels that puts a pole of the loop on the stability boundary.
 
     Fields
     ------
@@ -185,7 +286,7 @@ class BreakingPerturbation:
         Where the loop gets singular [rad/s].
     Delta : control.StateSpace
         The perturbation divided by its size: gain one at every frequency.
-    model : MatrixUncertainty
+    model : UncertaintyModel
         The set it belongs to.
 
     References
@@ -197,7 +298,7 @@ class BreakingPerturbation:
     --------
     >>> G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     >>> w = control.ss([], [], [], [[1.0]])
-    >>> model = MatrixUncertainty(
+    >>> model = UncertaintyModel(
     ...     nominal=G, form="additive", left=(w, w), right=(w, w), omega=np.array([1.0]), radius=np.ones((4, 1)),
     ...     confidence=0.95)
     >>> worst = breaking_perturbation(model, control.ss([], [], [], 2 * np.eye(2)))
@@ -208,20 +309,19 @@ class BreakingPerturbation:
     size: float
     omega: float
     Delta: control.StateSpace
-    model: MatrixUncertainty
+    model: UncertaintyModel
 
     def plant(self, factor: float = 1.0) -> control.StateSpace:
         """The plant with `factor` times the smallest breaking perturbation: at 0.99 stable, at 1.01 not."""
-        Delta, x = self.Delta, require_real("factor", factor) * self.size
-        return self.model.perturbed(control.StateSpace(Delta.A, Delta.B, x * Delta.C, x * Delta.D, Delta.dt))
+        return self.model.perturbed(scaled(self.Delta, require_real("factor", factor) * self.size))
 
 
-def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbation:
+def breaking_perturbation(model: UncertaintyModel, K: Any) -> BreakingPerturbation:
     """The smallest perturbation found that breaks the loop u = K (r - y), to look at and to replay on a machine.
 
     Parameters
     ----------
-    model : MatrixUncertainty
+    model : UncertaintyModel
         The set.
     K : control.StateSpace
         Controller, negative feedback.
@@ -244,15 +344,17 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
     >>> G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
     >>> w = control.ss([], [], [], [[0.5]])
     >>> omega = np.array([1.0])
-    >>> model = MatrixUncertainty(
+    >>> model = UncertaintyModel(
     ...     nominal=G, form="elements", left=(), right=(w,) * 4, omega=omega, radius=np.full((4, 1), 0.5),
     ...     confidence=0.95)
     >>> K = control.ss([], [], [], np.eye(2))
     >>> round(breaking_perturbation(model, K).size, 3)   # all four at once: 1 + 2 * 0.5 d = 0
     1.0
     """
-    if not isinstance(model, MatrixUncertainty):
-        raise ValueError(f"model must be a MatrixUncertainty, got {short_form(model)}")
+    if not has_several_channels(model):
+        raise ValueError(
+            f"model must be of several channels, got {short_form(model)}: worst_case takes one of one channel"
+        )
     system = model.loop(K)
     nominal = decide_stability(system.N)
     if not nominal.stable:
@@ -261,8 +363,7 @@ def breaking_perturbation(model: MatrixUncertainty, K: Any) -> BreakingPerturbat
     omega, mu = refine_grid(N, system.structure, structure_grid(N))
     dt = timebase(N)
     # at zero and at Nyquist N is real and an all-pass has no phase to give: as near as makes no difference
-    top = np.pi / dt * (1 - NEAR) if dt else np.inf
-    some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], NEAR * omega[omega > 0].min(), top))
+    some = np.unique(np.clip(omega[np.argsort(-mu)[:6]], *phase_band(omega, dt)))
     found = mu_lower(response_by_channel(N, some), system.structure, n_starts=3)
     k = int(found.value.argmax())
     if not found.value[k] > 0:

@@ -17,7 +17,6 @@ from robust.lti.connections import in_series
 from robust.lti.lti import response, timebase
 from robust.models.sets.coprime import factor_systems
 from robust.models.sets.forms import ELEMENTS, FORMS, INPUT
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
 
@@ -62,9 +61,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
         raise ValueError(f"path must end in .mat, got {str(path)!r}")
     name = re.sub(r"\W", "_", path.stem, flags=re.ASCII)  # all that a function of MATLAB may be called
     if isinstance(content, UncertaintyModel):
-        struct, script = model_struct(content), MODEL_LOADER
-    elif isinstance(content, MatrixUncertainty):
-        struct, script = matrix_struct(content), MATRIX_LOADER
+        struct, script = model_struct(content), MODEL_LOADER if content.is_single else MATRIX_LOADER
     else:
         K = controller("content", content)
         struct, script = {"kind": CONTROLLER_SCHEMA, "K": matlab_system(K), **told_sections(K)}, CONTROLLER_LOADER
@@ -83,56 +80,36 @@ def export_matlab(content: Any, path: PathLike) -> None:
 
 
 def model_struct(model: UncertaintyModel) -> dict[str, Any]:
-    """A model as a struct of numbers and text."""
+    """A model as a struct of numbers and text; weights of "elements" as W (n_y, n_u)."""
+    single = model.is_single
+    names: tuple[str, ...] = (
+        "radius",
+        "form",
+        "confidence",
+        "simultaneous",
+        "joint",
+        "joint_bla",
+        "extrapolation",
+        "source",
+    )
+    names += (*(f"radius_{part}" for part in PARTS), "delay") if single else ()
     struct = {
-        "kind": MODEL_SCHEMA,
+        "kind": MODEL_SCHEMA if single else MATRIX_SCHEMA,
         "freq": model.omega,
         "freq_unit": "rad/s",
-        "response": model.at(model.omega),
-        "radius": model.radius,
-        "weight": matlab_system(model.weight),
-        "Ts": timebase(model.weight),
-        "form": model.form,
         "class": model.perturbation,
-        "confidence": model.confidence,
-        "simultaneous": model.simultaneous,
-        "joint": model.joint,
-        "joint_bla": model.joint_bla,
-        "delay": model.delay,
-        "extrapolation": model.extrapolation,
-        "source": model.source,
+        "Ts": timebase(model.weight if single else model.nominal),
+        **{name: getattr(model, name) for name in names},
     }
-    struct |= {f"radius_{part}": getattr(model, f"radius_{part}") for part in PARTS}
     if not model.measured_only:
         struct["nominal"] = matlab_system(model.nominal)
+    if not single:
+        struct |= {side: cells(list(getattr(model, side))) for side in ("inputs", "outputs")}
+        return struct | {side: cells(list(map(matlab_system, getattr(model, side)))) for side in ("left", "right")}
+    struct |= {"response": model.at(model.omega), "weight": matlab_system(model.weight)}
     if FORMS[model.form].scaled:
         struct |= {"W1": matlab_system(model.W1), "W2": matlab_system(model.W2)} | factors(model)
     return struct
-
-
-def matrix_struct(model: MatrixUncertainty) -> dict[str, Any]:
-    """A model of several inputs and outputs as a struct; weights of "elements" as W (n_y, n_u)."""
-    weights = [matlab_system(weight) for weight in (*model.left, *model.right)]
-    struct = {
-        "kind": MATRIX_SCHEMA,
-        "freq": model.omega,
-        "freq_unit": "rad/s",
-        "nominal": matlab_system(model.nominal),
-        "radius": model.radius,
-        "form": model.form,
-        "class": model.perturbation,
-        "confidence": model.confidence,
-        "simultaneous": model.simultaneous,
-        "joint": model.joint,
-        "joint_bla": model.joint_bla,
-        "extrapolation": model.extrapolation,
-        "source": model.source,
-        "Ts": timebase(model.nominal),
-        "inputs": cells(list(model.inputs)),
-        "outputs": cells(list(model.outputs)),
-    }
-    n = len(model.left)
-    return struct | {"left": cells(weights[:n]), "right": cells(weights[n:])}
 
 
 def cells(things: list[Any]) -> np.ndarray:

@@ -12,33 +12,24 @@ import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
 from nlfrf._base.files import parse_json, require_schema, write_text
+from nlfrf._base.values import field_names
 from robust.io.biquads import told_sections
 from robust.lti.realisation import multivariable, state_space
-from robust.models.sets.evidence import Evidence, MatrixEvidence
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.models.sets.radius import PARTS
+from robust.models.sets.records import RecordSummary
 
 __all__ = [
     "CONTROLLER_SCHEMA",
     "MATRIX_SCHEMA",
     "MODEL_SCHEMA",
-    "VERSION",
     "PathLike",
     "controller",
-    "decoded",
-    "decoded_matrix",
-    "decoded_system",
-    "encoded",
-    "encoded_matrix",
-    "encoded_system",
     "holds_model",
     "load_controller",
     "load_model",
-    "read",
     "save_controller",
     "save_model",
-    "written",
 ]
 
 
@@ -51,9 +42,15 @@ VERSION = 1
 PathLike = str | os.PathLike[str]
 
 
-def encoded(numbers: Any) -> Any:
-    """Numbers as JSON holds them."""
-    array = np.asarray(numbers)
+def encoded(content: Any) -> Any:
+    """Anything that a model holds as JSON has it."""
+    if content is None or isinstance(content, str | bool):
+        return content
+    if isinstance(content, control.StateSpace | control.FrequencyResponseData):
+        return encoded_system(content)
+    if isinstance(content, tuple | list):
+        return [encoded(item) for item in content]
+    array = np.asarray(content)
     if array.ndim:
         return [encoded(item) for item in array]
     if array.dtype.kind == "c":
@@ -119,84 +116,101 @@ def read(path: PathLike, schemas: tuple[str, ...]) -> tuple[str, dict[str, Any]]
     return str(found), content
 
 
-# ---- A `MatrixUncertainty` as JSON.
+# ---- A model as JSON: its fields by name, in a schema for one channel and one for several.
 
-MATRIX_SCHEMA = "robust-matrix-model"
-REAL, COMPLEX = ("omega", "dof"), ("G", "C", "gamma")  # of the record
-SIDES, NAMES = ("left", "right"), ("inputs", "outputs")
-TEXTS, NUMBERS = ("form", "perturbation", "extrapolation", "source"), ("confidence", "joint", "joint_bla")
-
-
-def encoded_matrix(model: MatrixUncertainty) -> dict[str, Any]:
-    """A model of several inputs and outputs as JSON holds it."""
-    content: dict[str, Any] = {
-        "schema": MATRIX_SCHEMA,
-        "version": VERSION,
-        "units": {"omega": "rad/s", "dt": "s"},
-        "nominal": encoded_system(model.nominal),
-        "omega": encoded(model.omega),
-        "radius": encoded(model.radius),
-        "simultaneous": model.simultaneous,
-    }
-    content |= {side: [encoded_system(weight) for weight in getattr(model, side)] for side in SIDES}
-    content |= {name: list(getattr(model, name)) for name in NAMES}
-    content |= {name: getattr(model, name) for name in TEXTS}
-    content |= {name: encoded(getattr(model, name)) for name in NUMBERS}
-    if model.measured:
-        content["measured"] = [
-            {part: encoded(getattr(one, part)) for part in (*REAL, *COMPLEX)} for one in model.measured
-        ]
-    # of two forms of a set the records are the same
-    return content if model.other is None else content | {"other": encoded_matrix(replace(model.other, measured=()))}
+MODEL_SCHEMA, MATRIX_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-matrix-model", "robust-controller"
+UNITS = {MODEL_SCHEMA: {"omega": "rad/s", "delay": "s", "dt": "s"}, MATRIX_SCHEMA: {"omega": "rad/s", "dt": "s"}}
+#: Field -> its name in a file, where that is the one it had in version 0.1.
+IN_FILES = {
+    MODEL_SCHEMA: {"records": "evidence"},
+    MATRIX_SCHEMA: {"records": "measured", "alternative_form": "other", "variance": "C"},
+}
+#: Fields that a set of such a schema does not have.
+LEFT_OUT = {MODEL_SCHEMA: ("left", "right", "alternative_form"), MATRIX_SCHEMA: ("weight", "unit", "W1", "W2")}
+PARTS_OF_RADIUS = tuple(f"radius_{name}" for name in PARTS)
+COMPLEX = {MODEL_SCHEMA: ("G",), MATRIX_SCHEMA: ("G", "variance", "gamma")}
+RECORD = {
+    MODEL_SCHEMA: ("omega", "G", "variance", "scatter", "confirmed", "rms_u", "rms_y"),
+    MATRIX_SCHEMA: ("omega", "dof", "G", "variance", "gamma"),
+}
 
 
-def decoded_matrix(content: dict[str, Any]) -> MatrixUncertainty:
-    """The way back."""
-    sides: dict[str, Any] = {side: tuple(decoded_system(one) for one in content[side]) for side in SIDES}
-    names: dict[str, Any] = {name: tuple(map(one_line, content[name])) for name in NAMES}
-    words: dict[str, Any] = {name: one_line(content[name]) for name in TEXTS}
-    numbers: dict[str, Any] = {name: float(decoded(content[name])) for name in NUMBERS}
-    other, records = content.get("other"), content.get("measured", [])  # files of before have one, or do not say
-    measured = tuple(decoded_record(one) for one in (records if isinstance(records, list) else [records]))
-    return MatrixUncertainty(
-        other=None if other is None else replace(decoded_matrix(other), measured=measured),
-        measured=measured,
-        nominal=decoded_system(content["nominal"]),
-        omega=decoded(content["omega"]),
-        radius=decoded(content["radius"]),
-        simultaneous=content["simultaneous"],
-        **sides,
-        **names,
-        **words,
-        **numbers,
+def encoded_model(model: UncertaintyModel) -> dict[str, Any]:
+    """A model as JSON holds it."""
+    schema = MODEL_SCHEMA if model.is_single else MATRIX_SCHEMA
+    names = IN_FILES[schema]
+    content: dict[str, Any] = {"schema": schema, "version": VERSION, "units": UNITS[schema]}
+    for name in field_names(model):
+        held = getattr(model, name)
+        unknown = held is None or (name == "records" and not held)
+        if name in PARTS_OF_RADIUS and not model.is_single:
+            unknown = bool(np.isnan(held).all())
+        if unknown or name in LEFT_OUT[schema]:
+            continue
+        if name == "records":
+            held = [{names.get(part, part): encoded(getattr(one, part)) for part in RECORD[schema]} for one in held]
+        elif isinstance(held, UncertaintyModel):  # of two forms of a set the records are the same
+            held = encoded_model(replace(held, records=()))
+        content[names.get(name, name)] = held if name == "records" or isinstance(held, dict) else encoded(held)
+    return content
+
+
+def decoded_model(content: dict[str, Any], schema: str) -> UncertaintyModel:
+    """The way back; what a file of before does not say is as in a set that was not made of a record."""
+    known, names = {}, IN_FILES[schema]
+    for field in fields(UncertaintyModel):
+        name = names.get(field.name, field.name)
+        if name in content and field.name not in ("records", "alternative_form"):
+            known[field.name] = decoded_field(content[name], str(field.type))
+    of_records = content.get(names["records"], [])  # older files of several channels have one, not a list
+    records = tuple(
+        decoded_record(one, schema) for one in (of_records if isinstance(of_records, list) else [of_records])
     )
+    other = content.get(names.get("alternative_form", ""))
+    if other is not None:
+        known["alternative_form"] = replace(decoded_model(other, schema), records=records)
+    return UncertaintyModel(**known, records=records)
 
 
-def decoded_record(content: Any) -> MatrixEvidence:
+TUPLES: dict[str, Any] = {"tuple[str, ...]": one_line, "tuple[control.StateSpace, ...]": decoded_system}
+
+
+def decoded_field(content: Any, kind: str) -> Any:
+    """A field from JSON, by how it is declared."""
+    if kind == "str":
+        return one_line(content)
+    if kind == "bool":
+        return content
+    if kind in TUPLES:
+        return tuple(map(TUPLES[kind], content))
+    if isinstance(content, dict):
+        return decoded_system(content)
+    return float(decoded(content)) if kind == "float" else decoded(content)
+
+
+def decoded_record(content: dict[str, Any], schema: str) -> RecordSummary:
     """What a model remembers of a record."""
-    parts = {part: decoded(content[part]) for part in REAL}
-    for part in COMPLEX:
-        pairs = decoded(content[part])
-        if pairs.ndim != 4 or len(pairs) != parts["omega"].size:
-            raise ValueError(f"{part} must have one matrix for each line of the record, got the shape {pairs.shape}")
-        parts[part] = pairs[..., 0] + 1j * pairs[..., 1]
-    if parts["dof"].shape != parts["omega"].shape:
-        raise ValueError(f"dof must have one number for each line of the record, got {parts['dof'].size}")
-    return MatrixEvidence(**parts)
+    parts: dict[str, Any] = {}
+    for part in RECORD[schema]:
+        name = IN_FILES[schema].get(part, part)
+        held = decoded(content.get(name))  # files of before do not say the rms
+        if part in COMPLEX[schema]:
+            if held.ndim != (2 if schema == MODEL_SCHEMA else 4):
+                raise ValueError(f"{name} must have complex numbers for each line of the record, got {held.shape}")
+            held = held[..., 0] + 1j * held[..., 1]
+        if np.ndim(held) and len(held) != len(parts.get("omega", held)):
+            raise ValueError(f"{name} must have one number for each line of the record, got {len(held)}")
+        parts[part] = held
+    return RecordSummary(**parts)
 
 
-MODEL_SCHEMA, CONTROLLER_SCHEMA = "robust-model", "robust-controller"
-EVIDENCE = tuple(field.name for field in fields(Evidence))
-LEVELS = ("rms_u", "rms_y")
-
-
-def save_model(model: UncertaintyModel | MatrixUncertainty, path: PathLike) -> None:
+def save_model(model: UncertaintyModel, path: PathLike) -> None:
     """Write an uncertainty model to a ``.json`` file.
 
     Parameters
     ----------
-    model : UncertaintyModel or MatrixUncertainty
-        The model.
+    model : UncertaintyModel
+        The model, of any number of channels.
     path : path
         File to write.
 
@@ -218,39 +232,12 @@ def save_model(model: UncertaintyModel | MatrixUncertainty, path: PathLike) -> N
     True
     >>> folder.cleanup()
     """
-    if isinstance(model, MatrixUncertainty):
-        written(encoded_matrix(model), path)
-        return
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {short_form(model)}")
-    content: dict[str, Any] = {
-        "schema": MODEL_SCHEMA,
-        "version": VERSION,
-        "units": {"omega": "rad/s", "delay": "s", "dt": "s"},
-        "nominal": encoded_system(model.nominal),
-        "weight": encoded_system(model.weight),
-        "form": model.form,
-        "perturbation": model.perturbation,
-        "confidence": encoded(model.confidence),
-        "simultaneous": model.simultaneous,
-        "omega": encoded(model.omega),
-        "radius": encoded(model.radius),
-        "delay": encoded(model.delay),
-        "extrapolation": model.extrapolation,
-        "source": model.source,
-        "hold": model.hold,
-        "fs": encoded(model.fs),
-        "unit": model.unit,
-        "joint": encoded(model.joint),
-        "joint_bla": encoded(model.joint_bla),
-        "evidence": [{part: encoded(getattr(one, part)) for part in EVIDENCE} for one in model.evidence],
-    }
-    content |= {name: encoded_system(W) for name in ("W1", "W2") if (W := getattr(model, name)) is not None}
-    content |= {f"radius_{name}": encoded(getattr(model, f"radius_{name}")) for name in PARTS}
-    written(content, path)
+        raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
+    written(encoded_model(model), path)
 
 
-def load_model(path: PathLike) -> Any:
+def load_model(path: PathLike) -> UncertaintyModel:
     """Read an uncertainty model back from a ``.json`` file.
 
     Parameters
@@ -260,7 +247,7 @@ def load_model(path: PathLike) -> Any:
 
     Returns
     -------
-    UncertaintyModel or MatrixUncertainty
+    UncertaintyModel
 
     Raises
     ------
@@ -277,29 +264,7 @@ def load_model(path: PathLike) -> Any:
     FileNotFoundError: [Errno 2] No such file or directory: 'nothing.json'
     """
     schema, content = read(path, (MODEL_SCHEMA, MATRIX_SCHEMA))
-    if schema == MATRIX_SCHEMA:
-        return decoded_matrix(content)
-    return UncertaintyModel(
-        nominal=decoded_system(content["nominal"]),
-        weight=decoded_system(content["weight"]),
-        form=content["form"],
-        omega=decoded(content["omega"]),
-        radius=decoded(content["radius"]),
-        confidence=float(decoded(content["confidence"])),
-        perturbation=content["perturbation"],
-        simultaneous=content["simultaneous"],
-        delay=float(decoded(content["delay"])),
-        extrapolation=one_line(content["extrapolation"]),
-        source=one_line(content["source"]),
-        hold=content.get("hold", "unknown"),  # files of 0.1.0 do not say
-        fs=float(decoded(content.get("fs"))),
-        unit=one_line(content.get("unit", "")),
-        joint=float(decoded(content.get("joint"))),  # nor these, those of before
-        joint_bla=float(decoded(content.get("joint_bla"))),
-        evidence=tuple(decoded_evidence(one) for one in content.get("evidence", ())),
-        **{name: decoded_system(content[name]) for name in ("W1", "W2") if name in content},
-        **{f"radius_{name}": decoded(content[f"radius_{name}"]) for name in PARTS},
-    )
+    return decoded_model(content, schema)
 
 
 def save_controller(K: Any, path: PathLike) -> None:
@@ -380,18 +345,6 @@ def controller(name: str, K: Any) -> control.StateSpace:
     """Any controller as a state space, of one input and output or of several."""
     several = np.ndim(K) > 0 or getattr(K, "ninputs", 1) > 1 or getattr(K, "noutputs", 1) > 1
     return (multivariable if several else state_space)(name, K)
-
-
-def decoded_evidence(content: dict[str, Any]) -> Evidence:
-    """What a model remembers of a record."""
-    numbers = {part: float(decoded(content.get(part))) for part in LEVELS}  # files of before do not say
-    numbers["confirmed"] = float(decoded(content["confirmed"]))
-    parts = {part: decoded(content[part]) for part in EVIDENCE if part not in numbers}
-    shapes = {part: parts[part].shape[:1] for part in parts}
-    if len(set(shapes.values())) > 1:
-        raise ValueError(f"evidence must have one number a line for {', '.join(shapes)}, got {short_form(shapes)}")
-    pairs = parts["G"].reshape(-1, 2)
-    return Evidence(**(parts | numbers | {"G": pairs[:, 0] + 1j * pairs[:, 1]}))
 
 
 def holds_model(path: PathLike) -> bool:

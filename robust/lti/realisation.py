@@ -16,7 +16,7 @@ from robust.lti.lti import (
     is_constant,
     poles,
     require_sampling_time,
-    response,
+    response_by_channel,
     scale_states,
     timebase,
 )
@@ -28,6 +28,7 @@ __all__ = [
     "multivariable",
     "order_roots",
     "pair_roots",
+    "reachable_entry",
     "repeat_over_channels",
     "rightmost_pole",
     "split_diagonal",
@@ -265,23 +266,26 @@ def rightmost_pole(system: control.StateSpace) -> complex:
 
 
 def frequency_response(
-    name: str, plant: Any, omega: np.ndarray, other: tuple[Any, ...] = ()
+    name: str, plant: Any, omega: np.ndarray, other: tuple[Any, ...] = (), shape: tuple[int, int] = (1, 1)
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies and complex response of an FRF, or of a system on omega; refused on another clock than `other`.
 
-    A system without a dt takes that clock.
+    A system without a dt takes that clock. The response is (W,), or (n_y, n_u, W) of a shape of several channels.
     """
     if not isinstance(plant, control.FrequencyResponseData):
-        plant = state_space(name, plant)
+        plant = state_space(name, plant) if shape == (1, 1) else multivariable(name, plant)
     dt = common_sampling_time(*other)
     require_sampling_time(name, plant, "the nominal", dt)
+    if (plant.noutputs, plant.ninputs) != shape:
+        wanted = "one input and one output" if shape == (1, 1) else f"{shape[1]} inputs and {shape[0]} outputs"
+        raise ValueError(f"{name} must have {wanted}, got {plant.ninputs} and {plant.noutputs}")
     if isinstance(plant, control.FrequencyResponseData):
-        if (plant.ninputs, plant.noutputs) != (1, 1):
-            raise ValueError(f"{name} must have one input and one output, got {plant.ninputs} and {plant.noutputs}")
-        return np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata[0, 0], dtype=complex)
-    if plant.dt is None and dt:
-        plant = control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt)
-    return omega, response(plant, omega)
+        omega, G = np.asarray(plant.omega, dtype=float), np.asarray(plant.frdata, dtype=complex)
+    else:
+        if plant.dt is None and dt:
+            plant = control.StateSpace(plant.A, plant.B, plant.C, plant.D, dt)
+        G = response_by_channel(plant, omega)
+    return omega, G[0, 0] if shape == (1, 1) else G
 
 
 def order_roots(roots: np.ndarray) -> np.ndarray:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, overload
+from typing import Any
 
-import control
 import numpy as np
 from scipy.special import gammaincc, ndtr
 
@@ -15,34 +13,20 @@ from nlfrf._base.arguments import format_hertz, require_kind
 from nlfrf._base.numbers import roy_quantile
 from nlfrf._base.values import value
 from robust._base.channels import require_matrix, require_single
-from robust.lti.grids import interpolate_frf
 from robust.lti.lti import timebase
 from robust.lti.sampling import hold_correction
 from robust.models.fit.nominal import behind_hold, refuse_other_channels
-from robust.models.sets.evidence import LEVEL_DOF, Evidence, MatrixEvidence, evidence_of, matrix_evidence_of
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.matrix_radius import smoothed
-from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import nominal_response
+from robust.models.sets.model import UncertaintyModel, has_several_channels
+from robust.models.sets.radius import nominal_response, smoothed
+from robust.models.sets.records import LEVEL_DOF, RecordSummary, summarize_record
 
-__all__ = [
-    "MatrixValidation",
-    "Validation",
-    "local_slope",
-    "shape_and_level",
-    "shared_lines",
-    "validate",
-    "validate_matrix",
-]
+__all__ = ["MatrixValidation", "Validation", "local_slope", "shape_and_level", "shared_lines", "validate"]
 
 
-# ---- Shape and level of the difference of two records.
-#
 # What is tested is the difference between the two records, d = G_2 - G_1, as both scatter about one BLA where nothing
-# has
-# changed. Divided by its standard deviation it is white: z_k, of independent phases whatever their sizes are. Two
-# things
-# may be wrong with it, and they are told apart.
+# has changed. Divided by its standard deviation it is white: z_k, of independent phases whatever their sizes are. Of
+# several channels it has the sum of the covariances of both records: noise and distortion of both count, while the
+# bound of one alone is for a new set without measurement noise. Two things may be wrong with d, and they are separated.
 #
 # shape   d goes along a change of gain, delay or frequency, x_k = dG_k/dtheta over the same deviation. By chance the
 #         score s = sum Re(conj(x_k) z_k) has the covariance C = 1/2 sum |z_k|^2 Re(conj(x_k) x_k^T), given the sizes
@@ -50,319 +34,38 @@ __all__ = [
 # level   what is left of d is larger than both records say that they scatter.
 
 WINDOW = 9  # lines over which the slope of an FRF is taken
-FEWEST = 8  # lines below which no shape is told
+FEWEST = 8  # lines below which a shape is not tested
 #: Lines: over their number, the variance of the log power of the residual of two records of one machine.
 LEVEL_LINES = 2.0
 SAME = 1e-9  # relative: one line
-
-
-def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> dict[str, float]:
-    """Shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
-    n_lines = z.size if n_lines is None else n_lines
-    if n_lines < FEWEST:
-        return {"p_value": float("nan")}
-    score, fisher = (x.conj() @ z).real, (x.conj() @ x.T).real
-    covariance = ((x.conj() * np.abs(z) ** 2) @ x.T).real / 2
-    theta = np.linalg.lstsq(fisher, score, rcond=1e-12)[0]
-    T = float(score @ np.linalg.lstsq(covariance, score, rcond=1e-12)[0])
-    square = float(np.sum(np.abs(z - theta @ x) ** 2) / (z.size - len(x) / 2))
-    gain, delay, frequency = (float(t) for t in theta * units)
-    return {
-        "p_value": float(gammaincc(len(x) / 2, T / 2)),
-        "gain": gain,
-        "delay": delay,
-        "frequency": frequency,
-        "level": float(np.sqrt(square)),
-        "p_level": float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(LEVEL_LINES / n_lines))),
-    }
-
-
-def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(n,) frequencies at which two records on lines (F,) of their own are compared.
-
-    Lines of the one that has fewer in the band of both, so that no line of the other is read twice between its own:
-    what scatters there would count as often, and the difference would not be white.
-    """
-    low, high = max(first[0], second[0]) * (1 - SAME), min(first[-1], second[-1]) * (1 + SAME)
-    inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
-    fewer, other = (
-        (inside[0], second) if 0 < inside[0].size < inside[1].size or not inside[1].size else (inside[1], first)
-    )
-    last = np.clip(np.searchsorted(other, fewer * (1 - SAME)), 0, other.size - 1)
-    begin = np.where(np.abs(other[last] - fewer) <= SAME * fewer, last, last - 1)
-    keep, read = np.zeros(fewer.size, dtype=bool), -1
-    for k in range(fewer.size):
-        keep[k] = begin[k] > read
-        read = last[k] if keep[k] else read
-    return np.asarray(fewer[keep])
-
-
-def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(F,) slope of y over x by a parabola through the lines around each."""
-    n = min(WINDOW, x.size)
-    first = np.clip(np.arange(x.size) - n // 2, 0, x.size - n)
-    window = first[:, None] + np.arange(n)
-    r = x[window] - x[:, None]
-    powers = np.stack([np.ones(r.shape), r, r**2], axis=-1)
-    return np.asarray((np.linalg.pinv(powers) @ y[window][..., None])[:, 1, 0])
-
-
-# ---- A second matrix held against a set, or against a first one: entries, whole matrices, a change that all share.
-#
-# The difference of two records has the sum of their covariances: noise and distortion of both count, while the bound of
-# one alone is for a new set without measurement noise.
-
 FLOOR = 1e-8  # of the largest eigenvalue of a covariance
 CONFIDENCE = 0.95  # of a record that is held against a record
-
-
-@value
-class MatrixValidation:
-    """A second record of several inputs or outputs held against a set, or against a first record.
-
-    Fields
-    ------
-    n_outside : int
-        Lines on which the whole matrix differs from the first record by more than both scatter.
-    n_expected : float
-        How many do where nothing has changed.
-    entries_outside : (n_y, n_u) int ndarray
-        The same of each entry; as many are expected of each.
-    p_value : float
-        Probability that two records of one machine differ as much along a change of gain, delay and frequency that all
-        entries share; 1 for the same record, nan on fewer than eight lines.
-    p_values : (n_y, n_u) ndarray
-        The same of each entry by itself.
-    n_lines : int
-        Lines of the record; those outside the band of the first record are left out. Where the two have other lines
-        they are compared on fewer, of which `n_expected` tells the number.
-    omega, distance : (n_lines,) ndarray
-        Those lines [rad/s], and how far each matrix lies from the nominal in units of the set; nan where a record is
-        held against a record.
-    gain, frequency, delay : float
-        The change that fits best, relative and [s].
-    level, p_level : float
-        What is left of the difference over what both records say that they scatter, rms, and the probability of as much
-        or more where nothing has changed.
-    inputs, outputs : tuple of str
-        Names of the channels.
-
-    References
-    ----------
-    As `Validation`; Khatri 1964 for whole matrices, as `Bla.block`.
-
-    Examples
-    --------
-    >>> import nlfrf, robust
-    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, n_realizations=2, rng=1)
-    >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    >>> y = u + 0.1 * u**3 + 0.2 * u[::-1]
-    >>> first, second = (nlfrf.identify(nlfrf.Record(u=u[:, s], y=y[:, s], fs=128, lines=ms.lines))
-    ...     for s in (slice(0, 2), slice(2, 4)))
-    >>> seen = robust.validate(first, second)
-    >>> seen.n_outside < 4, seen.p_value > 0.01
-    (True, True)
-    """
-
-    n_outside: int
-    n_expected: float
-    entries_outside: np.ndarray
-    p_value: float
-    p_values: np.ndarray
-    n_lines: int
-    omega: np.ndarray
-    distance: np.ndarray
-    gain: float = float("nan")
-    delay: float = float("nan")
-    frequency: float = float("nan")
-    level: float = float("nan")
-    p_level: float = float("nan")
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
-
-    @property
-    def n_outside_set(self) -> int:
-        """Lines whose matrix lies outside the set itself."""
-        return int(np.sum(self.distance > 1))
-
-    def __str__(self) -> str:
-        """What was found, in a few lines."""
-        rows = [f"validation of {len(self.outputs)} outputs by {len(self.inputs)} inputs on {self.n_lines} lines"]
-        if not np.isnan(self.distance).all():
-            where = (
-                f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
-            )
-            rows[0] += f": {self.n_outside_set} outside the set{where}"
-        rows.append(
-            f"  shape: p = {self.p_value:.2g}; best change of all entries: gain {100 * self.gain:+.2g} %, frequency "
-            f"{100 * self.frequency:+.2g} %, delay {1e3 * self.delay:+.2g} ms"
-        )
-        j, i = (int(k) for k in np.unravel_index(np.argmin(np.nan_to_num(self.p_values, nan=1.0)), self.p_values.shape))
-        rows.append(
-            f"  the entry that changed most: {self.outputs[j]} by {self.inputs[i]}, p = {self.p_values[j, i]:.2g}"
-        )
-        rows.append(
-            f"  level: the rest is {self.level:.2g} times what both records scatter, p = {self.p_level:.2g}; "
-            f"{self.n_outside} matrices beyond both, {self.n_expected:.3g} expected; entries "
-            f"{int(self.entries_outside.min())} to {int(self.entries_outside.max())}"
-        )
-        return "\n".join(rows)
-
-
-def validate_matrix(model: MatrixUncertainty | Bla, frm: Bla) -> MatrixValidation:
-    """`validate` of several inputs and outputs."""
-    shape = (model.n_outputs, model.n_inputs)
-    if (frm.n_outputs, frm.n_inputs) != shape:
-        raise ValueError(
-            f"bla must have {shape[0]} outputs and {shape[1]} inputs, as the model, got {frm.n_outputs} and "
-            f"{frm.n_inputs}"
-        )
-    refuse_other_channels(frm, model, "the model")
-    inside = (frm.omega >= model.omega[0] * (1 - 1e-9)) & (frm.omega <= model.omega[-1] * (1 + 1e-9))
-    if not inside.any():
-        raise ValueError("bla must have lines inside the band of the model, got none")
-    if not isinstance(model, Bla):
-        frm = behind_hold(frm, timebase(model.nominal))
-    elif "unknown" not in (model.hold, frm.hold):
-        model, frm = behind_hold(model, 0.0), behind_hold(frm, 0.0)
-    second = matrices_on_lines(matrix_evidence_of(frm), frm.omega[inside])
-    distance = np.full(second.omega.size, np.nan)
-    confidence, simultaneous, nominal = CONFIDENCE, False, None
-    if isinstance(model, Bla):
-        firsts = [matrix_evidence_of(model)]
-    else:
-        confidence, simultaneous, nominal = model.confidence, model.simultaneous, model.nominal
-        if np.isnan(confidence):
-            raise ValueError("model must state a confidence to be validated against, got none")
-        dt = timebase(nominal)
-        at = np.exp(1j * second.omega * dt) if dt else 1j * second.omega
-        G = np.moveaxis(np.asarray(nominal(at, squeeze=False)), 2, 0)
-        distance = model.distances(second.omega, second.G - G, G)
-        exact = MatrixEvidence(omega=second.omega, G=G, C=0 * second.C, gamma=second.gamma, dof=second.dof)
-        firsts = reaching(model.measured, second.omega) or [exact]
-    tried = []
-    for first in firsts:
-        lines = shared_lines(first.omega, second.omega)
-        p = confidence ** (1 / lines.size) if simultaneous else confidence
-        tried.append(compared_matrices(matrices_on_lines(first, lines), matrices_on_lines(second, lines), p))
-    best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
-    best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
-    return replace(best, inputs=frm.inputs, outputs=frm.outputs)
-
-
-def reaching(measured: Sequence[MatrixEvidence], omega: np.ndarray) -> list[MatrixEvidence]:
-    """The records behind a model, at several levels, that reach the lines of another one."""
-    return [one for one in measured if one.omega[0] <= omega[-1] and one.omega[-1] >= omega[0]]
-
-
-def matrices_on_lines(one: MatrixEvidence, omega: np.ndarray) -> MatrixEvidence:
-    """On other lines, interpolated in log magnitude and phase; exact where the lines are its own."""
-    if omega.size == one.omega.size and np.allclose(omega, one.omega, rtol=1e-9, atol=0):
-        return one
-
-    def between(x: np.ndarray) -> np.ndarray:
-        """Every element between the lines."""
-        flat = x.reshape(one.omega.size, -1)
-        return np.array([np.interp(omega, one.omega, part) for part in flat.T]).T.reshape(-1, *x.shape[1:])
-
-    log = between(np.log(np.maximum(np.abs(one.G), 1e-300)) + 1j * np.unwrap(np.angle(one.G), axis=0))
-    return MatrixEvidence(omega=omega, G=np.exp(log), C=between(one.C), gamma=between(one.gamma), dof=between(one.dof))
-
-
-def compared_matrices(first: MatrixEvidence, second: MatrixEvidence, p: float) -> MatrixValidation:
-    """Two records on the same lines, one against the other."""
-    omega, d = second.omega, second.G - first.G
-    F, n_y, n_u = d.shape
-    before, after = (np.einsum("fjj,fii->fji", one.C, one.gamma).real for one in (first, second))
-    variance = np.maximum(before + after, np.finfo(float).tiny)
-    L = together(before, after, first.dof[:, None, None], second.dof[:, None, None])
-    outside = np.abs(d) ** 2 > L * np.expm1(-np.log1p(-p) / L) * variance
-    # of inputs that went along the same directions both times the sum is a product again; else it lies above
-    turned = np.linalg.eigvals(np.linalg.solve(first.gamma, second.gamma)).real.max(axis=1)
-    C = [first.C, turned[:, None, None] * second.C]
-    before, after = (np.einsum("fjj->f", one).real for one in C)
-    L = together(before, after, first.dof, second.dof)
-    Z = inverse_root(C[0] + C[1]) @ d @ inverse_root(first.gamma)
-    limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
-    same = bool(np.all(np.abs(d) <= 1e-9 * np.abs(second.G)))
-    found: dict[str, Any] = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
-    if not same:
-        found = changes(first, second, d, C[0] + C[1])
-    return MatrixValidation(
-        n_outside=int(np.sum(np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit)),
-        n_expected=(1 - p) * F,
-        entries_outside=outside.sum(axis=0),
-        n_lines=F,
-        omega=omega,
-        distance=np.full(F, np.nan),
-        **found,
-    )
-
-
-def together(a: np.ndarray, b: np.ndarray, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
-    """Degrees of freedom of the sum of two estimated variances (Welch and Satterthwaite)."""
-    tiny = np.finfo(float).tiny ** 0.25
-    scale = np.maximum(a + b, tiny)
-    return np.asarray(1 / ((a / scale) ** 2 / dof_a + (b / scale) ** 2 / dof_b + tiny))
-
-
-def inverse_root(X: np.ndarray) -> np.ndarray:
-    """(F, n, n) X^-1/2 of Hermitian matrices."""
-    values, vectors = np.linalg.eigh(X)
-    values = np.maximum(values, FLOOR * values[:, -1:] + np.finfo(float).tiny)
-    return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
-
-
-def changes(first: MatrixEvidence, second: MatrixEvidence, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
-    """The change that all entries share, and how likely each entry changed by itself."""
-    omega, (F, n_y, n_u) = second.omega, d.shape
-    G = (first.G + second.G) / 2
-    slope = np.array(
-        [
-            local_slope(np.log(omega), np.log(np.maximum(np.abs(g), 1e-300)) + 1j * np.unwrap(np.angle(g)))
-            for g in G.reshape(F, -1).T
-        ]
-    ).T.reshape(G.shape)
-    one = np.ones_like(G)
-    x = np.array([one, (-1j * omega / omega[-1])[:, None, None] * one, -slope]) * G
-    units = np.array([1.0, 1 / omega[-1], 1.0])
-    own = np.einsum("fii->fi", first.gamma).real
-    level = smoothed(C, np.moveaxis(G, 0, 2), own.T)
-    left, right = inverse_root(level), inverse_root(first.gamma)
-    shared = shape_and_level((left @ x @ right).reshape(3, -1), units, (left @ d @ right).ravel(), F)
-    size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
-    each = [
-        shape_and_level((x / size)[:, :, j, i], units, (d / size)[:, j, i])["p_value"] for j, i in np.ndindex(n_y, n_u)
-    ]
-    return {**shared, "p_values": np.array(each).reshape(n_y, n_u)}
-
-
 STEP = 1e-5
 LINE = 1e-6  # relative: a line of the FRF that a model is made around
 
 
 @value
 class Validation:
-    """A second record held against a model.
+    """A second record held against a model, or against a first record; for any number of channels.
 
     Fields
     ------
     n_outside : int
         Lines on which the record differs from the one behind the model by more than both scatter, at the confidence of
-        the model.
+        the model (95 % against a record); of several channels lines whose whole matrix does.
     n_expected : float
         How many do where nothing has changed.
     p_value : float
         Probability that two records of one machine differ as much along a change of gain, delay and frequency
-        together. Uniform where nothing has changed and distortion is white over the lines; 1 for the record behind the
-        model itself, nan on fewer than eight lines.
+        together, which all entries share. Uniform where nothing has changed and distortion is white over the lines; 1
+        for the record behind the model itself, nan on fewer than eight lines.
     omega_outside : (n_outside,) ndarray
         Where they are [rad/s].
     n_lines : int
         Lines of the record; those outside the band of the model are left out. Where the two records have other lines
         they are compared on fewer, of which `n_expected` tells the number.
     omega, distance : (n_lines,) ndarray
-        Those lines [rad/s], and how far each lies from the nominal, in units of the weight.
+        Those lines [rad/s], and how far each lies from the nominal, in units of the weight; nan against a record.
     gain, frequency : float
         The change that fits best, relative: a resonance that went up by 1 % has a frequency of 0.01.
     delay : float
@@ -370,11 +73,17 @@ class Validation:
     level, p_level : float
         What is left of the difference over what both records say that they scatter, rms, and the probability of as much
         or more where nothing has changed.
+    entries_outside : (n_y, n_u) int ndarray or None
+        `n_outside` of each entry of several channels; as many are expected of each.
+    p_values : (n_y, n_u) ndarray or None
+        `p_value` of each entry by itself.
+    inputs, outputs : tuple of str
+        Names of the channels.
 
     References
     ----------
     C. R. Rao, *Linear Statistical Inference and Its Applications*, 2nd ed., 6e (score tests); H. White, Econometrica
-    48, 817 (1980) (their covariance where variances are not known).
+    48, 817 (1980) (their covariance where variances are not known); Khatri 1964 for whole matrices, as `Bla.block`.
 
     Examples
     --------
@@ -386,6 +95,17 @@ class Validation:
     >>> seen = validate(uncertainty(bla, control.tf([2.3], [1]), order=0, above="flat"), bla)
     >>> seen.n_outside, seen.n_lines == ms.f.size, seen.p_value
     (0, True, 1.0)
+    Two records of several channels:
+
+    >>> import nlfrf, robust
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, n_realizations=2, rng=1)
+    >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
+    >>> y = u + 0.1 * u**3 + 0.2 * u[::-1]
+    >>> first, second = (nlfrf.identify(nlfrf.Record(u=u[:, s], y=y[:, s], fs=128, lines=ms.lines))
+    ...     for s in (slice(0, 2), slice(2, 4)))
+    >>> seen = robust.validate(first, second)
+    >>> seen.n_outside < 4, seen.p_value > 0.01
+    (True, True)
     """
 
     n_outside: int
@@ -400,6 +120,10 @@ class Validation:
     frequency: float = float("nan")
     level: float = float("nan")
     p_level: float = float("nan")
+    entries_outside: Any = None
+    p_values: Any = None
+    inputs: tuple[str, ...] = ("u",)
+    outputs: tuple[str, ...] = ("y",)
 
     @property
     def n_outside_set(self) -> int:
@@ -408,27 +132,35 @@ class Validation:
 
     def __str__(self) -> str:
         """What was found, in a few lines."""
-        where = (
-            "" if not self.n_outside_set else f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}"
+        where = f", worst at {format_hertz(float(self.omega[np.argmax(self.distance)]))}" if self.n_outside_set else ""
+        shares, entry, entries, what = "", "", "", "lines beyond both discs"
+        rows = [f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}"]
+        if self.p_values is not None:
+            rows = [f"validation of {len(self.outputs)} outputs by {len(self.inputs)} inputs on {self.n_lines} lines"]
+            rows[0] += "" if np.isnan(self.distance).all() else f": {self.n_outside_set} outside the set{where}"
+            shares, what = " of all entries", "matrices beyond both"
+            place = np.unravel_index(np.argmin(np.nan_to_num(self.p_values, nan=1.0)), self.p_values.shape)
+            j, i = map(int, place)
+            entry = f"the entry that changed most: {self.outputs[j]} by {self.inputs[i]}, p = {self.p_values[j, i]:.2g}"
+            low, high = int(self.entries_outside.min()), int(self.entries_outside.max())
+            entries = f"; entries {low} to {high}"
+        rows.append(
+            f"shape: p = {self.p_value:.2g}; best change{shares}: gain {100 * self.gain:+.2g} %, frequency "
+            f"{100 * self.frequency:+.2g} %, delay {1e3 * self.delay:+.2g} ms"
         )
-        return (
-            f"validation: {self.n_outside_set} of {self.n_lines} lines outside the set{where}\n"
-            f"  shape: p = {self.p_value:.2g}; best change: gain {100 * self.gain:+.2g} %, frequency "
-            f"{100 * self.frequency:+.2g} %, delay {1e3 * self.delay:+.2g} ms\n"
-            f"  level: the rest is {self.level:.2g} times what both records scatter, p = {self.p_level:.2g}; "
-            f"{self.n_outside} lines beyond both discs, {self.n_expected:.3g} expected"
+        rows += [entry] * bool(entry)
+        rows.append(
+            f"level: the rest is {self.level:.2g} times what both records scatter, p = {self.p_level:.2g}; "
+            f"{self.n_outside} {what}, {self.n_expected:.3g} expected{entries}"
         )
+        return "\n  ".join(rows)
 
 
-@overload
-def validate(model: UncertaintyModel, bla: Bla) -> Validation: ...
+#: The name of `Validation` for several channels before one type took any number of them.
+MatrixValidation = Validation
 
 
-@overload
-def validate(model: MatrixUncertainty | Bla, bla: Bla) -> MatrixValidation: ...
-
-
-def validate(model: UncertaintyModel | MatrixUncertainty | Bla, bla: Bla) -> Validation | MatrixValidation:
+def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     """Hold a second record (another day, another level, closed loop) against a model.
 
     The record is compared with the one that the model was made of, line by line (of other lines those of the one that
@@ -439,14 +171,14 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Bla, bla: Bla) -> Val
 
     Parameters
     ----------
-    model : UncertaintyModel, MatrixUncertainty or nlfrf.Bla
-        The model; of several inputs and outputs also the first record alone.
+    model : UncertaintyModel or nlfrf.Bla
+        The model, or the first record alone.
     bla : nlfrf.Bla
         What was measured later; lines outside the band of the model are left out.
 
     Returns
     -------
-    Validation, or MatrixValidation of several channels
+    Validation
 
     Raises
     ------
@@ -471,29 +203,47 @@ def validate(model: UncertaintyModel | MatrixUncertainty | Bla, bla: Bla) -> Val
     >>> bool(abs(seen.gain - 0.3) < 0.1), seen.p_value < 1e-3
     (True, True)
     """
-    if isinstance(model, MatrixUncertainty | Bla):
-        require_matrix("bla", bla)
-        if isinstance(model, Bla):
-            require_matrix("model", model)
-        return validate_matrix(model, bla)
-    require_single("bla", bla)
-    require_kind("model", model, UncertaintyModel)
+    require_kind("model", model, UncertaintyModel, Bla)
+    several = has_several_channels(model) or not model.is_single
+    (require_matrix if several else require_single)("bla", bla)
+    if (bla.n_outputs, bla.n_inputs) != (model.n_outputs, model.n_inputs):
+        raise ValueError(
+            f"bla must have {model.n_outputs} outputs and {model.n_inputs} inputs, as the model, got {bla.n_outputs} "
+            f"and {bla.n_inputs}"
+        )
+    if several:
+        refuse_other_channels(bla, model, "the model")
     inside = (bla.omega >= model.omega[0] * (1 - 1e-9)) & (bla.omega <= model.omega[-1] * (1 + 1e-9))
     if not inside.any():
         raise ValueError("bla must have lines inside the band of the model, got none")
-    if np.isnan(model.confidence):
-        raise ValueError("model must state a confidence to be validated against, got none")
-    bla = (
-        bla.times(as_recorded(model, bla, inside)) if model.measured_only else behind_hold(bla, timebase(model.nominal))
-    )
-    second = on_lines(evidence_of(bla), bla.omega[inside])
-    distance = model.distance(control.FrequencyResponseData(second.G, second.omega))
+    confidence, simultaneous = CONFIDENCE, False
+    firsts: tuple[RecordSummary, ...]
+    if isinstance(model, Bla):
+        if "unknown" not in (model.hold, bla.hold):
+            model, bla = behind_hold(model, 0.0), behind_hold(bla, 0.0)
+        second = summarize_record(bla).on_lines(bla.omega[inside])
+        firsts, distance = (summarize_record(model),), np.full(second.omega.size, np.nan)
+    else:
+        confidence, simultaneous = model.confidence, model.simultaneous
+        if np.isnan(confidence):
+            raise ValueError("model must state a confidence to be validated against, got none")
+        if model.measured_only:
+            bla = bla.times(as_recorded(model, bla, inside))
+        else:
+            bla = behind_hold(bla, timebase(model.nominal))
+        second = summarize_record(bla).on_lines(bla.omega[inside])
+        nominal = np.moveaxis(model.at(second.omega), -1, 0)
+        distance = model.normalized_distance(second.omega, second.G, nominal)
+        firsts = known(model, second)
     tried = []
-    for one in known(model, second):
-        lines = shared_lines(one.omega, second.omega)
-        tried.append(compared(model, on_lines(one, lines), on_lines(second, lines)))
+    for first in firsts:
+        lines = shared_lines(first.omega, second.omega)
+        p = confidence ** (1 / lines.size) if simultaneous else confidence
+        pair = first.on_lines(lines), second.on_lines(lines)
+        tried.append(compare_matrices(*pair, p) if several else compare_frfs(model, *pair, p))
     best = max(tried, key=lambda one: (np.nan_to_num(one.p_value), one.p_level))
-    return replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
+    best = replace(best, omega=second.omega, n_lines=second.omega.size, distance=distance)
+    return replace(best, inputs=bla.inputs, outputs=bla.outputs)
 
 
 def as_recorded(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.ndarray:
@@ -510,60 +260,156 @@ def as_recorded(model: UncertaintyModel, bla: Bla, inside: np.ndarray) -> np.nda
     return np.asarray(own / other)
 
 
-def known(model: UncertaintyModel, second: Evidence) -> tuple[Evidence, ...]:
+def known(model: UncertaintyModel, second: RecordSummary) -> tuple[RecordSummary, ...]:
     """The records behind a model that reach the lines of another one; the nominal itself, as exact, where none does."""
-    reach = [one for one in model.evidence if one.omega[0] <= second.omega[-1] and one.omega[-1] >= second.omega[0]]
-    if reach:
-        return tuple(reach)
-    nothing = np.zeros(second.omega.size)
-    G = nominal_response(model.nominal, second.omega)
-    return (Evidence(omega=second.omega, G=G, variance=nothing, scatter=nothing, confirmed=1.0),)
+    reach = [one for one in model.records if one.omega[0] <= second.omega[-1] and one.omega[-1] >= second.omega[0]]
+    G = np.moveaxis(nominal_response(model.nominal, second.omega), -1, 0)
+    return tuple(reach) or (replace(second, G=G, variance=0 * second.variance),)
 
 
-def on_lines(one: Evidence, omega: np.ndarray) -> Evidence:
-    """A record on other lines, interpolated in log magnitude and phase; exact where the lines are its own."""
-    if omega.size == one.omega.size and np.allclose(omega, one.omega, rtol=1e-9, atol=0):
-        return one
-    variance, scatter = (np.interp(omega, one.omega, part) for part in (one.variance, one.scatter))
-    return replace(one, omega=omega, G=interpolate_frf(omega, one.omega, one.G), variance=variance, scatter=scatter)
+def shared_lines(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(n,) frequencies at which two records on lines (F,) of their own are compared.
+
+    Lines of the one that has fewer in the band of both, so that no line of the other is read twice between its own:
+    what scatters there would count as often, and the difference would not be white.
+    """
+    low, high = max(first[0], second[0]) * (1 - SAME), min(first[-1], second[-1]) * (1 + SAME)
+    inside = [omega[(omega >= low) & (omega <= high)] for omega in (first, second)]
+    fewer, other = (
+        (inside[0], second) if 0 < inside[0].size < inside[1].size or not inside[1].size else (inside[1], first)
+    )
+    last = np.clip(np.searchsorted(other, fewer * (1 - SAME)), 0, other.size - 1)
+    begin = np.where(np.abs(other[last] - fewer) <= SAME * fewer, last, last - 1)
+    keep, read = np.zeros(fewer.size, dtype=bool), -1
+    for k in range(fewer.size):
+        keep[k] = begin[k] > read
+        read = last[k] if keep[k] else read
+    return np.asarray(fewer[keep])
 
 
-def compared(model: UncertaintyModel, first: Evidence, second: Evidence) -> Validation:
-    """Two records on the same lines, one against the other."""
+def shape_and_level(x: np.ndarray, units: np.ndarray, z: np.ndarray, n_lines: int | None = None) -> dict[str, float]:
+    """Shape and level of whitened differences z (n,) along directions x (3, n), on n lines or fewer."""
+    n_lines = z.size if n_lines is None else n_lines
+    if n_lines < FEWEST:
+        return {"p_value": float("nan")}
+    score, fisher = (x.conj() @ z).real, (x.conj() @ x.T).real
+    covariance = ((x.conj() * np.abs(z) ** 2) @ x.T).real / 2
+    theta = np.linalg.lstsq(fisher, score, rcond=1e-12)[0]
+    T = float(score @ np.linalg.lstsq(covariance, score, rcond=1e-12)[0])
+    square = float(np.sum(np.abs(z - theta @ x) ** 2) / (z.size - len(x) / 2))
+    gain, delay, frequency = (float(t) for t in theta * units)
+    return {
+        "p_value": float(gammaincc(len(x) / 2, T / 2)),
+        "gain": gain,
+        "delay": delay,
+        "frequency": frequency,
+        "level": float(np.sqrt(square)),
+        "p_level": float(ndtr(-np.log(max(square, 1e-300)) / np.sqrt(LEVEL_LINES / n_lines))),
+    }
+
+
+def local_slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(F,) slope of y over x by a parabola through the lines around each."""
+    n = min(WINDOW, x.size)
+    first = np.clip(np.arange(x.size) - n // 2, 0, x.size - n)
+    window = first[:, None] + np.arange(n)
+    r = x[window] - x[:, None]
+    powers = np.stack([np.ones(r.shape), r, r**2], axis=-1)
+    return np.asarray((np.linalg.pinv(powers) @ y[window][..., None])[:, 1, 0])
+
+
+def change_directions(omega: np.ndarray, G: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(3, F, ...) where a change of gain, delay and frequency moves responses (F, ...), and the units of these changes.
+
+    slope : d log G / d log omega.
+    """
+    turn = (-1j * omega / omega[-1]).reshape(-1, *[1] * (G.ndim - 1)) * np.ones_like(G)
+    return np.array([np.ones_like(G), turn, -slope]) * G, np.array([1.0, 1 / omega[-1], 1.0])
+
+
+def measured_slope(omega: np.ndarray, G: np.ndarray) -> np.ndarray:
+    """(F,) d log G / d log omega of an FRF on its lines."""
+    return local_slope(np.log(omega), np.log(np.maximum(np.abs(G), 1e-300)) + 1j * np.unwrap(np.angle(G)))
+
+
+def compare_frfs(model: Any, first: RecordSummary, second: RecordSummary, p: float) -> Validation:
+    """Two records of one channel on the same lines, one against the other."""
     omega, d = second.omega, second.G - first.G
     variance = np.maximum(first.variance + second.variance, np.finfo(float).tiny)
-    p = model.confidence ** (1 / omega.size) if model.simultaneous else model.confidence
-    outside = np.abs(d) ** 2 > LEVEL_DOF * np.expm1(-np.log1p(-p) / LEVEL_DOF) * variance  # of F(2, 2 dof)
-    same = bool(np.all(np.abs(d) <= 1e-9 * np.abs(second.G)))
-    found = (
-        {"p_value": 1.0}
-        if same
-        else shape_and_level(*directions(model, first, second, variance), d / np.sqrt(variance))
-    )
-    return Validation(
-        n_outside=int(outside.sum()),
-        n_expected=(1 - p) * omega.size,
-        omega_outside=omega[outside],
-        n_lines=omega.size,
-        omega=omega,
-        distance=np.zeros(omega.size),
-        **found,
-    )
+    outside = np.abs(d) ** 2 > f_quantile(p, LEVEL_DOF) * variance
+    found = {"p_value": 1.0}
+    if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
+        # about the mean of both records, each for what it is worth: it is independent of their difference
+        G = (first.G * second.variance + second.G * first.variance) / variance
+        if isinstance(model, Bla) or model.measured_only:
+            slope = measured_slope(omega, G)
+        else:  # of the nominal, which does not scatter
+            below, above = (nominal_response(model.nominal, omega * factor) for factor in (1 - STEP, 1 + STEP))
+            slope = np.log(above / below) / (2 * STEP)
+        x, units = change_directions(omega, G, slope)
+        found = shape_and_level(x / np.sqrt(variance), units, d / np.sqrt(variance))
+    return comparison(omega, outside, p, found)
 
 
-def directions(
-    model: UncertaintyModel, first: Evidence, second: Evidence, variance: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """(3, F) where a change of gain, delay and frequency moves the lines, whitened; and the units of these changes.
+def compare_matrices(first: RecordSummary, second: RecordSummary, p: float) -> Validation:
+    """Two records of several channels on the same lines, one against the other."""
+    omega, d = second.omega, second.G - first.G
+    n_y, n_u = d.shape[1:]
+    before, after = (np.einsum("fjj,fii->fji", one.variance, one.gamma).real for one in (first, second))
+    variance = np.maximum(before + after, np.finfo(float).tiny)
+    L = together(before, after, first.dof[:, None, None], second.dof[:, None, None])
+    entries = np.abs(d) ** 2 > f_quantile(p, L) * variance
+    # of inputs that went along the same directions both times the sum is a product again; else it lies above
+    turned = np.linalg.eigvals(np.linalg.solve(first.gamma, second.gamma)).real.max(axis=1)
+    C = [first.variance, turned[:, None, None] * second.variance]
+    before, after = (np.einsum("fjj->f", one).real for one in C)
+    L = together(before, after, first.dof, second.dof)
+    Z = inverse_root(C[0] + C[1]) @ d @ inverse_root(first.gamma)
+    limit = np.array([roy_quantile(p, n_y, n_u, round(float(one), 1)) for one in L])
+    found: dict[str, Any] = {"p_value": 1.0, "p_values": np.ones((n_y, n_u))}
+    if not np.all(np.abs(d) <= 1e-9 * np.abs(second.G)):
+        found = changes(first, second, d, C[0] + C[1])
+    outside = np.linalg.norm(Z, 2, (1, 2)) ** 2 > limit
+    return comparison(omega, outside, p, found | {"entries_outside": entries.sum(axis=0)})
 
-    About the mean of both records, each for what it is worth: it is independent of their difference.
-    """
-    omega = second.omega
-    G = (first.G * second.variance + second.G * first.variance) / variance
-    if model.measured_only:
-        slope = local_slope(np.log(omega), np.log(np.abs(G)) + 1j * np.unwrap(np.angle(G)))
-    else:  # of the nominal, which does not scatter
-        below, above = (nominal_response(model.nominal, omega * factor) for factor in (1 - STEP, 1 + STEP))
-        slope = np.log(above / below) / (2 * STEP)
-    along = np.array([np.ones(omega.size), -1j * omega / omega[-1], -slope])
-    return along * G / np.sqrt(variance), np.array([1.0, 1 / omega[-1], 1.0])
+
+def comparison(omega: np.ndarray, outside: np.ndarray, p: float, found: dict[str, Any]) -> Validation:
+    """What was found on the lines of two records; how far they lie from a set is told of all lines of the second."""
+    counts = {"n_outside": int(outside.sum()), "n_expected": (1 - p) * omega.size, "omega_outside": omega[outside]}
+    return Validation(**counts, n_lines=omega.size, omega=omega, distance=np.zeros(omega.size), **found)
+
+
+def f_quantile(p: float, dof: Any) -> Any:
+    """Quantile of F(2, 2 dof)."""
+    return dof * np.expm1(-np.log1p(-p) / dof)
+
+
+def together(a: np.ndarray, b: np.ndarray, dof_a: np.ndarray, dof_b: np.ndarray) -> np.ndarray:
+    """Degrees of freedom of the sum of two estimated variances (Welch and Satterthwaite)."""
+    tiny = np.finfo(float).tiny ** 0.25
+    scale = np.maximum(a + b, tiny)
+    return np.asarray(1 / ((a / scale) ** 2 / dof_a + (b / scale) ** 2 / dof_b + tiny))
+
+
+def inverse_root(X: np.ndarray) -> np.ndarray:
+    """(F, n, n) X^-1/2 of Hermitian matrices."""
+    values, vectors = np.linalg.eigh(X)
+    values = np.maximum(values, FLOOR * values[:, -1:] + np.finfo(float).tiny)
+    return np.asarray((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
+
+
+def changes(first: RecordSummary, second: RecordSummary, d: np.ndarray, C: np.ndarray) -> dict[str, Any]:
+    """The change that all entries share, and how likely each entry changed by itself."""
+    omega, (F, n_y, n_u) = second.omega, d.shape
+    G = (first.G + second.G) / 2
+    slope = np.array([measured_slope(omega, g) for g in G.reshape(F, -1).T]).T.reshape(G.shape)
+    x, units = change_directions(omega, G, slope)
+    own = np.einsum("fii->fi", first.gamma).real
+    level = smoothed(C, np.moveaxis(G, 0, 2), own.T)
+    left, right = inverse_root(level), inverse_root(first.gamma)
+    shared = shape_and_level((left @ x @ right).reshape(3, -1), units, (left @ d @ right).ravel(), F)
+    size = np.sqrt(np.einsum("fjj->fj", level).real[:, :, None] * own[:, None])
+    each = [
+        shape_and_level((x / size)[:, :, j, i], units, (d / size)[:, j, i])["p_value"] for j, i in np.ndindex(n_y, n_u)
+    ]
+    return {**shared, "p_values": np.array(each).reshape(n_y, n_u)}

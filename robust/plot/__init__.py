@@ -2,7 +2,6 @@
 
     models   pictures of models: nominal, set, weight, radius, fit, order scan, validation
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds, poles and zeros in their ellipses
-    matrices pictures of several inputs and outputs: the set, its weights, the loop
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of what friction does to a loop
     look     colours, units, and the measured band in white
@@ -11,9 +10,27 @@ The pictures are handed on from here: `from robust.plot import plot_check`.
 """
 
 from robust.plot.friction import plot_quasi_linear
-from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_roots, plot_step
-from robust.plot.matrices import plot_matrix_loop, plot_matrix_set, plot_matrix_weights
-from robust.plot.models import plot_bode, plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
+from robust.plot.loops import (
+    plot_bounds,
+    plot_check,
+    plot_family,
+    plot_loop,
+    plot_matrix_loop,
+    plot_nyquist,
+    plot_roots,
+    plot_step,
+)
+from robust.plot.models import (
+    plot_bode,
+    plot_budget,
+    plot_fit,
+    plot_matrix_set,
+    plot_matrix_weights,
+    plot_nominal,
+    plot_orders,
+    plot_validation,
+    plot_weight,
+)
 
 __all__ = [
     "plot_bode",

@@ -8,16 +8,14 @@ import numpy as np
 
 from nlfrf._base.arguments import label_with_unit, require_integer, require_kind, require_probability, short_form
 from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
-from robust.analysis.check_structure import StructuredReport
 from robust.analysis.family import LoopFamily
-from robust.analysis.performance import StepResponse
+from robust.analysis.performance import LoopGains, StepResponse
 from robust.analysis.report import RobustnessReport
 from robust.lti.lti import response
 from robust.lti.realisation import state_space
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
 from robust.plot.look import COLOR, hz, mark_band, show_all_of
-from robust.plot.matrices import draw_mu
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,23 +26,30 @@ __all__ = [
     "plot_check",
     "plot_family",
     "plot_loop",
+    "plot_matrix_loop",
     "plot_nyquist",
     "plot_roots",
     "plot_step",
 ]
 
 
-def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
+def plot_loop(report: RobustnessReport | LoopGains, *, ax: Axes | None = None) -> Axes:
     """Loop gain, sensitivity and complementary sensitivity of the nominal loop.
+
+    Of several channels between what the singular values of L, S and T lie: strongest and weakest direction.
 
     Parameters
     ----------
-    report : RobustnessReport
+    report : RobustnessReport, or LoopGains of several channels
+        From `check`, or from `loop_gains`.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    require_kind("report", report, RobustnessReport)
+    require_kind("report", report, RobustnessReport, LoopGains)
     ax = axes_or_new(ax)
+    if isinstance(report, LoopGains):
+        return draw_gains(ax, report)
+    require_one_loop(report)
     f = hz(report.omega)
     ax.plot(f, to_decibel(np.abs(report.G * report.K)), "-", lw=1.8, color=COLOR["radius"], label="|L| = |G K|")
     ax.plot(f, to_decibel(np.abs(report.S)), "-", lw=1.4, color=COLOR["loop"], label="|S|")
@@ -59,6 +64,33 @@ def plot_loop(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
+def draw_gains(ax: Any, gains: LoopGains) -> Any:
+    """`plot_loop` of several channels."""
+    f = hz(gains.omega)
+    for name, color, style in (("L", "radius", "-"), ("S", "loop", "--"), ("T", "limit", "-.")):
+        curves = getattr(gains, name)
+        ax.fill_between(f, to_decibel(curves[-1]), to_decibel(curves[0]), color=COLOR[color], alpha=0.15, lw=0)
+        ax.plot(f, to_decibel(curves[0]), style, lw=1.6, color=COLOR[color], label=f"{name}, largest")
+        ax.plot(f, to_decibel(curves[-1]), style, lw=0.7, color=COLOR[color], label=f"{name}, smallest")
+    ax.axhline(0, color="0.5", lw=0.8)
+    title = "Nominal loop" if gains.stable else "Nominal loop, not stable"
+    ax.set(xscale="log", xlabel="frequency [Hz]", ylabel="singular values [dB]", title=title)
+    low, high = (f[0], f[-1]) if gains.band is None else hz(gains.band)
+    mark_band(ax, (low, high), top=f[-1])
+    show_all_of(ax)
+    return finish_axes(ax)
+
+
+#: The name of `plot_loop` for several channels before one took any number of them.
+plot_matrix_loop = plot_loop
+
+
+def require_one_loop(report: RobustnessReport) -> None:
+    """Refuse a report by the structured singular value, which has no curves of one loop."""
+    if not report.is_single:
+        raise ValueError("report must be of one loop for this picture, got one of several: plot_loop takes loop_gains")
+
+
 def frame(ax: Any, report: Any, *happens: float) -> None:
     """The measured band of a report or family, and frequencies [rad/s] at which something happens."""
     f = hz(report.omega)
@@ -67,37 +99,41 @@ def frame(ax: Any, report: Any, *happens: float) -> None:
     mark_band(ax, band, happens=[hz(w) for w in happens], top=top)
 
 
-def plot_check(report: RobustnessReport | StructuredReport, *, ax: Axes | None = None) -> Axes:
+def plot_check(report: RobustnessReport, *, ax: Axes | None = None) -> Axes:
     """Robust stability, nominal and robust performance over frequency, all to stay below one.
 
     Parameters
     ----------
-    report : RobustnessReport or StructuredReport
-        Of one uncertainty, or of several and of matrices: then bounds of mu.
+    report : RobustnessReport
+        Of one uncertainty, or of several and of several channels: then bounds of mu.
     ax : matplotlib Axes, optional
         Where to draw; a new figure when not given.
     """
-    require_kind("report", report, RobustnessReport, StructuredReport)
-    ax = axes_or_new(ax)
-    if isinstance(report, StructuredReport):
-        return draw_mu(ax, report)
-    f = hz(report.omega)
+    require_kind("report", report, RobustnessReport)
+    ax, single = axes_or_new(ax), report.is_single
+    there = report.omega > 0
+    f = hz(report.omega[there])
     curves = (
-        (report.rs, "robust stability", COLOR["limit"], "-"),
+        (report.rs, "robust stability" + ", upper bound of mu" * (not single), COLOR["limit"], "-"),
         (report.np_, "nominal performance |w_P S|", COLOR["loop"], "--"),
-        (report.rp, "robust performance", COLOR["radius"], "-"),
+        (report.rp, "robust performance", COLOR["radius"], "-" if single else "--"),
     )
-    frame(ax, report, report.omega_rs, report.omega_rp)
-    seen = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1])
-    drawn = np.concatenate([c[np.isfinite(c) & (c > 0) & seen] for c, *_ in curves])
+    if single or report.band is not None:
+        frame(ax, report, report.omega_rs, report.omega_rp)
+    inside = (f >= ax.get_xlim()[0]) & (f <= ax.get_xlim()[1]) if single or report.band is not None else f > 0
+    drawn = [curve[there][np.isfinite(curve[there]) & (curve[there] > 0) & inside] for curve, *_ in curves]
     for curve, label, color, style in curves:
         if np.isfinite(curve).any():
-            ax.plot(f, curve, style, lw=1.6, color=color, label=label)
-    if np.isfinite(report.margin_rs) and report.margin_rs > 0:
+            ax.plot(f, curve[there], style, lw=1.6, color=color, label=label)
+    if single and np.isfinite(report.margin_rs) and report.margin_rs > 0:
         ax.plot(
             hz(report.omega_rs), 1 / report.margin_rs, "o", color=COLOR["limit"], label="limits the stability margin"
         )
-    ax.axhline(1, color="0.3", lw=1, ls=":")
+    if np.isfinite(report.margin_broken):
+        label = "reached by a perturbation that was found"
+        ax.axhline(1 / report.margin_broken, color=COLOR["loop"], lw=1, ls=":", label=label)
+        drawn.append(np.array([1 / report.margin_broken]))
+    ax.axhline(1, color="0.3", lw=1, ls=":" if single else "-")
     ax.set(
         xscale="log",
         yscale="log",
@@ -105,8 +141,9 @@ def plot_check(report: RobustnessReport | StructuredReport, *, ax: Axes | None =
         ylabel="must stay below 1",
         title=f"Verdict on stability: {report.verdict}",
     )
-    if drawn.size:  # what matters happens around one; curves run out of the picture below
-        ax.set_ylim(max(1e-3, drawn.min() * 0.8), float(np.clip(1.5 * drawn.max(), 2.0, 1e2)))
+    values = np.concatenate(drawn)
+    if values.size:  # what matters happens around one; curves run out of the picture below
+        ax.set_ylim(max(1e-3, values.min() * 0.8), float(np.clip(1.5 * values.max(), 2.0, 1e2)))
     else:
         ax.text(0.5, 0.5, report.reason, transform=ax.transAxes, ha="center", wrap=True)
     return finish_axes(ax)
@@ -126,6 +163,7 @@ def plot_nyquist(report: RobustnessReport, *, n_discs: int = 25, ax: Axes | None
     from matplotlib.patches import Circle
 
     require_kind("report", report, RobustnessReport)
+    require_one_loop(report)
     n_discs = require_integer("n_discs", n_discs, least=0)
     ax = axes_or_new(ax)
     L = report.G * report.K

@@ -2,52 +2,75 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nlfrf import Bla
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.axes import (
     axes_or_new,
     bode_axes,
     finish_axes,
+    finish_matrix,
     gain_band,
     join_labels,
     lower_edge,
+    matrix_axes,
     phase_band,
     to_decibel,
 )
-from robust._base.channels import require_single
-from robust.lti.lti import response, timebase
+from robust._base.channels import require_matrix, require_single
+from robust.lti.lti import response, response_by_channel, timebase
 from robust.models.fit.nominal import NominalFit, behind_hold
 from robust.models.fit.orders import OrderScan
 from robust.models.sets.forms import FORMS
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, require_one_channel
 from robust.models.validation import Validation
 from robust.plot.look import BESIDE, COLOR, MEASURED, OVER, STYLE, hz, mark_band
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_bode", "plot_budget", "plot_fit", "plot_nominal", "plot_orders", "plot_validation", "plot_weight"]
+__all__ = [
+    "plot_bode",
+    "plot_budget",
+    "plot_fit",
+    "plot_matrix_set",
+    "plot_matrix_weights",
+    "plot_nominal",
+    "plot_orders",
+    "plot_validation",
+    "plot_weight",
+]
 
 
 #: The parts of a budget in grey.
 HATCH = {"noise": "", "odd": "//", "even": "..", "misfit": "\\\\", "level": "xx", "systematic": "--"}
 
+ROOM = 15.0  # dB under the least gain of the nominal in a row
+FLAT = 5.0  # dB above and below a weight that is a number
+FEW = 300  # measured lines of several channels that are drawn with their bounds
 BELOW, ABOVE = 16.0, 12.0  # dB about the curves of a set: bands of 84 % below and of 300 % above are whole
 
 
-def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
+def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Any:
     """The radius on the measured lines, what it is made of, and the weight over it, outside the band too.
+
+    Of several channels radii and weights in a matrix of axes, which is returned: of "elements" entry by entry, of a
+    full block W_l above W_r, a column a channel; weights that a channel does not have are left empty.
 
     Parameters
     ----------
     model : UncertaintyModel
     ax : matplotlib Axes, optional
-        Where to draw; a new figure when not given.
+        Where to draw; a new figure when not given. The axes of several channels take its place.
     """
     require_kind("model", model, UncertaintyModel)
+    if not model.is_single:
+        return draw_weights(model, ax)
     ax = axes_or_new(ax)
     f = hz(model.omega)
     floor = model.radius.min() * 10 ** (-25 / 20)
@@ -74,7 +97,7 @@ def plot_weight(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
 
 def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """The nominal plant and the band of gains the set gives it; arguments as in `plot_weight`."""
-    require_kind("model", model, UncertaintyModel)
+    require_one_channel(model, "plot_bode shows every entry", "for this picture", parametric=False)
     ax = axes_or_new(ax)
     omega = model.omega if model.measured_only else outside_too(model)
     G = model.at(omega)
@@ -90,8 +113,10 @@ def plot_nominal(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     return finish_axes(ax)
 
 
-def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = None) -> tuple[Axes, Axes]:
+def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = None) -> Any:
     """Measured points, nominal and set together: magnitude and phase over logarithmic frequency.
+
+    Of several channels every entry of the nominal with the gains that the set gives it, in a matrix of axes.
 
     Parameters
     ----------
@@ -99,14 +124,22 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     bla : nlfrf.Bla or list of them, optional
         What was measured, drawn as points with their 95 % bounds.
     ax : matplotlib Axes, optional
-        Where to draw: it gives its place to the two that are returned; a new figure when not given.
+        Where to draw: it gives its place to those that are returned; a new figure when not given.
+
+    Returns
+    -------
+    tuple of two matplotlib Axes, or (n_y, n_u) ndarray of them
     """
     require_kind("model", model, UncertaintyModel)
     blas = [] if bla is None else list(bla) if isinstance(bla, (list, tuple)) else [bla]
     for one in blas:
-        require_single("bla", one)
-    top, bottom = bode_axes(ax)
+        (require_single if model.is_single else require_matrix)("bla", one)
+    if not model.measured_only:
+        blas = [behind_hold(one, timebase(model.nominal)) for one in blas]
     omega = model.omega if model.measured_only else outside_too(model)
+    if not model.is_single:
+        return draw_entries(model, blas, omega, ax)
+    top, bottom = bode_axes(ax)
     f, G = hz(omega), model.at(omega)
     size, w, scale = np.abs(G), *(np.abs(response(part, omega)) for part in (model.weight, model.shaping))
     low, high = (gain / scale for gain in FORMS[model.form].gains(w, scale * size))
@@ -116,8 +149,6 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
         ratio = (high - low) / (high + low)
     wide = np.arcsin(np.where((low > 0) & (ratio < 1), ratio, np.nan))
     bottom.fill_between(f, *np.degrees([phase - wide, phase + wide]), color=COLOR["weight"], alpha=0.25, lw=0)
-    if not model.measured_only:
-        blas = [behind_hold(one, timebase(model.nominal)) for one in blas]
     shown: list[np.ndarray] = []
     for one, color in zip(blas, MEASURED * len(blas), strict=False):
         radius, measured = one.bound(), np.abs(one.G)
@@ -146,6 +177,67 @@ def plot_bode(model: UncertaintyModel, bla: Any = None, *, ax: Axes | None = Non
     return top, finish_axes(bottom)
 
 
+def draw_entries(model: UncertaintyModel, frms: Sequence[Bla], omega: np.ndarray, ax: Any) -> Any:
+    """`plot_bode` of several channels."""
+    f, size, reach = hz(omega), np.abs(response_by_channel(model.nominal, omega)), model.entry_radius(omega)
+    made, foot = matrix_axes(ax, [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs])
+    within = (omega >= model.omega[0]) & (omega <= model.omega[-1])
+    for (j, i), one in np.ndenumerate(made):
+        floor = float(to_decibel(size[j][:, within].min())) - ROOM
+        gains = size[j, i], size[j, i] - reach[j, i], size[j, i] + reach[j, i]
+        gain_band(one, f, *gains, color=COLOR["weight"], alpha=0.25, label="the set", over=OVER)
+        for k, (measured, color) in enumerate(zip(frms, cycle(MEASURED))):
+            gain, radius = np.abs(measured.G[j, i]), measured.bound()[j, i]
+            ends = [
+                to_decibel(gain) - to_decibel(lower_edge(gain, gain - radius)),
+                to_decibel(gain + radius) - to_decibel(gain),
+            ]
+            if measured.f.size <= FEW:
+                one.errorbar(measured.f, to_decibel(gain), ends, fmt="none", lw=0.6, color=color)
+            label = f"measured, 95 % bound{f' ({k + 1})' * (len(frms) > 1)}"
+            one.plot(measured.f, to_decibel(gain), ".", ms=3, color=color, label=label)
+        one.plot(f, to_decibel(size[j, i]), "-", lw=1.4, color=COLOR["radius"], label="nominal")
+        one.set_xscale("log")
+        mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=f[-1])
+        one.set_ylim(floor, float(to_decibel(size[j][:, within].max())) + ROOM)
+    return finish_matrix(made, foot, "frequency [Hz]")
+
+
+def draw_weights(model: UncertaintyModel, ax: Any) -> Any:
+    """`plot_weight` of several channels."""
+    omega = outside_too(model)
+    if model.left:
+        n = max(len(model.left), len(model.right))
+        rows, columns = ["W_l  [dB]", "W_r  [dB]"], [f"channel {k + 1}" for k in range(n)]
+        places = {(0, k): k for k in range(len(model.left))}
+        places |= {(1, k): len(model.left) + k for k in range(len(model.right))}
+    else:
+        rows, columns = [f"{name}  [dB]" for name in model.outputs], [f"by {name}" for name in model.inputs]
+        places = {(j, i): i * model.n_outputs + j for j in range(model.n_outputs) for i in range(model.n_inputs)}
+    made, foot = matrix_axes(ax, rows, columns)
+    for place, one in np.ndenumerate(made):
+        if place not in places:
+            one.set_visible(False)
+            continue
+        k = places[place]
+        weight = np.abs(response(model.weights[k], omega))
+        one.plot(
+            hz(model.omega), to_decibel(model.radius[k]), ".", ms=3, color=COLOR["radius"], label="radius on the lines"
+        )
+        one.plot(hz(omega), to_decibel(weight), "-", lw=1.6, color=COLOR["weight"], label="|weight|")
+        one.set_xscale("log")
+        one.ticklabel_format(axis="y", useOffset=False)
+        mark_band(one, (hz(model.omega[0]), hz(model.omega[-1])), top=hz(omega[-1]))
+    for row in made:  # what is flat is drawn flat
+        low, high = row[0].get_ylim()
+        row[0].set_ylim(min(low, (low + high) / 2 - FLAT), max(high, (low + high) / 2 + FLAT))
+    return finish_matrix(made, foot, "frequency [Hz]")
+
+
+#: Names of the pictures of several channels before one took any number of them.
+plot_matrix_set, plot_matrix_weights = plot_bode, plot_weight
+
+
 def frame(*sizes: np.ndarray) -> tuple[float, float]:
     """The vertical axis [dB] about what was measured and fitted, with room for a band but none for one without end."""
     every = np.concatenate(sizes)
@@ -154,7 +246,9 @@ def frame(*sizes: np.ndarray) -> tuple[float, float]:
 
 def plot_budget(model: UncertaintyModel, *, ax: Axes | None = None) -> Axes:
     """What the radius is made of, in shares over frequency; arguments as in `plot_weight`."""
-    require_kind("model", model, UncertaintyModel)
+    require_one_channel(
+        model, "plot_weight shows every radius, budget() its parts", "for this picture", parametric=False
+    )
     ax = axes_or_new(ax)
     f = hz(model.omega)
     below = np.zeros(f.size)
@@ -246,7 +340,8 @@ def plot_orders(scan: OrderScan, *, ax: Axes | None = None) -> Axes:
 
 def outside_too(model: UncertaintyModel) -> np.ndarray:
     """Frequencies [rad/s] for a curve: the band and half a decade on both sides, up to Nyquist."""
-    high = model.omega[-1] * BESIDE
-    if model.weight.dt:
-        high = min(high, np.pi / model.weight.dt * (1 - 1e-9))
+    high, dt = model.omega[-1] * BESIDE, max(map(timebase, model.weights))
+    dt = dt or (0.0 if model.measured_only else timebase(model.nominal))
+    if dt:
+        high = min(high, np.pi / dt * (1 - 1e-9))
     return np.unique(np.concatenate([np.geomspace(model.omega[0] / BESIDE, high, 600), model.omega]))

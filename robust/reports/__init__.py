@@ -1,9 +1,8 @@
 """Reports: a whole run in one file.
 
-command       what the command reads, draws and leaves beside a report, of one kind of result or another
+command       what the command reads, draws and leaves beside a report
 data          sections on what was measured and modelled
-matrix        the sections of several inputs and outputs
-page          the file: its sections in order, of one input and output or of several
+page          the file: its sections in order
 parts         what a section is made of: tables, pictures inside the page
 sections      sections on the controller: verdict, loop, check, worst case, settings
 shaping_page  the page on which a loop is shaped live

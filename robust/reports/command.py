@@ -19,7 +19,7 @@ from robust.io.certificates import certificate_of, save_certificate, verify_cert
 from robust.io.models import load_model
 from robust.lti.sampling import discretize
 from robust.models.fit.weights import performance_weight
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import has_several_channels
 
 __all__ = ["check_pictures", "demanded", "hand_over", "measured", "model_of_one", "model_pictures", "named_signals"]
 
@@ -39,7 +39,7 @@ def measured(paths: Sequence[Path]) -> Any:
 def model_of_one(path: Path) -> Any:
     """The model of one input and output in a file, for a command that takes no other."""
     model = load_model(path)
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         raise ValueError(
             f"model must be of one input and output for this command, got {path} with {model.n_outputs} outputs by "
             f"{model.n_inputs} inputs; robust check and robust export take it"
@@ -52,7 +52,7 @@ def demanded(model: Any, bandwidth: float | None, peak: float, error: float) -> 
     if bandwidth is None:
         return None
     w_P = performance_weight(2 * np.pi * bandwidth, M_S=peak, A=error)
-    return discretize(w_P, model.nominal.dt) if isinstance(model, MatrixUncertainty) and model.nominal.dt else w_P
+    return discretize(w_P, model.nominal.dt) if has_several_channels(model) and model.nominal.dt else w_P
 
 
 def named_signals(
@@ -71,8 +71,6 @@ def model_pictures(model: Any, blas: Any) -> Pictures:
     """A model as `robust model` draws it."""
     from robust import plot
 
-    if isinstance(model, MatrixUncertainty):
-        return [(lambda one, ax: plot.plot_matrix_set(one, blas, ax=ax), model), (plot.plot_matrix_weights, model)]
     return [(plot.plot_weight, model), (lambda one, ax: plot.plot_bode(one, blas, ax=ax), model)]
 
 
@@ -80,7 +78,7 @@ def check_pictures(model: Any, K: Any, report: Any) -> Pictures:
     """A check as `robust check` draws it."""
     from robust import plot
 
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         gains = loop_gains(model.nominal, K, omega=model.omega)
         return [(plot.plot_matrix_loop, gains), (plot.plot_check, report)]
     return [(plot.plot_loop, report), (plot.plot_check, report)]

@@ -7,7 +7,7 @@ import numpy as np
 import nlfrf
 from nlfrf import Bla, Record
 from nlfrf._base.arguments import format_count
-from robust.analysis.report import probability_of
+from robust.analysis.report import describe_confidence
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.fit.nominal import NominalFit
 from robust.models.sets.model import UncertaintyModel
@@ -86,6 +86,19 @@ def bla_section(blas: list[Bla]) -> Section:
     facts, pictures = [], []
     for i, bla in enumerate(blas):
         which = f" of record {i + 1}" if len(blas) > 1 else ""
+        if not bla.is_single:
+            values = nlfrf.singular_values(bla)
+            facts += [(f"matrix{which}", rows_of(bla)), (f"directions{which}", rows_of(values))]
+            pictures += [
+                parts.picture(plot.plot_frm, bla, tall=True, caption=f"Every entry{which} with its 95 % bound."),
+                parts.picture(plot.plot_frm_bounds, bla, tall=True, caption=f"What limits each entry{which}."),
+                parts.picture(
+                    plot.plot_singular_values,
+                    values,
+                    caption=f"Singular values{which}, in the bands that the bound of the matrix leaves them.",
+                ),
+            ]
+            continue
         facts.append((f"BLA{which}", rows_of(bla)))
         pictures += [
             parts.picture(
@@ -134,7 +147,8 @@ def nominal_section(model: UncertaintyModel, nominal: NominalFit | None, blas: l
     else:
         facts.append(("nominal plant", system_text(model.nominal)))
         facts.append(("poles", roots_text(poles(model.nominal), timebase(model.nominal))))
-        facts.append(("zeros", roots_text(zeros(model.nominal), timebase(model.nominal))))
+        if model.is_single:
+            facts.append(("zeros", roots_text(zeros(model.nominal), timebase(model.nominal))))
     if nominal is not None:
         facts.append(("fit", str(nominal).removeprefix("nominal model: ")))
     for i, bla in enumerate(blas):
@@ -181,21 +195,23 @@ def set_section(model: UncertaintyModel) -> Section:
     facts = [
         ("set", str(model)),
         ("class of perturbations", model.perturbation),
-        ("confidence", probability_of(model) or "none claimed"),
+        ("confidence", describe_confidence(model) or "none claimed"),
         ("outside the measured band", f"nothing was measured; assumed: {model.extrapolation}"),
         ("source", model.source),
     ]
     pictures = [
         parts.picture(plot.plot_weight, model, caption="Radius on the lines, its parts, and the weight over it.")
     ]
-    if model.budget():
+    if model.is_single and model.budget():
         pictures.append(
             parts.picture(plot.plot_budget, model, caption="What the radius is made of: what to measure next.")
         )
     return Section(
         name="set",
         title="Uncertainty and weight",
-        lead="Every plant between the nominal and the weight is in the set; grey is where the weight is an assumption.",
+        lead="Every plant between the nominal and the weight is in the set; grey is where the weight is an assumption."
+        if model.is_single
+        else "The form was to be chosen before looking at the verdict; who tries two has tested twice.",
         facts=tuple(facts),
         pictures=tuple(pictures),
     )

@@ -10,7 +10,6 @@ import os
 from collections.abc import Sequence
 from datetime import datetime
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import nlfrf
@@ -19,25 +18,22 @@ from nlfrf._base.arguments import short_form
 from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
 from robust.analysis.check import check
-from robust.analysis.check_structure import StructuredReport
-from robust.analysis.loop_level import LoopSignals, require_parametric
+from robust.analysis.loop_level import LoopSignals
 from robust.analysis.report import RobustnessReport, meaning
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit
-from robust.models.sets.matrix_model import MatrixUncertainty
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.data import bla_section, excitation_section, nominal_section, opinion_section, set_section
-from robust.reports.matrix import matrix_sections
 from robust.reports.sections import check_section, loop_section, settings_section, verdict_section, worst_section
-from robust.reports.verdicts import friction_section, in_short, refuse_another, refuse_another_matrix
+from robust.reports.verdicts import friction_section, in_short, refuse_another
 
 __all__ = ["write_report"]
 
 
 def write_report(
     path: str | os.PathLike[str],
-    model: UncertaintyModel | MatrixUncertainty,
+    model: UncertaintyModel,
     K: Any,
     *,
     bla: Bla | Sequence[Bla] | None = None,
@@ -50,14 +46,14 @@ def write_report(
     signals: LoopSignals | None = None,
     title: str = "Controller report",
     notes: str = "",
-) -> Any:
+) -> RobustnessReport:
     """Write a whole run as one HTML file to hand to a colleague: what was measured, designed, and proved.
 
     Parameters
     ----------
     path : path
         The ``.html`` file; written whole or not at all.
-    model : UncertaintyModel or MatrixUncertainty
+    model : UncertaintyModel
         The plant and the set around it.
     K : control.StateSpace, TransferFunction or float
         The controller, negative feedback u = K (r - y).
@@ -71,7 +67,7 @@ def write_report(
         Performance weight asked of the loop.
     delay : float
         Computation delay [s], as in `check`.
-    report : RobustnessReport or StructuredReport, optional
+    report : RobustnessReport, optional
         The check, where it was done already, with the demand and the delay that it was done with; it is done here when
         not given.
     friction : FrictionProof, optional
@@ -83,7 +79,7 @@ def write_report(
 
     Returns
     -------
-    RobustnessReport, or StructuredReport of a MatrixUncertainty
+    RobustnessReport
         The check that the file tells about.
 
     Raises
@@ -110,19 +106,17 @@ def write_report(
     path = to_path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise ValueError(f"path must end in .html, got {path.name!r}")
-    if isinstance(model, MatrixUncertainty):
-        if delay or friction is not None:
-            raise ValueError("delay and friction must be left out for a MatrixUncertainty: a delay is in its nominal")
-        if signals is not None:
-            require_parametric(model)
-        return matrix_report(path, model, K, several(bla), several(record), nominal, w_P, report, title, notes)
     if not isinstance(model, UncertaintyModel):
-        raise ValueError(f"model must be an UncertaintyModel or a MatrixUncertainty, got {short_form(model)}")
-    K, records = state_space("K", K), several(record)
+        raise ValueError(f"model must be an UncertaintyModel, got {short_form(model)}")
+    single, records = model.is_single, several(record)
+    K = (state_space if single else multivariable)("K", K)
     for one in several(bla):
-        require_single("bla", one)
+        (require_single if single else require_matrix)("bla", one)
     refuse_others("report", several(report), RobustnessReport)
     refuse_others("nominal", several(nominal), NominalFit)
+    refuse_others("friction", several(friction), FrictionProof)
+    if friction is not None and not single:
+        raise ValueError("friction must be left out for several channels: it is proved of a single loop")
     blas = several(bla) or [nlfrf.identify(one) for one in records]
     if report is None:
         report = check(model, K, w_P=w_P, delay=delay, signals=signals)
@@ -130,58 +124,27 @@ def write_report(
         raise ValueError("signals must be given to the check whose report is handed over, got both here")
     else:
         refuse_another(report, model, K, w_P, delay)
-    if not (friction is None or isinstance(friction, FrictionProof)):
-        raise ValueError(f"friction must be what prove_friction gave, got {short_form(friction)}")
     w_P, delay = report.demand, report.delay  # what was checked is what is reported
     sections = [
         verdict_section(report),
         *([] if friction is None else [friction_section(report, friction)]),
-        excitation_section(records, blas),
+        *([excitation_section(records, blas)] if single else []),
         bla_section(blas),
-        opinion_section(records),
+        *([opinion_section(records)] if single else []),
         nominal_section(model, nominal, blas),
         set_section(model),
-        loop_section(report, K, model.unit),
+        loop_section(report, model, K),
         check_section(report),
         worst_section(model, K, report, delay),
         settings_section(model, K, w_P, delay),
     ]
     beside = "" if friction is None else in_short(friction)
-    text = page(title=title, notes=notes, report=report, beside=beside, sections=sections)
-    write_text(path, text)
+    write_text(path, page(title=title, notes=notes, report=report, beside=beside, sections=sections))
     return report
 
 
-def matrix_report(
-    path: Path,
-    model: MatrixUncertainty,
-    K: Any,
-    frms: list[Any],
-    records: list[Any],
-    nominal: Any,
-    w_P: Any,
-    report: Any,
-    title: str,
-    notes: str,
-) -> StructuredReport:
-    """The report of several inputs and outputs."""
-    for one in frms:
-        require_matrix("bla", one)
-    refuse_others("report", several(report), StructuredReport)
-    refuse_others("nominal", several(nominal), NominalFit)
-    if report is not None and w_P is not None:
-        raise ValueError("w_P must be left out where report is given: it was checked with its own")
-    K = multivariable("K", K)
-    if report is not None:
-        refuse_another_matrix(report, model, K)
-    found: StructuredReport = check(model, K, w_P=w_P) if report is None else report
-    sections = matrix_sections(found, model, K, frms or [nlfrf.identify(one) for one in records], nominal)
-    write_text(path, page(title=title, notes=notes, report=found, beside="", sections=sections))
-    return found
-
-
 def refuse_others(name: str, given: list[Any], wanted: type) -> None:
-    """Refuse what is told of a model of another number of inputs and outputs, or of nothing at all."""
+    """Refuse what is not of the class that is wanted."""
     for one in given:
         if not isinstance(one, wanted):
             raise ValueError(f"{name} must be of class {wanted.__name__} for this model, got {short_form(one)}")

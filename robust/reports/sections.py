@@ -12,7 +12,7 @@ import numpy as np
 import nlfrf
 from nlfrf._base.arguments import format_count, format_hertz
 from robust.analysis.family import sample_loops
-from robust.analysis.performance import step_response
+from robust.analysis.performance import loop_gains, step_response
 from robust.analysis.report import RobustnessReport, factor, stability_words
 from robust.analysis.worst_case import worst_case
 from robust.io.biquads import controller_sections
@@ -20,7 +20,7 @@ from robust.io.pid_gains import told_gains
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.sets.model import UncertaintyModel
 from robust.reports import parts
-from robust.reports.parts import Section, demand_text, roots_text, system_text
+from robust.reports.parts import Section, demand_text, roots_text, rows_of, system_text
 
 __all__ = ["check_section", "loop_section", "settings_section", "verdict_section", "worst_section"]
 
@@ -51,23 +51,32 @@ def margins_text(report: RobustnessReport) -> str:
     said = []
     if report.nominally_stable and np.isfinite(report.margin_rs):
         said.append(factor(report.margin_rs))
+    if report.margins is not None and not report.margins.reason:
+        said.append(report.margins.least())
     if report.nominally_stable and np.isfinite(report.disk_margin):
         gain, phase = 20 * np.log10(report.gain_margin), np.degrees(report.phase_margin)
         said.append(f"the nominal loop bears {gain:.1f} dB of gain and {phase:.0f} deg of phase at once")
     return "; ".join(said)
 
 
-def loop_section(report: RobustnessReport, K: control.StateSpace, unit: str) -> Section:
+def loop_section(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> Section:
     """The controller and the loop it makes."""
     from robust import plot
 
-    dt = timebase(K)
-    facts = [
-        ("controller", system_text(K)),
-        ("poles", roots_text(poles(K), dt)),
-        ("zeros", roots_text(zeros(K), dt)),
-        ("loop", report.context),
-    ]
+    dt, unit = timebase(K), model.unit
+    facts = [("controller", system_text(K)), ("poles", roots_text(poles(K), dt))]
+    if not report.is_single:
+        if report.margins is not None:
+            facts.append(("disk margins", rows_of(report.margins)))
+        gains = loop_gains(model.nominal, K, omega=model.omega)
+        return Section(
+            name="loop",
+            title="Controller and loop",
+            lead="u = K (r - y). A margin of each channel alone says the least: all at once may bear far less.",
+            facts=tuple(facts),
+            pictures=(parts.picture(plot.plot_loop, gains, caption="Singular values of the nominal loop."),),
+        )
+    facts += [("zeros", roots_text(zeros(K), dt)), ("loop", report.context)]
     if report.nominally_stable:
         facts.append(("loop gain", str(report.classical)))
     table: list[tuple[str, ...]] = []
@@ -98,25 +107,16 @@ def check_section(report: RobustnessReport) -> Section:
     from robust import plot
 
     facts = [("nominal loop", "stable" if report.nominally_stable else "not stable: no margin is given")]
-    if report.nominally_stable and np.isfinite(report.margin_rs):
-        facts.append(("stability of the set", stability_words("rs", report.margin_rs, report.omega_rs)))
-    if report.nominally_stable and np.isfinite(report.margin_rp):
-        met = "met" if report.robust_performance else "not met"
-        facts.append(
-            (
-                "performance",
-                f"nominal max |w_P S| {np.max(report.np_):.3f}, worst case {np.max(report.rp):.3f} at "
-                f"{format_hertz(report.omega_rp)}: demand {met} by the whole set",
-            )
-        )
-    if report.nominally_stable and np.isfinite(report.disk_margin):
-        facts.append(
-            (
-                "disk margin",
-                f"{report.disk_margin:.3f} at {format_hertz(report.omega_disk)}: gain "
-                f"{20 * np.log10(report.gain_margin):.2f} dB, phase {np.degrees(report.phase_margin):.1f} deg, at once",
-            )
-        )
+    caption = "Stability and performance; each must stay below one."
+    if not report.is_single:
+        facts, caption = [("check", rows_of(report))], "Bounds of mu; each must stay below one."
+    if report.is_single and report.nominally_stable:
+        if np.isfinite(report.margin_rs):
+            facts.append(("stability of the set", stability_words("rs", report.margin_rs, report.omega_rs)))
+        if np.isfinite(report.margin_rp):
+            facts.append(("performance", report.performance_words()))
+        if np.isfinite(report.disk_margin):
+            facts.append(("disk margin", report.disk_words()))
     table = [("subject", "bound", "proved at all frequencies", "how, or why not")]
     for c in report.certificates:
         how = f"{c.method}, {format_count(len(c.intervals), 'interval')}, {c.judged}" if c.holds else c.reason
@@ -128,9 +128,7 @@ def check_section(report: RobustnessReport) -> Section:
         "the word of the solver that proposed it.",
         facts=tuple(facts),
         table=tuple(table) if report.certificates else (),
-        pictures=(
-            parts.picture(plot.plot_check, report, caption="Stability and performance; each must stay below one."),
-        ),
+        pictures=(parts.picture(plot.plot_check, report, caption=caption),),
     )
 
 
@@ -146,8 +144,12 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
         return Section(name=name, title=title, lead=f"None can be given: {why}.")
     worst = worst_case(model, K, delay=delay)
     peak = f"|S| = {worst.achieved:.3g}" if worst.stable else "an unstable loop"
+    size = np.linalg.norm(np.atleast_2d(worst.delta), 2)
     facts = [
-        ("worst plant", f"{peak} at {format_hertz(worst.omega_worst)}, with |Delta| = {abs(worst.delta):.3g} there"),
+        (
+            "worst plant",
+            f"{peak} at {format_hertz(worst.omega_worst)}, with |Delta| = {size:.3g} there",
+        ),
         ("its poles", roots_text(poles(worst.plant), timebase(worst.plant))),
     ]
     family = sample_loops(model, K, N_PLANTS, delay=delay, rng=0)
@@ -178,7 +180,7 @@ def worst_section(model: UncertaintyModel, K: Any, report: RobustnessReport, del
 def settings_section(model: UncertaintyModel, K: control.StateSpace, w_P: Any, delay: float) -> Section:
     """What is needed to repeat the run."""
     facts = [
-        ("weight", system_text(model.weight)),
+        *([("weight", system_text(model.weight))] if model.is_single else []),
         ("performance weight", "none asked for" if w_P is None else demand_text(w_P)),
         ("computation delay", f"{1e3 * delay:g} ms, and {1e3 * model.delay:.4g} ms inside the nominal plant"),
         ("sampling of the controller", f"{1 / K.dt:g} Hz" if timebase(K) else "continuous"),

@@ -9,18 +9,17 @@ import numpy as np
 
 from robust._base.states import FrictionVerdict
 from robust.analysis.check import check_lines
-from robust.analysis.check_structure import StructuredReport, bound_at
+from robust.analysis.check_structure import bound_at
 from robust.analysis.disk_margin import LoopMargins, disk_margins
 from robust.analysis.loop import assemble
 from robust.analysis.report import RobustnessReport, meaning
 from robust.friction.prove import FrictionProof
-from robust.lti.lti import response
-from robust.lti.realisation import state_space
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.lti.lti import response, response_by_channel
+from robust.lti.realisation import multivariable, state_space
 from robust.models.sets.model import UncertaintyModel
 from robust.reports.parts import Section
 
-__all__ = ["both_verdicts", "friction_section", "in_short", "refuse_another", "refuse_another_matrix"]
+__all__ = ["both_verdicts", "friction_section", "in_short", "refuse_another"]
 
 
 MEANS = {
@@ -81,8 +80,13 @@ def refuse_another(report: RobustnessReport, model: UncertaintyModel, K: Any, w_
         raise ValueError(f"delay must be that of the report, {report.delay:g} s, got {delay:g} s")
     if w_P is not None and not is_demand(report, w_P):
         raise ValueError("w_P must be that of the report, got another one. Leave it out, or check again with it")
-    if not is_of(report, model, K):
+    if report.is_single != model.is_single or not (is_of if model.is_single else is_of_several)(report, model, K):
         raise ValueError(ANOTHER)
+
+
+def is_of_several(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
+    """Whether it is of this set and controller, by margins of the nominal loop and by mu where it peaks."""
+    return same_margins(report, disk_margins(model, K)) and same_peak(report, model, K)
 
 
 def is_of(report: RobustnessReport, model: UncertaintyModel, K: Any) -> bool:
@@ -108,18 +112,15 @@ def same(one: np.ndarray, other: np.ndarray) -> bool:
 
 def is_demand(report: RobustnessReport, w_P: Any) -> bool:
     """Whether a performance weight is the one that a report was made with."""
+    if not report.is_single and report.demand is not None:
+        given, known = (response_by_channel(multivariable("w_P", w), report.omega) for w in (w_P, report.demand))
+        return given.shape == known.shape and same(given, known)
     if report.w_P is None:
         return False
     return same(np.abs(response(state_space("w_P", w_P), report.omega)), report.w_P)
 
 
-def refuse_another_matrix(report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace) -> None:
-    """Refuse a report of another set or controller, by margins of the nominal loop and by mu where it peaks."""
-    if not (same_margins(report, disk_margins(model, K)) and same_peak(report, model, K)):
-        raise ValueError(ANOTHER)
-
-
-def same_margins(report: StructuredReport, now: LoopMargins) -> bool:
+def same_margins(report: RobustnessReport, now: LoopMargins) -> bool:
     """Whether the nominal loop bears what it bore."""
     known = report.margins
     if known is None or (len(known.inputs), len(known.outputs)) != (len(now.inputs), len(now.outputs)):
@@ -133,9 +134,9 @@ def parts(margins: LoopMargins) -> tuple[Any, ...]:
     return (*margins.inputs, *margins.outputs, margins.all_inputs, margins.all_outputs, margins.everywhere)
 
 
-def same_peak(report: StructuredReport, model: MatrixUncertainty, K: control.StateSpace) -> bool:
+def same_peak(report: RobustnessReport, model: UncertaintyModel, K: control.StateSpace) -> bool:
     """Whether mu of this set, in one of its forms, has at the peak of the report the size that is told of there."""
     if not report.nominally_stable:
         return True
-    peaks = [bound_at(form.loop(K), report.omega_rs) for form in (model, model.other) if form is not None]
+    peaks = [bound_at(form.loop(K), report.omega_rs) for form in (model, model.alternative_form) if form is not None]
     return bool(np.isclose(peaks, 1 / report.margin_rs, rtol=0.02, atol=0).any())  # searched for, to better than that

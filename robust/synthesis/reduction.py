@@ -19,7 +19,7 @@ from robust.lti.connections import closed_loop
 from robust.lti.lti import Matrices, response, response_by_channel, timebase, with_names
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import multivariable, state_space
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import has_several_channels
 
 __all__ = [
     "Reduction",
@@ -224,7 +224,7 @@ def reduce_controller(
     >>> found.order, round(float(found.K.D[0, 0]), 6)
     (0, 3.0)
     """
-    several = isinstance(model, MatrixUncertainty)
+    several = has_several_channels(model)
     K, delay = multivariable("K", K) if several else state_space("K", K), require_nonnegative("delay", delay)
     deadline = time.monotonic() + require_positive("time_cap", time_cap)
     if order is not None and require_integer("order", order, least=0) >= K.nstates:
@@ -249,7 +249,7 @@ def reduce_controller(
             report = check(model, small, w_P=w_P, delay=delay)
             kept, lost = compare_reports(report, before, change_of_T(model, K, small, before))
             if kept or order is not None:
-                common = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
+                common: dict[str, Any] = {"report": report, "before": before, "reason": lost, "n_tried": n_tried}
                 return Reduction(
                     K=with_names(small, K.input_labels, K.output_labels), order=n, method=method, kept=kept, **common
                 )
@@ -276,7 +276,7 @@ def candidates(
     ways = [lambda: balanced_candidates(image), lambda: coprime_factor_candidates(image)]
     if not is_measured(model):
         pairs = ((("y",), ("p_in",)), (("e",), ("r",)))
-        if isinstance(model, MatrixUncertainty):
+        if has_several_channels(model):
             closed_loops = [
                 control.StateSpace(*closed_loop(model.nominal, K, *pair), model.nominal.dt) for pair in pairs
             ]
@@ -340,7 +340,7 @@ def compare_reports(report: Any, before: Any, change: float) -> tuple[bool, str]
 
 def change_of_T(model: Any, K: control.StateSpace, small: control.StateSpace, before: Any) -> float:
     """max |T_r - T| of the nominal loop on the grid of its report, inf where nothing is known of it."""
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         G, one = response_by_channel(model.nominal, before.omega), np.eye(model.n_outputs)
         L = (
             np.moveaxis(np.einsum("jkw,klw->jlw", G, response_by_channel(part, before.omega)), 2, 0)

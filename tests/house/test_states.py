@@ -50,7 +50,6 @@ REVIEWED = {
     "robust.friction.exact.verify:verify_friction": "the parts of a claim, by name",
     "robust.reports.data:opinion_section": "the label of a row that gets another one",
     "robust.reports.data:nominal_section": "the label of a row that gets another one",
-    "robust.reports.matrix:the_set": "the label of a row that gets another one",
     "robust.reports.verdicts:both_verdicts": "the label of a row that gets another one",
     "robust.models.sets.model:__str__": "a unit",
 }

@@ -224,14 +224,23 @@ def test_a_matrix_goes_from_file_to_verdict(robust_command, tmp_path):
     assert "performance: max mu" in out
     code, out, err = robust_command("export m.json -o m.mat")
     assert not code, err
-    for asked in (
-        "design m.json --bandwidth 3 -o K.json",
-        "report m.json small.json -o r.html",
-        "shape m.json -o s.html",
-    ):
-        code, _, err = robust_command(asked)
-        assert code == 2
-        assert "model must be of one input and output for this command, got m.json with 2 outputs by 2 inputs" in err
+    code, _, err = robust_command("shape m.json -o s.html")
+    assert code == 2
+    assert "model must be of one input and output for this command, got m.json with 2 outputs by 2 inputs" in err
+    code, out, err = robust_command("report m.json small.json -o r.html --bla G.npz")
+    assert not code, err
+    assert "statistically robust" in out
+    for method, asked in (("ncfsyn", "--bandwidth 3"), ("pid", "--structure PI --peak 1.8")):
+        code, out, err = robust_command(f"design m.json --method {method} {asked} -o K.json")
+        assert not code, err
+        assert "controller of order" in out
+        assert (load_controller("K.json").ninputs, load_controller("K.json").dt) == (2, 1 / 256)
+        code, out, err = robust_command("check m.json K.json --no-certify")
+        assert "because" in out
+        assert "max mu" in out
+    code, _, err = robust_command("design m.json --method mixsyn --bandwidth 3 -o K.json")
+    assert code == 2
+    assert "dk_iteration designs for its perturbation" in err
     code, _, err = robust_command("model G.npz G.npz --poles 2 --form elements -o n.json --picture n.png")
     assert not code, err
     assert load_model(tmp_path / "n.json").source.count("random-odd multisine") == 2

@@ -8,13 +8,14 @@
     coprime                 (G + t Delta)/(1 - G* t Delta)   a = -t G*  b = t (K - G*) S,  t = w / sqrt(1 - |w|^2)
 
 (SP 7.4, 7.5 and 8.2.3; the last is (N + Delta_N)/(M + Delta_M), G = N/M normalised, |[Delta_N, Delta_M]| <= |w|, with
-W G for G and K/W for K where the plant is scaled: SP 4.1.5, 9.4.1.) Nothing outside this room asks for the name of a
+W G for G and K/W for K where the plant is scaled: SP 4.1.5, 9.4.1.) No other module asks for the name of a
 form: whatever differs between forms is a field of its row.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import control
 import numpy as np
@@ -36,6 +37,7 @@ __all__ = [
     "Form",
     "loop_discs",
     "numerator",
+    "of_one_channel",
     "relative",
     "worst_terms",
 ]
@@ -243,11 +245,21 @@ FORMS = {
         ),
     )
 }
-#: Forms of a plant with several inputs and outputs; `matrix_model` says what they are.
+#: Forms of a plant with several inputs and outputs; `model` says what they are.
 AUTO = "auto"  # two forms at a time, of which a check may take the better
 MATRIX_FORMS = ELEMENTS, ADDITIVE, INPUT = ("elements", "additive", "input")
 #: The form that is meant where none is named.
 RELATIVE = "multiplicative"
+
+
+def of_one_channel(
+    form: str, left: Sequence[control.StateSpace], right: Sequence[control.StateSpace], radius: Array
+) -> dict[str, Any]:
+    """Form, weight and radius of a set that has a form of several channels around a plant of one input and output."""
+    if form not in MATRIX_FORMS or len(right) != 1 or len(left) != (form != ELEMENTS) or radius.ndim != 2:
+        return {}
+    weight = in_series(*right, *left) if left else right[0]
+    return {"form": RELATIVE if form == INPUT else ADDITIVE, "weight": weight, "radius": np.prod(radius, axis=0)}
 
 
 def relative(form: str, w: Array, size: Array) -> Array:

@@ -16,16 +16,16 @@ m^2), and v more where the nominal follows the record itself and r says nothing.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from nlfrf import Bla
-from robust.lti.lti import response
-from robust.models.sets.evidence import FEW_LINES, LEVEL_DOF, WINDOW, Evidence, evidence_of
-from robust.models.sets.radius import misfit, nominal_response
+from robust.models.sets.radius import misfits, nominal_response
+from robust.models.sets.records import FEW_LINES, LEVEL_DOF, WINDOW, RecordSummary, summarize_record
 
-__all__ = ["chance", "known_jointly", "matrix_chance", "told"]
+__all__ = ["format_probability", "joint_probability", "probability_of_frf", "with_records"]
 
 
 DRAWS, NUMBERS = 1000, 1 << 18  # whole FRFs drawn, fewer where there are many lines
@@ -33,69 +33,69 @@ LEAST_DRAWS = 400
 FOLLOWS = 0.5  # mean |r|^2 over the variance below which a nominal follows the record itself
 
 
-def known_jointly(model: Any, blas: list[Bla], recorded: list[Bla] | None = None) -> Any:
+def with_records(model: Any, blas: list[Bla], recorded: list[Bla] | None = None) -> Any:
     """The model with what it remembers of its records, and the joint probabilities: of several levels the least.
 
     recorded : the same before the hold of the model was put into them; blas when not given.
     """
-    evidence = tuple(evidence_of(bla, one) for bla, one in zip(blas, recorded or blas, strict=True))
-    found = [
-        chance(model, one, misfit(bla, nominal_response(model.nominal, bla.omega)))
-        for one, bla in zip(evidence, blas, strict=True)
-    ]
-    joint, joint_bla = np.min(found, axis=0)
-    return replace(model, evidence=evidence, joint=float(joint), joint_bla=float(joint_bla))
+    records = tuple(map(summarize_record, blas, recorded or blas))
+    missed = [misfits(bla, nominal_response(model.nominal, bla.omega)) for bla in blas]
+    joint, joint_bla = np.min(list(map(partial(joint_probability, model), blas, records, missed)), axis=0)
+    return replace(model, records=records, joint=float(joint), joint_bla=float(joint_bla))
 
 
-def chance(model: Any, evidence: Evidence, missed: np.ndarray) -> tuple[float, float]:
+def joint_probability(model: Any, bla: Bla, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
     """Probability that the whole FRF of a new realisation lies in the set of a model, and that the whole BLA does.
 
-    missed : (F,) the misfit of the nominal on the lines of the record.
+    summary, missed : what a set remembers of the record, and the misfit of the nominal on its lines, entry by entry.
     """
-    inside = (evidence.omega >= model.omega[0] * (1 - 1e-9)) & (evidence.omega <= model.omega[-1] * (1 + 1e-9))
-    omega, G, v, s = (part[inside] for part in (evidence.omega, evidence.G, evidence.variance, evidence.scatter))
-    G0, missed = nominal_response(model.nominal, omega), missed[inside]
-    r, square = G - G0, missed**2
-    shrunk = square / np.maximum(square + v, np.finfo(float).tiny)
-    center, around = r * shrunk, v * shrunk
-    if np.mean(np.abs(r) ** 2 / np.maximum(v, np.finfo(float).tiny)) < FOLLOWS:
-        around = around + v
+    return probability_of_frf(model, summary, missed) if model.is_single else probability_of_matrix(model, bla, missed)
+
+
+def shrunk_residual(r: np.ndarray, v: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, bool]:
+    """m^2/(m^2 + v) of a residual r about the nominal, and whether the nominal follows the record itself."""
+    square, tiny = missed**2, np.finfo(float).tiny
+    follows = bool(np.mean(np.abs(r) ** 2 / np.maximum(v, tiny)) < FOLLOWS)
+    return square / np.maximum(square + v, tiny), follows
+
+
+def probability_of_frf(model: Any, summary: RecordSummary, missed: np.ndarray) -> tuple[float, float]:
+    """`joint_probability` of one channel, by the level that the roughness of G confirms."""
+    inside = (summary.omega >= model.omega[0] * (1 - 1e-9)) & (summary.omega <= model.omega[-1] * (1 + 1e-9))
+    omega, G, v, s = (part[inside] for part in (summary.omega, summary.G, summary.variance, summary.scatter))
+    G0 = nominal_response(model.nominal, omega)
+    shrunk, follows = shrunk_residual(G - G0, v, missed[inside])
+    center, around = (G - G0) * shrunk, v * (shrunk + follows)
     n = int(np.clip(NUMBERS // omega.size, LEAST_DRAWS, DRAWS))
     rng = np.random.default_rng(0)  # the same set, the same number
-    g, common, z = (*doubts(n, omega.size, rng), normals((n, omega.size), rng))
-    size = np.abs(response(model.weight, omega)) * (1 + 1e-9)
+    g, common, z = (*level_errors(n, omega.size, rng), normals((n, omega.size), rng))
 
     def held(variance: np.ndarray) -> float:
-        away = model.deviations(omega, G0 + center + np.sqrt(variance) * z, G0)
-        return float(np.mean(np.all(away <= size, axis=1)))
+        return float(np.mean(np.all(model.is_within(omega, G0 + center + np.sqrt(variance) * z, G0), axis=1)))
 
     return held((s * common + around) / g), held(around / g)
 
 
-def matrix_chance(model: Any, frm: Bla, G0: np.ndarray, missed: np.ndarray) -> tuple[float, float]:
-    """`chance` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white.
-
-    G0, missed : (n_y, n_u, F) nominal on the lines, and its misfit entry by entry.
-    """
+def probability_of_matrix(model: Any, frm: Bla, missed: np.ndarray) -> tuple[float, float]:
+    """`joint_probability` of a whole matrix: an error of it is C^1/2 Z gamma^1/2, Z white."""
     n_y, n_u, F = frm.G.shape
-    entries = [evidence_of(frm.entry(j, i)) for j, i in np.ndindex(n_y, n_u)]
+    G0 = model.at(frm.omega)
+    entries = [summarize_record(frm.entry(j, i)) for j, i in np.ndindex(n_y, n_u)]
     v = np.array([one.variance for one in entries]).reshape(n_y, n_u, F)
     share = np.mean(v / np.maximum(frm.entries(frm.cov_bound), np.finfo(float).tiny), axis=(0, 1))  # of the level
-    r, square = frm.G - G0, missed**2
-    shrunk = square / np.maximum(square + v, np.finfo(float).tiny)
-    follows = np.mean(np.abs(r) ** 2 / np.maximum(v, np.finfo(float).tiny)) < FOLLOWS
+    r = frm.G - G0
+    shrunk, follows = shrunk_residual(r, v, missed)
     n = int(np.clip(NUMBERS // frm.G.size, LEAST_DRAWS, DRAWS))
     rng = np.random.default_rng(0)
-    g, common, z = (*doubts(n, F, rng), normals((n, F, n_y, n_u), rng))
+    g, common, z = (*level_errors(n, F, rng), normals((n, F, n_y, n_u), rng))
     bound, gamma = (roots(np.moveaxis(C, 2, 0)) for C in (frm.cov_bound, frm.gamma))
     # as a set scatters most likely, not as far as the peaks of its inputs allow it
     extra = roots(np.moveaxis(frm.covariance_of("realization") - frm.cov_bound, 2, 0) / frm.typical)
-    lines = (2, 0, 1)
-    center, kept, nominal = (np.transpose(x, lines) for x in (r * shrunk, np.sqrt(shrunk + follows), G0))
+    center, kept, nominal = (np.moveaxis(x, 2, 0) for x in (r * shrunk, np.sqrt(shrunk + follows), G0))
     size = np.sqrt(share / g)[..., None, None]
 
     def held(deviation: np.ndarray) -> float:
-        return float(np.mean(np.all(model.holds(frm.omega, deviation, nominal), axis=1)))
+        return float(np.mean(np.all(model.is_within(frm.omega, nominal + deviation, nominal), axis=1)))
 
     about = center + size * kept * (bound @ z @ gamma)
     new = size * np.sqrt(common)[..., None, None] * (extra @ normals(z.shape, rng) @ gamma)
@@ -108,7 +108,7 @@ def roots(C: np.ndarray) -> np.ndarray:
     return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))[:, None]) @ np.swapaxes(vectors, 1, 2).conj())
 
 
-def doubts(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def level_errors(n: int, n_lines: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draws of estimated over true level (n, F), shared by neighbours, and of the power that all lines share (n, 1)."""
     sums = np.cumsum(rng.exponential(size=(n, n_lines + WINDOW)), axis=1)
     level = (sums[:, WINDOW:] - sums[:, :-WINDOW]) / WINDOW
@@ -122,7 +122,7 @@ def normals(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
     return np.asarray(pairs[0] + 1j * pairs[1])
 
 
-def told(p: float) -> str:
+def format_probability(p: float) -> str:
     """An estimated probability in words, no finer than it is known."""
     if p > 0.99:
         return "over 99 %"

@@ -15,7 +15,7 @@ from robust.lti.sampling import hold_correction, hold_response
 from robust.models.fit.nominal import DesignWarning, frd
 from robust.models.sets.forms import RELATIVE
 from robust.models.sets.model import UncertaintyModel
-from robust.models.sets.radius import record_disc, total_of
+from robust.models.sets.radius import RadiusSpec, record_disc, total_of
 
 __all__ = ["as_seen", "on_lines", "sampling_time", "warn_of_unknown_hold"]
 
@@ -61,7 +61,7 @@ def warn_of_unknown_hold(model: Any, dt: float) -> None:
 def on_lines(model: Any) -> tuple[np.ndarray, np.ndarray, str, np.ndarray, str, np.ndarray]:
     """Frequencies, plant, form, weight (nan: none), class and scaling of whatever FRF was given."""
     if is_single(model):
-        disc = total_of(record_disc(model, frd(model), 0.95, False, True, None))
+        disc = total_of(record_disc(model, frd(model), RadiusSpec()))
         return model.omega, model.G, RELATIVE, disc / np.abs(model.G) + 0j, "statistical", np.ones(disc.size)
     if isinstance(model, control.FrequencyResponseData):
         if (model.ninputs, model.noutputs) != (1, 1):

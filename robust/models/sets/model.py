@@ -1,4 +1,6 @@
-"""``UncertaintyModel``: a nominal and a disc around it at every frequency, with what the disc is made of and means.
+"""``UncertaintyModel``: a nominal plant and the set of plants around it, for any number of channels.
+
+One input and one output: a disc about G at every frequency, with what the disc is made of.
 
     form                    set of plants, |Delta| <= 1      radius from a disc r about G on the lines
     multiplicative          G (1 + w Delta)                  r / |G|
@@ -7,85 +9,110 @@
     inverse-additive        G / (1 + w G Delta)              r / (|G| (|G| - r))
     coprime                 (N + Delta_N)/(M + Delta_M)      r / sqrt((1 + |G|^2)(1 + (|G| - r)^2)), G and r scaled
 
-(SP 7.4 and 8.2.3.) A disc from the spread of a measured FRF is *statistical*: it says where the FRF of another
-realisation lies, with a probability; the perturbation that caused it is a nonlinear one, and no theorem turns that
-into stability. "LTI" and "operator" are claims about the perturbation that only the user can make.
+Several channels, with diagonal W_l and W_r:
+
+    form                    set of plants, gain of every Delta at most one     blocks
+    elements                G_ji + w_ji Delta_ji                               n_y n_u numbers
+    additive                G + W_l Delta W_r                                  one full n_y by n_u
+    input                   G (I + W_l Delta W_r)                              one full n_u by n_u, for a square G
+
+              +---- W_r <--+
+              |            |                additive: d is added to y
+              v  z         | u              input:    d is added to u, behind where z is read
+            Delta          |
+              | d          |
+              +--> W_l --> (+) with G
+
+(SP 7.4 and 8.2.3.) A set of several channels never has one scalar radius: that would cost a factor of ten where
+entries differ in size. "elements" serves where one channel is critical, a full block where all are, where outputs move
+together, and from 4 by 4 on. The form has to be chosen before the verdict is seen: who tries two has tested twice.
+
+A disc from the spread of a measured FRF is *statistical*: it says where the FRF of another realisation lies, with a
+probability; the perturbation that caused it is a nonlinear one, and no theorem turns that into stability. "LTI" and
+"operator" are claims about the perturbation that only the user can make.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, overload
+from typing import Any, TypeGuard
 
 import control
 import numpy as np
+from scipy.linalg import block_diag
 
-from nlfrf import Bla
 from nlfrf._base.arguments import (
     random_generator,
     require_choice,
+    require_integer,
     require_probability,
-    require_real,
     require_real_array,
     short_form,
 )
+from nlfrf._base.numbers import squared_modulus
 from nlfrf._base.values import value
-from robust.lti.connections import in_series
-from robust.lti.lti import replace_infinite, response, timebase
-from robust.lti.realisation import frequency_response, rightmost_pole, state_space
-from robust.lti.stability import is_stable
-from robust.models.fit.nominal import as_matrices, behind_hold, of_own_fit, suspected
-from robust.models.fit.weights import fit_weight
-from robust.models.sets.coprime import as_shaping, refuse_everything
-from robust.models.sets.evidence import Evidence
-from robust.models.sets.forms import ELEMENTS, FORMS, PERTURBATIONS, RELATIVE
-from robust.models.sets.joint import known_jointly, told
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.matrix_radius import matrix_uncertainty
-from robust.models.sets.perturbations import random_plants
-from robust.models.sets.radius import (
-    PARTS,
-    as_nominal,
-    family,
-    frf_at,
-    measured_as,
-    of_form,
-    own_set,
-    scaled_by,
-    total_of,
-    worded,
+from robust.lti.connections import block_diagonal, in_series, lower_lft, require_shape, weighted_plant
+from robust.lti.lti import (
+    SAMPLING_TOLERANCE,
+    common_sampling_time,
+    is_clockless,
+    replace_infinite,
+    require_sampling_time,
+    response,
+    response_by_channel,
+    signal_names,
+    timebase,
 )
+from robust.lti.realisation import frequency_response, multivariable, repeat_over_channels, rightmost_pole, state_space
+from robust.lti.stability import is_stable
+from robust.models.fit.weights import cover_sampled
+from robust.models.sets.coprime import as_shaping, refuse_everything
+from robust.models.sets.forms import ADDITIVE, ELEMENTS, FORMS, INPUT, MATRIX_FORMS, PERTURBATIONS, of_one_channel
+from robust.models.sets.interconnection import Block, UncertainSystem
+from robust.models.sets.joint import format_probability
+from robust.models.sets.perturbations import perturbed, random_delta, within
+from robust.models.sets.radius import PARTS, frf_at
+from robust.models.sets.records import RecordSummary
 
-__all__ = ["UncertaintyModel", "require_one_channel", "uncertainty"]
+__all__ = ["MatrixUncertainty", "UncertaintyModel", "has_several_channels", "require_one_channel", "require_parametric"]
+
+
+ROUNDED = 1 + 1e-9  # a Delta of size one, but for rounding
+TRIALS = 20  # plants drawn at most for each that is wanted: a realisation may round out of its set
 
 
 @value(kw_only=False)
 class UncertaintyModel:
-    """A nominal model, a radius around it on the measured lines, and a weight that covers the radius everywhere.
+    """A nominal plant, a radius around it on the measured lines, and weights that cover the radius everywhere.
+
+    With one input and one output every array is over frequency alone, and `weight` is the weight. With several, `left`
+    and `right` are the weights and each has its row in `radius`.
 
     Fields
     ------
     nominal : control.StateSpace or control.FrequencyResponseData
-        Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise.
-    weight : control.StateSpace
-        Stable and proper; |weight| >= radius on every line.
+        Nominal plant with its delay inside: z^-d in discrete time, a Padé approximation otherwise. An FRF, of one
+        channel only, gives a model that is known on its lines only.
+    weight : control.StateSpace or None
+        Stable and proper; |weight| >= radius on every line. None with several channels.
     form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime".
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime"; with several channels
+        "elements", "additive" or "input".
     omega : (W,) ndarray
         Frequencies of the radius [rad/s].
-    radius : (W,) ndarray
-        What the weight covers, in the unit of the form.
+    radius : (W,) or (n, W) ndarray
+        What the weights cover, in the unit of the form; those of `left` before those of `right`.
     confidence : float
-        Probability with which a line of another realisation lies in its disc; nan where none is claimed.
+        Probability with which a line of another realisation lies in its disc (with several channels: of another set of
+        experiments, in the set); nan where none is claimed.
     perturbation : str
         "LTI": Delta is any stable linear time-invariant system of gain at most one. "statistical": the discs
         hold measured FRFs with the stated confidence. "operator": Delta is any causal operator, nonlinear
         included, of gain at most one.
     simultaneous : bool
         Whether the confidence holds for all lines together.
-    radius_noise, radius_odd, radius_even, radius_misfit, radius_level, radius_systematic : (W,) ndarray
-        The budget: parts that add up to the radius; nan where unknown. The three statistical parts share their
-        common radius in proportion to their variances. Level: how much of it only appears because the plant
+    radius_noise, radius_odd, radius_even, radius_misfit, radius_level, radius_systematic : (W,) or (n, W) ndarray
+        The budget: parts that add up to the radius; nan where unknown, as of full blocks. The three statistical parts
+        share their common radius in proportion to their variances. Level: how much of it only appears because the plant
         changes with the level.
     delay : float
         The part of the nominal that is a delay [s], for information; it is inside `nominal` already.
@@ -93,24 +120,39 @@ class UncertaintyModel:
         In words, what was assumed outside the measured band.
     source : str
         In words, what was measured.
-    hold, fs, unit : of the record: hold of its input, as `Bla.hold`; sampling frequency [Hz]; unit of y over u.
+    hold, fs, unit : of the record: hold of its inputs, as `Bla.hold`; sampling frequency [Hz]; unit of y over u, of one
+        channel.
     W1, W2 : control.StateSpace
         Scaling of the plant at its input and output, W2 G W1, of the coprime form (1 when not given); None of others.
     joint, joint_bla : float
         Estimated probability that a whole FRF lies in the set, all its lines together: that of another realisation, and
         the BLA. Of several levels the least; nan where the set was not made of a record.
-    evidence : tuple of Evidence
+    records : tuple of RecordSummary
         What is remembered of each record: its lines, FRF and scatter for `validate`, its level for `predict_level`.
+    left, right : tuple of control.StateSpace
+        Stable weights W_l and W_r of several channels, one a channel. Of "elements" the n_y n_u weights stand in
+        `right`, columns of G one after the other, and `left` is empty.
+    inputs, outputs : tuple of str
+        Names of the channels.
+    alternative_form : UncertaintyModel, optional
+        The same plant of several channels in another form, at the same confidence c. Both hold it with a probability of
+        at least 2 c - 1, so that `check` may take the better of two verdicts. This set alone is what anything else
+        works on.
+
+    Notes
+    -----
+    `evidence`, `measured` and `other` are older names of `records` and `alternative_form`. A set that is given by
+    `left` and `right` around a nominal of one input and output is turned into the form of one channel that it is.
 
     Raises
     ------
     ValueError
-        A weight that is unstable or does not cover the radius, arrays that do not fit each other, sampling times that
-        differ, a form or class that does not exist.
+        Weights that are unstable, do not cover their radius or do not fit the form, arrays that do not fit each other,
+        sampling times that differ, a form or class that does not exist.
 
     References
     ----------
-    SP 7.4 and 8.2.3.
+    SP 7.4 and 8.2 (representing uncertainty), 8.6 (robust stability of full and structured blocks).
 
     Examples
     --------
@@ -118,13 +160,25 @@ class UncertaintyModel:
     >>> model = UncertaintyModel(G, w, "multiplicative", np.array([1.0, 2.0]), np.array([0.1, 0.2]))
     >>> model.contains(1.1 * G), model.contains(1.3 * G)
     (True, False)
+
+    Two inputs and two outputs:
+
+    >>> G = control.ss(-np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)))
+    >>> w = control.ss([], [], [], [[0.2]])
+    >>> omega = np.array([1.0, 2.0])
+    >>> model = UncertaintyModel(
+    ...     nominal=G, form="additive", left=(w, w), right=(w, w), omega=omega, radius=np.full((4, 2), 0.2),
+    ...     confidence=0.95)
+    >>> K = control.ss([], [], [], 2 * np.eye(2))
+    >>> round(float(np.linalg.norm(model.loop(K).loop(0j), 2)), 6)           # 0.2 |K S(0)| 0.2 = 0.04 2/3
+    0.026667
     """
 
     nominal: Any
-    weight: Any
-    form: str
-    omega: np.ndarray
-    radius: np.ndarray
+    weight: Any = None
+    form: str = ""
+    omega: Any = None
+    radius: Any = None
     confidence: float = float("nan")
     perturbation: str = "statistical"
     simultaneous: bool = False
@@ -144,73 +198,157 @@ class UncertaintyModel:
     W2: Any = None
     joint: float = float("nan")
     joint_bla: float = float("nan")
-    evidence: tuple[Evidence, ...] = ()
+    records: tuple[RecordSummary, ...] = ()
+    left: tuple[control.StateSpace, ...] = ()
+    right: tuple[control.StateSpace, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    alternative_form: UncertaintyModel | None = None
 
     def __post_init__(self) -> None:
-        require_choice("form", self.form, tuple(FORMS))
+        held, is_frf = self.__dict__, isinstance(self.nominal, control.FrequencyResponseData)
+        if self.left or self.right:
+            G = held["nominal"] = multivariable("nominal", self.nominal)
+            if one := (G.ninputs, G.noutputs) == (1, 1) and of_one_channel(
+                self.form, self.left, self.right, np.asarray(self.radius)
+            ):
+                held.update(one, left=(), right=())
+        single = self.is_single
+        require_choice("form", self.form, tuple(FORMS) if single else MATRIX_FORMS)
         require_choice("perturbation", self.perturbation, PERTURBATIONS)
-        omega, radius = (
-            require_real_array("omega", self.omega, ndim=1),
-            require_real_array("radius", self.radius, ndim=1),
-        )
-        if omega.shape != radius.shape or omega.size == 0:
-            raise ValueError(f"radius must have one value per frequency ({omega.size}), got {radius.size}")
-        if np.any(np.diff(omega) <= 0) or omega[0] <= 0:
-            raise ValueError("omega must be positive and increasing")
-        if np.any(radius <= 0):
-            raise ValueError(f"radius must be positive, got {radius.min():g} at {omega[radius.argmin()]:g} rad/s")
         if not np.isnan(self.confidence):
             require_probability("confidence", self.confidence)
-        nominal, weight = self.nominal, state_space("weight", self.weight)
-        if not isinstance(nominal, control.FrequencyResponseData):
-            nominal = state_space("nominal", nominal)
-            if weight.nstates and timebase(weight) != timebase(nominal):
-                raise ValueError(
-                    f"weight must have the sampling time of the nominal, {timebase(nominal):g} s, "
-                    f"got {timebase(weight):g} s"
-                )
-            dt = timebase(nominal)
-            if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
-                raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
-        if not is_stable(weight):
-            raise ValueError(f"weight must be stable, got a pole at {rightmost_pole(weight):.4g}")
-        cover = np.abs(response(weight, omega)) / radius
-        if cover.min() < 1 - 1e-6:
-            raise ValueError(
-                f"weight must cover the radius, |weight| >= radius, got a ratio of {cover.min():g} "
-                f"at {omega[cover.argmin()]:g} rad/s"
-            )
-        object.__setattr__(self, "nominal", nominal)
-        object.__setattr__(self, "weight", weight)
-        for name in ("W1", "W2"):
+        held["omega"] = omega = require_real_array("omega", self.omega, ndim=1)
+        if np.any(np.diff(omega) <= 0) or not omega.size or omega[0] <= 0:
+            raise ValueError("omega must be positive and increasing")
+        if not is_frf:
+            held["nominal"] = (state_space if single else multivariable)("nominal", self.nominal)
+        if single:
+            held["weight"] = state_space("weight", self.weight)
             if FORMS[self.form].scaled:
-                object.__setattr__(self, name, as_shaping(name, getattr(self, name), nominal))
+                refuse_everything(self.weight)
+        else:
+            self._check_blocks()
+        self._check_radius()
+        for name in ("W1", "W2"):
+            if single and FORMS[self.form].scaled:
+                held[name] = as_shaping(name, getattr(self, name), self.nominal)
             elif getattr(self, name) is not None:
                 raise ValueError(f"{name} must be left out but for the coprime form, got one with {self.form}")
-        if FORMS[self.form].scaled:
-            refuse_everything(weight)
-        for name in PARTS:
-            part = getattr(self, f"radius_{name}")
-            part = np.full(omega.size, np.nan) if part is None else np.asarray(part, dtype=float).copy()
-            if part.shape != omega.shape:
-                raise ValueError(f"radius_{name} must have one value per frequency ({omega.size}), got {part.size}")
+        known = (("u",), ("y",)) if single else signal_names(self.nominal)
+        held["inputs"], held["outputs"] = tuple(self.inputs) or known[0], tuple(self.outputs) or known[1]
+
+    def _check_blocks(self) -> None:
+        """Refuse weights of several channels that are not as many as the form has."""
+        n_y, n_u = self.n_outputs, self.n_inputs
+        wanted = {ELEMENTS: (0, n_y * n_u), ADDITIVE: (n_y, n_u), INPUT: (n_u, n_u)}[self.form]
+        if (len(self.left), len(self.right)) != wanted:
+            raise ValueError(
+                f"left and right must hold {wanted[0]} and {wanted[1]} weights for the {self.form} form, "
+                f"got {len(self.left)} and {len(self.right)}"
+            )
+        if self.form == INPUT and n_y != n_u:
+            raise ValueError(f"form must be elements or additive for a plant that is not square, got {n_y} by {n_u}")
+        other = self.alternative_form
+        if other is not None and other.confidence != self.confidence:
+            raise ValueError(
+                f"alternative_form must have confidence {self.confidence:g} as this set, got {other.confidence:g}"
+            )
+
+    def _check_radius(self) -> None:
+        """Refuse radii, weights and parts that do not fit each other or the nominal."""
+        omega, dt = self.omega, 0.0 if self.measured_only else timebase(self.nominal)
+        radius = require_real_array("radius", self.radius, ndim=1 if self.is_single else 2)
+        shape = omega.shape if self.is_single else (len(self.weights), omega.size)
+        if radius.shape != shape:
+            raise ValueError(f"radius must have one value per frequency, the shape {shape}, got {radius.shape}")
+        if np.any(radius <= 0):
+            where = omega[int(np.argmin(radius)) % omega.size]
+            raise ValueError(f"radius must be positive, got {radius.min():g} at {where:g} rad/s")
+        if dt and omega[-1] * dt > np.pi * (1 + 1e-9):
+            raise ValueError(f"omega must not exceed the Nyquist frequency {np.pi / dt:g} rad/s, got {omega[-1]:g}")
+        names = ["weight"] if self.is_single else [f"left[{k}]" for k in range(len(self.left))]
+        names += [f"right[{k}]" for k in range(len(self.right))]
+        for name, weight, row in zip(names, self.weights, np.atleast_2d(radius), strict=True):
+            if weight.nstates and not self.measured_only and timebase(weight) != dt:
+                raise ValueError(
+                    f"{name} must have the sampling time of the nominal, {dt:g} s, got {timebase(weight):g} s"
+                )
+            if not is_stable(weight):
+                raise ValueError(f"{name} must be stable, got a pole at {rightmost_pole(weight):.4g}")
+            cover = np.abs(response(weight, omega)) / row
+            if cover.min() < 1 - 1e-6:
+                raise ValueError(
+                    f"{name} must cover its radius, |weight| >= radius, got a ratio of {cover.min():g} "
+                    f"at {omega[cover.argmin()]:g} rad/s"
+                )
+        self.__dict__["radius"] = radius
+        for name in (f"radius_{part}" for part in PARTS):
+            part = getattr(self, name)
+            part = np.full(shape, np.nan) if part is None else np.array(part, dtype=float)
+            if part.shape != shape:
+                raise ValueError(f"{name} must have one value per frequency, the shape {shape}, got {part.shape}")
             part.flags.writeable = False
-            object.__setattr__(self, f"radius_{name}", part)
+            self.__dict__[name] = part
 
     def __str__(self) -> str:
-        kind = "an FRF" if self.measured_only else f"{self.nominal.nstates} states"
+        single, dt = self.is_single, 0.0 if self.measured_only else timebase(self.nominal)
+        whole = "FRF" if single else "matrix"
+        of = "" if single else f" of {self.n_outputs} outputs by {self.n_inputs} inputs"
         percent = "" if np.isnan(self.confidence) else f", {100 * self.confidence:g} % "
         if percent:
             percent += "for all lines together" if self.simultaneous else "per line"
         if not np.isnan(self.joint):
-            percent += f" (a whole FRF {told(self.joint)})"
-        k, unit = int(np.argmax(self.radius)), FORMS[self.form].unit_of(self.unit).split()
+            percent += f" (a whole {whole} {format_probability(self.joint)})"
+        kind = "an FRF" if self.measured_only else f"{self.nominal.nstates} states"
+        if single:
+            k, unit = int(np.argmax(self.radius)), FORMS[self.form].unit_of(self.unit).split()
+            size = (
+                f"weight of order {self.weight.nstates}, radius {self.radius.min():.3g} to "
+                f"{' '.join([f'{self.radius[k]:.3g}', *unit])} (at {self.omega[k] / 2 / np.pi:.4g} Hz) over "
+                f"{self.omega[0] / 2 / np.pi:.4g} to {self.omega[-1] / 2 / np.pi:.4g} Hz"
+            )
+        else:
+            kind += f" at {1 / dt:g} Hz" if dt else ""
+            orders = [weight.nstates for weight in self.weights]
+            size = f"weights of orders {min(orders)} to {max(orders)}"
+        other = self.alternative_form
         return (
-            f"{self.form} uncertainty, {self.perturbation}{percent}: nominal {kind}, weight of order "
-            f"{self.weight.nstates}, radius {self.radius.min():.3g} to {' '.join([f'{self.radius[k]:.3g}', *unit])} "
-            f"(at {self.omega[k] / 2 / np.pi:.4g} Hz) over {self.omega[0] / 2 / np.pi:.4g} to "
-            f"{self.omega[-1] / 2 / np.pi:.4g} Hz; {self.extrapolation}"
+            f"{self.form} uncertainty{of}, {self.perturbation}{percent}: nominal {kind}, {size}; {self.extrapolation}"
+            + ("" if other is None else f", beside it a set of the form {other.form}")
         )
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is of one input and one output, so that its arrays have no axis of channels."""
+        return not (self.left or self.right)
+
+    @property
+    def n_outputs(self) -> int:
+        """Outputs n_y."""
+        return int(self.nominal.noutputs)
+
+    @property
+    def n_inputs(self) -> int:
+        """Inputs n_u."""
+        return int(self.nominal.ninputs)
+
+    @property
+    def weights(self) -> tuple[control.StateSpace, ...]:
+        """All weights: the one, or those of `left` before those of `right`."""
+        return (self.weight,) if self.is_single else (*self.left, *self.right)
+
+    @property
+    def evidence(self) -> tuple[RecordSummary, ...]:
+        """An older name of `records`."""
+        return self.records
+
+    measured = evidence
+
+    @property
+    def other(self) -> UncertaintyModel | None:
+        """An older name of `alternative_form`."""
+        return self.alternative_form
 
     @property
     def measured_only(self) -> bool:
@@ -218,207 +356,246 @@ class UncertaintyModel:
         return isinstance(self.nominal, control.FrequencyResponseData)
 
     @property
+    def structure(self) -> list[tuple[int, int]]:
+        """The blocks of Delta, as `mu_upper` takes them."""
+        if self.form == ELEMENTS:
+            return [(1, 1)] * (self.n_outputs * self.n_inputs)
+        return [(1, 1)] if self.is_single else [(len(self.right), len(self.left))]
+
+    @property
     def shaping(self) -> control.StateSpace:
         """W1 W2 as one system; the gain one where the form needs no scaling."""
-        return in_series(self.W1, self.W2) if FORMS[self.form].scaled else state_space("shaping", 1.0)
+        scaled = self.is_single and FORMS[self.form].scaled
+        return in_series(self.W1, self.W2) if scaled else state_space("shaping", 1.0)
 
     def budget(self) -> dict[str, np.ndarray]:
-        """Name of each known part of the radius -> (W,) its share there."""
+        """Name of each known part of the radius -> (W,) or (n, W) its share there."""
         parts = {name: getattr(self, f"radius_{name}") for name in PARTS}
         return {name: part for name, part in parts.items() if np.isfinite(part).any()}
 
+    def at(self, omega: np.ndarray) -> np.ndarray:
+        """(W,) or (n_y, n_u, W) complex response of the nominal."""
+        if self.measured_only:
+            return frf_at(self.nominal, omega)
+        return response(self.nominal, omega) if self.is_single else response_by_channel(self.nominal, omega)
+
     def distance(self, plant: Any) -> np.ndarray:
-        """(.,) smallest |Delta| that turns the nominal into the given FRF, at its own frequencies.
+        """(W,) size of the smallest Delta that turns the nominal into the given FRF, at its own frequencies.
 
         plant : control.FrequencyResponseData, or a system, which is then taken at `omega`.
         """
-        clocks = (self.nominal,) if self.measured_only else (self.nominal, self.weight)
-        omega, G = frequency_response("plant", plant, self.omega, clocks)
-        return self.deviations(omega, G, self.at(omega)) / np.abs(response(self.weight, omega))
+        clocks = (self.nominal,) if self.measured_only else (self.nominal, self.weights[0])
+        omega, G = frequency_response("plant", plant, self.omega, clocks, (self.n_outputs, self.n_inputs))
+        nominal = self.at(omega)
+        return self.normalized_distance(omega, *(np.moveaxis(x, -1, 0) for x in (G, nominal)))
 
-    def deviations(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """(..., W) smallest |weight Delta| that turns responses (W,) of a nominal into responses (..., W)."""
-        if FORMS[self.form].scaled:  # at a pole too: it is as far from zero as a plant can be
-            W = response(self.shaping, omega)
-            G, nominal = W * replace_infinite(G), W * replace_infinite(nominal)
-        return np.abs(FORMS[self.form].deviation(G, nominal))
+    def normalized_distance(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        """(..., W) size of the smallest Delta that turns responses of a nominal (W,) into G (..., W).
 
-    def at(self, omega: np.ndarray) -> np.ndarray:
-        """(.,) complex response of the nominal."""
-        return frf_at(self.nominal, omega) if self.measured_only else response(self.nominal, omega)
+        Of several channels these are matrices, G (..., W, n_y, n_u) and nominal (W, n_y, n_u).
+        """
+        delta = self.minimal_perturbation(omega, G, nominal)
+        if self.is_single:
+            return np.abs(delta)
+        return np.max(np.abs(delta), axis=(-2, -1)) if self.form == ELEMENTS else np.linalg.norm(delta, 2, (-2, -1))
+
+    def is_within(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        """(..., W) whether `normalized_distance` is at most one.
+
+        Without singular values where the Frobenius norm decides: estimates of a probability ask it of many matrices.
+        """
+        delta = self.minimal_perturbation(omega, G, nominal)
+        if self.is_single:
+            return np.abs(delta) <= ROUNDED
+        if self.form == ELEMENTS:
+            return np.all(squared_modulus(delta) <= ROUNDED**2, axis=(-2, -1))
+        total = np.add.reduce(squared_modulus(delta), axis=(-2, -1))
+        held = total <= ROUNDED**2
+        close = ~held & (total <= ROUNDED**2 * min(delta.shape[-2:]))
+        held[close] = np.linalg.norm(delta[close], 2, (-2, -1)) <= ROUNDED
+        return held
+
+    def minimal_perturbation(self, omega: np.ndarray, G: np.ndarray, nominal: np.ndarray) -> np.ndarray:
+        """(..., W) the smallest Delta of `normalized_distance`; of several channels (..., W, rows, columns).
+
+        Of one channel up to the phase of the weight; of "elements" each number stands in its place.
+        """
+        sizes = [np.abs(response(weight, omega)) for weight in self.weights]
+        if self.is_single:
+            if FORMS[self.form].scaled:  # at a pole too: it is as far from zero as a plant can be
+                W = response(self.shaping, omega)
+                G, nominal = W * replace_infinite(G), W * replace_infinite(nominal)
+            return FORMS[self.form].deviation(G, nominal) / sizes[0]
+        deviation, n = G - nominal, len(self.left)
+        if self.form == ELEMENTS:
+            return deviation / np.reshape(sizes, (self.n_inputs, self.n_outputs, -1)).transpose(2, 1, 0)
+        if self.form == INPUT:
+            deviation = np.linalg.solve(nominal, deviation)
+        return deviation / np.transpose(sizes[:n])[:, :, None] / np.transpose(sizes[n:])[:, None, :]
+
+    def entry_radius(self, omega: np.ndarray) -> np.ndarray:
+        """(n_y, n_u, W) how far the set lets each entry go from the nominal, exactly; of several channels."""
+        require_several_channels(self, "have entries", "nominal and radius say it of one")
+        right = np.array([np.abs(response(weight, omega)) for weight in self.right])
+        if self.form == ELEMENTS:
+            return np.swapaxes(right.reshape(self.n_inputs, self.n_outputs, -1), 0, 1)
+        left = np.array([np.abs(response(weight, omega)) for weight in self.left])
+        if self.form == INPUT:  # row j of G W_l Delta W_r
+            left = np.sqrt(np.einsum("jkw,kw->jw", np.abs(response_by_channel(self.nominal, omega)) ** 2, left**2))
+        return left[:, None] * right
 
     def contains(self, plant: Any) -> bool:
         """Whether an FRF (or a system, looked at on the lines) lies in the set at every one of its frequencies."""
-        return bool(np.all(self.distance(plant) <= 1 + 1e-9))
+        return bool(np.all(self.distance(plant) <= ROUNDED))
+
+    def perturbed(self, Delta: Any) -> control.StateSpace:
+        """The plant of the set that belongs to a perturbation, by itself: to replay the worst one.
+
+        Delta : control.StateSpace from what it reads to what it drives, or a real matrix; of "elements" diagonal.
+        """
+        require_parametric(self, "to make plants of")
+        if self.is_single:
+            return perturbed(self.form, self.nominal, self.weight, state_space("Delta", Delta), self.shaping)
+        P, Delta = self.open_loop(), multivariable("Delta", Delta)
+        require_sampling_time("Delta", Delta, "the model", common_sampling_time(P))
+        n, m = Delta.ninputs, Delta.noutputs
+        if (P.noutputs - self.n_outputs, P.ninputs - self.n_inputs) != (n, m):
+            raise ValueError(
+                f"Delta must have {P.noutputs - self.n_outputs} inputs and {P.ninputs - self.n_inputs} outputs for the "
+                f"{self.form} form, got {n} and {m}"
+            )
+        rows, columns = np.r_[n : P.noutputs, :n], np.r_[m : P.ninputs, :m]
+        turned = control.StateSpace(P.A, P.B[:, columns], P.C[rows], P.D[np.ix_(rows, columns)], P.dt)
+        return lower_lft(turned, Delta)
 
     def sample(self, n: int, rng: np.random.Generator | int | None = None) -> list[Any]:
         """n plants of the set, each with |Delta| = 1 somewhere or everywhere; FRFs where the nominal is one."""
-        return random_plants(self, n, random_generator("rng", rng))
+        plants: list[Any] = []
+        rng = random_generator("rng", rng)
+        # a gain as the weight need not state a clock, nor has one as the nominal to
+        dt = max(timebase(w) for w in self.weights) or (0.0 if self.measured_only else timebase(self.nominal))
+        for _ in range(TRIALS * require_integer("n", n, least=0)):
+            if len(plants) == n:
+                break
+            Delta = random_delta(rng, self.structure, (self.omega[0], self.omega[-1]), dt)
+            if self.measured_only:
+                w, D, W = (response(X, self.omega) for X in (self.weight, Delta, self.shaping))
+                deviated = FORMS[self.form].perturbed(W * self.at(self.omega), w, D) / W
+                plant: Any = control.FrequencyResponseData(deviated, self.omega, self.nominal.dt)
+            else:
+                plant = self.perturbed(Delta)
+            if within(self, plant):
+                plants.append(plant)
+        if len(plants) < n:
+            raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
+        return plants
+
+    def open_loop(self) -> control.StateSpace:
+        """From (what Delta drives, u) to (what Delta reads, y); of several channels."""
+        require_several_channels(self, "have its perturbations pulled out", "check takes one")
+        G, dt = self.nominal, self.nominal.dt
+        n_y, n_u = self.n_outputs, self.n_inputs
+        if self.form == ELEMENTS:  # column i of G after the other: read u_i, act on y_j
+            reads, acts = np.repeat(np.eye(n_u), n_y, axis=0), np.tile(np.eye(n_y), n_u)
+            W_l: control.StateSpace = control.StateSpace([], [], [], np.eye(n_y * n_u), dt)
+        else:
+            reads, W_l = np.eye(n_u), block_diagonal(list(self.left), dt)
+            acts = np.eye(n_y) if self.form == ADDITIVE else np.eye(n_u)
+        W_r = block_diagonal(list(self.right), dt)
+        m = W_l.ninputs
+        into = acts if self.form == INPUT else np.zeros((n_u, acts.shape[1]))  # of d behind W_l into G
+        onto = np.zeros((n_y, acts.shape[1])) if self.form == INPUT else acts
+        A = block_diag(G.A, W_l.A, W_r.A)
+        A[: G.nstates, G.nstates : G.nstates + W_l.nstates] = G.B @ into @ W_l.C
+        B = np.block(
+            [
+                [G.B @ into @ W_l.D, G.B],
+                [W_l.B, np.zeros((W_l.nstates, n_u))],
+                [np.zeros((W_r.nstates, m)), W_r.B @ reads],
+            ]
+        )
+        C = np.block(
+            [
+                [np.zeros((W_r.noutputs, G.nstates + W_l.nstates)), W_r.C],
+                [G.C, (onto + G.D @ into) @ W_l.C, np.zeros((n_y, W_r.nstates))],
+            ]
+        )
+        D = np.block([[np.zeros((W_r.noutputs, m)), W_r.D @ reads], [(onto + G.D @ into) @ W_l.D, G.D]])
+        return control.StateSpace(A, B, C, D, dt)
+
+    def loop(self, K: Any, *, w_P: Any = None) -> UncertainSystem:
+        """The loop u = K (r - y) with the perturbations pulled out, for `check_structure`, `mu_upper`, `dk_iteration`.
+
+        Of several channels.
+
+        w_P : control.StateSpace, optional
+            Performance weight on r - y: one for all outputs alike, which may be continuous over a sampled loop, or a
+            matrix that takes them all.
+        """
+        P, K = self.open_loop(), multivariable("K", K)
+        n_y, n_u, dt = self.n_outputs, self.n_inputs, timebase(self.nominal)
+        require_shape(K, n_y, n_u)
+        if not is_clockless(K) and abs(timebase(K) - dt) > SAMPLING_TOLERANCE * dt:
+            raise ValueError(
+                f"K must have the sampling time of the model, {dt:g} s, got {timebase(K):g} s. A model for a sampled "
+                "controller starts from fit_nominal(frm, ..., dt=) or sampled(nominal, dt)."
+            )
+        n_z, n_d = P.noutputs - n_y, P.ninputs - n_u
+        if dt and w_P is not None:
+            w_P = multivariable("w_P", w_P)
+            if w_P.nstates and not timebase(w_P) and (w_P.ninputs, w_P.noutputs) == (1, 1):
+                w_P = cover_sampled(w_P, dt)
+        weights = [] if w_P is None else [("e", repeat_over_channels("w_P", w_P, n_y))]
+        for _, weight in weights:
+            require_sampling_time("w_P", weight, "the model", common_sampling_time(P))
+        N = lower_lft(weighted_plant(P, n_y, n_u, weights, reference=bool(weights)), K)
+        same = N.noutputs - n_z == n_y
+        return UncertainSystem(
+            N=N,
+            blocks=self.blocks(n_z, n_d),
+            inputs=tuple(f"r{j + 1}" for j in range(N.ninputs - n_d)),
+            outputs=tuple(f"weighted {self.outputs[j] if same else j + 1}" for j in range(N.noutputs - n_z)),
+        )
+
+    def blocks(self, n_z: int, n_d: int) -> dict[str, Block]:
+        """The perturbations by name, of several channels."""
+        of = {"perturbation": self.perturbation}
+        if self.form != ELEMENTS:
+            return {self.form: Block([f"z{k}" for k in range(n_z)], [f"d{k}" for k in range(n_d)], **of)}
+        pairs = [(out, name) for name in self.inputs for out in self.outputs]
+        return {f"{out} by {name}": Block(f"z{k}", f"d{k}", **of) for k, (out, name) in enumerate(pairs)}
 
 
-@overload
-def uncertainty(
-    bla: Bla | Sequence[Bla],
-    nominal: Any,
-    *,
-    form: str = ...,
-    order: int = ...,
-    confidence: float = ...,
-    simultaneous: bool = ...,
-    even: bool = ...,
-    systematic: float | None = ...,
-    below: str | float = ...,
-    above: str | float = ...,
-    perturbation: str = ...,
-) -> MatrixUncertainty: ...
+#: The name of `UncertaintyModel` for several channels before one type took any number of them.
+MatrixUncertainty = UncertaintyModel
 
 
-@overload
-def uncertainty(
-    bla: Bla | Sequence[Any],
-    nominal: Any,
-    *,
-    form: str = ...,
-    order: int = ...,
-    confidence: float = ...,
-    simultaneous: bool = ...,
-    even: bool = ...,
-    systematic: float | None = ...,
-    below: str | float = ...,
-    above: str | float = ...,
-    perturbation: str = ...,
-    W1: Any = ...,
-    W2: Any = ...,
-) -> UncertaintyModel: ...
+def has_several_channels(model: Any) -> TypeGuard[UncertaintyModel]:
+    """Whether it is an `UncertaintyModel` of several inputs or outputs."""
+    return isinstance(model, UncertaintyModel) and not model.is_single
 
 
-def uncertainty(
-    bla: Bla | Sequence[Any],
-    nominal: Any,
-    *,
-    form: str = RELATIVE,
-    order: int = 4,
-    confidence: float = 0.95,
-    simultaneous: bool = False,
-    even: bool = True,
-    systematic: float | None = None,
-    below: str | float = "flat",
-    above: str | float = 20.0,
-    perturbation: str = "statistical",
-    W1: Any = None,
-    W2: Any = None,
-) -> UncertaintyModel | MatrixUncertainty:
-    """Turn a measured BLA with its levels into a set of plants around a nominal model.
+def require_several_channels(model: UncertaintyModel, purpose: str, instead: str) -> None:
+    """Refuse a set of one input and one output, and name what to take instead."""
+    if model.is_single:
+        raise ValueError(f"model must be of several channels to {purpose}, got one of one input and output: {instead}")
 
-    On each line the disc about the nominal holds the FRF of a new realisation with the stated confidence: radius =
-    misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)). The raw residual
-    of a line contains scatter already, so the misfit is what is left of it after the variance is taken off. For a
-    fitted nominal this errs on the wide side: the fit averages the variance of G that is counted here.
 
-    Parameters
-    ----------
-    bla : nlfrf.Bla or list of them
-        What was measured; several levels, offsets or days make a plant family, with the largest radius of all. Or
-        Of several channels, one or a list, the set is a `MatrixUncertainty`. An FRF from elsewhere is a Bla by
-        `nlfrf.bla_from_frf`, or by the `std` that `fit_nominal` was given with it. Or a radius of your own: arrays
-        (omega, radius), in rad/s and the unit of the form, or a list of plants (FRFs, systems) that the set has to
-        hold.
-    nominal : NominalFit, control system or control.FrequencyResponseData
-        The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
-    form : str
-        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of several
-        channels "elements" (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at
-        a price of 10 %.
-    order : int
-        Order of the weight, or of each of them.
-    confidence : float
-        Probability per line (or for all lines together when `simultaneous`).
-    simultaneous : bool
-        False: about one line in twenty of another record lies outside its disc at 95 %; `joint` tells of whole ones.
-        True widens the radius by a factor of 1.8 to 2.1 and is seldom worth it (see the guide on bounds).
-    even : bool
-        Add the even distortion level: in closed loop the machine sees signals that are not odd.
-    systematic : float, optional
-        Decibels above the odd level added to the radius for the systematic part (8 in the paper); None leaves it out.
-    below, above : "flat" or float
-        What is assumed outside the measured band: the radius stays flat, or rises away from the band with that
-        many dB per decade, over two decades, flat beyond.
-    perturbation : str
-        The class; "LTI" and "operator" are claims of the user about the plant.
-    W1, W2 : control.StateSpace, TransferFunction or float, optional
-        Scaling W2 G W1 of the plant for the coprime form, as for `ncfsyn`; when not given, unit gain in mid band.
-
-    Returns
-    -------
-    UncertaintyModel, or MatrixUncertainty of several channels
-
-    Raises
-    ------
-    ValueError
-        A form or class that does not exist, an inverse form where the radius reaches |G|, an order too low.
-
-    References
-    ----------
-    SP 7.4 and 8.2.3; Pintelon & Schoukens, 2nd ed., 4.3.
-
-    Examples
-    --------
-    >>> import nlfrf
-    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
-    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
-    >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0, above="flat")
-    >>> model.form, model.perturbation, bool(np.all(model.radius < 0.35))
-    ('multiplicative', 'statistical', True)
-    """
-    asked: dict[str, Any] = {"order": order, "simultaneous": bool(simultaneous), "perturbation": perturbation}
-    bla = of_own_fit(bla, nominal)
-    if frms := as_matrices(bla):
-        asked |= {"form": ELEMENTS if form == RELATIVE else form, "confidence": confidence, "even": even}
-        return matrix_uncertainty(frms, nominal, below=below, above=above, **asked)
-    many: list[Any] = list(bla) if isinstance(bla, Sequence) else [bla]
-    row, p = FORMS[require_choice("form", form, tuple(FORMS))], require_probability("confidence", confidence)
-    nominal, delay, dt = as_nominal(nominal)
-    if own := own_set(bla, nominal, row, (below, above), dt, asked | {"systematic": systematic}):
-        return UncertaintyModel(nominal=nominal, form=form, delay=delay, **own)
-    recorded = many
-    if not isinstance(nominal, control.FrequencyResponseData):
-        many = [behind_hold(b, dt) for b in many]
-    systematic = None if systematic is None else require_real("systematic", systematic)
-    omega, discs = family(many, nominal, p, simultaneous, even, systematic)
-    if dt:
-        inside = omega * dt < np.pi * (1 - 1e-9)
-        omega, discs = omega[inside], {name: part[inside] for name, part in discs.items()}
-    absolute = total_of(discs)
-    W1, W2, below, above = scaled_by(row, nominal, omega, (W1, W2), (below, above))
-    factor, *covered = of_form(row, omega, absolute, nominal, (W1, W2), below, above, dt)
-    made = UncertaintyModel(
-        nominal=nominal,
-        weight=suspected(fit_weight(*covered, order=order, dt=dt).W, omega, absolute * factor),
-        form=form,
-        omega=omega,
-        radius=absolute * factor,
-        confidence=p,
-        perturbation=perturbation,
-        simultaneous=bool(simultaneous),
-        **{f"radius_{name}": part * factor for name, part in discs.items()},
-        delay=delay,
-        extrapolation=f"below the band {worded(below)}, above it {worded(above)}",
-        source="; ".join(measured_as(b) for b in many),
-        hold=many[0].hold if len({b.hold for b in many}) == 1 else "unknown",
-        fs=min(b.fs for b in many),
-        unit=many[0].unit,
-        W1=W1,
-        W2=W2,
-    )
-    return known_jointly(made, many, recorded)
+def require_parametric(model: Any, purpose: str) -> None:
+    """Refuse what is no set, or one that is known on its lines only."""
+    if not isinstance(model, UncertaintyModel) or model.measured_only:
+        raise ValueError(
+            f"model must be an UncertaintyModel with a parametric nominal {purpose}, got {short_form(model)}"
+        )
 
 
 def require_one_channel(model: Any, instead: str, purpose: str, *, parametric: bool = True) -> None:
     """Refuse what is no set of one input and one output, and for several channels name what to take instead."""
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         raise ValueError(
             f"model must be of one input and one output {purpose}, got {model.n_outputs} x {model.n_inputs}: {instead}"
         )
-    if not isinstance(model, UncertaintyModel) or (parametric and model.measured_only):
-        kind = "an UncertaintyModel with a parametric nominal" if parametric else "an UncertaintyModel"
-        raise ValueError(f"model must be {kind} {purpose}, got {short_form(model)}")
+    if parametric:
+        require_parametric(model, purpose)
+    elif not isinstance(model, UncertaintyModel):
+        raise ValueError(f"model must be an UncertaintyModel {purpose}, got {short_form(model)}")

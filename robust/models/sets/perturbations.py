@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import control
 import numpy as np
 
-from nlfrf._base.arguments import require_integer
-from robust.lti.connections import in_series, inverse_system
+from robust.lti.connections import block_diagonal, in_series, inverse_system
 from robust.lti.lti import response, timebase
 from robust.lti.realisation import from_roots
 from robust.models.sets.forms import FORMS
 
-__all__ = ["perturbed", "random_perturbation", "random_plants", "with_phase", "with_phases", "within"]
+__all__ = ["perturbed", "random_delta", "random_perturbation", "with_phase", "with_phases", "within"]
 
 
 ROUNDING = 1e-7  # by which a plant may be farther from the nominal than its set lets it
@@ -33,28 +33,6 @@ def perturbed(
     return in_series(row.system(in_series(G, W), w, Delta), inverse_system(W))
 
 
-def random_plants(model: Any, n: int, rng: np.random.Generator) -> list[Any]:
-    """n plants of an `UncertaintyModel`, each |Delta| = 1 somewhere or everywhere; FRFs where its nominal is one."""
-    plants: list[Any] = []
-    # a gain as the weight need not state a clock, nor has one as the nominal to
-    dt = timebase(model.weight) or (0.0 if model.measured_only else timebase(model.nominal))
-    for _ in range(20 * require_integer("n", n, least=0)):
-        if len(plants) == n:
-            break
-        Delta = random_perturbation(rng, model.omega[0], model.omega[-1], dt)
-        if model.measured_only:
-            w, D, W = (response(X, model.omega) for X in (model.weight, Delta, model.shaping))
-            deviated = FORMS[model.form].perturbed(W * model.at(model.omega), w, D) / W
-            plant: Any = control.FrequencyResponseData(deviated, model.omega, model.nominal.dt)
-        else:
-            plant = perturbed(model.form, model.nominal, model.weight, Delta, model.shaping)
-        if within(model, plant):
-            plants.append(plant)
-    if len(plants) < n:
-        raise ValueError(f"model must have plants that can be realised, got {len(plants)} of {n} inside the set")
-    return plants
-
-
 def within(model: Any, plant: Any) -> bool:
     """Whether rounding in the realisation has left a plant in the set that it is said to be from.
 
@@ -62,12 +40,29 @@ def within(model: Any, plant: Any) -> bool:
     """
     if not np.all(model.distance(plant) <= 1 + ROUNDING):
         return False
-    if model.measured_only or not FORMS[model.form].scaled:
+    if model.measured_only or not model.is_single or not FORMS[model.form].scaled:
         return True
     dt, (first, last) = timebase(model.nominal), model.omega[[0, -1]]
     omega = np.geomspace(first / 100, min(100 * last, 0.999 * np.pi / dt) if dt else 100 * last, 200)
-    away = model.deviations(omega, response(plant, omega), model.at(omega)) / np.abs(response(model.weight, omega))
-    return bool(np.all(away <= 1 + 10 * ROUNDING))
+    return bool(np.all(model.normalized_distance(omega, response(plant, omega), model.at(omega)) <= 1 + 10 * ROUNDING))
+
+
+def random_delta(
+    rng: np.random.Generator, structure: Sequence[tuple[int, int]], band: tuple[float, float], dt: float
+) -> control.StateSpace:
+    """A random stable perturbation of these blocks (reads, drives), each of gain one or (every other) less.
+
+    A full block is V diag(all-passes) U^T with random orthogonal U and V: a gain of its own in every direction.
+    """
+    blocks = []
+    for n, m in structure:
+        passes = [random_perturbation(rng, *band, dt) for _ in range(min(n, m))]
+        if (n, m) != (1, 1):
+            reads, drives = (np.linalg.qr(rng.normal(size=(size, size)))[0][:, : len(passes)] for size in (n, m))
+            D = block_diagonal(passes, dt)
+            passes = [control.StateSpace(D.A, D.B @ reads.T, drives @ D.C, drives @ D.D @ reads.T, dt)]
+        blocks += passes
+    return blocks[0] if len(blocks) == 1 else block_diagonal(blocks, dt)
 
 
 def random_perturbation(rng: np.random.Generator, low: float, high: float, dt: float) -> control.StateSpace:

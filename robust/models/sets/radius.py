@@ -1,80 +1,157 @@
-"""How large the disc about a nominal has to be on each measured line, and what that radius is made of."""
+"""How large a set about a nominal (a model or an FRF) has to be on each line, and what that radius is made of."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import control
 import numpy as np
 
 from nlfrf import Bla
-from nlfrf._base.arguments import format_count, require_choice, require_nonnegative, require_real_array, short_form
-from robust._base.channels import is_single
+from nlfrf._base.arguments import require_choice, require_nonnegative
+from nlfrf._base.values import value
 from robust.lti.grids import interpolate_frf
-from robust.lti.lti import response, timebase
+from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import frequency_response, state_space
-from robust.lti.sampling import delayed
-from robust.models.fit.nominal import NominalFit, suspected
-from robust.models.fit.weights import fit_weight
-from robust.models.sets.forms import Form
+from robust.models.sets.forms import INPUT, Form
 
 __all__ = [
     "PARTS",
-    "as_nominal",
-    "extrapolated",
-    "family",
+    "Extrapolation",
+    "RadiusSpec",
+    "block_radius",
+    "diagonal_over",
+    "disc_parts",
+    "element_parts",
     "frf_at",
-    "measured_as",
-    "misfit",
+    "full_block",
+    "misfits",
     "nominal_response",
     "of_form",
-    "own_set",
     "record_disc",
     "scaled_by",
     "slope",
+    "smoothed",
     "spread_over",
     "total_of",
-    "worded",
 ]
 
 
 #: What a radius is made of.
 PARTS = ("noise", "odd", "even", "misfit", "level", "systematic")
 MISFIT_WINDOW = 9
+SMOOTHED = 9  # lines over which a covariance is averaged, relative to |G|: an order of weights does not follow scatter
 DECADES_ABOVE = 2.0
-PADE_ORDER = 4
-#: Smallest radius of one's own over the largest: a plant that is the nominal on a line leaves none.
-LEAST = 1e-6
+
+
+@value
+class RadiusSpec:
+    """What a radius has to hold, as in `uncertainty`: confidence p, all lines together or not, even and systematic."""
+
+    p: float = 0.95
+    simultaneous: bool = False
+    even: bool = True
+    systematic: float | None = None
+
+
+@value
+class Extrapolation:
+    """The rule of the user outside the measured band: dB per decade away from it, 0 for flat.
+
+    Fields
+    ------
+    below, above : float
+        On either side, over two decades; flat beyond.
+    """
+
+    below: float = 0.0
+    above: float = 0.0
+
+    def __str__(self) -> str:
+        return f"below the band {described_slope(self.below)}, above it {described_slope(self.above)}"
+
+    def applied(self, omega: np.ndarray, radius: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+        """The radius continued outside the band, for the weight to cover."""
+        step = np.linspace(0, DECADES_ABOVE, 41)[1:]
+        low, high = omega[0] * 10 ** -step[::-1], omega[-1] * 10**step
+        if dt:
+            nyquist = np.pi / dt * (1 - 1e-9)
+            high = np.concatenate([high[high < nyquist], [nyquist]]) if omega[-1] < nyquist else high[:0]
+        under, over = (omega[0] / low) ** (self.below / 20), (high / omega[-1]) ** (self.above / 20)
+        return np.concatenate([low, omega, high]), np.concatenate([radius[0] * under, radius, radius[-1] * over])
+
+
+def slope(name: str, rule: Any) -> float:
+    """dB per decade away from the band."""
+    return 0.0 if isinstance(rule, str) and require_choice(name, rule, ("flat",)) else require_nonnegative(name, rule)
+
+
+def described_slope(rule: float) -> str:
+    """The extrapolation rule in words."""
+    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
 
 
 def nominal_response(nominal: Any, omega: np.ndarray) -> np.ndarray:
-    """(W,) response of the nominal; an FRF is interpolated in log magnitude and phase (it is met on its lines)."""
+    """(W,) or (n_y, n_u, W) response of the nominal; an FRF is interpolated in log magnitude and phase.
+
+    It is met on its lines.
+    """
     if not isinstance(nominal, control.FrequencyResponseData):
-        return response(nominal, omega)
+        G = response_by_channel(nominal, omega)
+        return G[0, 0] if G.shape[:2] == (1, 1) else G
     known, G = frequency_response("nominal", nominal, omega)
     if omega[0] < known[0] * (1 - 1e-6) or omega[-1] > known[-1] * (1 + 1e-6):
         raise ValueError("nominal must be an FRF over the whole band of bla, got one that is shorter")
     return interpolate_frf(omega, known, G)
 
 
-def family(
-    many: list[Bla], nominal: Any, p: float, simultaneous: bool, even: bool, systematic: float | None
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Frequencies of all records together, and the parts of the largest absolute radius over the records."""
+def disc_parts(
+    many: Sequence[Bla], nominals: Sequence[Any], spec: RadiusSpec
+) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    """Frequencies of all records of one channel together, the parts of the largest absolute radius, and that radius.
+
+    Between the lines of a record a part is the larger one of its neighbours, so that the parts add up to more there.
+
+    nominals : the nominal of each record; the same model, or its response on the lines of that record.
+    """
     omega = np.unique(np.concatenate([b.omega for b in many]))
-    discs = [record_disc(b, nominal, p, simultaneous, even, systematic) for b in many]
-    total = np.array([spread_over(omega, b.omega, total_of(disc)) for b, disc in zip(many, discs, strict=True)])
-    worst = np.nanargmax(np.where(np.isnan(total), -np.inf, total), axis=0)
-    parts = {}
-    for name in PARTS:
-        each = np.array([spread_over(omega, b.omega, disc[name]) for b, disc in zip(many, discs, strict=True)])
-        parts[name] = np.take_along_axis(each, worst[None, :], axis=0)[0]
-    # what the family as a whole misses is misfit; what one level misses beyond that is the level's doing
-    together = np.nanmin([spread_over(omega, b.omega, d["misfit"]) for b, d in zip(many, discs, strict=True)], axis=0)
+    discs = [record_disc(b, nominal, spec) for b, nominal in zip(many, nominals, strict=True)]
+
+    def spread(values: Any) -> np.ndarray:
+        return np.array([spread_over(omega, b.omega, values(disc)) for b, disc in zip(many, discs, strict=True)])
+
+    total = spread(total_of)
+    worst = np.nanargmax(np.where(np.isnan(total), -np.inf, total), axis=0)[None, :]
+    parts = {name: np.take_along_axis(spread(lambda d, n=name: d[n]), worst, axis=0)[0] for name in PARTS}
     if len(many) > 1:
+        # what the family as a whole misses is misfit; what one level misses beyond that is the level's doing
+        together = np.nanmin(spread(lambda disc: disc["misfit"]), axis=0)
         parts["level"] = np.maximum(parts["misfit"] - together, 0.0)
         parts["misfit"] = parts["misfit"] - parts["level"]
-    return omega, parts
+    return omega, parts, np.nanmax(total, axis=0)
+
+
+def element_parts(
+    frms: Sequence[Bla], models: Sequence[np.ndarray], spec: RadiusSpec
+) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+    """`disc_parts` of every entry of a matrix, columns one after the other, (n, W) each: all hold together with p.
+
+    The parts are brought to add up to the radius between the lines of a record too.
+
+    models : (n_y, n_u, F) response of the nominal on the lines of each record.
+    """
+    n_y, n_u = models[0].shape[:2]
+    each = replace(spec, p=spec.p ** (1 / (n_y * n_u)))
+    found = []
+    for i, j in np.ndindex(n_u, n_y):
+        nominals = [control.frd(G[j, i], frm.omega) for G, frm in zip(models, frms, strict=True)]
+        found.append(disc_parts([frm.entry(j, i) for frm in frms], nominals, each))
+    radius = np.array([total for _, _, total in found])
+    parts = {name: np.array([parts[name] for _, parts, _ in found]) for name in PARTS}
+    share = radius / total_of(parts)
+    return found[0][0], {name: part * share for name, part in parts.items()}, radius
 
 
 def total_of(parts: dict[str, np.ndarray]) -> np.ndarray:
@@ -82,31 +159,30 @@ def total_of(parts: dict[str, np.ndarray]) -> np.ndarray:
     return np.sum(list(parts.values()), axis=0)
 
 
-def record_disc(
-    bla: Bla, nominal: Any, p: float, simultaneous: bool, even: bool, systematic: float | None
-) -> dict[str, np.ndarray]:
-    """Parts (F,) of the absolute radius about the nominal that one record asks for."""
+def record_disc(bla: Bla, nominal: Any, spec: RadiusSpec) -> dict[str, np.ndarray]:
+    """Parts (F,) of the absolute radius about the nominal that one record of one channel asks for."""
     F = bla.f.size
-    quantile = bla.f_quantile(p, simultaneous=simultaneous)
+    quantile = bla.f_quantile(spec.p, simultaneous=spec.simultaneous)
     noise = np.nan_to_num(bla.var_noise)
     # of a new realisation: the error of G itself, plus the scatter of one realisation, which M does not reduce
-    scatter = bla.bound(p, of="realization", simultaneous=simultaneous) ** 2 / quantile
+    scatter = bla.bound(spec.p, of="realization", simultaneous=spec.simultaneous) ** 2 / quantile
     shares = {
         "noise": np.minimum(noise, scatter),
         "odd": np.maximum(scatter - noise, 0.0),
-        "even": np.nan_to_num(bla.var_even) if even else np.zeros(F),
+        "even": np.nan_to_num(bla.var_even) if spec.even else np.zeros(F),
     }
     variance = total_of(shares)
     radius = np.sqrt(quantile * variance)
     parts = {
         name: radius * np.divide(share, variance, out=np.zeros(F), where=variance > 0) for name, share in shares.items()
     }
-    parts["misfit"] = misfit(bla, nominal_response(nominal, bla.omega))
+    model = nominal_response(nominal, bla.omega)
+    parts["misfit"] = misfit(bla, model)
     parts["level"] = np.zeros(F)
-    parts["systematic"] = np.zeros(bla.f.size) if systematic is None else bla.systematic(systematic)
-    total = total_of(parts)
-    floor = np.maximum(1e-9 * np.abs(nominal_response(nominal, bla.omega)), np.finfo(float).tiny)
-    parts["misfit"] = parts["misfit"] + np.maximum(floor - total, 0.0)  # a disc has a radius even without any scatter
+    parts["systematic"] = np.zeros(F) if spec.systematic is None else bla.systematic(spec.systematic)
+    floor = np.maximum(1e-9 * np.abs(model), np.finfo(float).tiny)
+    # a disc has a radius even without any scatter
+    parts["misfit"] = parts["misfit"] + np.maximum(floor - total_of(parts), 0.0)
     return parts
 
 
@@ -138,33 +214,13 @@ def spread_over(omega: np.ndarray, lines: np.ndarray, values: np.ndarray) -> np.
     return out
 
 
-def extrapolated(
-    omega: np.ndarray, radius: np.ndarray, below: float, above: float, dt: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """The radius continued outside the band by the rule of the user, for the weight to cover."""
-    step = np.linspace(0, DECADES_ABOVE, 41)[1:]
-    low, high = omega[0] * 10 ** -step[::-1], omega[-1] * 10**step
-    if dt:
-        nyquist = np.pi / dt * (1 - 1e-9)
-        high = np.concatenate([high[high < nyquist], [nyquist]]) if omega[-1] < nyquist else high[:0]
-    out = np.concatenate(
-        [
-            radius[0] * (omega[0] / low) ** (below / 20),
-            radius,
-            radius[-1] * (high / omega[-1]) ** (above / 20),
-        ]
-    )
-    return np.concatenate([low, omega, high]), out
-
-
 def of_form(
     form: Form,
     omega: np.ndarray,
     absolute: np.ndarray,
     nominal: Any,
     shaped_by: tuple[Any, Any],
-    below: float,
-    above: float,
+    rules: Extrapolation,
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Factor from an absolute radius to that of the form; frequencies and radii to be covered, outside the band too.
@@ -174,7 +230,7 @@ def of_form(
     """
     if not form.scaled:
         factor = form.radius_factor(omega, absolute, np.abs(nominal_response(nominal, omega)))
-        return factor, *extrapolated(omega, absolute * factor, below, above, dt)
+        return factor, *rules.applied(omega, absolute * factor, dt)
 
     def sizes(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:  # |G|, and |W1 W2| of what is given of them
         inside = omega  # an FRF stays what it is at its ends
@@ -185,7 +241,7 @@ def of_form(
 
     size, scale = sizes(omega)
     factor = scale * form.radius_factor(omega, absolute * scale, size * scale)
-    wide, relative = extrapolated(omega, absolute / np.maximum(size, 1e-300), below, above, dt)
+    wide, relative = rules.applied(omega, absolute / np.maximum(size, 1e-300), dt)
     size, scale = sizes(wide)
     there = relative * size * scale
     try:
@@ -195,23 +251,22 @@ def of_form(
 
 
 def scaled_by(
-    form: Form, nominal: Any, omega: np.ndarray, shaped_by: tuple[Any, Any], rules: tuple[Any, Any]
-) -> tuple[Any, Any, float, float]:
-    """W1, W2 and the slopes below and above the band, as they are taken.
+    form: Form, nominal: Any, omega: np.ndarray, shaped_by: tuple[Any, Any], rules: Extrapolation
+) -> tuple[Any, Any, Extrapolation]:
+    """W1, W2 and the rule outside the band, as they are taken.
 
     Where the form needs a scaling and none is given: unit gain in mid band, so that the mean of |G| in decibels over
     log frequency is zero. Outside the lines of an FRF there is no plant that a radius could be relative to.
     """
-    below, above = slope("below", rules[0]), slope("above", rules[1])
     if not form.scaled:
-        return *shaped_by, below, above
+        return *shaped_by, rules
     if isinstance(nominal, control.FrequencyResponseData):
-        below = above = 0.0
+        rules = Extrapolation()
     if shaped_by != (None, None):
-        return *shaped_by, below, above
+        return *shaped_by, rules
     size, log = np.log(np.abs(nominal_response(nominal, omega))), np.log(omega)
     middle = np.trapezoid(size, log) / (log[-1] - log[0]) if omega.size > 1 else size[0]
-    return 1.0, float(np.exp(-middle)), below, above
+    return 1.0, float(np.exp(-middle)), rules
 
 
 def frf_at(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndarray:
@@ -224,107 +279,83 @@ def frf_at(nominal: control.FrequencyResponseData, omega: np.ndarray) -> np.ndar
     return np.asarray(nominal.frdata[0, 0])[place]
 
 
-def slope(name: str, rule: Any) -> float:
-    """dB per decade away from the band."""
-    return 0.0 if isinstance(rule, str) and require_choice(name, rule, ("flat",)) else require_nonnegative(name, rule)
+# ---- Full blocks of several channels.
 
 
-def worded(rule: float) -> str:
-    """The extrapolation rule in words."""
-    return "flat" if rule == 0 else f"rising {rule:g} dB/decade over {DECADES_ABOVE:g} decades"
+def block_radius(
+    frms: Sequence[Bla], models: Sequence[np.ndarray], spec: RadiusSpec, form: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """All frequencies, and (n_left + n_right, W) the largest radii of diagonal W_l and W_r over the records there.
 
-
-def as_nominal(nominal: Any) -> tuple[Any, float, float]:
-    """The nominal with its delay inside, that delay and its sampling time [s]."""
-    delay = nominal.delay if isinstance(nominal, NominalFit) else 0.0
-    if isinstance(nominal, NominalFit):
-        nominal = delayed(nominal.G, delay, order=PADE_ORDER)
-    if isinstance(nominal, control.FrequencyResponseData):
-        return nominal, delay, 0.0
-    nominal = state_space("nominal", nominal)
-    return nominal, delay, timebase(nominal)
-
-
-def measured_as(bla: Bla) -> str:
-    """A record in words."""
-    lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
-    if bla.grid == "given":
-        return f"an FRF that was given, {lines}, variance from its {bla.level_source}"
-    return (
-        f"{bla.grid} multisine, {lines}, {bla.n_realizations} realisations "
-        f"x {bla.n_periods} periods, level from {bla.level_source}"
-    )
-
-
-def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """Frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
-
-    Two arrays are frequencies and radius as they are; FRFs or systems are plants that the set has to hold.
+    A block W_l D W_r lies in every one of larger diagonals. What stands left and what right of it is a matter of scale,
+    which a level of excitation changes: of several records each has W_r of mean square one.
     """
-    many = list(given) if isinstance(given, (list, tuple)) else [given]
-    if many and all(map(is_single, many)):
-        return None
-    if not any(is_plant(part) or isinstance(part, np.ndarray) for part in many):
-        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {short_form(given)}")
-    if form.scaled:
-        raise ValueError(f"form must not depend on units where the radius is your own, got {form.name}")
-    if isinstance(given, tuple) and len(many) == 2 and not any(is_plant(part) for part in many):
-        omega, radius = require_real_array("omega", many[0], ndim=1), require_real_array("radius", many[1], ndim=1)
-        if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
-            raise ValueError("radius must be positive, one for each omega, and these positive and increasing")
-        return omega, radius, "a radius that was given"
-    if not all(is_plant(part) for part in many):
-        raise ValueError("bla must be all plants (FRFs or systems), or (omega, radius), where the radius is your own")
-    lines = plant_lines(many, nominal)
-    each, differs = [], False
-    for plant in many:
-        omega, G = frequency_response("bla", plant, lines, (nominal, *many))
-        centre = nominal_response(nominal, omega)
-        differs |= bool(np.any(np.abs(G - centre) > 1e-12 * np.abs(centre)))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = np.abs(form.deviation(G, centre))
-        if not np.isfinite(away).all():
-            raise ValueError(
-                f"bla must leave the radius finite, got a plant or nominal that vanishes: {form.name} form"
-            )
-        each.append(spread_over(lines, omega, away))
-    radius = np.nanmax(each, axis=0)
-    if not differs:
-        raise ValueError("bla must hold a plant beside the nominal, got none that differs")
-    return lines, np.maximum(radius, LEAST * radius.max()), f"{format_count(len(many), 'plant')} that were given"
+    each = [full_block(frm, G, misfits(frm, G), spec, form) for frm, G in zip(frms, models, strict=True)]
+    if len(frms) == 1:
+        return frms[0].omega, np.concatenate(each[0])
+    omega, spread = np.unique(np.concatenate([frm.omega for frm in frms])), []
+    for frm, (left, right) in zip(frms, each, strict=True):
+        scale = np.sqrt(np.mean(right**2, axis=0))
+        spread.append([spread_over(omega, frm.omega, row) for row in (*(left * scale), *(right / scale))])
+    return omega, np.nanmax(spread, axis=0)
 
 
-def is_plant(part: Any) -> bool:
-    """Whether it is an FRF or a system."""
-    return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
+def misfits(frm: Bla, model: np.ndarray) -> np.ndarray:
+    """(F,) or (n_y, n_u, F) what the nominal misses beyond scatter, entry by entry."""
+    if frm.is_single:
+        return misfit(frm, model)
+    out, spec = np.empty(model.shape), RadiusSpec(even=False)
+    for j, i in np.ndindex(model.shape[:2]):
+        out[j, i] = record_disc(frm.entry(j, i), control.frd(model[j, i], frm.omega), spec)["misfit"]
+    return out
 
 
-def plant_lines(many: list[Any], nominal: Any) -> np.ndarray:
-    """All frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
-    known = [plant for plant in [*many, nominal] if isinstance(plant, control.FrequencyResponseData)]
-    if not known:
-        raise ValueError("bla must hold an FRF, to say at which frequencies: control.frd(plant, omega)")
-    return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))
+def full_block(
+    frm: Bla, model: np.ndarray, missed: np.ndarray, spec: RadiusSpec, form: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Radii (n, F) of diagonal W_l and W_r whose full block holds the matrix of a new set.
+
+    W_l W_l^H >= (1 + 1/t) x_p C + (1 + t) B with the misfit m and B = n_y diag_j sum_i m_ji^2 / gamma_ii, t to make its
+    trace least; a Hermitian X lies under the diagonal lambda_max(corr X) X_jj.
+    """
+    gamma = np.moveaxis(frm.gamma, 2, 0)
+    x = quantiles(frm, spec)
+    C = frm.covariance_of("realization")
+    if spec.even:
+        C = C + frm.n_realizations * np.nan_to_num(frm.cov_even)
+    own = np.einsum("iif->if", frm.gamma).real
+    C = x[:, None, None] * smoothed(np.moveaxis(C, 2, 0), model, own)
+    n_y = frm.n_outputs
+    B = n_y * np.einsum("jif,if->fj", missed**2, 1 / own)
+    trace_C, trace_B = np.einsum("fjj->f", C).real, B.sum(axis=1) + np.finfo(float).tiny
+    t = np.sqrt(trace_C / trace_B) + np.finfo(float).tiny
+    X = (1 + 1 / t)[:, None, None] * C + ((1 + t)[:, None] * B)[:, :, None] * np.eye(n_y)
+    if form == INPUT:
+        inverse = np.linalg.inv(np.moveaxis(model, 2, 0))
+        X = inverse @ X @ np.swapaxes(inverse, 1, 2).conj()
+    return diagonal_over(X), diagonal_over(gamma)
 
 
-def own_set(
-    given: Any, nominal: Any, form: Form, rules: tuple[Any, Any], dt: float, asked: dict[str, Any]
-) -> dict[str, Any]:
-    """The fields of a set with a radius of the user's own, its weight fitted, no confidence claimed; none of Blas."""
-    found = own_radius(given, nominal, form)
-    if found is None:
-        return {}
-    if asked["simultaneous"] or asked["systematic"] is not None:
-        raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
-    omega, radius, source = found
-    below, above = slope("below", rules[0]), slope("above", rules[1])
-    weight = fit_weight(*extrapolated(omega, radius, below, above, dt), order=asked["order"], dt=dt).W
-    words = f"below the band {worded(below)}, above it {worded(above)}"
-    return {
-        "omega": omega,
-        "radius": radius,
-        "weight": suspected(weight, omega, radius),
-        "perturbation": asked["perturbation"],
-        "extrapolation": words,
-        "source": source,
-    }
+def quantiles(frm: Bla, spec: RadiusSpec) -> np.ndarray:
+    """(F,) the quantile of Roy's root: the block of a `Bla` over its root of the covariance."""
+    left, _ = frm.block(spec.p, simultaneous=spec.simultaneous)
+    size = np.einsum("jkf,jkf->f", left, left.conj()).real
+    return size / np.einsum("jjf->f", frm.cov_bound).real
+
+
+def smoothed(C: np.ndarray, model: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(F, n_y, n_y) averaged over neighbouring lines, relative to the size of the nominal's rows."""
+    size = np.sqrt(np.einsum("jif,if->fj", np.abs(model) ** 2, 1 / own))
+    relative = C / size[:, :, None] / size[:, None]
+    half, F = SMOOTHED // 2, len(C)
+    sums = np.concatenate([np.zeros((1, *C.shape[1:])), np.cumsum(relative, axis=0)])
+    first = np.clip(np.arange(F) - half, 0, max(F - SMOOTHED, 0))
+    last = np.minimum(first + SMOOTHED, F)
+    return (sums[last] - sums[first]) / (last - first)[:, None, None] * size[:, :, None] * size[:, None]
+
+
+def diagonal_over(X: np.ndarray) -> np.ndarray:
+    """(n, F) roots of the diagonal that lies over a Hermitian (F, n, n): lambda_max of its correlation."""
+    size = np.sqrt(np.einsum("fjj->fj", X).real)
+    correlation = X / size[:, :, None] / size[:, None]
+    return (size * np.sqrt(np.linalg.eigvalsh(correlation)[:, -1:])).T

@@ -7,7 +7,7 @@ from typing import Any
 
 from nlfrf._base.arguments import require_kind
 from robust._base.channels import is_matrix
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import has_several_channels
 from robust.synthesis.fixed.one_loop import design_loop
 from robust.synthesis.fixed.sequential import close_in_turn
 from robust.synthesis.hinf.design import Design
@@ -161,9 +161,9 @@ def design_frf(
         "time_cap": time_cap,
         "progress": progress,
     }
-    if isinstance(plant, MatrixUncertainty) or is_matrix(plant):
+    if has_several_channels(plant) or is_matrix(plant):
         return close_in_turn(plant, structure, options)
-    if isinstance(plant, list | tuple) and any(isinstance(one, MatrixUncertainty) or is_matrix(one) for one in plant):
+    if isinstance(plant, list | tuple) and any(has_several_channels(one) or is_matrix(one) for one in plant):
         raise ValueError(
             "plant must be one Bla of several channels (or MatrixUncertainty) or a list of single loops, got a list "
             "of matrices"

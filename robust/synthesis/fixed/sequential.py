@@ -25,9 +25,9 @@ from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_g
 from robust.lti.lti import frequency_response_matrices, response, timebase, with_names
 from robust.lti.stability import unstable_pole_values, unstable_poles, winding_number
 from robust.models.sets.forms import ADDITIVE, ELEMENTS, INPUT
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.matrix_radius import full_block
 from robust.models.sets.measured import as_seen
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.radius import RadiusSpec, full_block
 from robust.synthesis.fixed.one_loop import design_loop
 from robust.synthesis.fixed.plants import DiscsOnLines
 from robust.synthesis.hinf.design import Design
@@ -103,7 +103,7 @@ class MatrixOnLines:
         return np.asarray(entries + block)
 
 
-def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, options: dict[str, Any]) -> Design:
+def close_in_turn(plant: Bla | UncertaintyModel, structure: Any, options: dict[str, Any]) -> Design:
     """`design_frf` of a matrix: a diagonal controller, loop by loop."""
     dt = require_plant(plant, options)
     n = plant.n_inputs
@@ -144,7 +144,7 @@ def close_in_turn(plant: Bla | MatrixUncertainty, structure: Any, options: dict[
     )
 
 
-def require_plant(plant: Bla | MatrixUncertainty, options: dict[str, Any]) -> float:
+def require_plant(plant: Bla | UncertaintyModel, options: dict[str, Any]) -> float:
     """The sampling time of the controller, where its loops can be closed in turn."""
     if plant.n_inputs != plant.n_outputs:
         raise ValueError(
@@ -190,12 +190,12 @@ def loop_demands(k: int, n: int, structure: Any, options: dict[str, Any]) -> tup
     return own("structure", structure), rest
 
 
-def matrix_on_lines(plant: Bla | MatrixUncertainty, dt: float, delay: float) -> MatrixOnLines:
+def matrix_on_lines(plant: Bla | UncertaintyModel, dt: float, delay: float) -> MatrixOnLines:
     """The matrix and its set where it was measured, or where it and its weights have features."""
     n = plant.n_inputs
     if isinstance(plant, Bla):
         factor = as_seen(plant, plant.omega, np.ones(plant.f.size, dtype=complex), dt, delay)
-        left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), CONFIDENCE, False, True, ADDITIVE)
+        left, right = full_block(plant, plant.G, np.zeros(plant.G.shape), RadiusSpec(p=CONFIDENCE), ADDITIVE)
         G, left = np.moveaxis(plant.G * factor, 2, 0), left * np.abs(factor)
         return MatrixOnLines(
             omega=plant.omega,
@@ -231,13 +231,13 @@ def crossover_of(given: Any) -> float:
     return float(np.min(given)) if given is not None else 0.0
 
 
-def loop_name(plant: Bla | MatrixUncertainty, k: int) -> str:
+def loop_name(plant: Bla | UncertaintyModel, k: int) -> str:
     """A loop by its channels."""
     return f"loop {k + 1} ({plant.inputs[k]} by {plant.outputs[k]})"
 
 
 def design_loop_k(
-    plant: Bla | MatrixUncertainty,
+    plant: Bla | UncertaintyModel,
     on_lines: MatrixOnLines,
     k: int,
     K: list[Any],
@@ -278,10 +278,10 @@ def evaluate_loop(
 
 
 def check_whole_set(
-    plant: Bla | MatrixUncertainty, on_lines: MatrixOnLines, K: list[Any], order: list[int], dt: float
+    plant: Bla | UncertaintyModel, on_lines: MatrixOnLines, K: list[Any], order: list[int], dt: float
 ) -> tuple[str, float]:
     """Why the whole set is not stable, empty where it is; and up to how many times its size it is."""
-    if isinstance(plant, MatrixUncertainty):
+    if isinstance(plant, UncertaintyModel):
         try:
             report = check(plant, block_diagonal(K, dt))
         except ValueError as error:

@@ -22,7 +22,7 @@ from robust.lti.grids import structure_grid
 from robust.lti.lti import response, response_by_channel, timebase
 from robust.lti.realisation import multivariable
 from robust.models.fit.weights import minimum_phase
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.mu.blocks import BlockStructure, structure_for
 from robust.mu.certify import certify_mu
 from robust.mu.upper import mu_upper
@@ -103,7 +103,7 @@ def dk_iteration(
 
     Parameters
     ----------
-    P : MatrixUncertainty or control.StateSpace
+    P : UncertaintyModel or control.StateSpace
         A measured set; or a system from (what the perturbations and the performance drive, u) to (what they read, y).
     blocks : list
         Of a system; as for `mu_upper`, the performance being a full block. Repeated and real blocks are designed for as
@@ -147,7 +147,7 @@ def dk_iteration(
     Without omega the frequencies are those of the poles of the loop of each round. Of the distillation column of
     SP 8.11.3 (there 8.12.4, from 1.18 to 1.02 and lower) it makes 1.19, 1.05, 1.045, ...
     """
-    if isinstance(P, MatrixUncertainty):
+    if has_several_channels(P):
         P, blocks, n_y, n_u = performance_plant(P, w_P, w_u, blocks)
     elif w_P is not None or w_u is not None:
         raise ValueError("w_P and w_u must be left out but for a MatrixUncertainty: of a system they are part of P")
@@ -179,7 +179,7 @@ def dk_iteration(
 
 
 def performance_plant(
-    model: MatrixUncertainty, w_P: Any, w_u: Any, blocks: Any
+    model: UncertaintyModel, w_P: Any, w_u: Any, blocks: Any
 ) -> tuple[control.StateSpace, list[Any], int, int]:
     """Generalised plant of a measured set with its performance: from (d, r, u) to (z, weighted e and u, e)."""
     if w_P is None or blocks is not None:

@@ -12,8 +12,7 @@ from robust.lti.lti import is_constant, timebase, with_names
 from robust.lti.realisation import multivariable, stable_weight
 from robust.lti.sampling import delayed, discretize, sampled
 from robust.models.sets.forms import FORMS
-from robust.models.sets.matrix_model import MatrixUncertainty
-from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.model import UncertaintyModel, has_several_channels
 from robust.synthesis.hinf.design import Design
 from robust.synthesis.hinf.hinfsyn import hinfsyn
 
@@ -131,7 +130,7 @@ def mixsyn(
 
 def is_unstructured_model(model: Any) -> bool:
     """Whether it is a model with a parametric nominal; refused where it has none, or its perturbation has structure."""
-    if isinstance(model, MatrixUncertainty):
+    if has_several_channels(model):
         raise ValueError(
             "model must be a plant or an UncertaintyModel, got a MatrixUncertainty: dk_iteration designs for its "
             "perturbation, mixsyn for its nominal alone (model.nominal)"

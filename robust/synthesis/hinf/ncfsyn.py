@@ -10,10 +10,9 @@ from scipy.linalg import solve_continuous_are
 
 from nlfrf._base.arguments import require_positive, require_real
 from robust.lti.connections import block_diagonal, closed_loop, in_series
-from robust.lti.lti import is_clockless, response, timebase, with_names
+from robust.lti.lti import is_clockless, response, response_by_channel, timebase, with_names
 from robust.lti.norms import hinf_norm, to_continuous, to_discrete
-from robust.lti.realisation import from_roots, multivariable, state_space
-from robust.models.sets.matrix_model import MatrixUncertainty
+from robust.lti.realisation import from_roots, multivariable
 from robust.models.sets.model import UncertaintyModel
 from robust.proofs.search.stability import certify_closed_loop
 from robust.synthesis.hinf.design import Design
@@ -67,7 +66,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
     factor = require_real("factor", factor)
     if factor <= 1:
         raise ValueError(f"factor must be above 1, got {factor:g}")
-    G = multivariable("G", G.nominal if isinstance(G, (UncertaintyModel, MatrixUncertainty)) else G)
+    G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     dt = timebase(G)
     W1, W2 = shaping_system("W1", W1, G.ninputs, dt), shaping_system("W2", W2, G.noutputs, dt)
     shaped = in_series(W1, G, W2, dt=dt)
@@ -142,6 +141,8 @@ def shaping_system(name: str, given: Any, n: int, dt: float) -> control.StateSpa
 def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
     """A first W1 for `ncfsyn`: integral action, and the gain that puts the crossover at a frequency.
 
+    Of several channels a diagonal of such weights, each by the diagonal entry of the plant at its input.
+
     Where the plant is flat at omega_c, W1 = k / s, so that the shaped loop falls by 20 dB per decade through the
     crossover; where the plant falls by itself, W1 = k (s + omega_c/5) / s.
 
@@ -172,13 +173,21 @@ def crossover_weight(G: Any, omega_c: float) -> control.StateSpace:
     >>> round(float(abs(W1(1j) * 2 / (1j + 10))), 12)
     1.0
     """
-    G = state_space("G", G.nominal if isinstance(G, UncertaintyModel) else G)
+    G = multivariable("G", G.nominal if isinstance(G, UncertaintyModel) else G)
     omega_c, dt = require_positive("omega_c", omega_c), timebase(G)
+    if G.ninputs != G.noutputs:
+        raise ValueError(f"G must have as many inputs as outputs, got {G.ninputs} inputs and {G.noutputs} outputs")
     if dt and omega_c * dt > np.pi / 2:
         raise ValueError(
             f"omega_c must be at most half the Nyquist frequency, {np.pi / dt / 2:g} rad/s, got {omega_c:g}"
         )
-    gains = np.abs(response(G, omega_c * np.array([0.9, 1.0, 1.1])))
+    gains = np.abs(response_by_channel(G, omega_c * np.array([0.9, 1.0, 1.1])))
+    loops = [crossover_of_loop(gains[k, k], omega_c, dt) for k in range(G.ninputs)]
+    return loops[0] if len(loops) == 1 else block_diagonal(loops, dt)
+
+
+def crossover_of_loop(gains: np.ndarray, omega_c: float, dt: float) -> control.StateSpace:
+    """`crossover_weight` of one loop, from |G| (3,) at 0.9, 1 and 1.1 omega_c."""
     if not np.all((gains > 0) & np.isfinite(gains)):
         raise ValueError(f"omega_c must lie where the plant has gain, got |G| = {gains[1]:g} at {omega_c:g} rad/s")
     flat = np.log(gains[2] / gains[0]) / np.log(1.1 / 0.9) > -0.5

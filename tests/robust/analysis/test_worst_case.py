@@ -246,3 +246,64 @@ def test_the_order_scan_finds_the_order():
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+PLANT_2X2 = control.StateSpace([[-1, 0.2], [0, -3]], np.eye(2), [[1, 0.3], [-0.2, 2]], np.zeros((2, 2)))
+K_2X2 = control.StateSpace([], [], [], 3 * np.eye(2))
+
+
+def set_of_several(form, size):
+    """A set around a plant of two inputs and outputs, with weights that rise from 1 to 20 rad/s."""
+
+    def w(x):
+        return control.ss(control.tf([0.5 * x * size, x * size], [0.05, 1]))
+
+    omega = np.geomspace(0.1, 30, 20)
+    left = () if form == "elements" else tuple(map(w, (0.3, 0.2)))
+    gains = (control.ss([], [], [], [[x]]) for x in (0.5, 0.4))
+    right = tuple(map(w, (0.1, 0.05, 0.02, 0.1))) if form == "elements" else tuple(gains)
+    radius = np.array([np.abs(response(weight, omega)) for weight in (*left, *right)])
+    return UncertaintyModel(nominal=PLANT_2X2, form=form, left=left, right=right, omega=omega, radius=radius)
+
+
+@pytest.mark.parametrize("w_P", [None, performance_weight(1.0, M_S=2.0, A=0.1)])
+@pytest.mark.parametrize(("form", "size"), [("elements", 0.2), ("additive", 0.1), ("input", 0.1)])
+def test_the_worst_plant_of_several_channels_reaches_the_bound(form, size, w_P):
+    set_ = set_of_several(form, size)
+    worst = worst_case(set_, K_2X2, w_P)
+    assert worst.stable
+    assert set_.contains(worst.plant)
+    assert np.linalg.norm(worst.delta, 2) == pytest.approx(1.0, abs=1e-6)
+    assert 0.98 * worst.gain.max() < worst.achieved < worst.gain.max() * (1 + 1e-6)
+    s = 1j * worst.omega_worst
+    S = np.linalg.inv(np.eye(2) + worst.plant(s) @ K_2X2.D) * (1.0 if w_P is None else w_P(s))
+    assert np.linalg.norm(S, 2) == pytest.approx(worst.achieved, rel=1e-9)
+
+
+@pytest.mark.parametrize("form", ["elements", "additive", "input"])
+def test_no_random_plant_of_several_channels_is_beyond_the_worst(form):
+    set_ = set_of_several(form, 0.1 if form != "elements" else 0.2)
+    family = sample_loops(set_, K_2X2, 20, rng=0)
+    assert family.stable.all()
+    assert family.S.shape == (20, family.omega.size)
+    assert np.all(family.worst * (1 + 1e-6) >= family.S)
+    assert family.S.max() > 1.005 * family.nominal.max()  # and they are not the nominal
+    plants = set_.sample(5, rng=1)
+    assert all(map(set_.contains, plants))
+    assert max(set_.distance(plant).max() for plant in plants) > 0.7  # some have |Delta| = 1 under a weight above 0.7
+
+
+@pytest.mark.parametrize("form", ["elements", "additive", "input"])
+def test_a_set_of_several_channels_that_is_not_stable_has_a_plant_that_shows_it(form):
+    set_ = set_of_several(form, 20.0)
+    worst = worst_case(set_, K_2X2)
+    assert not worst.stable
+    assert np.isinf(worst.gain).any()
+    assert set_.contains(worst.plant)
+    assert np.linalg.norm(worst.delta, 2) <= 1 + 1e-9
+    assert worst.achieved > 1e6  # on the boundary
+    assert not sample_loops(set_, K_2X2, 20, rng=0).stable.all()
+    with pytest.raises(ValueError, match="K must stabilise the nominal plant"):
+        worst_case(set_, -K_2X2)
+    with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
+        sample_loops(set_, K_2X2, 5, delay=0.1)

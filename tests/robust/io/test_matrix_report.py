@@ -8,6 +8,7 @@ import pytest
 
 import nlfrf
 import robust
+from robust.analysis.report import factor
 from robust.reports import parts as report_parts
 from tests.robust.io.test_report_page import Reader
 
@@ -46,11 +47,14 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     report = robust.write_report(tmp_path / "r.html", MODEL, K, bla=FRM, nominal=FIT, w_P=w_P)
     again = robust.check(MODEL, K, w_P=w_P)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
-    assert page.ids == ["verdict", "matrix", "set", "loop", "check"]
-    text = page.text
+    assert page.ids == ["verdict", "bla", "nominal", "set", "loop", "check", "worst", "settings"]
+    text = page.text.rpartition("Worst case")[0]  # behind it what worst_case found, and the machine that wrote it
     rows = [FRM, nlfrf.singular_values(FRM), FIT, MODEL, again, *([again.margins] if again.margins else [])]
     said = [row.strip() for value in rows for row in str(value).removeprefix("nominal model: ").splitlines()]
     said += [again.reason, again.proved, again.not_proved, again.probability, MODEL.source, MODEL.extrapolation]
+    seen = robust.validate(MODEL, FRM)
+    said.append(f"{seen.n_outside_set} of {seen.n_lines} lines of the BLA lie outside")
+    said += [factor(again.margin_rs), *([again.margins.least()] if again.nominally_stable else [])]
     for c in again.certificates:
         said += [f"{c.subject} {c.level:g} yes {c.method}, {len(c.intervals)} interval", c.judged, c.reason]
     for system in (MODEL.nominal, K):
@@ -63,7 +67,7 @@ def test_every_number_on_the_page_is_held(K, w_P, tmp_path, monkeypatch):
     for known in sorted({" ".join(one.split()) for one in said if one.strip()}, key=len, reverse=True):
         text = text.replace(known, " # ")
     text = re.sub(r"Written \S+ \S+ \S+|0 to reset|0 Hz \(integrator\)|95 %", " ", text)
-    text = re.sub(r"\b[1-5]\. (?=Verdict|Frequency|Nominal|Controller|Check)", " ", text)
+    text = re.sub(r"\b[1-8]\. (?=Verdict|Best|Nominal|Uncertainty|Controller|Check|Worst|Versions|$)", " ", text)
     assert [text[max(0, m.start() - 40) : m.end() + 20] for m in NUMBER.finditer(text)] == []
     assert report.verdict == again.verdict == ("statistically robust" if K is SMALL else "not robust")
     assert report.verdict in text.lower()
@@ -75,21 +79,21 @@ def test_pictures_are_in_the_file_and_refusals_leave_none(tmp_path):
     report = robust.check(MODEL, SMALL)
     robust.write_report(tmp_path / "r.html", MODEL, SMALL, record=RECORD, report=report)
     page = Reader((tmp_path / "r.html").read_text(encoding="utf-8"))
-    assert len(page.images) == 7
+    assert len(page.images) == 9
     assert all(address.startswith(("data:image/svg+xml;base64,", "#")) for address in page.addresses)
-    with pytest.raises(ValueError, match="w_P must be left out where report is given"):
+    with pytest.raises(ValueError, match="w_P must be that of the report"):
         robust.write_report(tmp_path / "n.html", MODEL, SMALL, report=report, w_P=W_P)
-    with pytest.raises(ValueError, match="delay and friction must be left out for a MatrixUncertainty"):
+    with pytest.raises(ValueError, match="delay must be in the nominal of several channels"):
         robust.write_report(tmp_path / "n.html", MODEL, SMALL, delay=0.1)
     single = robust.UncertaintyModel(
         control.tf([1], [1, 1]), control.tf([0.1], [1]), "multiplicative", FRM.omega[:2], np.array([0.05, 0.05])
     )
     alone = robust.check(single, 2.0)
     for model, K, parts, message in (
-        (MODEL, SMALL, {"report": alone}, "report must be of class StructuredReport for this model, got Robustness"),
+        (MODEL, SMALL, {"report": alone}, "report must be what check gave of this model and this K"),
         (MODEL, SMALL, {"bla": FRM.entry(0, 0)}, "of several inputs or outputs, got one of one input"),
-        (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of class NominalFit for this model, got 3"),
-        (single, 2.0, {"report": report}, "report must be of class RobustnessReport for this model, got Structured"),
+        (MODEL, SMALL, {"report": report, "nominal": 3}, "nominal must be of class NominalFit"),
+        (single, 2.0, {"report": report}, "report must be what check gave of this model and this K"),
         (single, 2.0, {"bla": FRM}, "of one input and output, got one of 2 x 2"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -127,7 +127,7 @@ def test_no_address_leaves_the_file(whole):
 
 
 def test_the_same_run_gives_the_same_pictures(whole):
-    again = report_sections.loop_section(whole[1], K, MODEL.unit)
+    again = report_sections.loop_section(whole[1], MODEL, K)
     images = [image["src"] for image in Reader(whole[0].read_text(encoding="utf-8")).images]
     assert [picture.source for picture in again.pictures] == images[-5:-3]
 

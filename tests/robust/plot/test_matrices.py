@@ -44,7 +44,7 @@ def curve(ax, label):
 @pytest.mark.parametrize("form", MODELS)
 def test_the_reach_of_an_entry_is_reached_and_not_left(form):
     one, rng, at = MODELS[form], np.random.default_rng(0), np.array([3.0, 30.0])
-    nominal, reach = response_by_channel(one.nominal, at), one.reach(at)
+    nominal, reach = response_by_channel(one.nominal, at), one.entry_radius(at)
     far = np.zeros(reach.shape)
     for n in range(400):
         Delta = rng.standard_normal((2, 2))
@@ -68,7 +68,7 @@ def test_the_set_entry_by_entry(form):
         band = next(c for c in ax.collections if c.get_label() == "the set")
         x, y = band.get_paths()[0].vertices.T
         at = np.isclose(x, f[300])
-        top = np.abs(response_by_channel(G, 2 * np.pi * f[[300]]))[j, i] + one.reach(2 * np.pi * f[[300]])[j, i]
+        top = np.abs(response_by_channel(G, 2 * np.pi * f[[300]]))[j, i] + one.entry_radius(2 * np.pi * f[[300]])[j, i]
         assert y[at].max() == pytest.approx(20 * np.log10(top[0]))
         assert {patch.get_gid() for patch in ax.patches} == {"not measured"}
     assert [ax.get_title() for ax in made[0]] == ["by Fx", "by Fy"]

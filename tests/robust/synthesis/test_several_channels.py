@@ -88,8 +88,6 @@ def test_a_controller_of_several_channels_is_reduced_to_what_was_proved(model):
 def test_what_takes_one_loop_names_what_several_channels_take(model):
     w = robust.performance_weight(1.0)
     for call, cure in (
-        (lambda: robust.worst_case(model, 0.1 * np.eye(2)), "take breaking_perturbation, or worst_gain"),
-        (lambda: robust.sample_loops(model, 0.1 * np.eye(2)), r"model.perturbed\(Delta\) makes the plants"),
         (lambda: robust.prefilter(model, 0.1 * np.eye(2), w), "take dk_iteration or hinfsyn with the reference"),
         (lambda: robust.feedforward(model, 0.1 * np.eye(2), w), "take dk_iteration or hinfsyn with the reference"),
         (lambda: robust.loop_bounds(model, w), "loop_gains has its singular values"),

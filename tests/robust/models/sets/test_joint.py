@@ -13,9 +13,10 @@ import robust
 from benchmarks import joint as harness
 from benchmarks.coverage_matrix import static_record
 from robust import UncertaintyModel, check, frd, load_model, save_model, uncertainty
+from robust.lti.lti import response
 from robust.models.sets import joint
-from robust.models.sets.evidence import Evidence
-from robust.models.sets.joint import chance, known_jointly, told
+from robust.models.sets.joint import format_probability, probability_of_frf, with_records
+from robust.models.sets.records import RecordSummary
 from tests.support.bla import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(40) + 1, 8 * np.arange(40) + 3])) * 0.25
@@ -44,24 +45,24 @@ def test_wide_sets_hold_everything_and_narrow_ones_nothing():
     bla = measured(sigma_distortion=0.05 * SIZE)
     model = uncertainty(bla, PLANT, order=2)
     assert model.joint > 0.9
-    known = harness.response(model.weight, bla.omega)
+    known = response(model.weight, bla.omega)
     half = replace(model, weight=model.weight * 0.2, radius=model.radius * 0.01)
-    assert known_jointly(half, [bla]).joint < 0.05
+    assert with_records(half, [bla]).joint < 0.05
     assert np.all(np.abs(known) >= model.radius * (1 - 1e-6))
 
 
 @pytest.mark.parametrize("q", [2.2, 2.6, 3.0])
 def test_closed_form_where_the_scatter_is_known(q, monkeypatch):
     """White scatter s on F lines, discs of radius q s about the BLA: (1 - exp(-q^2))^F; half from v and s each."""
-    monkeypatch.setattr(joint, "doubts", lambda n, F, rng: (np.ones((n, F)), np.ones((n, 1))))
+    monkeypatch.setattr(joint, "level_errors", lambda n, F, rng: (np.ones((n, F)), np.ones((n, 1))))
     monkeypatch.setattr(joint, "DRAWS", 20_000)
     monkeypatch.setattr(joint, "NUMBERS", 1 << 22)
     omega, ones = 2 * np.pi * F, np.ones(F.size)
     G = PLANT(1j * omega)
     model = UncertaintyModel(PLANT, 0.05 * q, "multiplicative", omega, 0.05 * ones, 0.95)
     half = (0.05 * SIZE) ** 2 / 2
-    known = Evidence(omega=omega, G=G, variance=half, scatter=half, confirmed=1.0)
-    new, bla = chance(model, known, 0 * ones)
+    known = RecordSummary(omega=omega, G=G, variance=half, scatter=half, confirmed=1.0)
+    new, bla = probability_of_frf(model, known, 0 * ones)
     p = (1 - np.exp(-(q**2))) ** F.size
     assert abs(new - p) < 4 * np.sqrt(p * (1 - p) / 20_000) + 1e-4
     assert bla > (1 - np.exp(-2 * q**2)) ** F.size - 0.02
@@ -97,7 +98,7 @@ def test_several_levels_tell_the_least_and_sampled_models_tell_it_too():
     one, other = static(seed=1), static(gain=1.1, seed=2)
     model = uncertainty([one, other], frd(one), order=1)
     assert len(model.evidence) == 2
-    alone = [known_jointly(model, [b]).joint for b in (one, other)]
+    alone = [with_records(model, [b]).joint for b in (one, other)]
     assert model.joint == min(alone)
     held = replace(one, hold="zoh")
     sampled = uncertainty(held, robust.sampled(control.ss(control.tf([900.0], [1, 900.0])), 1 / 1024), order=2)
@@ -117,7 +118,7 @@ def test_every_verdict_says_it(tmp_path):
     nominal = control.ss([], [], [], [[1.3]])
     model = uncertainty(bla, nominal, order=2)
     report = check(model, control.tf([0.5], [1, 0]))
-    said = told(model.joint)
+    said = format_probability(model.joint)
     assert said in report.probability
     assert said in " ".join(str(report).split("because")[0].split())
     assert said in str(model)
@@ -149,7 +150,7 @@ def test_files_keep_it_and_old_files_load(tmp_path):
 
 
 def test_words_are_no_finer_than_the_estimate():
-    assert [told(p) for p in (1.0, 0.994, 0.87, 0.5, 0.0)] == [
+    assert [format_probability(p) for p in (1.0, 0.994, 0.87, 0.5, 0.0)] == [
         "over 99 %",
         "over 99 %",
         "about 87 %",
@@ -166,11 +167,11 @@ def test_matrices(form):
         nominal = control.ss([], [], [], one.G.real.mean(axis=2))
         model = uncertainty(one, nominal, form=form, order=0, above="flat")
         G0 = np.repeat(nominal.D[None], one.f.size, axis=0)
-        away = np.array([np.moveaxis(G, 2, 0) - G0 for G in fresh])
-        held = np.mean(np.all(model.distances(one.omega, away, G0) <= 1, axis=1))
+        lines_first = np.array([np.moveaxis(G, 2, 0) for G in fresh])
+        held = np.mean(np.all(model.normalized_distance(one.omega, lines_first, G0) <= 1, axis=1))
         rows.append((held, model.joint, model.joint_bla))
-        assert told(model.joint) in str(model)
+        assert format_probability(model.joint) in str(model)
     held, estimate, bla = np.mean(rows, axis=0)
     assert abs(held - estimate) < 0.15
     assert bla > 0.9
-    assert told(model.joint) in str(check(model, control.ss([], [], [], 0.05 * np.eye(2)), certify=False))
+    assert format_probability(model.joint) in str(check(model, control.ss([], [], [], 0.05 * np.eye(2)), certify=False))

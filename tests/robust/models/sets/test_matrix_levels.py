@@ -73,7 +73,7 @@ def test_every_plant_that_one_level_allows_is_in_the_block_of_all(form):
         Delta = draws / np.linalg.norm(draws, 2, axis=(1, 2))[:, None, None]
         block = radius[:n].T[:, :, None] * Delta * radius[n:].T[:, None]  # on the lines, before any weight
         away = block if form == "additive" else G @ block
-        assert np.max(both.distances(omega, away[None], G)) <= 1 + 1e-9
+        assert np.max(both.normalized_distance(omega, (G + away)[None], G)) <= 1 + 1e-9
 
 
 @pytest.mark.parametrize("form", ["elements", "additive", "input", "auto"])

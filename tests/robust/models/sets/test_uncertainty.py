@@ -226,7 +226,7 @@ def test_made_directly_from_its_first_eight_fields():
         ({"perturbation": "linear"}, "perturbation must be one of"),
         ({"radius": np.array([0.1, -0.2])}, "radius must be positive"),
         ({"radius": np.array([0.1])}, "radius must have one value per frequency"),
-        ({"radius": np.array([0.1, 0.4])}, "weight must cover the radius"),
+        ({"radius": np.array([0.1, 0.4])}, "weight must cover its radius"),
         ({"omega": np.array([2.0, 1.0])}, "omega must be positive and increasing"),
         ({"confidence": 1.0}, "confidence must lie strictly between 0 and 1"),
         ({"weight": control.tf([1], [1, -1])}, "weight must be stable"),

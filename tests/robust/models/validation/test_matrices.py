@@ -112,7 +112,7 @@ def test_a_record_held_against_a_set():
         assert far.p_value < 1e-6
         assert f"{far.n_outside_set} outside the set, worst at" in str(far)
     # a set whose record is not known: its nominal is taken as exact
-    exact = robust.validate(replace(model, measured=()), matrix(2))
+    exact = robust.validate(replace(model, records=()), matrix(2))
     assert exact.p_value > 1e-3
 
 

@@ -11,8 +11,8 @@ import nlfrf
 import robust
 from benchmarks import validation as harness
 from robust import uncertainty, validate
-from robust.models.sets.evidence import Evidence
-from robust.models.validation import local_slope, on_lines, shape_and_level, shared_lines
+from robust.models.sets.records import RecordSummary
+from robust.models.validation import local_slope, shape_and_level, shared_lines
 from tests.support.bla import make_bla
 
 F = np.sort(np.concatenate([8 * np.arange(60) + 1, 8 * np.arange(60) + 3])) * 0.25
@@ -187,7 +187,7 @@ def test_interpolation_and_slopes_are_exact_where_they_should_be():
     x = np.sort(np.random.default_rng(1).uniform(0, 3, 30))
     np.testing.assert_allclose(local_slope(x, 2 + (3 - 1j) * x + 0.5 * x**2), 3 - 1j + x, rtol=1e-9)
     omega = np.array([1.0, 2.0, 4.0])
-    one = Evidence(omega=omega, G=np.exp(1j * omega), variance=omega, scatter=omega, confirmed=1.0)
-    there = on_lines(one, np.array([1.5, 3.0]))
+    one = RecordSummary(omega=omega, G=np.exp(1j * omega), variance=omega, scatter=omega, confirmed=1.0)
+    there = one.on_lines(np.array([1.5, 3.0]))
     np.testing.assert_allclose(there.G, np.exp(1j * there.omega), rtol=1e-12)
     np.testing.assert_allclose(there.variance, [1.5, 3.0])

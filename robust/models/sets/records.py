@@ -1,23 +1,16 @@
-"""What one record says of its lines, as far as the set made of it has to remember: the FRF and how it scatters."""
+"""What a set remembers of a record: the FRF on its lines, and how it scatters."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from nlfrf import Bla
 from nlfrf._base.values import value
 
-__all__ = [
-    "FEW_LINES",
-    "LEVEL_DOF",
-    "WINDOW",
-    "Evidence",
-    "MatrixEvidence",
-    "averaged",
-    "evidence_of",
-    "matrix_evidence_of",
-    "rms_levels",
-]
+__all__ = ["FEW_LINES", "LEVEL_DOF", "WINDOW", "RecordSummary", "rms_levels", "summarize_record"]
 
 
 WINDOW = 13  # lines over which a level is averaged, relative to |G|
@@ -25,96 +18,89 @@ LEVEL_DOF = 14.0  # complex degrees of freedom behind a level averaged so
 #: Lines: over the number of lines, the variance of the log power of one realisation's distortion that all lines share.
 #: Measured: 1 for a saturation, 7 for the rig with friction, 16 for a cube, 50 for a fifth power.
 FEW_LINES = 8.0
+MOST_DOF = 1e6  # which is as good as infinite, and a number in a file
 
 
 @value
-class Evidence:
-    """The FRF of one record and the likeliest size of its scatter, where bounds take the largest one.
+class RecordSummary:
+    """The FRF of one record and its likely scatter, for any number of channels; lines come first in every array.
 
     Fields
     ------
     omega : (F,) ndarray
         Lines [rad/s].
-    G : (F,) complex ndarray
+    G : (F,) or (F, n_y, n_u) complex ndarray
         The FRF, behind the hold of the model where that has one.
-    variance : (F,) ndarray
-        Variance of G about the BLA.
-    scatter : (F,) ndarray
-        Variance of the FRF of one realisation about the BLA by distortion, noise left out.
+    variance : (F,) ndarray, or (F, n_y, n_y) complex ndarray
+        Variance of G about the BLA. Of several channels the covariance C over outputs: an error of G is
+        C^1/2 Z gamma^1/2 with Z white.
+    gamma : (F, n_u, n_u) complex ndarray or None
+        Covariance over inputs, of several channels.
+    dof : (F,) ndarray or None
+        Complex degrees of freedom behind the covariance, of several channels.
+    scatter : (F,) ndarray or None
+        Variance of the FRF of one realisation about the BLA by distortion, noise left out; of one channel.
     confirmed : float
-        How far the roughness of G confirms the level: variance over that behind `Bla.bound`, as a median.
+        How far the roughness of G confirms the level: variance over that behind `Bla.bound`, as a median; of one
+        channel.
     rms_u, rms_y : float
         Rms of the input and of the output on the excited lines [unit of u, unit of y]: the level at which G holds. nan
-        where it is not known, as in files of 0.1.0.
+        where it is not known, as in files of 0.1.0 and of several channels.
 
     Notes
     -----
-    A level is averaged over thirteen lines, and where G is less rough than it says, its roughness is taken: of a level
-    that may be read in two ways a bound takes the larger, which is too large for a prediction.
+    Of one channel the level is averaged over thirteen lines. Where G is less rough than the level says, its roughness
+    is taken: a bound takes the larger of two readings of a level, which is too large for a prediction.
 
     Examples
     --------
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
-    >>> bla = nlfrf.identify(record)
-    >>> evidence = evidence_of(bla)
-    >>> evidence.confirmed <= 1, bool(np.all(evidence.variance > 0))
+    >>> summary = summarize_record(nlfrf.identify(record))
+    >>> summary.confirmed <= 1, bool(np.all(summary.variance > 0))
     (True, True)
     """
 
     omega: np.ndarray
     G: np.ndarray
     variance: np.ndarray
-    scatter: np.ndarray
-    confirmed: float
+    gamma: Any = None
+    dof: Any = None
+    scatter: Any = None
+    confirmed: float = float("nan")
     rms_u: float = float("nan")
     rms_y: float = float("nan")
 
+    @property
+    def is_single(self) -> bool:
+        """Whether the record has one input and one output."""
+        return self.G.ndim == 1
 
-@value
-class MatrixEvidence:
-    """The same of a record of several inputs and outputs, lines in front: an error of G is C^1/2 Z gamma^1/2, Z white.
+    def on_lines(self, omega: np.ndarray) -> RecordSummary:
+        """The record on other lines, interpolated in log magnitude and phase; exact where the lines are its own."""
+        if omega.size == self.omega.size and np.allclose(omega, self.omega, rtol=1e-9, atol=0):
+            return self
 
-    Fields
-    ------
-    omega : (F,) ndarray
-        Lines [rad/s].
-    G : (F, n_y, n_u) complex ndarray
-        The matrix.
-    C, gamma : (F, n_y, n_y), (F, n_u, n_u) complex ndarray
-        Its covariance over outputs, and over inputs.
-    dof : (F,) ndarray
-        Complex degrees of freedom behind C.
+        def between(x: Any) -> Any:
+            if x is None:
+                return None
+            rows = np.reshape(x, (self.omega.size, -1)).T
+            return np.array([np.interp(omega, self.omega, row) for row in rows]).T.reshape(-1, *x.shape[1:])
 
-    Examples
-    --------
-    >>> import nlfrf
-    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, n_inputs=2, n_realizations=2, rng=1)
-    >>> u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    >>> frm = nlfrf.identify(nlfrf.Record(u=u, y=u + 0.1 * u**3, fs=128, lines=ms.lines))
-    >>> matrix_evidence_of(frm).G.shape == (frm.f.size, 2, 2)
-    True
-    """
-
-    omega: np.ndarray
-    G: np.ndarray
-    C: np.ndarray
-    gamma: np.ndarray
-    dof: np.ndarray
+        log = np.log(np.maximum(np.abs(self.G), 1e-300)) + 1j * np.unwrap(np.angle(self.G), axis=0)
+        each = {name: between(getattr(self, name)) for name in ("variance", "gamma", "dof", "scatter")}
+        return replace(self, omega=omega, G=np.exp(between(log)), **each)
 
 
-def matrix_evidence_of(frm: Bla) -> MatrixEvidence:
-    """What a record of several inputs and outputs says of its lines."""
-    G, C, gamma = (np.moveaxis(x, 2, 0) for x in (frm.G, frm.cov_bound, frm.gamma))
-    return MatrixEvidence(omega=frm.omega, G=G, C=C, gamma=gamma, dof=np.minimum(frm.dof, 1e6))
-
-
-def evidence_of(bla: Bla, recorded: Bla | None = None) -> Evidence:
-    """What a record says of its lines.
+def summarize_record(bla: Bla, recorded: Bla | None = None) -> RecordSummary:
+    """Return what a set remembers of a record.
 
     recorded : the same before a hold was put into G, from which the level of the input is computed; bla when not given.
     """
+    if not bla.is_single:
+        G, C, gamma = (np.moveaxis(x, 2, 0) for x in (bla.G, bla.cov_bound, bla.gamma))
+        return RecordSummary(omega=bla.omega, G=G, variance=C, gamma=gamma, dof=np.minimum(bla.dof, MOST_DOF))
     # relative to |G|, as a level follows it across a resonance; but not where G itself is below its scatter
     size = np.maximum(np.abs(bla.G) ** 2 + bla.var_bound, np.finfo(float).tiny ** 0.5)
     level, rough = averaged(bla.var_bound / size), averaged(bla.roughness() / size)
@@ -122,7 +108,7 @@ def evidence_of(bla: Bla, recorded: Bla | None = None) -> Evidence:
     share = np.minimum(np.where(np.isfinite(ratio), ratio, 1.0), 1.0)
     variance = level * share * size
     rms_u, rms_y = rms_levels(bla if recorded is None else recorded)
-    return Evidence(
+    return RecordSummary(
         omega=bla.omega,
         G=bla.G,
         variance=variance,

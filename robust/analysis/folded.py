@@ -1,0 +1,214 @@
+r"""The sampled set that holds a set of continuous plants of several channels, every alias included.
+
+Behind hold and delay a sampler sees G_d = sum_k h_k G_k, with |h_k| as in `aliases`, and a perturbation at each alias.
+An LTI Delta is free at every frequency by itself, so the sum of its parts lies in a set of the sampled plant:
+
+    elements  sum_k h_k w_ji Delta_ji       a disc of radius sum_k |h_k w_ji|, exactly
+    additive  sum_k h_k W_l Delta_k W_r     M_k = W_l(omega_k)
+    input     sum_k h_k G_k W_l Delta_k W_r M_k = G_k W_l(omega_k)
+
+For the two blocks, with m_k = |M_k| the sum is C^1/2 Delta R with |Delta| <= 1,
+
+    C = sum_k |h_k| M_k M_k^H / m_k,      R_i^2 = sum_k |h_k| m_k |w_r,i(omega_k)|^2,
+
+as a row of the parts and a column of the others are contractions (Cauchy-Schwarz). C goes into diagonal weights as a
+measured covariance does. Aliases near the band are taken one by one, what lies beyond is bounded as in `aliases`.
+
+The weights of the sampled set cover these radii on a grid, and the larger neighbour between its frequencies: computed
+in floating point, not proved. What is proved of the sampled set is proved at all frequencies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import format_hertz, require_nonnegative
+from nlfrf._base.values import value
+from robust.analysis.aliases import Aliases
+from robust.lti.connections import require_shape
+from robust.lti.grids import loop_grid
+from robust.lti.lti import poles, response, response_by_channel, timebase
+from robust.lti.realisation import multivariable, reachable_entry
+from robust.lti.sampling import sampled
+from robust.models.fit.weights import fit_weight
+from robust.models.sets.forms import ADDITIVE, ELEMENTS
+from robust.models.sets.measured import warn_of_unknown_hold
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.radius import PARTS, diagonal_over
+
+__all__ = ["SampledSet", "as_sampled", "sampled_set"]
+
+
+ORDER = 6  # of a weight of the sampled set: two more than the default of a measured one
+FLAT = 1.06  # largest over smallest radius up to which a weight is a number
+BELOW = 1e-3  # of the lowest line: where the grid begins
+
+
+@value
+class SampledSet:
+    """A set of sampled plants that holds a set of continuous ones.
+
+    Fields
+    ------
+    model : UncertaintyModel
+        The sampled set, of the form of the continuous one.
+    omega : (W,) ndarray
+        The grid on which its weights cover the radii [rad/s].
+    share : (W,) ndarray
+        What acts at the frequency itself, over what acts at all its aliases.
+    """
+
+    model: UncertaintyModel
+    omega: np.ndarray
+    share: np.ndarray
+
+    @property
+    def words(self) -> str:
+        """What was done about the aliases."""
+        k = int(np.argmin(self.share))
+        return (
+            f"every alias is in the weights of the sampled set, which cover it on {self.omega.size} frequencies in "
+            f"floating point; what folds down is at most {100 * (1 - self.share[k]):.2g} %, "
+            f"at {format_hertz(self.omega[k])}"
+        )
+
+
+def as_sampled(model: UncertaintyModel, K: Any, delay: float) -> tuple[UncertaintyModel, str]:
+    """The set of several channels on the time base of its controller, and what was done about aliases in words.
+
+    A continuous set under a sampled controller is folded; another one is as it is, with its delay in the nominal.
+    """
+    K = multivariable("K", K)
+    if timebase(K) and not timebase(model.nominal):
+        require_shape(K, model.n_outputs, model.n_inputs)
+        warn_of_unknown_hold(model, timebase(K))
+        found = sampled_set(model, timebase(K), require_nonnegative("delay", delay))
+        return found.model, found.words
+    if delay:
+        raise ValueError(f"delay must be in the nominal of several channels, by sampled(), got {delay:g} s on top")
+    return model, ""
+
+
+def sampled_set(model: UncertaintyModel, dt: float, delay: float = 0.0) -> SampledSet:
+    """Return the sampled set that a controller of sampling time dt [s] sees of a continuous set of several channels.
+
+    Raises
+    ------
+    ValueError
+        A perturbation that is any operator, or that reaches the sampler unfiltered, so that the sum has no bound.
+    """
+    if model.perturbation == "operator":
+        raise ValueError(
+            "model must have a sampled nominal for operators of several channels under a sampled K: take "
+            "fit_nominal(..., dt=)"
+        )
+    nominal = sampled(model.nominal, dt, delay)
+    omega = grid_of(model, nominal, dt)
+    k, tails = alias_numbers(model, dt)
+    if not np.isfinite(tails).all():
+        raise ValueError(
+            f"model must filter its perturbation before the sampler: above the Nyquist frequency the {model.form} "
+            'weights do not fall off, and what folds down has no bound. Take form="input", or a sampled nominal '
+            "(fit_nominal(..., dt=))"
+        )
+    left, right, share = folded_radii(model, nominal, omega, dt, k, tails)
+    rows = np.concatenate([left, right])
+    weights = tuple(weight_over(omega, row, dt) for row in rows)
+    # on the grid, as that is where they cover: what was measured is of the continuous set
+    parts: dict[str, Any] = dict.fromkeys(f"radius_{name}" for name in PARTS)
+    made = replace(
+        model,
+        nominal=nominal,
+        left=weights[: len(left)],
+        right=weights[len(left) :],
+        omega=omega,
+        radius=rows,
+        **parts,
+        alternative_form=None,
+        records=(),
+        hold="zoh",
+        fs=1 / dt,
+    )
+    return SampledSet(model=made, omega=omega, share=share)
+
+
+def grid_of(model: UncertaintyModel, nominal: control.StateSpace, dt: float) -> np.ndarray:
+    """(W,) frequencies [rad/s] up to Nyquist: lines, a log grid, every resonance, those that fold down too."""
+    top, step = np.pi / dt, 2 * np.pi / dt
+    modes = np.concatenate([poles(part) for part in (model.nominal, *model.weights)])
+    folded = np.abs((modes.imag + top) % step - top)
+    lines = model.omega[model.omega < top]
+    lines = lines if lines.size else np.array([top / 10])
+    found = loop_grid(lines, poles(nominal), [], dt, 0.0, modes.real + 1j * folded)
+    found = found[(found >= BELOW * lines[0]) & (found < top * (1 - 1e-9))]
+    return np.append(found, top * (1 - 1e-9))
+
+
+def alias_numbers(model: UncertaintyModel, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) the aliases that are taken one by one, 0 first, and bounds of what lies beyond, without |sin(omega T/2)|.
+
+    Bounds of sum |h_k w| of every weight of elements, else of every |G_ji w_i| of M_k = G W_l, or |w_j| of W_l.
+    """
+    through, none = model.form not in (ELEMENTS, ADDITIVE), control.StateSpace([], [], [], [[0.0]], 0)
+    of: dict[str, Any] = {"dt": dt, "delay": 0.0, "inverse": False, "operator": False, "through": through}
+    parts = []
+    for i, weight in enumerate(model.right if model.form == ELEMENTS else model.left):
+        plants = [reachable_entry(model.nominal, j, i) for j in range(model.n_outputs)] if through else [none]
+        parts += [Aliases(plant=plant, weight=weight, **of) for plant in plants]
+    n = max(int(part.single[-1]) for part in parts)
+    k = np.concatenate([[0], np.arange(-n, 0), np.arange(1, n + 1)])
+    return k, np.array([float(part.beyond.F[0]) for part in parts])
+
+
+def folded_radii(
+    model: UncertaintyModel, nominal: control.StateSpace, omega: np.ndarray, dt: float, k: np.ndarray, tails: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n, W) radii of the sampled set, left and right, and (W,) the share of the frequency itself."""
+    at = omega[:, None] + 2 * np.pi / dt * k
+    sine = np.sin(np.minimum(omega * dt / 2, np.pi / 2))
+    hold = np.abs(sine[:, None] / (at * dt / 2))
+    flat = np.abs(at).ravel()
+
+    def sizes(weights: tuple[control.StateSpace, ...]) -> np.ndarray:  # (n, W, k)
+        return np.array([np.abs(response(weight, flat)) for weight in weights]).reshape(-1, *at.shape)
+
+    if model.form == ELEMENTS:
+        each = hold * sizes(model.right)
+        rows = each.sum(axis=2) + tails[:, None] * sine
+        return np.zeros((0, omega.size)), rows, np.min(each[:, :, 0] / rows, axis=0)
+    left, right = sizes(model.left), sizes(model.right)
+    if model.form == ADDITIVE:
+        M = left.transpose(1, 2, 0)[..., None] * np.eye(len(left))
+    else:
+        G = (
+            response_by_channel(model.nominal, flat)
+            .reshape(nominal.noutputs, nominal.ninputs, *at.shape)
+            .transpose(2, 3, 0, 1)
+        )
+        M = G * left.transpose(1, 2, 0)[:, :, None]
+        M = np.where(at[..., None, None] < 0, M.conj(), M)
+    m = np.linalg.norm(M, 2, axis=(2, 3))
+    beyond = float(tails.sum()) * sine  # of m_k, by its entries
+    C = np.einsum("wk,wkji,wkli->wjl", hold / np.maximum(m, 1e-300), M, M.conj())
+    C = C + beyond[:, None, None] * np.eye(M.shape[2])
+    highest = np.array(
+        [response(weight, np.geomspace(flat.max() / 10, flat.max() * 1e4, 400)) for weight in model.right]
+    )
+    R = np.sqrt((hold * m * right**2).sum(axis=2) + beyond * (np.abs(highest).max(axis=1) ** 2)[:, None])
+    if model.form != ADDITIVE:
+        inverse = np.linalg.inv(np.moveaxis(response_by_channel(nominal, omega), 2, 0))
+        C = inverse @ C @ np.swapaxes(inverse, 1, 2).conj()
+    scale = np.sqrt(np.mean(R**2, axis=0))  # what stands left and what right is a matter of scale
+    share = hold[:, 0] * m[:, 0] / ((hold * m).sum(axis=1) + beyond)
+    return diagonal_over(C) * scale, R / scale, share
+
+
+def weight_over(omega: np.ndarray, radius: np.ndarray, dt: float) -> control.StateSpace:
+    """A sampled weight over a radius: a number where that is flat."""
+    if radius.max() < FLAT * radius.min():
+        return control.StateSpace([], [], [], [[radius.max()]], dt)
+    return fit_weight(omega, radius, order=ORDER, dt=dt).W

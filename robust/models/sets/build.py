@@ -1,0 +1,348 @@
+"""`uncertainty`: the set around a nominal, from records of any number of channels or from a radius of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf._base.arguments import (
+    format_count,
+    require_choice,
+    require_integer,
+    require_probability,
+    require_real,
+    require_real_array,
+    short_form,
+)
+from robust._base.channels import is_single
+from robust.lti.connections import block_diagonal, in_series
+from robust.lti.lti import timebase
+from robust.lti.realisation import frequency_response, multivariable, state_space
+from robust.lti.sampling import delayed
+from robust.models.fit.nominal import NominalFit, as_matrices, behind_hold, of_own_fit, refuse_other_channels, suspected
+from robust.models.fit.weights import fit_weight
+from robust.models.sets.forms import ADDITIVE, AUTO, ELEMENTS, FORMS, MATRIX_FORMS, RELATIVE, Form
+from robust.models.sets.joint import with_records
+from robust.models.sets.model import UncertaintyModel
+from robust.models.sets.radius import (
+    Extrapolation,
+    RadiusSpec,
+    block_radius,
+    disc_parts,
+    element_parts,
+    nominal_response,
+    of_form,
+    scaled_by,
+    slope,
+    spread_over,
+    total_of,
+)
+
+__all__ = ["uncertainty"]
+
+
+PADE_ORDER, PADE_ORDER_SEVERAL = 4, 2  # of the delay in the nominal: each input of several has its own
+FLAT = 1.06  # largest over smallest radius up to which a weight of several channels is a number
+#: Smallest radius of one's own over the largest: a plant that is the nominal on a line leaves none.
+LEAST = 1e-6
+
+
+def uncertainty(
+    bla: Bla | Sequence[Any],
+    nominal: Any,
+    *,
+    form: str = RELATIVE,
+    order: int = 4,
+    confidence: float = 0.95,
+    simultaneous: bool = False,
+    even: bool = True,
+    systematic: float | None = None,
+    below: str | float = "flat",
+    above: str | float = 20.0,
+    perturbation: str = "statistical",
+    W1: Any = None,
+    W2: Any = None,
+) -> UncertaintyModel:
+    """Turn a measured BLA with its levels into a set of plants around a nominal model.
+
+    On each line the disc about the nominal holds the FRF of a new realisation with the stated confidence: radius =
+    misfit of the nominal + sqrt(F_p (variance of G + variance of one realisation + even level)). The raw residual
+    of a line contains scatter already, so the misfit is what is left of it after the variance is taken off. For a
+    fitted nominal this errs on the wide side: the fit averages the variance of G that is counted here.
+
+    Parameters
+    ----------
+    bla : nlfrf.Bla or list of them
+        What was measured, of one or several channels; several levels, offsets or days make a plant family, with the
+        largest radius of all. An FRF from elsewhere is a Bla by `nlfrf.bla_from_frf`, or by the `std` that
+        `fit_nominal` was given with it. Or, of one channel, a radius of your own: arrays (omega, radius), in rad/s and
+        the unit of the form, or a list of plants (FRFs, systems) that the set has to hold.
+    nominal : NominalFit, control system or control.FrequencyResponseData
+        The model in the middle, continuous or discrete. An FRF gives a model that is known on its lines only.
+    form : str
+        "multiplicative", "additive", "inverse-multiplicative", "inverse-additive" or "coprime". Of several
+        channels "elements" (when not given), "additive" or "input", chosen before looking; or "auto": the first two, at
+        a price of 10 %.
+    order : int
+        Order of the weight, or of each of them.
+    confidence : float
+        Probability per line (or for all lines together when `simultaneous`).
+    simultaneous : bool
+        False: about one line in twenty of another record lies outside its disc at 95 %; `joint` tells of whole ones.
+        True widens the radius by a factor of 1.8 to 2.1 and is seldom worth it (see the guide on bounds).
+    even : bool
+        Add the even distortion level: in closed loop the machine sees signals that are not odd.
+    systematic : float, optional
+        Decibels above the odd level added to the radius for the systematic part (8 in the paper); None leaves it out.
+        Of one channel, or of "elements".
+    below, above : "flat" or float
+        What is assumed outside the measured band: the radius stays flat, or rises away from the band with that
+        many dB per decade, over two decades, flat beyond.
+    perturbation : str
+        The class; "LTI" and "operator" are claims of the user about the plant.
+    W1, W2 : control.StateSpace, TransferFunction or float, optional
+        Scaling W2 G W1 of the plant for the coprime form, as for `ncfsyn`; when not given, unit gain in mid band.
+
+    Returns
+    -------
+    UncertaintyModel
+
+    Raises
+    ------
+    ValueError
+        A form or class that does not exist, an inverse form where the radius reaches |G|, an order too low.
+
+    References
+    ----------
+    SP 7.4 and 8.2.3; Pintelon & Schoukens, 2nd ed., 4.3.
+
+    Examples
+    --------
+    >>> import nlfrf
+    >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
+    >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
+    >>> model = uncertainty(nlfrf.identify(record), control.tf([2.3], [1]), order=0, above="flat")
+    >>> model.form, model.perturbation, bool(np.all(model.radius < 0.35))
+    ('multiplicative', 'statistical', True)
+    """
+    bla = of_own_fit(bla, nominal)
+    recorded: list[Any] = as_matrices(bla)
+    several = bool(recorded)
+    if several and form == RELATIVE:
+        form = ELEMENTS
+    if several and form == AUTO:  # the price of looking at both: what may go wrong is shared between them
+        asked: dict[str, Any] = {"order": order, "confidence": (1 + require_probability("confidence", confidence)) / 2}
+        asked |= {"simultaneous": simultaneous, "even": even, "systematic": systematic, "perturbation": perturbation}
+        both = [uncertainty(bla, nominal, form=one, below=below, above=above, **asked) for one in (ELEMENTS, ADDITIVE)]
+        return replace(both[0], alternative_form=both[1])
+    require_choice("form", form, (*MATRIX_FORMS, AUTO) if several else tuple(FORMS))
+    spec = RadiusSpec(
+        p=require_probability("confidence", confidence),
+        simultaneous=bool(simultaneous),
+        even=even,
+        systematic=None if systematic is None else require_real("systematic", systematic),
+    )
+    nominal, delay = matrix_nominal(nominal, recorded[0]) if several else one_nominal(nominal)
+    dt = clock(nominal)
+    rules, order = (
+        Extrapolation(below=slope("below", below), above=slope("above", above)),
+        require_integer("order", order, least=0),
+    )
+    made: dict[str, Any] = {"nominal": nominal, "form": form, "delay": delay, "perturbation": perturbation}
+    if not several:
+        if own := own_set(bla, nominal, FORMS[form], rules, dt, order, spec):
+            return UncertaintyModel(**made, **own)
+        recorded = list(bla) if isinstance(bla, Sequence) else [bla]
+    is_frf = isinstance(nominal, control.FrequencyResponseData)
+    many = recorded if is_frf else [behind_hold(one, dt) for one in recorded]
+    scaling: dict[str, Any] = {"W1": W1, "W2": W2}
+    model = UncertaintyModel(
+        **made,
+        **(block_set if several else disc_set)(many, nominal, form, rules, order, spec, scaling),
+        confidence=spec.p,
+        simultaneous=spec.simultaneous,
+        source="; ".join(map(describe_record, many)),
+        hold=many[0].hold if len({one.hold for one in many}) == 1 else "unknown",
+        fs=min(one.fs for one in many),
+        unit=many[0].unit,
+        inputs=many[0].inputs,
+        outputs=many[0].outputs,
+    )
+    return with_records(model, many, recorded)
+
+
+def disc_set(
+    many: list[Bla],
+    nominal: Any,
+    form: str,
+    rules: Extrapolation,
+    order: int,
+    spec: RadiusSpec,
+    scaling: dict[str, Any],
+) -> dict[str, Any]:
+    """Radius, its parts and weight of a set of one channel, in the unit of its form."""
+    row, dt = FORMS[form], clock(nominal)
+    omega, parts, _ = disc_parts(many, [nominal] * len(many), spec)
+    if dt:
+        inside = omega * dt < np.pi * (1 - 1e-9)
+        omega, parts = omega[inside], {name: part[inside] for name, part in parts.items()}
+    absolute = total_of(parts)
+    W1, W2, rules = scaled_by(row, nominal, omega, (scaling["W1"], scaling["W2"]), rules)
+    factor, *covered = of_form(row, omega, absolute, nominal, (W1, W2), rules, dt)
+    return {
+        "weight": suspected(fit_weight(*covered, order=order, dt=dt).W, omega, absolute * factor),
+        "omega": omega,
+        "radius": absolute * factor,
+        "extrapolation": str(rules),
+        "W1": W1,
+        "W2": W2,
+        **{f"radius_{name}": part * factor for name, part in parts.items()},
+    }
+
+
+def block_set(
+    frms: list[Bla],
+    nominal: control.StateSpace,
+    form: str,
+    rules: Extrapolation,
+    order: int,
+    spec: RadiusSpec,
+    scaling: dict[str, Any],
+) -> dict[str, Any]:
+    """Radii and weights of a set of several channels; what is assumed outside the band is said once, of W_l."""
+    models, n = [nominal_response(nominal, frm.omega) for frm in frms], 0
+    if form == ELEMENTS:
+        omega, parts, radius = element_parts(frms, models, spec)
+        known = {f"radius_{name}": part for name, part in parts.items()}
+    else:
+        if spec.systematic is not None:
+            raise ValueError(f"systematic must be left out but for elements, got {spec.systematic:g} with {form}")
+        omega, radius = block_radius(frms, models, spec, form)
+        n, known = nominal.noutputs if form == ADDITIVE else nominal.ninputs, {}
+    each = [rules] * (n or len(radius)) + [Extrapolation()] * (len(radius) - n if n else 0)
+    weights = tuple(covering(omega, row, order, rule, clock(nominal)) for row, rule in zip(radius, each, strict=True))
+    sides = {"left": weights[:n], "right": weights[n:]}
+    return {"omega": omega, "radius": radius, "extrapolation": str(rules), **sides, **known, **scaling}
+
+
+def covering(omega: np.ndarray, radius: np.ndarray, order: int, rules: Extrapolation, dt: float) -> control.StateSpace:
+    """A weight over a radius: a number where that is flat and nothing rises outside the band."""
+    if radius.max() < FLAT * radius.min() and rules.below == rules.above == 0:
+        return control.StateSpace([], [], [], [[radius.max()]], dt)
+    return fit_weight(*rules.applied(omega, radius, dt), order=order, dt=dt).W
+
+
+def clock(nominal: Any) -> float:
+    """Sampling time [s] of a nominal, 0 of an FRF."""
+    return 0.0 if isinstance(nominal, control.FrequencyResponseData) else timebase(nominal)
+
+
+def one_nominal(nominal: Any) -> tuple[Any, float]:
+    """The nominal of one channel with its delay inside, and that delay [s]."""
+    delay = 0.0
+    if isinstance(nominal, NominalFit):
+        nominal, delay = delayed(nominal.G, nominal.delay, order=PADE_ORDER), nominal.delay
+    return nominal if isinstance(nominal, control.FrequencyResponseData) else state_space("nominal", nominal), delay
+
+
+def matrix_nominal(nominal: Any, frm: Bla) -> tuple[control.StateSpace, float]:
+    """The nominal of several channels with the delay of each input inside, and the longest of them [s]."""
+    delay = 0.0
+    if isinstance(nominal, NominalFit):
+        refuse_other_channels(frm, nominal, "its nominal")
+        G, delays = nominal.G, nominal.delays
+        nominal = G
+        if delays is not None and np.any(delays):
+            delay = float(np.max(delays))
+            through = control.StateSpace([], [], [], [[1.0]], G.dt)
+            each = [delayed(through, float(tau), order=PADE_ORDER_SEVERAL) for tau in delays]
+            nominal = in_series(block_diagonal(each, G.dt), G)
+    nominal = multivariable("nominal", nominal)
+    if (nominal.noutputs, nominal.ninputs) != (frm.n_outputs, frm.n_inputs):
+        raise ValueError(
+            f"nominal must have {frm.n_outputs} outputs and {frm.n_inputs} inputs, as the record, "
+            f"got {nominal.noutputs} and {nominal.ninputs}"
+        )
+    return nominal, delay
+
+
+def describe_record(bla: Bla) -> str:
+    """A record in words."""
+    lines = f"{bla.f.size} lines {bla.f[0]:g} to {bla.f[-1]:g} Hz"
+    if bla.grid == "given":
+        what = "an FRF" if bla.is_single else "a matrix of FRFs"
+        return f"{what} that was given, {lines}, variance from its {bla.level_source}"
+    design, drawn = "", f"{bla.n_realizations} realisations"
+    if not bla.is_single:
+        design, drawn = f"{bla.design} ", f"{bla.n_realizations} sets of {bla.n_inputs} experiments"
+    return f"{design}{bla.grid} multisine, {lines}, {drawn} x {bla.n_periods} periods, level from {bla.level_source}"
+
+
+def own_radius(given: Any, nominal: Any, form: Form) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """Frequencies [rad/s], radius in the unit of the form, and its source in words; None where Blas were given.
+
+    Two arrays are frequencies and radius as they are; FRFs or systems are plants that the set has to hold.
+    """
+    many = list(given) if isinstance(given, (list, tuple)) else [given]
+    if many and all(map(is_single, many)):
+        return None
+    if not any(is_plant(part) or isinstance(part, np.ndarray) for part in many):
+        raise ValueError(f"bla must be an nlfrf.Bla, a list of them, or a radius of your own, got {short_form(given)}")
+    if form.scaled:
+        raise ValueError(f"form must not depend on units where the radius is your own, got {form.name}")
+    if isinstance(given, tuple) and len(many) == 2 and not any(is_plant(part) for part in many):
+        omega, radius = require_real_array("omega", many[0], ndim=1), require_real_array("radius", many[1], ndim=1)
+        if omega.shape != radius.shape or not np.all(radius > 0) or not np.all(np.diff(omega, prepend=0.0) > 0):
+            raise ValueError("radius must be positive, one for each omega, and these positive and increasing")
+        return omega, radius, "a radius that was given"
+    if not all(is_plant(part) for part in many):
+        raise ValueError("bla must be all plants (FRFs or systems), or (omega, radius), where the radius is your own")
+    lines = plant_lines(many, nominal)
+    each, differs = [], False
+    for plant in many:
+        omega, G = frequency_response("bla", plant, lines, (nominal, *many))
+        centre = nominal_response(nominal, omega)
+        differs |= bool(np.any(np.abs(G - centre) > 1e-12 * np.abs(centre)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.abs(form.deviation(G, centre))
+        if not np.isfinite(away).all():
+            raise ValueError(
+                f"bla must leave the radius finite, got a plant or nominal that vanishes: {form.name} form"
+            )
+        each.append(spread_over(lines, omega, away))
+    radius = np.nanmax(each, axis=0)
+    if not differs:
+        raise ValueError("bla must hold a plant beside the nominal, got none that differs")
+    return lines, np.maximum(radius, LEAST * radius.max()), f"{format_count(len(many), 'plant')} that were given"
+
+
+def is_plant(part: Any) -> bool:
+    """Whether it is an FRF or a system."""
+    return isinstance(part, (control.FrequencyResponseData, control.StateSpace, control.TransferFunction))
+
+
+def plant_lines(many: list[Any], nominal: Any) -> np.ndarray:
+    """All frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
+    known = [plant for plant in [*many, nominal] if isinstance(plant, control.FrequencyResponseData)]
+    if not known:
+        raise ValueError("bla must hold an FRF, to say at which frequencies: control.frd(plant, omega)")
+    return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))
+
+
+def own_set(
+    given: Any, nominal: Any, form: Form, rules: Extrapolation, dt: float, order: int, spec: RadiusSpec
+) -> dict[str, Any]:
+    """The fields of a set with a radius of the user's own, its weight fitted, no confidence claimed; none of Blas."""
+    found = own_radius(given, nominal, form)
+    if found is None:
+        return {}
+    if spec.simultaneous or spec.systematic is not None:
+        raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
+    omega, radius, source = found
+    weight = suspected(fit_weight(*rules.applied(omega, radius, dt), order=order, dt=dt).W, omega, radius)
+    return {"omega": omega, "radius": radius, "weight": weight, "extrapolation": str(rules), "source": source}

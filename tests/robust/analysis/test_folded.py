@@ -1,0 +1,110 @@
+"""A continuous set of several channels under a sampled controller: against brute force and against one loop."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from robust import UncertaintyModel, check, sample_loops, sampled, worst_case
+from robust.analysis.aliases import aliases_of
+from robust.analysis.folded import sampled_set
+from robust.lti.lti import response, response_by_channel
+
+T = 0.02
+OMEGA = np.geomspace(0.5, 100, 40)
+
+
+def rising(x):
+    return control.ss(control.tf([x / 20, x], [1 / 200, 1]))
+
+
+def number(x):
+    return control.ss([], [], [], [[x]])
+
+
+def made(G, form, left, right):
+    radius = np.array([np.abs(response(weight, OMEGA)) for weight in (*left, *right)])
+    return UncertaintyModel(
+        nominal=G, form=form, left=left, right=right, omega=OMEGA, radius=radius, hold="zoh", fs=5e3
+    )
+
+
+LAG = control.ss(control.tf([2], [0.3, 1]))
+TWICE = control.append(LAG, LAG)
+MIXED = control.StateSpace([[-3, 1], [-1, -8]], np.eye(2), [[6, 2], [-1, 9]], np.zeros((2, 2)))
+INPUT = made(MIXED, "input", (rising(0.1), rising(0.2)), (number(1.0), number(0.7)))
+ROLL = control.ss(control.tf([0.1], [1 / 30, 1]))
+ELEMENTS = made(MIXED, "elements", (), (ROLL, 0.5 * ROLL, 0.3 * ROLL, ROLL))
+ADDITIVE = made(MIXED, "additive", (ROLL, 0.5 * ROLL), (number(1.0), number(0.7)))
+SETS = {"input": INPUT, "elements": ELEMENTS, "additive": ADDITIVE}
+
+
+@pytest.mark.parametrize("form", SETS)
+def test_every_sampled_plant_of_the_continuous_set_is_in_the_sampled_one(form):
+    """Random plants of the continuous set, each sampled exactly."""
+    folded = sampled_set(SETS[form], T).model
+    assert folded.nominal.dt == T
+    largest = 0.0
+    for plant in SETS[form].sample(40, rng=1):
+        seen = sampled(plant, T)
+        G, nominal = (np.moveaxis(response_by_channel(part, folded.omega), 2, 0) for part in (seen, folded.nominal))
+        away = folded.normalized_distance(folded.omega, G, nominal)
+        assert away.max() <= 1 + 1e-6
+        largest = max(largest, away.max())
+    assert largest > 0.7
+
+
+def test_two_equal_loops_are_one():
+    """G, W and K times one: the bound of mu is rs of one channel, with every alias, but for what the weights add."""
+    w, K = rising(0.2), number(1.5)
+    one = UncertaintyModel(LAG, w, "multiplicative", OMEGA, np.abs(response(w, OMEGA)), hold="zoh", fs=5e3)
+    two = made(TWICE, "input", (w, w), (number(1.0), number(1.0)))
+    discrete = control.StateSpace([], [], [], K.D, T)
+    both = control.StateSpace([], [], [], K.D * np.eye(2), T)
+    alone, together = check(one, discrete), check(two, both)
+    assert alone.verdict == together.verdict == "statistically robust"
+    assert together.margin_rs == pytest.approx(alone.margin_rs, rel=0.1)
+    assert together.margin_rs <= alone.margin_rs * (1 + 1e-3)  # a bound on the safe side
+    assert "every alias is in the weights" in together.folding
+    assert together.not_proved.startswith("That the weights of the sampled set cover every alias; ")
+
+
+def test_the_disc_of_an_entry_is_the_sum_over_its_aliases():
+    folded = sampled_set(ELEMENTS, T)
+    aliases = aliases_of("additive", LAG, ROLL, "LTI", T, 0.0)
+    exact = aliases.radius(folded.omega, response(sampled(LAG, T), folded.omega))
+    np.testing.assert_allclose(folded.model.radius[0], exact, rtol=1e-3)  # one takes more aliases in blocks
+    assert np.all(folded.model.radius[0] >= exact * (1 - 1e-3))
+
+
+@pytest.mark.parametrize("form", SETS)
+def test_the_check_is_that_of_the_sampled_loops(form):
+    """A gain inside the margin leaves every sampled loop stable; families and worst cases see the same set."""
+    K = control.StateSpace([], [], [], 1.5 * np.eye(2), T)
+    report = check(SETS[form], K)
+    assert report.verdict == "statistically robust"
+    family = sample_loops(SETS[form], K, 20, rng=0)
+    assert family.stable.all()
+    assert np.all(family.worst * (1 + 1e-6) >= family.S)
+    assert worst_case(SETS[form], K).plant.dt == T
+    plants = [sampled(plant, T) for plant in SETS[form].sample(10, rng=2)]
+    assert all(np.abs(control.feedback(plant, K).poles()).max() < 1 for plant in plants)
+    large = check(SETS[form], control.StateSpace([], [], [], 60 * np.eye(2), T))
+    assert large.verdict == "not robust"
+
+
+def test_a_delay_goes_into_the_samples():
+    K = control.StateSpace([], [], [], 1.5 * np.eye(2), T)
+    late, early = (check(INPUT, K, delay=delay, certify=False) for delay in (0.013, 0.0))
+    assert late.margin_rs < early.margin_rs
+    assert late.delay == 0.013
+
+
+def test_what_reaches_the_sampler_unfiltered_is_refused_with_a_cure():
+    K = control.StateSpace([], [], [], 0.1 * np.eye(2), T)
+    flat = made(MIXED, "elements", (), (rising(0.1),) * 4)
+    with pytest.raises(ValueError, match=r'model must filter its perturbation before the sampler: .* form="input"'):
+        check(flat, K)
+    with pytest.raises(ValueError, match="model must have a sampled nominal for operators"):
+        check(replace(INPUT, perturbation="operator"), K)
