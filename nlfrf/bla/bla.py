@@ -12,12 +12,13 @@ from nlfrf._base.arguments import integer, one_of, probability, ratio_unit, real
 from nlfrf._base.numbers import TINY, roy_quantile
 from nlfrf._base.values import Sketch, field_names, value
 from nlfrf.bla.calibration import FEW
+from nlfrf.bla.covariance import hermitian_sqrt, psd_difference
 from nlfrf.bla.localfit import LEAST, fit_locally
 from nlfrf.bla.neighbours import place_lines
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
-__all__ = ["Bla", "DistortionLevels", "Frm", "excess", "in_own_units"]
+__all__ = ["COVARIANCES", "Bla", "DistortionLevels", "Frm"]
 
 
 #: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
@@ -27,7 +28,6 @@ UNSEEN = {"roughness": 0.25}
 KINDS = ("noise", "total", "distortion", "even", "bound")
 COVARIANCES = tuple(f"cov_{kind}" for kind in KINDS)
 PER_REALIZATION = ("distortion", "even")  # whose variances are of one realisation, whatever their number is
-FLOOR = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
 AROUND = 9  # lines over which noise and distortion are told apart
 
 
@@ -331,7 +331,7 @@ class Bla(Channels):
         scatter = (self.n_realizations + missing) * self.typical
         if self.is_single:
             return self.cov_bound * (1 + scatter * self.distorted_share())
-        return self.cov_bound + scatter * excess(self.cov_bound, np.nan_to_num(self.cov_noise))
+        return self.cov_bound + scatter * psd_difference(self.cov_bound, np.nan_to_num(self.cov_noise))
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
         """Radius of the disc around G, of several channels around each entry, that holds the truth.
@@ -387,7 +387,7 @@ class Bla(Channels):
         if simultaneous:
             p = p ** (1 / self.f.size)
         x = np.array([roy_quantile(p, self.n_outputs, self.n_inputs, float(L)) for L in self.dof])
-        return np.sqrt(x) * root(self.covariance_of(of)), np.swapaxes(root(self.gamma), 0, 1).conj()
+        return np.sqrt(x) * hermitian_sqrt(self.covariance_of(of)), np.swapaxes(hermitian_sqrt(self.gamma), 0, 1).conj()
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
         """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.
@@ -636,30 +636,3 @@ def describe_matrix(bla: Bla) -> str:
 def middle(share: np.ndarray) -> np.ndarray:
     """(n_y, n_u) median over lines of shares of |G|; nothing of nothing is none."""
     return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))
-
-
-def excess(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """(n, n, F) Hermitian matrices less a part of them, without negative eigenvalues in the units of the first."""
-    _, size = in_own_units(cov)
-    values, vectors = np.linalg.eigh(np.moveaxis((cov - part) / (size[:, None] * size), 2, 0))
-    left = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
-    return np.asarray(np.moveaxis(left, 0, 2) * size[:, None] * size)
-
-
-def in_own_units(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The correlation (n, n, F) of a covariance and the sizes (n, F) of its channels.
-
-    What floors or cuts eigenvalues does it there: those of a covariance are of sums of metres and newtons.
-    """
-    size = np.sqrt(np.einsum("jjk->jk", cov).real)
-    size = np.where(size > 0, size, 1.0)
-    return cov / (size[:, None] * size), size
-
-
-def root(cov: np.ndarray) -> np.ndarray:
-    """(n, n, F) roots L with L L^H = cov, with eigenvalues floored so that they can be divided by."""
-    correlation, size = in_own_units(cov)
-    values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
-    values = np.maximum(values, FLOOR * values[:, -1:])
-    half = (vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
-    return np.asarray(size[:, None] * np.moveaxis(half, 0, 2))

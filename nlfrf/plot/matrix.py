@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf._base.arguments import of_kind
 from nlfrf._base.axes import axes, db, finished, finished_matrix, gain_band, matrix_axes, phase_band
 from nlfrf.bla.bla import Bla
-from nlfrf.bla.mimo.gains import RelativeGains, SingularValues
+from nlfrf.bla.gains import RelativeGains, SingularValues
 from nlfrf.plot.look import COLOR, OVER, TONES
 
 if TYPE_CHECKING:

@@ -41,7 +41,7 @@ def test_chance_and_a_mode_that_lines_show_stand_out_nowhere(width):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert not any(
-            warn_of_lines_apart(one[None], fit[None], level / 3, WHERE, GRID.excited * 0.5).any()
+            warn_of_lines_apart(one[None], fit[None], level / 3, WHERE, GRID.excited * 0.5, np.ones((1, 1))).any()
             for one, fit in zip(each, fits, strict=True)
         )
 
