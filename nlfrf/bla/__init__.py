@@ -10,7 +10,7 @@ frf               the matrix over all sets, its covariance by noise and in total
 from_frf          a `Bla` of an FRF that was measured elsewhere, by its standard deviation or coherence
 gains             singular values and relative gains of a measured matrix, with their bounds
 identify          from a periodic record to its `Bla`
-localfit          rational fits of FRFs in windows of lines, and the scatter they leave
+local_models      rational fits of FRFs in windows of lines, and the scatter they leave
 neighbours        where the lines stand, and windows of them, worked out once a grid
 noise_excitation  the BLA when noise was played instead of a multisine
 realizations      experiments that repeat one another, joined; amplitude spectra and peaks that differ

@@ -8,7 +8,7 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, mean_power, power, rms, squared
-from nlfrf.bla.calibration import read_peaks
+from nlfrf.bla.calibration import crest_correction
 from nlfrf.bla.realizations import join_repeats, refuse_unequal_spectra, warn_of_low_peaks
 from nlfrf.bla.spectra import Spectra
 from nlfrf.records.excited_lines import refuse_wrong_lines
@@ -33,7 +33,7 @@ APART = 0.03  # of the largest amplitude, below which an input is not played on 
 
 
 class Peaks(NamedTuple):
-    """What the peaks of the inputs tell of their distortion; see `read_peaks`.
+    """What the peaks of the inputs tell of their distortion; see `crest_correction`.
 
     Fields
     ------
@@ -119,7 +119,7 @@ def peaks_of_inputs(record: Record, before: Spectra, excited: Spectra, played: n
             own = size > APART * size.max()
         peaks = warn_of_low_peaks(u, size[own], lines[own], name)
         low = are_low(peaks)
-        told.append(read_peaks(U[:, own], lines[own], low))
+        told.append(crest_correction(U[:, own], lines[own], low))
         any_low |= low
         if is_improbable(peaks):
             break
@@ -137,8 +137,8 @@ def refuse_other_sets(record: Record, excited: Spectra) -> None:
     """Refuse sets that were played louder or softer than the others."""
     if excited.U.shape[1] == excited.per_set:
         return
-    power = squared(excited.known)
-    power = power.reshape(len(power), -1, excited.per_set, power.shape[2]).mean(axis=2)
+    power = excited.power_U if excited.R is None else squared(excited.R)
+    power = np.add.reduce(power.reshape(len(power), -1, excited.per_set, power.shape[2]), axis=2) / excited.per_set
     if record.is_single:
         refuse_unequal_spectra(power[0])
         return
@@ -157,9 +157,9 @@ def refuse_unexcited(record: Record, excited: Spectra) -> None:
         # of several inputs some experiment has to drive a line
         power = excited.power_U if side == "input" else squared(spectrum)
         power = power if excited.per_set == 1 else np.mean(power, axis=1, keepdims=True)
-        faintest = SILENT * power.max(axis=(1, 2))
-        if (power.min(axis=(1, 2)) <= faintest).any():
-            i, _, k = np.argwhere(power <= faintest[:, None, None])[0]
+        faintest = SILENT * power.max(axis=(1, 2), keepdims=True)
+        if (power <= faintest).any():
+            i, _, k = np.argwhere(power <= faintest)[0]
             every, there = ("the", "") if record.is_single else ("every", f" in {record.inputs[i]}")
             raise ValueError(
                 f"lines must be excited by {every} {side}, got line {excited.lines[k]} with no {side} on it{there}"

@@ -28,7 +28,7 @@ from nlfrf._base.values import value
 from nlfrf.bla.calibration import FEW, LARGEST, cubic_variance, variance_ratio
 from nlfrf.bla.covariance import diagonal, inverse, sum_of_squares, to_correlation
 from nlfrf.bla.frf import FrmEstimate
-from nlfrf.bla.localfit import LEAST, LocalFit, fit_locally, is_flat
+from nlfrf.bla.local_models import LEAST, LocalFit, fit_locally, is_flat
 from nlfrf.bla.neighbours import KEPT, Places
 from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
@@ -218,7 +218,7 @@ def estimate_distortion_variance(
     fit : LocalFit or None
         Of each set, for the roughness; None where it is not used.
     coherent : float
-        Distortion that is one gain on all lines, over what scatters about it (`read_peaks`): no data show it.
+        Distortion that is one gain on all lines, over what scatters about it (`crest_correction`): no data show it.
     n_independent : int
         Experiments with phases of their own, whose detection lines count.
     """
@@ -330,7 +330,7 @@ def correlation(
     if source == "detection":
         near = where.near_detection[:, 0]
         parts.append((correlation_on_lines(near, residual), float(M * len(near))))
-    if fit is not None:
+    if fit is not None and fit.rest is not None:
         smooth = np.add.reduce([one.smooth for one in found]) / len(found)
         parts.append((correlation_of_roughness(fit.rest, frm), smooth * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
     if nu:
@@ -611,16 +611,21 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
     """
     scale = dof * np.maximum(level, TINY)
     x = np.log(np.add.reduce(weight * scale * np.expm1(-TAILS[0] / dof)))
-    quantiles = np.empty((2, x.size))
-    for into, tail, steps in zip(quantiles, TAILS, STEPS_OF_TAILS, strict=True):
+    quantiles = []
+    for tail, steps, further in zip(TAILS, STEPS_OF_TAILS, (0.0, FURTHER_TAIL), strict=True):
+        x = x + further
         for _ in range(steps):
             over = np.exp(x) / scale
-            survival = weight * np.exp(-dof * np.log1p(over))
+            survival = np.exp(-dof * np.log1p(over))
+            survival *= weight
             total = np.add.reduce(survival)
-            rate = np.add.reduce(survival * dof * over / (1 + over)) / total
+            survival *= dof
+            survival *= over
+            over += 1
+            survival /= over
+            rate = np.add.reduce(survival) / total
             x = x + clipped((np.log(total) - tail) / np.maximum(rate, 1e-3), -2.0, 2.0)
-        into[:] = x
-        x = x + np.log(f_quantile(6.0, TAILS[1]) / f_quantile(6.0, TAILS[0]))
+        quantiles.append(x)
     ratios, dofs = ratio_of_quantiles()
     matched = np.exp(np.interp(quantiles[0] - quantiles[1], ratios, dofs))
     return np.exp(quantiles[0]) / f_quantile(matched, TAILS[0]), matched
@@ -629,6 +634,10 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
 def f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
     """Quantile of F(2, 2 dof) at the log of one less its probability."""
     return np.asarray(dof * np.expm1(-tail / np.asarray(dof)))
+
+
+#: Log of the quantile at the second tail over that at the first, of six degrees of freedom: where the search starts.
+FURTHER_TAIL = float(np.log(f_quantile(6.0, TAILS[1]) / f_quantile(6.0, TAILS[0])))
 
 
 @lru_cache(maxsize=1)
@@ -652,8 +661,7 @@ def log_density_of_ratio(log_ratio: np.ndarray, nu: np.ndarray | float, dof: np.
 def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Log of the beta function, by Stirling's series two above each argument: within 1e-5."""
     x = np.empty((3, *np.broadcast_shapes(a.shape, b.shape)))
-    x[0], x[1] = a, b
-    np.add(a, b, out=x[2])
+    x[0], x[1], x[2] = a, b, a + b
     up = x + 2
     log_gamma = (up - 0.5) * np.log(up) - up + 1 / (12 * up) - 1 / (360 * up * up * up) - np.log(x * (x + 1))
     return np.asarray(log_gamma[0] + log_gamma[1] - log_gamma[2] + 0.5 * math.log(2 * math.pi))

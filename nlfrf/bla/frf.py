@@ -15,7 +15,7 @@ from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, power, squared
 from nlfrf.bla.calibration import FEW
 from nlfrf.bla.covariance import adjoint, diagonal, inverse, product, sum_of_squares
-from nlfrf.bla.localfit import LocalFit, apart_from_neighbours
+from nlfrf.bla.local_models import LocalFit, leave_one_out_residual
 from nlfrf.bla.neighbours import Places
 from nlfrf.bla.realizations import equal_steps
 from nlfrf.bla.spectra import Spectra, residual_scatter
@@ -27,9 +27,9 @@ __all__ = [
     "FrmEstimate",
     "estimate_frm",
     "refuse_another_reference",
-    "refuse_mispaired",
-    "warn_of_jumps",
-    "warn_of_lines_apart",
+    "refuse_unrelated_output",
+    "warn_of_outlier_lines",
+    "warn_of_rough_frf",
 ]
 
 
@@ -113,7 +113,7 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
         of_set = R * diagonal(gamma)
         V = product(each - G, U)
         if R > 1:  # the error of a set of small inputs is as large a part of that of G as its gamma is
-            share = np.sqrt(diagonal(gamma_each) / of_set).mean(axis=1)
+            share = np.add.reduce(np.sqrt(diagonal(gamma_each) / of_set), axis=1)[:, None] / n_u
     else:
         Z = in_sets(excited.R, n_u)
         Z = adjoint(Z / np.sqrt(np.add.reduce(squared(Z), axis=2, keepdims=True) / n_u))
@@ -127,13 +127,13 @@ def estimate_frm(excited: Spectra) -> FrmEstimate:
     cov_noise = cov_scatter = np.full((n_y, n_y, G.shape[-1]), np.nan)
     if excited.dY.shape[2]:
         by_set = scatter.reshape(n_y, R, -1, scatter.shape[-1])
-        cov_noise = sum_of_squares(by_set if share is None else by_set * share[:, None]) / (R * n_u)
+        cov_noise = sum_of_squares(by_set if share is None else by_set * share) / (R * n_u)
     else:
         noise_each = np.full(noise_each.shape, np.nan)
     scale: np.ndarray | float = 1.0
     if R > 1:
         V = np.swapaxes(V, 0, 1)
-        cov_scatter = sum_of_squares(V if share is None else V * share[:, None]) / (n_u * (R - 1))
+        cov_scatter = sum_of_squares(V if share is None else V * share) / (n_u * (R - 1))
         power_U = diagonal(inverse(np.add.reduce(product(U, adjoint(U))) / R))
         scale = np.add.reduce(power_U / of_set) / n_u
     return FrmEstimate(
@@ -154,7 +154,7 @@ def in_sets(X: np.ndarray, n_u: int) -> np.ndarray:
     return X.reshape(len(X), -1, n_u, X.shape[-1]).swapaxes(0, 1)
 
 
-def warn_of_jumps(
+def warn_of_rough_frf(
     rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G", share: float = SHARE
 ) -> bool:
     """Warn where an FRF jumps from line to line by more than its distortion can make it.
@@ -180,7 +180,7 @@ def warn_of_jumps(
     return bool(strange)
 
 
-def warn_of_lines_apart(
+def warn_of_outlier_lines(
     G: np.ndarray,
     fitted: np.ndarray,
     level: np.ndarray,
@@ -214,12 +214,12 @@ def warn_of_lines_apart(
     (F,) ndarray
         Power by which such lines stand apart, over gamma; zeros elsewhere.
     """
-    if f.size < FEW or not (np.mean(squared(G - fitted) / gamma, axis=0) > SUSPECT * level).any():
+    if f.size < FEW or not (np.add.reduce(squared(G - fitted) / gamma) > SUSPECT * len(G) * level).any():
         return np.zeros(f.size)
-    apart, scatter, spread = apart_from_neighbours(G, where)
+    apart, scatter, spread = leave_one_out_residual(G, where)
     by_chance = spread * np.maximum(ABOVE_SCATTER * np.mean(scatter / gamma, axis=0), ABOVE_LEVEL * level)
-    power_apart = np.mean(squared(apart) / gamma, axis=0)
-    told = np.where(power_apart > by_chance, power_apart, 0.0)
+    power_beyond = np.mean(squared(apart) / gamma, axis=0)
+    told = np.where(power_beyond > by_chance, power_beyond, 0.0)
     out = np.flatnonzero(told)
     if not out.size:
         return told
@@ -236,7 +236,7 @@ def warn_of_lines_apart(
     return told
 
 
-def refuse_mispaired(frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, outputs: Sequence[str]) -> bool:
+def refuse_unrelated_output(frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, outputs: Sequence[str]) -> bool:
     """Refuse outputs that follow the input of another realisation, or turned round; warn of one that follows none.
 
     Their distortion and scatter would be those of random phases, and without detection lines nothing else tells.
@@ -270,7 +270,7 @@ def refuse_mispaired(frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, o
         if spread is not None and np.add.reduce(spread) <= HIDDEN * power(frm.G[j, 0]):
             continue  # one that follows another input would scatter by more
         noise = frm.noise_each[:, j] * frm.gamma_each[:, 0, 0].real / np.maximum(squared(each), TINY)
-        strange |= is_strange(name, excited.Y[j], "u", excited.U[0], noise, steps)
+        strange |= is_unrelated(name, excited.Y[j], "u", excited.U[0], noise, steps)
     return strange
 
 
@@ -279,10 +279,10 @@ def refuse_another_reference(excited: Spectra) -> None:
     if excited.R is not None and len(excited.U) == 1:
         scatter = np.add.reduce(squared(excited.dU[0]), axis=1)
         noise = (scatter if excited.dU.shape[2] else np.nan) / np.maximum(excited.power_U[0], TINY)
-        is_strange("u", excited.U[0], "r", excited.R[0], noise, equal_steps(excited.where))
+        is_unrelated("u", excited.U[0], "r", excited.R[0], noise, equal_steps(excited.where))
 
 
-def is_strange(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray) -> bool:
+def is_unrelated(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray) -> bool:
     """Whether an answer Y (M, F) was warned of that follows no cause U; refused where it is that of another.
 
     `noise` (M, F) is what Y / U has over its size squared, nan where it is not known.
@@ -294,7 +294,7 @@ def is_strange(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.
     each = unit(Y) * unit(U).conj()
     alone = np.add.reduce(second_steps(each, steps).real, axis=1) < UNRELATED * chance * n_steps
     if not alone.any():
-        refuse_turned(answer, each)
+        refuse_sign_flip(answer, each)
         return False
     common = (second_steps(unit(Y), steps) @ second_steps(unit(U), steps).conj().T).real / n_steps
     sure = beyond_chance(n * n) * chance
@@ -317,7 +317,7 @@ def is_strange(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.
     return told
 
 
-def refuse_turned(answer: str, each: np.ndarray) -> None:
+def refuse_sign_flip(answer: str, each: np.ndarray) -> None:
     """Refuse phases (M, F) of another sign than those of the other realisations."""
     n, n_lines = each.shape
     agree = np.add.reduce((each * np.add.reduce(each).conj()).real, axis=1) - n_lines  # with the others

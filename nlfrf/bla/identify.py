@@ -26,11 +26,11 @@ from nlfrf.bla.frf import (
     FrmEstimate,
     estimate_frm,
     refuse_another_reference,
-    refuse_mispaired,
-    warn_of_jumps,
-    warn_of_lines_apart,
+    refuse_unrelated_output,
+    warn_of_outlier_lines,
+    warn_of_rough_frf,
 )
-from nlfrf.bla.localfit import LocalFit
+from nlfrf.bla.local_models import LocalFit
 from nlfrf.bla.neighbours import WIDTH, place_lines
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
 from nlfrf.bla.spectra import TREATMENTS, Spectra, channel_dft, period_spectra
@@ -143,7 +143,7 @@ def identify_one(record: Record, U: np.ndarray | None, transient: str, level_fro
         )
     smooth, fit = smooth_frm(frm, excited, source == "roughness")
     names = ("y",) if record.is_single else record.outputs
-    mispaired = record.n_inputs == 1 and refuse_mispaired(frm, excited, fit, names)
+    mispaired = record.n_inputs == 1 and refuse_unrelated_output(frm, excited, fit, names)
     residual = nonlinear_residual(spectra, excited, frm.G, smooth)
     # chosen phases leave more of the distortion to one gain on all lines, and that is not rough
     rough = None if zippered or (peaks.low and source == "detection") else fit
@@ -183,21 +183,21 @@ def with_outlier_lines(
             return distortion
     if fit is None or zippered:
         return distortion
-    gamma, power_apart = frm.gamma_of_set, np.zeros((record.n_outputs, F))
+    gamma, power_beyond = frm.gamma_of_set, np.zeros((record.n_outputs, F))
     rough = np.add.reduce(fit.variance / gamma, axis=(0, 2)) / (R * len(gamma))  # (n_y, F)
     size = np.add.reduce(squared(frm.G) / gamma, axis=1) / len(gamma)
     labels = ("G",) if record.is_single else [f"G of {name}" for name in record.outputs]
     share = SHARE if record.is_single else MIXED
     for j, what in enumerate(labels):
-        if warn_of_jumps(rough[j] / R, distortion.detected[j] / R, size[j], what, share) and not record.is_single:
+        if warn_of_rough_frf(rough[j] / R, distortion.detected[j] / R, size[j], what, share) and not record.is_single:
             return distortion
     if R > 1:
         return distortion
     for j, what in enumerate(labels):
         level = distortion.detected[j] + ROUNDING**2 * power(excited.Y[j]).max()
         f = record.lines.excited * record.f0
-        power_apart[j] = warn_of_lines_apart(frm.each[0, j], fit.G[0, j], level, excited.where, f, gamma, what)
-    return distortion.at_least(power_apart)
+        power_beyond[j] = warn_of_outlier_lines(frm.each[0, j], fit.G[0, j], level, excited.where, f, gamma, what)
+    return distortion.at_least(power_beyond)
 
 
 def assemble_bla(

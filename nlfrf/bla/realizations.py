@@ -118,7 +118,7 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
     """Experiments that repeat one another, by their numbers, and their delays behind the first of each [periods]."""
     known, lines, M = excited.known, excited.lines, excited.U.shape[1]
     labels = np.zeros((len(known), M), dtype=int)
-    for label, U in zip(labels, known, strict=True):
+    for of_input, U in zip(labels, known, strict=True):
         where = excited.where
         if excited.is_zippered:
             size = np.abs(U).max(axis=0)
@@ -127,21 +127,20 @@ def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
                 return [([m], [0.0]) for m in range(M)]
             U, where = U[:, own], place_lines(LineGrid(excited=lines[own]))
         for number, group in enumerate(group_by_phases(U, where)):
-            label[group] = number
-    groups: list[tuple[list[int], list[float]]] = []
-    for m in range(M):
-        for members, delays in groups:
-            if (labels[:, m] == labels[:, members[0]]).all():
-                products = in_common_of(known[:, m], known[:, members[0]])  # of inputs of one size
-                delay, _ = aligned(np.add.reduce(products) / len(products), lines)
-                turned = (products * np.exp(-2j * np.pi * lines * delay)).real.sum(axis=1)
-                if np.all(turned > ALIKE):
-                    members.append(m)
-                    delays.append(delay)
-                    break
+            of_input[group] = number
+    alike: dict[tuple[int, ...], list[tuple[list[int], list[float]]]] = {}
+    for m, label in enumerate(map(tuple, labels.T.tolist())):
+        for members, delays in alike.setdefault(label, []):
+            products = in_common_of(known[:, m], known[:, members[0]])  # of inputs of one size
+            delay, _ = estimate_delay(np.add.reduce(products) / len(products), lines)
+            turned = (products * np.exp(-2j * np.pi * lines * delay)).real.sum(axis=1)
+            if np.all(turned > ALIKE):
+                members.append(m)
+                delays.append(delay)
+                break
         else:
-            groups.append(([m], [0.0]))
-    return groups
+            alike[label].append(([m], [0.0]))
+    return sorted(group for groups in alike.values() for group in groups)
 
 
 def in_common_of(U: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -176,7 +175,11 @@ def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
     lines = where.lines[where.excited]
     for m in range(n):
         for group in groups:
-            if group[0] < MOST and same[m, group[0]] and aligned(in_common_of(U[m], U[group[0]]), lines)[1] > ALIKE:
+            if (
+                group[0] < MOST
+                and same[m, group[0]]
+                and estimate_delay(in_common_of(U[m], U[group[0]]), lines)[1] > ALIKE
+            ):
                 group.append(m)
                 break
         else:
@@ -195,7 +198,7 @@ def equal_steps(where: Places) -> np.ndarray:
 def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     """(M, m) bool: whether rows of x (M, n) agree with the first m more than chance has it, by their products squared.
 
-    Whether what they have in common is the whole of them is left to `aligned`.
+    Whether what they have in common is the whole of them is left to `estimate_delay`.
     """
     if x.shape[1] < FEWEST:
         return np.eye(*common.shape, dtype=bool)
@@ -211,7 +214,7 @@ def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     return np.asarray(common > in_common(chance, n) * whole)
 
 
-def aligned(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
+def estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
     """The delay behind a signal of the same phases [periods], and the share in common then, by `in_common_of` (F,)."""
     at_once = float(product.sum().real)
     fine = fast_length(8 * int(lines[-1]))

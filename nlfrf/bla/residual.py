@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nlfrf._base.numbers import EPS, SMALL, squared
-from nlfrf.bla.localfit import NOISE_LINES
+from nlfrf._base.numbers import EPS, SMALL, TINY, squared
+from nlfrf.bla.local_models import NOISE_LINES
 from nlfrf.bla.neighbours import Places
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["NonlinearResidual", "is_uneven", "nonlinear_residual"]
+__all__ = ["NonlinearResidual", "gain_varies", "nonlinear_residual"]
 
 
 UNEVEN = 1.5  # largest over least |G|^2, of means over the lines around, from which the place of distortion matters
@@ -53,10 +53,11 @@ class NonlinearResidual(NamedTuple):
         return local_mean(noise, NOISE_LINES)
 
 
-def is_uneven(gain: np.ndarray) -> bool:
+def gain_varies(gain: np.ndarray) -> bool:
     """Whether |G|^2 (F,) changes over the band, by more than scatter."""
-    if gain.max() > JAGGED * gain.min():
-        return True
+    ratio = gain.max() / max(gain.min(), TINY)
+    if ratio > JAGGED or ratio <= UNEVEN:
+        return bool(ratio > JAGGED)
     around = local_mean(gain, AROUND)
     return bool(around.max() > UNEVEN * around.min())
 
@@ -67,16 +68,20 @@ def nonlinear_residual(
     """What the linear model leaves of the outputs, by a matrix (n_y, n_u, F) as measured and one that is smoothed."""
     where = spectra.where
     G = interpolate_frf(smooth, where)
-    a = np.add.reduce(excited.mean_power_U, axis=1)[:, None] / excited.lines.size
-    of_measured, of_smooth = (np.add.reduce(squared(x) * a, axis=1) for x in (measured, smooth))
+    a = np.add.reduce(excited.mean_power_U, axis=1) / excited.lines.size
+    of_smooth = np.vecmat(a, squared(smooth))
+    if smooth is measured:
+        gain = np.vecmat(a, squared(G))
+    else:  # a local fit smears a light mode, and takes its level with it
+        gain = interpolate_gain(np.vecmat(a, squared(measured)), where)
     scatter = residual_scatter(G, spectra)
     noise = np.add.reduce(squared(scatter), axis=(1, 2)) / (scatter.shape[1] if scatter.shape[2] else np.nan)
     linear = G * spectra.U if len(spectra.U) == 1 else np.einsum("jik,imk->jmk", G, spectra.U)
     return NonlinearResidual(
         G=G,
-        gain=interpolate_gain(of_measured, where),
+        gain=gain,
         # one realisation scatters more than a static gain changes
-        uneven=tuple(map(is_uneven, of_smooth)),
+        uneven=tuple(map(gain_varies, of_smooth)),
         Y=spectra.Y - linear,
         noise=noise,
     )

@@ -126,7 +126,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     Raises
     ------
     ValueError
-        As of `identify`; fewer than five excited lines.
+        As of `identify`; several inputs or outputs, fewer than five excited lines.
 
     References
     ----------
@@ -141,6 +141,11 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     True
     """
     of_kind("record", record, Record)
+    if not record.is_single:
+        raise ValueError(
+            f"record must be of one input and one output, got {record.n_inputs} and {record.n_outputs}: of several "
+            "identify weighs detection lines and roughness itself"
+        )
     one_of("transient", transient, TREATMENTS)
     n_detection = integer("n_detection", n_detection, least=3)
     grid = record.lines

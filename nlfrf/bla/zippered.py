@@ -17,7 +17,7 @@ from nlfrf._base.numbers import TINY, squared, two_unknowns
 from nlfrf._base.values import value
 from nlfrf.bla.covariance import diagonal, sum_of_squares, to_correlation
 from nlfrf.bla.frf import FrmEstimate
-from nlfrf.bla.localfit import EARNED, ORDER, POOLED
+from nlfrf.bla.local_models import EARNED, ORDER, POOLED
 from nlfrf.bla.neighbours import WIDTH, nearest_lines
 from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean

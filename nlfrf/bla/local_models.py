@@ -29,9 +29,9 @@ __all__ = [
     "ORDER",
     "POOLED",
     "LocalFit",
-    "apart_from_neighbours",
     "fit_locally",
     "is_flat",
+    "leave_one_out_residual",
 ]
 
 
@@ -63,14 +63,15 @@ class LocalFit(NamedTuple):
         Variance of the FRF about the fit.
     dof : ndarray
         Complex degrees of freedom behind it.
-    rest : (M, n_y, n_u, F, n) complex ndarray
-        What the fit left on the lines of each window, times the weight there.
+    rest : (M, n_y, n_u, F, n) complex ndarray or None
+        What the fit left on the lines of each window, times the weight there; None of one output, whose long records
+        would keep it for nothing.
     """
 
     G: np.ndarray
     variance: np.ndarray
     dof: np.ndarray
-    rest: np.ndarray
+    rest: np.ndarray | None
 
 
 def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndarray | None = None) -> LocalFit:
@@ -98,10 +99,10 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
     if where.excited.size < LEAST:
         raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {where.excited.size}")
     shape, n = G.shape, where.near_excited.shape[1]
-    n_u = 1 if G.ndim == 2 else shape[-2]
+    n_u, several = 1 if G.ndim == 2 else shape[-2], G.ndim == 4 and shape[1] > 1
     weight = weight if weight.shape == shape else np.broadcast_to(weight, shape)
     G, weight = (x.reshape(-1, n_u, shape[-1]) for x in (G, weight))
-    both = fit_both_ways(G, weight, where)
+    both = fit_polynomial_and_rational(G, weight, where)
     variance, better, rest = both.variance, both.better[:, None], both.rest
     dof = np.full(variance.shape, float(n - ORDER - 1))
     denominator: np.ndarray | float = 1.0
@@ -114,7 +115,7 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
         flat = power(both.remainder / np.maximum(inverse, SMALLEST)) / dof_r
         variance = np.where(better, np.maximum(both.variance_r, flat), variance)
         dof = np.where(better, dof_r, dof)
-        rest = np.where(better[..., None], both.remainder, rest) if len(shape) == 4 else rest
+        rest = np.where(better[..., None], both.remainder, rest) if several else rest
         if noise is not None:
             denominator = np.where(flat[..., None] > both.variance_r[..., None], 1.0, inverse)
     if noise is not None:
@@ -126,16 +127,18 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
     value, square = both.value(), weight**2
     variance, least = variance / square, least / square
     if where.excited.size < FEW:
-        value, variance = less_bent(value, variance, G, weight, where.lines[where.excited].astype(float), least)
+        value, variance = apply_global_model(
+            value, variance, G, weight, where.lines[where.excited].astype(float), least
+        )
     return LocalFit(
         G=value.reshape(shape),
         variance=variance.reshape(shape),
         dof=dof.reshape(shape),
-        rest=rest.reshape(*shape, n),
+        rest=rest.reshape(*shape, n) if several else None,
     )
 
 
-def less_bent(
+def apply_global_model(
     value: np.ndarray, variance: np.ndarray, G: np.ndarray, weight: np.ndarray, lines: np.ndarray, least: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Value and variance of the same fits, but for FRFs (M, E, F) that one rational function explains much better.
@@ -212,7 +215,7 @@ def is_stable(a: np.ndarray) -> bool:
     return bool(a.size == 2 or a[0] * a[1] * a[2] > a[0] * a[0] * a[3] + a[2] * a[2])
 
 
-class BothFits(NamedTuple):
+class LocalModels(NamedTuple):
     """The polynomial over each window, and the rational function.
 
     Fields
@@ -251,7 +254,7 @@ def is_flat(amplitude: np.ndarray) -> bool:
     return bool((amplitude.min(axis=-1) >= FLAT * amplitude.max(axis=-1)).all())
 
 
-def fit_both_ways(G: np.ndarray, weight: np.ndarray, where: Places) -> BothFits:
+def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, where: Places) -> LocalModels:
     """Fit FRFs (M, E, F) over the windows of `where`, weighted by `weight` (M, E, F)."""
     window, (r, powers, centred) = where.near_excited, local_powers(where)
     (M, E, F), n = G.shape, window.shape[1]
@@ -276,7 +279,7 @@ def fit_both_ways(G: np.ndarray, weight: np.ndarray, where: Places) -> BothFits:
         first, last = centred[0], centred[-1] + 1
         gained = np.add.reduce(EARNED * variance - variance_r, axis=1)
         better = (local_mean(gained[:, first:last], POOLED) > 0).take(centred - first, axis=1)
-    return BothFits(
+    return LocalModels(
         at_zero=at_zero, a=a, rest=left, remainder=remainder, variance=variance, variance_r=variance_r, better=better
     )
 
@@ -332,7 +335,7 @@ def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return basis, at_zero
 
 
-def apart_from_neighbours(G: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def leave_one_out_residual(G: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """By how much each line of FRFs (..., F) differs from what the lines around it tell without it.
 
     Returns
