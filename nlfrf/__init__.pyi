@@ -10,11 +10,11 @@ from .bla.bla import DistortionLevels as DistortionLevels
 # Several inputs and outputs
 from .bla.bla import Frm as Frm
 from .bla.from_frf import bla_from_frf as bla_from_frf
-from .bla.mimo.gains import RelativeGains as RelativeGains
-from .bla.mimo.gains import SingularValues as SingularValues
-from .bla.mimo.gains import rga as rga
-from .bla.mimo.gains import singular_values as singular_values
-from .bla.mimo.identify import identify as identify
+from .bla.gains import RelativeGains as RelativeGains
+from .bla.gains import SingularValues as SingularValues
+from .bla.gains import rga as rga
+from .bla.gains import singular_values as singular_values
+from .bla.identify import identify as identify
 from .bla.noise_excitation import identify_noise as identify_noise
 from .bla.second_opinion import SecondOpinion as SecondOpinion
 from .bla.second_opinion import second_opinion as second_opinion

@@ -1,17 +1,21 @@
-"""Identification: from a periodic record to the best linear approximation with its variances.
+"""Identification: from a periodic record of any number of channels to the best linear approximation with its variances.
 
-bla               `Bla`: the FRF, its variances, its bound
+bla               `Bla`: the matrix, its covariances, its bounds
 calibration       what a detection line tells about an excited line, grid by grid
-distortion        the variance of one realisation's FRF and the distribution of its error: one statistical model
+channel_mismatch  a channel that differs in one experiment from the others
+conditions        experiments refused or warned of: silent, unequal, dependent, copies, low peaks, disturbed
+covariance        Hermitian matrices on every line: products, inverses, correlations, roots
+distortion        the covariance of one experiment's distortion and the distribution of the error: one statistical model
+frf               the matrix over all sets, its covariance by noise and in total; outputs that follow no input
 from_frf          a `Bla` of an FRF that was measured elsewhere, by its standard deviation or coherence
-frf               the FRF over realisations, its variance by noise and in total
-identify          the door: from a periodic record to its `Bla`
-localfit          rational fits of the FRF in windows of lines, and the scatter they leave
-mimo              identification with several inputs and outputs
+gains             singular values and relative gains of a measured matrix, with their bounds
+identify          from a periodic record to its `Bla`
+local_models      rational fits of FRFs in windows of lines, and the scatter they leave
 neighbours        where the lines stand, and windows of them, worked out once a grid
 noise_excitation  the BLA when noise was played instead of a multisine
-realizations      realisations: refused where an input is missing or another spectrum, joined where they repeat
-residual          the output with its linear part taken off, on all lines
+realizations      experiments that repeat one another, joined; amplitude spectra and peaks that differ
+residual          the outputs with their linear part taken off, on all lines
 second_opinion    detection lines held against roughness
-spectra           DFT of the periods: their means and their noise on the lines, input and output
+spectra           DFT of the periods of every channel: their means and their scatter on the lines
+zippered          the matrix where each line drives one input: columns fitted between their own lines
 """

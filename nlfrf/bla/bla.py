@@ -12,22 +12,23 @@ from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, r
 from nlfrf._base.numbers import TINY, roy_quantile
 from nlfrf._base.values import Sketch, field_names, value
 from nlfrf.bla.calibration import FEW
-from nlfrf.bla.localfit import LEAST, fit_locally
+from nlfrf.bla.covariance import diagonal, hermitian_sqrt
+from nlfrf.bla.local_models import LEAST, fit_locally
 from nlfrf.bla.neighbours import place_lines
 from nlfrf.records.record import Channels
 from nlfrf.signals.lines import LineGrid, local_mean
 
-__all__ = ["Bla", "DistortionLevels", "Frm", "excess", "in_own_units"]
+__all__ = ["COVARIANCES", "Bla", "DistortionLevels", "Frm"]
 
 
 #: Fraction of the distortion of a new realisation that the roughness of the FRF does not show, as it bends the FRF
 #: smoothly: none of a saturation, up to a half of a fifth power. A half costs 7 % more of the loss than a quarter.
-#: With fewer than 27 lines the peaks of the input show it (`read_peaks`), and it is in `var_bound`.
+#: With fewer than 27 lines the peaks of the input show it (`crest_correction`), and it is in `var_bound`.
 UNSEEN = {"roughness": 0.25}
 KINDS = ("noise", "total", "distortion", "even", "bound")
 COVARIANCES = tuple(f"cov_{kind}" for kind in KINDS)
+PER_LINE = ("f", "dof", "grid_factor", "coherence")
 PER_REALIZATION = ("distortion", "even")  # whose variances are of one realisation, whatever their number is
-FLOOR = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
 AROUND = 9  # lines over which noise and distortion are told apart
 
 
@@ -236,12 +237,10 @@ class Bla(Channels):
 
     def __post_init__(self) -> None:
         n_y, n_u, F = self.n_outputs, self.n_inputs, self.f.size
-        shapes: dict[str, tuple[int, ...]] = {"f": (F,), "gamma": (n_u, n_u, F), "coherence": (F,)}
-        shapes |= {"G": (F,) if self.is_single else (n_y, n_u, F)}
-        shapes |= dict.fromkeys((f"cov_{kind}" for kind in KINDS), (n_y, n_y, F))
-        shapes |= dict.fromkeys(("dof", "grid_factor"), (F,))
+        shapes: dict[str, tuple[int, ...]] = {"G": (F,) if self.is_single else (n_y, n_u, F), "gamma": (n_u, n_u, F)}
+        shapes |= dict.fromkeys(COVARIANCES, (n_y, n_y, F)) | dict.fromkeys(PER_LINE, (F,))
         for name, shape in shapes.items():
-            array = np.asarray(getattr(self, name))
+            array = np.asarray(self.__dict__[name])
             if array.shape != shape or array.dtype.kind not in "fiuc":
                 raise ValueError(
                     f"{name} must be numbers of shape {shape}, for {n_y} outputs, {n_u} inputs and {F} lines, "
@@ -328,10 +327,9 @@ class Bla(Channels):
         if of == "bla":
             return self.cov_bound
         missing = UNSEEN.get(self.level_source.split()[-1], 0.0) if self.f.size >= FEW else 0.0
-        scatter = (self.n_realizations + missing) * self.typical
-        if self.is_single:
-            return self.cov_bound * (1 + scatter * self.distorted_share())
-        return self.cov_bound + scatter * excess(self.cov_bound, np.nan_to_num(self.cov_noise))
+        new = (self.n_realizations + missing) * self.typical
+        share = np.sqrt(new * np.atleast_2d(self.distorted_share()))
+        return self.cov_bound * (1 + share[:, None] * share)
 
     def bound(self, confidence: float = 0.95, *, of: str = "bla", simultaneous: bool = False) -> np.ndarray:
         """Radius of the disc around G, of several channels around each entry, that holds the truth.
@@ -387,7 +385,7 @@ class Bla(Channels):
         if simultaneous:
             p = p ** (1 / self.f.size)
         x = np.array([roy_quantile(p, self.n_outputs, self.n_inputs, float(L)) for L in self.dof])
-        return np.sqrt(x) * root(self.covariance_of(of)), np.swapaxes(root(self.gamma), 0, 1).conj()
+        return np.sqrt(x) * hermitian_sqrt(self.covariance_of(of)), np.swapaxes(hermitian_sqrt(self.gamma), 0, 1).conj()
 
     def f_quantile(self, confidence: float = 0.95, *, simultaneous: bool = False) -> np.ndarray:
         """Quantile of F(2, 2 dof): the squared modulus of a complex normal over its estimated variance.
@@ -415,21 +413,23 @@ class Bla(Channels):
         return np.asarray(self.dof * np.expm1(-np.log1p(-p) / self.dof))
 
     def distorted_share(self) -> np.ndarray:
-        """(F,) the share of `var_bound` that is distortion: a new realisation scatters by it, not by the noise.
+        """(F,) or (n_y, F) share of `var_bound` that is distortion: a new realisation scatters by it, not by the noise.
 
         Line by line the difference of two estimates is nothing half of the time where noise prevails, so it is taken
         over nine lines, with an allowance for chance; where one line by itself shows more, it counts by itself.
         """
-        noise, total = np.nan_to_num(self.var_noise), self.var_total if self.n_realizations == 1 else self.var_bound
+        noise = diagonal(np.nan_to_num(self.cov_noise))
         if not noise.any():
-            return np.ones(self.f.size)
-        dof_noise = self.n_realizations * max(self.n_periods - 1, 1)
+            return np.ones_like(noise[0] if self.is_single else noise)
+        total = diagonal(self.cov_total if self.n_realizations == 1 else self.cov_bound)
+        dof_noise = self.n_experiments * max(self.n_periods - 1, 1)
         weight = 1 / np.maximum(total + noise, TINY)
         around = local_mean(noise * weight, AROUND) / np.maximum(local_mean(total * weight, AROUND), 1e-300)
         around = 1 - around * (1 - np.sqrt(1 / self.dof + 1 / (AROUND * dof_noise)) / 3)
         alone = noise / np.maximum(total, TINY)
         alone = 1 - alone - 2 * np.sqrt(1 / self.dof + alone**2 / dof_noise)
-        return np.clip(np.maximum(around, alone), 0.0, 1.0)
+        share = np.clip(np.maximum(around, alone), 0.0, 1.0)
+        return share[0] if self.is_single else share
 
     def systematic(self, decibels: float = 8.0) -> np.ndarray:
         """Order of magnitude of how far the BLA lies from the FRF of the linear part alone: not a bound.
@@ -476,7 +476,7 @@ class Bla(Channels):
     def every(self, step: int) -> Bla:
         """The same on every so many-th of its excited lines: for a fit that does not need them all."""
         some = slice(None, None, require_integer("step", step, least=1))
-        per_line = ("f", "G", "gamma", *COVARIANCES, "dof", "grid_factor", "coherence")
+        per_line = ("G", "gamma", *COVARIANCES, *PER_LINE)
         levels = [
             replace(one, **{name: getattr(one, name)[..., some] for name in ("f_excited", "excited", "noise_excited")})
             for one in ((self.levels,) if self.is_single else self.levels)
@@ -638,30 +638,3 @@ def describe_matrix(bla: Bla) -> str:
 def middle(share: np.ndarray) -> np.ndarray:
     """(n_y, n_u) median over lines of shares of |G|; nothing of nothing is none."""
     return np.asarray(np.median(np.nan_to_num(share, nan=0.0, posinf=np.inf), axis=2))
-
-
-def excess(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """(n, n, F) Hermitian matrices less a part of them, without negative eigenvalues in the units of the first."""
-    _, size = in_own_units(cov)
-    values, vectors = np.linalg.eigh(np.moveaxis((cov - part) / (size[:, None] * size), 2, 0))
-    left = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
-    return np.asarray(np.moveaxis(left, 0, 2) * size[:, None] * size)
-
-
-def in_own_units(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The correlation (n, n, F) of a covariance and the sizes (n, F) of its channels.
-
-    What floors or cuts eigenvalues does it there: those of a covariance are of sums of metres and newtons.
-    """
-    size = np.sqrt(np.einsum("jjk->jk", cov).real)
-    size = np.where(size > 0, size, 1.0)
-    return cov / (size[:, None] * size), size
-
-
-def root(cov: np.ndarray) -> np.ndarray:
-    """(n, n, F) roots L with L L^H = cov, with eigenvalues floored so that they can be divided by."""
-    correlation, size = in_own_units(cov)
-    values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
-    values = np.maximum(values, FLOOR * values[:, -1:])
-    half = (vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
-    return np.asarray(size[:, None] * np.moveaxis(half, 0, 2))

@@ -12,14 +12,14 @@ import numpy as np
 
 from nlfrf._base.numbers import TINY, fast_length, rms, squared_modulus
 
-__all__ = ["COMMON", "FEW", "LARGEST", "cubic_variance", "read_peaks", "variance_ratio"]
+__all__ = ["COHERENT_SHARE", "FEW", "LARGEST", "crest_correction", "cubic_variance", "variance_ratio"]
 
 
 LARGEST = 3.0  # what a special-odd grid reaches in a narrow band: 4.77 dB
 #: Over the number of lines: the share of its distortion that is one gain on all lines, which neither roughness nor
 #: detection lines show. With the envelope a of a narrow band, mean |a|^2 fixed, the mean of |a|^4 scatters by 4 / n and
 #: the middle lines by 3/2 (of a fifth power the share is 6 / n).
-COMMON = 8 / 3
+COHERENT_SHARE = 8 / 3
 FEW = 27  # lines: three windows of nine. Under them peaks are chance, and a band does not show how its level varies
 MOST = 3.0  # of thirty lines one realisation of a hundred is as far from typical by chance
 GAIN = 1.0  # three standard deviations of the gain of a cubic on thirty lines, with what is allowed
@@ -113,7 +113,7 @@ def variance_ratio(amplitude: np.ndarray, excited: np.ndarray, detection: np.nda
     return ratio
 
 
-def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, float]:
+def crest_correction(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, float]:
     """What the peaks of the inputs tell of their distortion: how typical it is, and how much of it no level shows.
 
     Low peaks make little distortion, and which peaks a realisation has is chance, or they were chosen. What a cubic
@@ -144,15 +144,15 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, floa
 
     >>> k = np.arange(1, 14)
     >>> high, low = np.ones((1, 13)), np.exp(-1j * np.pi * k**2 / 13)[None]
-    >>> np.round([read_peaks(high, k, low=False), read_peaks(low, k, low=True)], 1)
+    >>> np.round([crest_correction(high, k, low=False), crest_correction(low, k, low=True)], 1)
     array([[0.6, 4.9],
            [6. , 5.8]])
     """
     n, n_lines = U.shape
-    chance, few = COMMON / n_lines, n_lines < FEW
+    chance, few = COHERENT_SHARE / n_lines, n_lines < FEW
     if U.size > ALIKE and not low:
         return 1.0, chance
-    ratio, gap = cube_of(U, lines)
+    ratio, gap = cubic_distortion_ratio(U, lines)
     typical = ratio * ratio if few or low else ratio
     typical = min(max(typical, LEAST_OF_FEW), MOST_OF_FEW) if few else min(max(typical, 1.0), MOST)
     if not (few and n == 1) and not low:
@@ -163,13 +163,13 @@ def read_peaks(U: np.ndarray, lines: np.ndarray, low: bool) -> tuple[float, floa
     return typical, common if few and n == 1 else min(max(common, chance), GAIN)
 
 
-def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
+def cubic_distortion_ratio(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
     """What random phases leave of the cube of an input (M, F) beside its linear part, over what those at hand leave.
 
     And by how much the gain of that linear part, mean u^4 over mean u^2, differs. Those of a sum of cosines of
     independent phases are known exactly, by its cumulants: A^2 / 2, -3 A^4 / 8 and 5 A^6 / 4 of each.
     """
-    second, fourth, sixth = moments(U, lines)
+    second, fourth, sixth = signal_moments(U, lines)
     gain = fourth / second
     left = float(np.add.reduce(sixth - fourth * gain)) / len(U)
     A2 = np.add.reduce(squared_modulus(U)) / len(U)
@@ -179,7 +179,7 @@ def cube_of(U: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
     return expected / max(left, TINY), float(np.add.reduce(gain)) / len(U) - expected_gain
 
 
-def moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
+def signal_moments(U: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """(3, M) mean square, fourth and sixth power of multisines of amplitudes U (M, F)."""
     n = 2 * fast_length(2 * int(lines[-1]))  # even, so that odd lines mirror themselves
     spectrum = np.zeros((len(U), n // 2 + 1), dtype=complex)

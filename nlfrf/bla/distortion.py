@@ -17,8 +17,8 @@ the lines of a window (n,) along the second.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,9 @@ from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, mean_power, rms
 from nlfrf._base.values import value
 from nlfrf.bla.calibration import FEW, LARGEST, cubic_variance, variance_ratio
-from nlfrf.bla.frf import Frf
-from nlfrf.bla.localfit import LEAST, LocalFit, fit_locally, is_flat
+from nlfrf.bla.covariance import diagonal, inverse, sum_of_squares, to_correlation
+from nlfrf.bla.frf import FrmEstimate
+from nlfrf.bla.local_models import LEAST, LocalFit, fit_locally, is_flat
 from nlfrf.bla.neighbours import KEPT, Places
 from nlfrf.bla.residual import NonlinearResidual
 from nlfrf.bla.spectra import Spectra
@@ -39,7 +40,7 @@ __all__ = [
     "estimate_distortion_variance",
     "fit_each",
     "match_scaled_f",
-    "smooth_frf",
+    "smooth_frm",
     "variance_from_detection_lines",
 ]
 
@@ -66,42 +67,66 @@ COARSEST_SHAPE = 30.0  # of a roughness window over its own line: beyond it line
 STEPS = 2  # of scoring; a third changes the radius by 0.2 % in the median, by 6 % on one line of a hundred
 ENOUGH = 7  # realisations whose scatter tells more than the roughness, which may read too high
 MANY = 20  # lines over which roughness shows most of the distortion
+#: Of the degrees of freedom that a level loses to a factor which all outputs have in common, the share that the law of
+#: the matrix keeps: 0.3 to 0.6 by simulation of two to six outputs, with log-variances of that factor of 0.06 and 0.15.
+COMMON_ERROR = 0.5
 TAILS = (math.log(0.05), math.log(0.001))  # where the scaled F that stands for the mixture has its quantiles
 STEPS_OF_TAILS = 3, 2  # of Newton's method; more change no radius by 1e-4
 
 
-@value(copy=False)
-class DistortionVariance:
-    """Variance of one realisation's FRF by everything but its BLA.
+class DistortionVariance(NamedTuple):
+    """Covariance of one experiment's residual by everything but the BLA: what `FrmEstimate.gamma` multiplies.
 
     Fields
     ------
-    variance : (F,) ndarray
-        Its expectation at each excited line, noise included, averaged over realisations.
-    var_bound, dof : (F,) ndarray
-        The scaled F(2, 2 dof) of |G - G_BLA|^2 / var_bound, G the mean over realisations: its 95 and 99.9 % quantiles
-        are those of the mixture.
+    cov : (n_y, n_y, F) ndarray
+        Its expectation at each excited line, noise included.
+    cov_bound, dof : (n_y, n_y, F), (F,) ndarray
+        Of its diagonal the scaled F(2, 2 dof) of the error of each output's row: the 95 % quantile, and of one output
+        that at 99.9 % too, are those of the mixture.
     grid_factor : (F,) ndarray
-        c at the excited line over its mean on the detection lines, averaged over the hypotheses.
-    even : (F,) ndarray
-        The variance that the even lines show, noise included; nan without them.
-    detected : (F,) ndarray
+        c at the excited line over its mean on the detection lines, averaged over hypotheses and outputs.
+    cov_even : (n_y, n_y, F) ndarray
+        What the even lines show, noise included; nan without them.
+    detected : (n_y, F) ndarray
         The variance that the odd detection lines show by themselves, noise included; nan without them.
+    """
+
+    cov: np.ndarray
+    cov_bound: np.ndarray
+    dof: np.ndarray
+    grid_factor: np.ndarray
+    cov_even: np.ndarray
+    detected: np.ndarray
+
+    def at_least(self, power: np.ndarray) -> DistortionVariance:
+        """The same with a variance of at least some power (n_y, F) of each output."""
+        if not power.any():
+            return self
+        cov, cov_bound = self.cov.copy(), self.cov_bound.copy()
+        for one in (cov, cov_bound):
+            for j, least in enumerate(power):
+                one[j, j] = np.maximum(one[j, j].real, least)
+        return self._replace(cov=cov, cov_bound=cov_bound)
+
+
+class RowVariance(NamedTuple):
+    """The same of one output, as variances (F,).
+
+    Fields
+    ------
+    variance, var_bound, dof, grid_factor, detected : (F,) ndarray
+        As of `DistortionVariance`.
+    smooth : (F,) ndarray
+        Probability that the roughness is distortion, not a bend of G.
     """
 
     variance: np.ndarray
     var_bound: np.ndarray
     dof: np.ndarray
     grid_factor: np.ndarray
-    even: np.ndarray
     detected: np.ndarray
-
-    def at_least(self, power: np.ndarray) -> DistortionVariance:
-        """The same with a variance of at least some power (F,)."""
-        if not power.any():
-            return self
-        variance, var_bound = np.maximum(self.variance, power), np.maximum(self.var_bound, power)
-        return replace(self, variance=variance, var_bound=var_bound)
+    smooth: np.ndarray
 
 
 @value(copy=False)
@@ -138,10 +163,48 @@ class Windows:
     n_distinct: np.ndarray
 
 
+class Row(NamedTuple):
+    """The data of one output.
+
+    Fields
+    ------
+    power : (K,) ndarray
+        Mean |Y - G U|^2 over experiments, on all lines.
+    Y : (M, F) complex ndarray
+        It, on the excited lines.
+    gain, noise : (K,) ndarray
+        As of `NonlinearResidual`; the noise over neighbouring lines, or None.
+    uneven : bool
+        Whether the gain changes over the band.
+    rough, dof_rough : (F,) ndarray or None
+        Roughness of its FRFs as a variance of the residual, and the complex degrees of freedom behind it.
+    scatter : (F,) ndarray
+        Variance of the residual by the scatter over sets.
+    """
+
+    power: np.ndarray
+    Y: np.ndarray
+    gain: np.ndarray
+    noise: np.ndarray | None
+    uneven: bool
+    rough: np.ndarray | None
+    dof_rough: np.ndarray | None
+    scatter: np.ndarray
+
+
 def estimate_distortion_variance(
-    source: str, excited: Spectra, residual: NonlinearResidual, frf: Frf, fit: LocalFit | None, coherent: float
+    source: str,
+    excited: Spectra,
+    residual: NonlinearResidual,
+    frm: FrmEstimate,
+    fit: LocalFit | None,
+    coherent: float,
+    n_independent: int,
 ) -> DistortionVariance:
-    """Estimate the variance of the FRF and the distribution of its error.
+    """Estimate the covariance of one experiment's residual and the distribution of the error that it makes.
+
+    The model is that of each output's row. What the rows have in common, their correlation, comes from the same data:
+    detection lines, roughness where it is distortion, scatter over sets, weighted by their degrees of freedom.
 
     Parameters
     ----------
@@ -150,49 +213,155 @@ def estimate_distortion_variance(
     excited : Spectra
         On the excited lines.
     residual : NonlinearResidual
-        What the linear model leaves of the output on all lines.
-    frf : Frf
+        What the linear model leaves of the outputs on all lines.
+    frm : FrmEstimate
     fit : LocalFit or None
-        Of each realisation, for the roughness; None where it is not used.
+        Of each set, for the roughness; None where it is not used.
     coherent : float
         Distortion that is one gain on all lines, over what scatters about it (`crest_correction`): no data show it.
+    n_independent : int
+        Experiments with phases of their own, whose detection lines count.
     """
-    M, even = len(excited.U), even_variance(excited, residual)
-    ones, detected = np.ones(even.size), np.full(even.size, np.nan)
-    if source == "detection":
-        log_level, dof, log_weight, factors, detected = from_detection_lines(excited, residual, fit)
-    elif fit is not None:
-        log_level, dof = from_roughness(excited.where, fit)
-        log_weight, factors = np.zeros(log_level.shape), ones[None]
-    else:
-        return DistortionVariance(
-            variance=np.zeros(even.size),
-            var_bound=(1 + coherent) * frf.var_total,
-            dof=np.full(even.size, M - 1.0),
-            grid_factor=ones,
-            even=even,
-            detected=detected,
-        )
-    if M > 1:
-        log_level, dof, log_weight = update_by_scatter(
-            log_level, dof, log_weight, len(factors), M * frf.var_total, M - 1
-        )
-    weight, level = normalized(log_weight), np.exp(log_level)
-    var_bound, dof = match_scaled_f(level, dof, weight)
-    by_hypothesis = np.add.reduce(weight.reshape(-1, len(factors), even.size))
+    n_y, R = len(residual.Y), len(frm.each)
+    nu = excited.per_set * (R - 1)
+    rows = [row_of(j, excited, residual, frm, fit) for j in range(n_y)]
+    found = [row_variance(source, excited, row, frm, n_independent, nu) for row in rows]
+    even = np.array([even_variance(excited.where, row) * frm.level_scale for row in rows])
+    dof, scale = found[0].dof, np.array([one.var_bound for one in found])
+    rho: np.ndarray | float = 1.0
+    rho_even: np.ndarray | float = 1.0
+    if n_y > 1:
+        rho, count = correlation(source, excited.where, residual, frm, fit, found, n_independent, nu)
+        rho_even = correlation_on_lines(excited.where.near_even[:, 0], residual) if excited.where.even.size else 1.0
+        dof, scale = common_dof(found, count)
     return DistortionVariance(
-        variance=np.add.reduce(weight * level),
-        var_bound=(1 + coherent) * var_bound / M,
+        cov=covariance_of(np.array([one.variance for one in found]), rho),
+        cov_bound=(1 + coherent) * covariance_of(scale, rho),
         dof=dof,
-        grid_factor=np.add.reduce(by_hypothesis * factors),
-        even=even,
-        detected=detected,
+        grid_factor=np.add.reduce([one.grid_factor for one in found]) / n_y,
+        cov_even=covariance_of(even, rho_even),
+        detected=np.array([one.detected for one in found]),
     )
 
 
-def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual) -> np.ndarray:
-    """(F,) expected variance of one realisation's FRF by its detection lines alone, noise included."""
-    return from_detection_lines(excited, residual, None)[-1]
+def row_of(j: int, excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate, fit: LocalFit | None) -> Row:
+    """The data of output j."""
+    rough = dof_rough = None
+    if fit is not None:
+        n = fit.variance[:, j, :, 0].size
+        rough = np.add.reduce(fit.variance[:, j] / frm.gamma_of_set, axis=(0, 1)) / n
+        dof_rough = np.add.reduce(fit.dof[:, j], axis=(0, 1))
+    return Row(
+        power=mean_power(residual.Y[j]),
+        Y=excited.Y[j],
+        gain=residual.gain[j],
+        noise=residual.noise_known(j),
+        uneven=residual.uneven[j],
+        rough=rough,
+        dof_rough=dof_rough,
+        scatter=frm.cov_scatter[j, j].real,
+    )
+
+
+def row_variance(source: str, excited: Spectra, row: Row, frm: FrmEstimate, M: int, nu: int) -> RowVariance:
+    """The mixture of an output, of M independent experiments and a scatter of nu complex degrees of freedom."""
+    F = excited.lines.size
+    ones, detected = np.ones(F), np.full(F, np.nan)
+    log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
+    if source == "detection":
+        log_level, dof, log_weight, factors, detected = from_detection_lines(excited, row, frm.level_scale, M)
+    elif row.rough is not None and row.dof_rough is not None:
+        log_level, dof = from_roughness(excited.where, row.rough, row.dof_rough, log_gamma)
+        log_weight, factors = np.zeros(log_level.shape), ones[None]
+    else:
+        return RowVariance(
+            variance=row.scatter,
+            var_bound=row.scatter,
+            dof=np.full(F, float(nu)),
+            grid_factor=ones,
+            detected=detected,
+            smooth=0 * ones,
+        )
+    n_as_distortion = len(log_level) - len(factors)
+    if nu:
+        log_level, dof, log_weight = update_by_scatter(log_level, dof, log_weight, len(factors), row.scatter, nu)
+    weight, level = normalized(log_weight), np.exp(log_level)
+    var_bound, dof = match_scaled_f(level, dof, weight)
+    by_hypothesis = np.add.reduce(weight.reshape(-1, len(factors), F))
+    return RowVariance(
+        variance=row.scatter if nu else np.add.reduce(weight * level),
+        var_bound=var_bound,
+        dof=dof,
+        grid_factor=np.add.reduce(by_hypothesis * factors),
+        detected=detected,
+        smooth=np.add.reduce(weight[:n_as_distortion]) if source == "detection" else ones,
+    )
+
+
+def variance_from_detection_lines(excited: Spectra, residual: NonlinearResidual, frm: FrmEstimate) -> np.ndarray:
+    """(F,) expected variance of the first output's residual by its detection lines alone, noise included."""
+    row = row_of(0, excited, residual, frm, None)
+    return from_detection_lines(excited, row, frm.level_scale, excited.U.shape[1])[-1]
+
+
+# ---- What outputs have in common.
+
+
+def covariance_of(variance: np.ndarray, rho: np.ndarray | float) -> np.ndarray:
+    """(n, n, F) covariance of variances (n, F) under a correlation (n, n, F)."""
+    if len(variance) == 1:
+        return variance[None]
+    size = np.sqrt(variance)
+    return np.asarray(size[:, None] * size * rho)
+
+
+def correlation(
+    source: str,
+    where: Places,
+    residual: NonlinearResidual,
+    frm: FrmEstimate,
+    fit: LocalFit | None,
+    found: list[RowVariance],
+    M: int,
+    nu: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Correlation (n_y, n_y, F) of the outputs, and the complex degrees of freedom (F,) behind it."""
+    parts: list[tuple[np.ndarray, np.ndarray | float]] = []
+    if source == "detection":
+        near = where.near_detection[:, 0]
+        parts.append((correlation_on_lines(near, residual), float(M * len(near))))
+    if fit is not None and fit.rest is not None:
+        smooth = np.add.reduce([one.smooth for one in found]) / len(found)
+        parts.append((correlation_of_roughness(fit.rest, frm), smooth * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
+    if nu:
+        parts.append((to_correlation(frm.cov_scatter)[0], float(nu)))
+    total = np.add.reduce([np.zeros(where.excited.size) + n for _, n in parts])
+    return np.asarray(np.add.reduce([rho * n for rho, n in parts]) / total), total
+
+
+def correlation_on_lines(near: np.ndarray, residual: NonlinearResidual) -> np.ndarray:
+    """(n_y, n_y, F) correlation of the residuals on windows of lines (n, F), each line over its gain."""
+    x = residual.Y.take(near, axis=-1) / np.sqrt(residual.gain.take(near, axis=-1) + TINY)[:, None]
+    return to_correlation(sum_of_squares(x))[0]
+
+
+def correlation_of_roughness(rest: np.ndarray, frm: FrmEstimate) -> np.ndarray:
+    """(n_y, n_y, F) correlation of what local fits leave, e N^-1 e^H with N the correlation of the inputs in gamma."""
+    inverted = inverse(to_correlation(frm.gamma_each)[0])
+    weighted = np.einsum("rjifn,rilf->rjlfn", rest, inverted)
+    return to_correlation(np.einsum("rjlfn,rklfn->jkf", weighted, rest.conj()))[0]
+
+
+def common_dof(found: list[RowVariance], count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Degrees of freedom (F,) of all rows, and their scales (n_y, F), which keep the 95 % quantile of each.
+
+    What a calibration is uncertain by is one factor for all outputs. It widens the law of the matrix as it widens that
+    of an entry, and less than as many degrees of freedom less would.
+    """
+    n_y = len(found)
+    own = n_y / np.add.reduce([1 / one.dof for one in found])
+    dof = own + COMMON_ERROR * np.maximum(count - own, 0.0)
+    return dof, np.array([one.var_bound * f_quantile(one.dof, TAILS[0]) for one in found]) / f_quantile(dof, TAILS[0])
 
 
 def normalized(log_weight: np.ndarray) -> np.ndarray:
@@ -202,43 +371,40 @@ def normalized(log_weight: np.ndarray) -> np.ndarray:
 
 
 def from_detection_lines(
-    excited: Spectra, residual: NonlinearResidual, fit: LocalFit | None
+    excited: Spectra, row: Row, level_scale: np.ndarray | float, M: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Log level, degrees of freedom and log weight (C, F) of every component; c (H, F); and the expected variance (F,).
 
     Components are the hypotheses, with the roughness as distortion and then as a bend of G.
     """
-    where, M = excited.where, len(excited.U)
+    where = excited.where
     windows = windows_of(where, M)
-    before, relative, factors, prior = hypotheses(excited, residual.uneven)
+    before, relative, factors, prior = hypotheses(excited, row)
     near, here = where.near_detection[:, 0], where.excited
-    gain = residual.gain.take(near) / residual.gain.take(here)
+    gain = row.gain.take(near) / row.gain.take(here)
     shape = np.where(before[:, None, None], gain, 1.0) * relative
     # expected |Y_S|^2 on the excited lines but for a constant: how a roughness window spreads
-    spread = np.where(before[:, None], residual.gain.take(here), 1.0) * np.ones(factors.shape)
-    power = mean_power(residual.Y).take(near) + TINY
-    noise = residual.noise_known()
-    if noise is None:
+    spread = np.where(before[:, None], row.gain.take(here), 1.0) * np.ones(factors.shape)
+    power = row.power.take(near) + TINY
+    if row.noise is None:
         shape /= factors[:, None]
     else:
-        total = expected_total(power, noise.take(near), shape, factors, noise.take(here))
-        shape, spread = total
-    square = excited.amplitude**2
-    log_level, slope, likelihood = fit_log_level(power / (shape * square), np.log(shape), windows, M)
+        shape, spread = expected_total(power, row.noise.take(near), shape, factors, row.noise.take(here))
+    log_level, slope, likelihood = fit_log_level(power * level_scale / shape, np.log(shape), windows, M)
     evidence = mean_around(likelihood, EVIDENCE_LINES) * windows.n_distinct + prior[:, None]
     zeros = np.zeros(log_level.shape)
     detected = np.asarray(np.add.reduce(normalized(evidence) * np.exp(log_level)))
-    if fit is None:
+    if row.rough is None or row.dof_rough is None:
         return log_level, windows.dof + zeros, evidence, factors, detected
     # the roughness, as a datum of nu complex degrees of freedom at x_rough
-    x, nu = windows.x_rough, np.add.reduce(fit.dof)
+    x, nu = windows.x_rough, row.dof_rough
     var_level, cov_slope, var_slope = windows.covariance
-    rough = np.add.reduce(fit.variance) / M + TINY
-    spread = spread / square
+    rough = row.rough + TINY
+    spread = spread / excited.amplitude**2
     window = np.maximum(
         np.add.reduce(spread.take(where.near_excited.T, axis=1), axis=1) / len(where.near_excited.T), TINY
     )
-    over = np.clip(window / np.maximum(spread, TINY), 1.0, COARSEST_SHAPE)
+    over = clipped(window / np.maximum(spread, TINY), 1.0, COARSEST_SHAPE)
     ratio = np.log(rough / over) - log_level - slope * x
     var_here, cov_here = var_level + 2 * x * cov_slope + x * x * var_slope, var_level + x * cov_slope
     as_distortion = log_density_of_ratio(ratio, nu, 1 / var_here)
@@ -258,23 +424,27 @@ def from_detection_lines(
     )
 
 
-def hypotheses(excited: Spectra, uneven: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def hypotheses(excited: Spectra, row: Row) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Whether each of H hypotheses is before the dynamics; its c on the windows (H, n, F) and here (H, F); log priors.
 
     c is over its mean on the window. Where |G| is even over the band, places and drives are one.
     """
-    where = excited.where
-    of_input = flat_counts(where) if is_flat(excited.amplitude) else cubic_counts(excited.amplitude, where, LARGEST)
-    laws = [of_input]
-    if uneven:
-        laws.append(cubic_counts(rms(excited.Y), where, HARMONIC))
+    laws = [counts_of_inputs(excited)]
+    if row.uneven:
+        laws.append(cubic_counts(rms(row.Y), excited.where, HARMONIC))
     n_laws = len(laws) + 1
-    relative, factors = np.ones((n_laws, *of_input[0].shape)), np.ones((n_laws, excited.lines.size))
+    relative, factors = np.ones((n_laws, *laws[0][0].shape)), np.ones((n_laws, excited.lines.size))
     for i, (on_window, here) in enumerate(laws):
         relative[i], factors[i] = on_window, here
-    if not uneven:
+    if not row.uneven:
         return ~BEFORE[:n_laws], relative, factors, EVEN_PRIOR
     return BEFORE, np.concatenate([relative, relative]), np.concatenate([factors, factors]), NO_PRIOR
+
+
+def counts_of_inputs(excited: Spectra) -> tuple[np.ndarray, np.ndarray]:
+    """`cubic_counts` of the inputs: of their rms spectrum, as their cubes and products have its ratios in a band."""
+    amplitude = excited.amplitude
+    return flat_counts(excited.where) if is_flat(amplitude) else cubic_counts(amplitude, excited.where, LARGEST)
 
 
 BEFORE = np.array([True, True, True, False, False, False])
@@ -350,28 +520,36 @@ def fit_log_level(
     rest = y / mean[:, None]
     for step in range(STEPS):
         if step:
-            rest = y * np.exp(-(level[:, None] + slope[:, None] * x))
+            rest = slope[:, None] * x
+            rest += level[:, None]
+            np.exp(np.negative(rest, out=rest), out=rest)
+            rest *= y
         rest -= 1
         sum_rest = np.add.reduce(rest, axis=1)
         by_level = (M - common * n) * sum_rest
         by_slope = M * np.add.reduce(rest * x, axis=1) - common * x_sum * sum_rest - slope
         # steps of at most 1.5: a single line far above the others would throw the first one
-        level += np.clip((two * by_level - cross * by_slope) / determinant, -1.5, 1.5)
-        slope += np.clip((one * by_slope - cross * by_level) / determinant, -1.5, 1.5)
-    expected = level[:, None] + slope[:, None] * x
-    relative = np.add.reduce(y * np.exp(-expected), axis=1)
-    likelihood = -M * (np.add.reduce(log_shape + expected, axis=1) + relative)
+        level += clipped((two * by_level - cross * by_slope) / determinant, -1.5, 1.5)
+        slope += clipped((one * by_slope - cross * by_level) / determinant, -1.5, 1.5)
+    expected = slope[:, None] * x
+    expected += level[:, None]
+    log_shape += expected
+    np.exp(np.negative(expected, out=expected), out=expected)
+    relative = np.add.reduce(np.multiply(y, expected, out=expected), axis=1)
+    likelihood = -M * (np.add.reduce(log_shape, axis=1) + relative)
     return level, slope, likelihood - slope * slope / 2 + common / 2 * (relative - n) ** 2
 
 
-def from_roughness(where: Places, fit: LocalFit) -> tuple[np.ndarray, np.ndarray]:
-    """Log level and its degrees of freedom (1, F) from the roughness alone.
+def from_roughness(
+    where: Places, rough: np.ndarray, nu: np.ndarray, log_gamma: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Log level and its degrees of freedom (1, F) from the roughness (F,) alone, of nu degrees of freedom.
 
+    It is the level of G, gamma times that of the residual, whose slope is small.
     At the ends of the band windows lie to one side of their lines: the slope over three windows side by side, with its
     prior, takes the level there.
     """
-    M = len(fit.variance)
-    rough, nu = np.add.reduce(fit.variance) / M + TINY, np.add.reduce(fit.dof).astype(float)
+    rough = rough + TINY
     if rough.size < FEW:  # one window, or two that overlap, tell no slope
         return np.log(rough)[None], nu[None]
     x, F = rough_positions(where), rough.size
@@ -379,7 +557,7 @@ def from_roughness(where: Places, fit: LocalFit) -> tuple[np.ndarray, np.ndarray
     k = np.arange(F)
     three = np.clip(k + width * np.array([[-1], [0], [1]]), 0, F - 1)
     at = x[1].take(three) - x[1] + x[0].take(three)  # positions of their centres from this line
-    logs = np.log(rough).take(three)
+    logs = (np.log(rough) + log_gamma).take(three)
     centre, mean = np.add.reduce(at) / 3, np.add.reduce(logs) / 3
     precision = nu * np.add.reduce((at - centre) ** 2) + 1.0
     slope = nu * np.add.reduce((at - centre) * (logs - mean)) / precision
@@ -433,16 +611,21 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
     """
     scale = dof * np.maximum(level, TINY)
     x = np.log(np.add.reduce(weight * scale * np.expm1(-TAILS[0] / dof)))
-    quantiles = np.empty((2, x.size))
-    for into, tail, steps in zip(quantiles, TAILS, STEPS_OF_TAILS, strict=True):
+    quantiles = []
+    for tail, steps, further in zip(TAILS, STEPS_OF_TAILS, (0.0, FURTHER_TAIL), strict=True):
+        x = x + further
         for _ in range(steps):
             over = np.exp(x) / scale
-            survival = weight * np.exp(-dof * np.log1p(over))
+            survival = np.exp(-dof * np.log1p(over))
+            survival *= weight
             total = np.add.reduce(survival)
-            rate = np.add.reduce(survival * dof * over / (1 + over)) / total
-            x = x + np.clip((np.log(total) - tail) / np.maximum(rate, 1e-3), -2.0, 2.0)
-        into[:] = x
-        x = x + np.log(f_quantile(6.0, TAILS[1]) / f_quantile(6.0, TAILS[0]))
+            survival *= dof
+            survival *= over
+            over += 1
+            survival /= over
+            rate = np.add.reduce(survival) / total
+            x = x + clipped((np.log(total) - tail) / np.maximum(rate, 1e-3), -2.0, 2.0)
+        quantiles.append(x)
     ratios, dofs = ratio_of_quantiles()
     matched = np.exp(np.interp(quantiles[0] - quantiles[1], ratios, dofs))
     return np.exp(quantiles[0]) / f_quantile(matched, TAILS[0]), matched
@@ -451,6 +634,10 @@ def match_scaled_f(level: np.ndarray, dof: np.ndarray, weight: np.ndarray) -> tu
 def f_quantile(dof: np.ndarray | float, tail: float) -> np.ndarray:
     """Quantile of F(2, 2 dof) at the log of one less its probability."""
     return np.asarray(dof * np.expm1(-tail / np.asarray(dof)))
+
+
+#: Log of the quantile at the second tail over that at the first, of six degrees of freedom: where the search starts.
+FURTHER_TAIL = float(np.log(f_quantile(6.0, TAILS[1]) / f_quantile(6.0, TAILS[0])))
 
 
 @lru_cache(maxsize=1)
@@ -473,12 +660,16 @@ def log_density_of_ratio(log_ratio: np.ndarray, nu: np.ndarray | float, dof: np.
 
 def log_beta(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Log of the beta function, by Stirling's series two above each argument: within 1e-5."""
+    x = np.empty((3, *np.broadcast_shapes(a.shape, b.shape)))
+    x[0], x[1], x[2] = a, b, a + b
+    up = x + 2
+    log_gamma = (up - 0.5) * np.log(up) - up + 1 / (12 * up) - 1 / (360 * up * up * up) - np.log(x * (x + 1))
+    return np.asarray(log_gamma[0] + log_gamma[1] - log_gamma[2] + 0.5 * math.log(2 * math.pi))
 
-    def log_gamma(x: np.ndarray) -> np.ndarray:
-        up = x + 2
-        return np.asarray((up - 0.5) * np.log(up) - up + 1 / (12 * up) - 1 / (360 * up**3) - np.log(x * (x + 1)))
 
-    return np.asarray(log_gamma(a) + log_gamma(b) - log_gamma(a + b) + 0.5 * math.log(2 * math.pi))
+def clipped(x: np.ndarray, least: float, most: float) -> np.ndarray:
+    """`numpy.clip`, without what it checks."""
+    return np.minimum(np.maximum(x, least), most)
 
 
 @lru_cache(maxsize=KEPT)
@@ -541,38 +732,44 @@ def mean_around(x: np.ndarray, n: int) -> np.ndarray:
     sums = np.zeros((*x.shape[:-1], size + 1))
     np.add.accumulate(x, axis=-1, out=sums[..., 1:])
     means = (sums[..., n:] - sums[..., :-n]) / n
-    return means.take(np.arange(-(n // 2), size - n // 2), axis=-1, mode="clip")
+    return means.take(centred_windows(size, n), axis=-1)
 
 
-def even_variance(excited: Spectra, residual: NonlinearResidual) -> np.ndarray:
-    """(F,) what the even lines show, as a variance of one realisation's FRF; nan without them.
+@lru_cache(maxsize=KEPT)
+def centred_windows(size: int, n: int) -> np.ndarray:
+    """(size,) which window of n neighbours is nearest to being centred on each entry."""
+    return np.clip(np.arange(size) - n // 2, 0, size - n)
+
+
+def even_variance(where: Places, row: Row) -> np.ndarray:
+    """(F,) what the even lines show, as a variance of the residual on the excited lines; nan without them.
 
     It counts as before the dynamics, with no factor.
     """
-    where = excited.where
     if not where.even.size:
-        return np.full(excited.lines.size, np.nan)
+        return np.full(where.excited.size, np.nan)
     near, here = where.near_even[:, 0], where.excited
-    power = mean_power(residual.Y).take(near)
-    shape = (residual.gain.take(near) / residual.gain.take(here))[None]
-    noise = residual.noise_known()
-    if noise is not None:
-        shape = expected_total(power + TINY, noise.take(near), shape, np.ones((1, here.size)), noise.take(here))[0]
-    return np.asarray(np.add.reduce(power / shape[0]) / len(near) / excited.amplitude**2)
+    power = row.power.take(near)
+    shape = (row.gain.take(near) / row.gain.take(here))[None]
+    if row.noise is not None:
+        ones = np.ones((1, here.size))
+        shape = expected_total(power + TINY, row.noise.take(near), shape, ones, row.noise.take(here))[0]
+    return np.asarray(np.add.reduce(power / shape[0]) / len(near))
 
 
-def smooth_frf(frf: Frf, excited: Spectra, is_source: bool) -> tuple[np.ndarray, LocalFit | None]:
-    """(F,) an FRF to take the linear part off with; and the fit of each realisation where its roughness counts."""
-    if not is_source and (excited.lines.size < LEAST or len(excited.U) >= ENOUGH):
-        return frf.G, None
-    fit = fit_each(frf, excited)
+def smooth_frm(frm: FrmEstimate, excited: Spectra, is_source: bool) -> tuple[np.ndarray, LocalFit | None]:
+    """(n_y, n_u, F) a matrix to take the linear part off with; and the fit of each set where its roughness counts."""
+    if not is_source and (excited.lines.size < LEAST or len(frm.each) >= ENOUGH):
+        return frm.G, None
+    fit = fit_each(frm, excited)
     return np.add.reduce(fit.G) / len(fit.G), fit
 
 
-def fit_each(frf: Frf, excited: Spectra) -> LocalFit:
-    """Each realisation's FRF, fitted over the excited lines: what remains is its roughness."""
-    known = np.isfinite(frf.noise).all()
-    return fit_locally(frf.each, np.abs(excited.U), excited.where, frf.noise if known else None)
+def fit_each(frm: FrmEstimate, excited: Spectra) -> LocalFit:
+    """The matrix of each set, fitted over the excited lines: what remains is its roughness."""
+    gamma = diagonal(frm.gamma_each)[:, None]
+    noise = frm.noise_each[:, :, None] * gamma if np.isfinite(frm.noise_each).all() else None
+    return fit_locally(frm.each, 1 / np.sqrt(gamma), excited.where, noise)
 
 
 def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection: int) -> str:
@@ -586,7 +783,7 @@ def choose_source(level_from: str, excited: Spectra, grid: LineGrid, n_detection
         return level_from
     if calibrates(excited, grid, n_detection):
         return "detection"
-    if excited.U.shape[0] >= ENOUGH:
+    if excited.U.shape[1] // excited.per_set >= ENOUGH:
         return "realizations"
     data_warning(why_roughness(grid, n_detection))
     return "roughness"

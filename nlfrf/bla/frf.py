@@ -1,4 +1,4 @@
-"""The FRF averaged over realisations, with its variance by noise and in total, and whether it is one at all.
+"""The frequency response matrix over all sets, with its covariance by noise and in total, and whether it is one.
 
 A smooth FRF turns its phase by the same angle over neighbouring steps between lines that are equally long, whatever its
 delay. That of an output over the input of another realisation turns at random.
@@ -6,31 +6,38 @@ delay. That of an output over the input of another realisation turns at random.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, power, squared_modulus
-from nlfrf._base.values import value
 from nlfrf.bla.calibration import FEW
-from nlfrf.bla.localfit import apart_from_neighbours
+from nlfrf.bla.covariance import adjoint, diagonal, inverse, product, sum_of_squares
+from nlfrf.bla.local_models import LocalFit, leave_one_out_residual
 from nlfrf.bla.neighbours import Places
 from nlfrf.bla.realizations import equal_steps
-from nlfrf.bla.spectra import Spectra
+from nlfrf.bla.spectra import Spectra, residual_scatter
 
 __all__ = [
+    "MIXED",
     "ROUNDING",
-    "Frf",
-    "average_frf",
+    "SHARE",
+    "FrmEstimate",
+    "estimate_frm",
     "refuse_another_reference",
-    "refuse_mispaired",
-    "residual_variance",
-    "warn_of_jumps",
-    "warn_of_lines_apart",
+    "refuse_unrelated_output",
+    "warn_of_outlier_lines",
+    "warn_of_rough_frf",
 ]
 
 
 #: Roughness over the level and over |G|^2 past which u and y do not belong together, where most lines have it.
 JUMPING, SHARE = 2.5, 0.03
+#: The same of an output of several experiments: where those of others were taken it is 0.3 and more; a sound matrix
+#: that bends within a few lines has up to 0.3, and one experiment that differs from the others is told before.
+MIXED = 0.2
 SPARE = 2  # lines more than the half: few lines are rough by chance
 FEWEST = 4  # pairs of equal steps that can tell phases apart
 #: Power over that of chance from which a line stands out: over the level, and over the scatter of the lines around it,
@@ -45,66 +52,111 @@ HIDDEN = 0.5  # of |G|^2 that one realisation adds at least where its phases are
 NOISY = 0.1  # noise over |G|^2 from which it may be the noise that does not follow
 
 
-@value(copy=False)
-class Frf:
-    """Averaged FRF on some lines.
+class FrmEstimate(NamedTuple):
+    """The frequency response matrix on the excited lines; that of one input and one output is 1 x 1.
+
+    With W = Z^H (U Z^H)^-1 for instruments Z a residual V = Y - G U of the experiments moves G by dG = V W. So
+    Cov(vec G) = conj(gamma) kron C_V with gamma = W^H W and C_V the covariance of ONE experiment's residual, noise on
+    the inputs and feedback included.
 
     Fields
     ------
-    each : (M, F) complex ndarray
-        Y / U of each realisation.
-    noise : (M, F) ndarray
-        Variance of each by noise, to first order; nan for one period.
-    G : (F,) complex ndarray
-        Their average: the mean, or the ratio of averages where a reference was given.
-    var_noise : (F,) ndarray
-        Variance of G by noise; nan for one period.
-    var_total : (F,) ndarray
-        Variance of G by noise and distortion, from the scatter over realisations; nan for M = 1.
+    G : (n_y, n_u, F) complex ndarray
+        The matrix: the mean over sets, or the least squares over all of them where a reference was given.
+    each : (R, n_y, n_u, F) complex ndarray
+        That of each set, Y U^-1.
+    gamma : (n_u, n_u, F) ndarray
+        What the covariance of one experiment's residual is multiplied by.
+    gamma_each : (R, n_u, n_u, F) ndarray
+        That of each set.
+    noise_each : (R, n_y, F) ndarray
+        Variance of the residual of each set's experiments by noise; nan for one period.
+    cov_noise : (n_y, n_y, F) ndarray
+        Covariance of one experiment's residual by noise; nan for one period.
+    cov_scatter : (n_y, n_y, F) ndarray
+        The same by everything, from the scatter over sets; nan for one set.
+    gamma_of_set : (n_u, F) ndarray
+        R times gamma, its diagonal.
+    level_scale : (F,) ndarray or float
+        Covariance, as `gamma` takes it, over the mean power of residuals: below one where inputs differ from set to
+        set, as a set of small inputs has more of its share in gamma.
     """
 
-    each: np.ndarray
-    noise: np.ndarray
     G: np.ndarray
-    var_noise: np.ndarray
-    var_total: np.ndarray
+    each: np.ndarray
+    gamma: np.ndarray
+    gamma_each: np.ndarray
+    noise_each: np.ndarray
+    cov_noise: np.ndarray
+    cov_scatter: np.ndarray
+    gamma_of_set: np.ndarray
+    level_scale: np.ndarray | float = 1.0
 
 
-def average_frf(spectra: Spectra) -> Frf:
-    """FRF on the lines of the spectra; see Pintelon & Schoukens, 4.3.1.
+def estimate_frm(excited: Spectra) -> FrmEstimate:
+    """The matrix over all sets, its gamma, and the covariances that the experiments themselves tell.
 
-    With a reference the spectra are turned by its phase and averaged before they are divided: noise on the input
-    then leaves no bias, in open and in closed loop.
+    With references the instruments are these, each over its size: noise on the inputs then leaves no bias, in open and
+    in closed loop. Without, sets are averaged, not fitted at once: noise on the inputs would meet the distortion in a
+    common residual and be under-read (Pintelon & Schoukens, 2.7, 3.7 and 4.3.1).
     """
-    n = spectra.U.shape[0]
-    each = spectra.Y / spectra.U
-    noise = residual_variance(each, spectra) / spectra.power_U
-    if spectra.R is None:
-        G = np.add.reduce(each, axis=0) / n
-        var_noise = np.add.reduce(noise) / n**2
-        var_total = np.add.reduce(squared_modulus(each - G)) / (n * (n - 1)) if n > 1 else np.full(G.shape, np.nan)
-        return Frf(each=each, noise=noise, G=G, var_noise=var_noise, var_total=var_total)
-    turn = spectra.R.conj() / np.abs(spectra.R)
-    U, Y = (spectra.U * turn).mean(axis=0), (spectra.Y * turn).mean(axis=0)
-    G = Y / U
-    # E|dY - G dU|^2 / |U|^2, by noise and over realisations
-    var_noise = np.add.reduce(residual_variance(G, spectra)) / n**2 / squared_modulus(U)
-    var_total = np.full(G.shape, np.nan)
-    if n > 1:
-        deviation = (spectra.Y - G * spectra.U) * turn
-        var_total = np.add.reduce(squared_modulus(deviation)) / (n * (n - 1)) / squared_modulus(U)
-    return Frf(each=each, noise=noise, G=G, var_noise=var_noise, var_total=var_total)
+    n_u, n_y = len(excited.U), len(excited.Y)
+    U, Y = in_sets(excited.U, n_u), in_sets(excited.Y, n_u)
+    R = len(U)
+    W = inverse(U)
+    each, gamma_each = product(Y, W), product(adjoint(W), W)
+    scatter, share = residual_scatter(each, excited), None
+    noise_each = (
+        np.add.reduce(squared_modulus(scatter.reshape(n_y, R, -1, scatter.shape[-1])), axis=2).swapaxes(0, 1) / n_u
+    )
+    if excited.R is None:
+        G = np.add.reduce(each) / R
+        gamma = np.add.reduce(gamma_each) / R**2
+        of_set = R * diagonal(gamma)
+        V = product(each - G, U)
+        if R > 1:  # the error of a set of small inputs is as large a part of that of G as its gamma is
+            share = np.add.reduce(np.sqrt(diagonal(gamma_each) / of_set), axis=1)[:, None] / n_u
+    else:
+        Z = in_sets(excited.R, n_u)
+        Z = adjoint(Z / np.sqrt(np.add.reduce(squared_modulus(Z), axis=2, keepdims=True) / n_u))
+        inverted = inverse(np.add.reduce(product(U, Z)))
+        G = product(np.add.reduce(product(Y, Z)), inverted)
+        W = product(Z, inverted)
+        gamma = np.add.reduce(product(adjoint(W), W))
+        of_set = R * diagonal(gamma)
+        V = Y - product(G, U)
+        scatter = residual_scatter(G, excited)
+    cov_noise = cov_scatter = np.full((n_y, n_y, G.shape[-1]), np.nan)
+    if excited.dY.shape[2]:
+        by_set = scatter.reshape(n_y, R, -1, scatter.shape[-1])
+        cov_noise = sum_of_squares(by_set if share is None else by_set * share) / (R * n_u)
+    else:
+        noise_each = np.full(noise_each.shape, np.nan)
+    scale: np.ndarray | float = 1.0
+    if R > 1:
+        V = np.swapaxes(V, 0, 1)
+        cov_scatter = sum_of_squares(V if share is None else V * share) / (n_u * (R - 1))
+        power_U = diagonal(inverse(np.add.reduce(product(U, adjoint(U))) / R))
+        scale = np.add.reduce(power_U / of_set) / n_u
+    return FrmEstimate(
+        G=G,
+        each=each,
+        gamma=gamma,
+        gamma_each=gamma_each,
+        noise_each=noise_each,
+        cov_noise=cov_noise,
+        cov_scatter=cov_scatter,
+        gamma_of_set=of_set,
+        level_scale=scale,
+    )
 
 
-def residual_variance(G: np.ndarray, spectra: Spectra) -> np.ndarray:
-    """(M, K) variance of Y - G U by noise, E|dY - G dU|^2."""
-    if not spectra.var_U.any():  # an input that repeats exactly
-        return spectra.var_Y
-    variance = spectra.var_Y + squared_modulus(G) * spectra.var_U - 2 * (G.conj() * spectra.cov_YU).real
-    return np.maximum(variance, 0.0)
+def in_sets(X: np.ndarray, n_u: int) -> np.ndarray:
+    """(R, n, n_u, F) channels x experiments of each set, from (n, R n_u, F)."""
+    return X.reshape(len(X), -1, n_u, X.shape[-1]).swapaxes(0, 1)
 
 
-def warn_of_jumps(
+def warn_of_rough_frf(
     rough: np.ndarray, level: np.ndarray, size: np.ndarray, what: str = "G", share: float = SHARE
 ) -> bool:
     """Warn where an FRF jumps from line to line by more than its distortion can make it.
@@ -130,13 +182,13 @@ def warn_of_jumps(
     return bool(strange)
 
 
-def warn_of_lines_apart(
+def warn_of_outlier_lines(
     G: np.ndarray,
     fitted: np.ndarray,
     level: np.ndarray,
     where: Places,
     f: np.ndarray,
-    gamma: np.ndarray | float = 1.0,
+    gamma: np.ndarray,
     what: str = "G",
 ) -> np.ndarray:
     """Warn of single lines that neither distortion nor noise can bring so far from their neighbours.
@@ -164,12 +216,12 @@ def warn_of_lines_apart(
     (F,) ndarray
         Power by which such lines stand apart, over gamma; zeros elsewhere.
     """
-    if f.size < FEW or not (np.mean(squared_modulus(G - fitted) / gamma, axis=0) > SUSPECT * level).any():
+    if f.size < FEW or not (np.add.reduce(squared_modulus(G - fitted) / gamma) > SUSPECT * len(G) * level).any():
         return np.zeros(f.size)
-    apart, scatter, spread = apart_from_neighbours(G, where)
+    apart, scatter, spread = leave_one_out_residual(G, where)
     by_chance = spread * np.maximum(ABOVE_SCATTER * np.mean(scatter / gamma, axis=0), ABOVE_LEVEL * level)
-    power_apart = np.mean(squared_modulus(apart) / gamma, axis=0)
-    told = np.where(power_apart > by_chance, power_apart, 0.0)
+    power_beyond = np.mean(squared_modulus(apart) / gamma, axis=0)
+    told = np.where(power_beyond > by_chance, power_beyond, 0.0)
     out = np.flatnonzero(told)
     if not out.size:
         return told
@@ -186,18 +238,20 @@ def warn_of_lines_apart(
     return told
 
 
-def refuse_mispaired(frf: Frf, excited: Spectra, rough: np.ndarray | None) -> bool:
+def refuse_unrelated_output(frm: FrmEstimate, excited: Spectra, fit: LocalFit | None, outputs: Sequence[str]) -> bool:
     """Refuse outputs that follow the input of another realisation, or turned round; warn of one that follows none.
 
     Their distortion and scatter would be those of random phases, and without detection lines nothing else tells.
 
     Parameters
     ----------
-    frf : Frf
+    frm : FrmEstimate
     excited : Spectra
-        On the excited lines.
-    rough : (F,) ndarray or None
-        Variance of the FRF of one realisation about its neighbours, where it is known.
+        On the excited lines, of one input.
+    fit : LocalFit or None
+        Of each realisation, where it is known.
+    outputs : sequence of str
+        What the outputs are called.
 
     Returns
     -------
@@ -209,22 +263,28 @@ def refuse_mispaired(frf: Frf, excited: Spectra, rough: np.ndarray | None) -> bo
     ValueError
         An output that follows the input of another realisation, not its own, or that has another sign than the others.
     """
-    n = len(frf.each)
-    spread = rough if n == 1 else n * (n - 1) * frf.var_total
-    if spread is not None and np.add.reduce(spread) <= HIDDEN * power(frf.G):
-        return False  # one that follows another input would scatter by more
-    noise = frf.noise / np.maximum(squared_modulus(frf.each), TINY)
-    return is_strange("y", excited.Y, "u", excited.U, noise, equal_steps(excited.where))
+    n, steps, strange = len(frm.each), equal_steps(excited.where), False
+    gamma = frm.gamma_of_set[0]
+    for j, (name, each) in enumerate(zip(outputs, frm.each[:, :, 0].swapaxes(0, 1), strict=True)):
+        spread = (n - 1) * frm.cov_scatter[j, j].real * gamma if n > 1 else None
+        if n == 1 and fit is not None:
+            spread = fit.variance[0, j, 0]
+        if spread is not None and np.add.reduce(spread) <= HIDDEN * power(frm.G[j, 0]):
+            continue  # one that follows another input would scatter by more
+        noise = frm.noise_each[:, j] * frm.gamma_each[:, 0, 0].real / np.maximum(squared_modulus(each), TINY)
+        strange |= is_unrelated(name, excited.Y[j], "u", excited.U[0], noise, steps)
+    return strange
 
 
 def refuse_another_reference(excited: Spectra) -> None:
-    """The same of an input that follows the reference of another realisation, or none."""
-    if excited.R is not None:
-        noise = excited.var_U / np.maximum(excited.power_U, TINY)
-        is_strange("u", excited.U, "r", excited.R, noise, equal_steps(excited.where))
+    """The same of an only input that follows the reference of another realisation, or none."""
+    if excited.R is not None and len(excited.U) == 1:
+        scatter = np.add.reduce(squared_modulus(excited.dU[0]), axis=1)
+        noise = (scatter if excited.dU.shape[2] else np.nan) / np.maximum(excited.power_U[0], TINY)
+        is_unrelated("u", excited.U[0], "r", excited.R[0], noise, equal_steps(excited.where))
 
 
-def is_strange(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray) -> bool:
+def is_unrelated(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.ndarray, steps: np.ndarray) -> bool:
     """Whether an answer Y (M, F) was warned of that follows no cause U; refused where it is that of another.
 
     `noise` (M, F) is what Y / U has over its size squared, nan where it is not known.
@@ -236,7 +296,7 @@ def is_strange(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.
     each = unit(Y) * unit(U).conj()
     alone = np.add.reduce(second_steps(each, steps).real, axis=1) < UNRELATED * chance * n_steps
     if not alone.any():
-        refuse_turned(answer, each)
+        refuse_sign_flip(answer, each)
         return False
     common = (second_steps(unit(Y), steps) @ second_steps(unit(U), steps).conj().T).real / n_steps
     sure = beyond_chance(n * n) * chance
@@ -259,7 +319,7 @@ def is_strange(answer: str, Y: np.ndarray, cause: str, U: np.ndarray, noise: np.
     return told
 
 
-def refuse_turned(answer: str, each: np.ndarray) -> None:
+def refuse_sign_flip(answer: str, each: np.ndarray) -> None:
     """Refuse phases (M, F) of another sign than those of the other realisations."""
     n, n_lines = each.shape
     agree = np.add.reduce((each * np.add.reduce(each).conj()).real, axis=1) - n_lines  # with the others

@@ -1,41 +1,116 @@
-"""`identify`: from a periodic record to the best linear approximation with its variances.
+"""`identify`: from a periodic record of any number of channels to its best linear approximation.
 
 One realisation: the *fast* method, which reads the distortion on lines that were not excited. Several: the *robust*
-method, which reads it from the scatter between realisations (Pintelon & Schoukens, 4.3).
+method, which reads it from the scatter between realisations (Pintelon & Schoukens, 4.3). With several inputs a
+realisation is a set of experiments, from which one matrix is made. Arrays are (n_y, n_u, F) and (n, M, K) throughout.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast, overload
 
 import numpy as np
 
-from nlfrf._base.arguments import short_form
+from nlfrf._base.arguments import data_warning, require_choice, require_integer, short_form
 from nlfrf._base.numbers import power, squared_modulus
-from nlfrf.bla.bla import Bla, DistortionLevels
-from nlfrf.bla.calibration import read_peaks
-from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frf
+from nlfrf.bla.bla import COVARIANCES, Bla, DistortionLevels
+from nlfrf.bla.channel_mismatch import warn_of_mismatch
+from nlfrf.bla.conditions import check_experiments, independent_experiments, warn_of_loud
+from nlfrf.bla.covariance import psd_difference
+from nlfrf.bla.distortion import DistortionVariance, choose_source, estimate_distortion_variance, smooth_frm
 from nlfrf.bla.frf import (
+    MIXED,
     ROUNDING,
-    Frf,
-    average_frf,
+    SHARE,
+    FrmEstimate,
+    estimate_frm,
     refuse_another_reference,
-    refuse_mispaired,
-    warn_of_jumps,
-    warn_of_lines_apart,
+    refuse_unrelated_output,
+    warn_of_outlier_lines,
+    warn_of_rough_frf,
 )
-from nlfrf.bla.neighbours import place_lines
-from nlfrf.bla.realizations import check_realizations
+from nlfrf.bla.local_models import LocalFit
+from nlfrf.bla.neighbours import WIDTH, place_lines
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
-from nlfrf.bla.spectra import Spectra, dft, period_spectra
+from nlfrf.bla.spectra import TREATMENTS, Spectra, channel_dft, period_spectra
+from nlfrf.bla.zippered import spread_between, zippered_frm
 from nlfrf.records.record import Record
 
-__all__ = ["identify_single"]
+__all__ = ["identify"]
 
 
-def identify_single(record: Any, transient: str, level_from: str, n_detection: int) -> Bla | list[Bla]:
-    """`identify` for a record of one input and one output, or a list of them, whose outputs share the input."""
+@overload
+def identify(record: Record, *, transient: str = ..., level_from: str = ..., n_detection: int = ...) -> Bla: ...
+
+
+@overload
+def identify(
+    record: Sequence[Record], *, transient: str = ..., level_from: str = ..., n_detection: int = ...
+) -> list[Bla]: ...
+
+
+def identify(
+    record: Record | Sequence[Record],
+    *,
+    transient: str = "auto",
+    level_from: str = "auto",
+    n_detection: int = 6,
+) -> Bla | list[Bla]:
+    """Best linear approximation, noise and distortion of a system from one periodic record.
+
+    Parameters
+    ----------
+    record : Record, or a list of them
+        Inputs and outputs; one realisation is enough, of several inputs one set of as many experiments as inputs. Two
+        periods separate noise from distortion. A list: several outputs of one experiment, which share the analysis of
+        the input.
+    transient : str
+        "none": the record is taken as steady. "discard": the first period is left out. "local": the transient is
+        fitted between the harmonics and taken off, at excited and at detection lines. "auto": nothing where the
+        periods agree but for noise, discard where that leaves periods that agree, else local.
+    level_from : str
+        "detection": from the odd lines that were not excited. "roughness": from the roughness of the FRF over the
+        excited lines. "auto": detection lines where the grid lets them be calibrated (special-odd, random-odd and
+        some custom grids), else roughness, with a warning.
+    n_detection : int
+        Odd detection lines averaged for one level.
+
+    Returns
+    -------
+    Bla, or a list of them for a list of records
+
+    Raises
+    ------
+    ValueError
+        Lines that carry no input, realisations whose input spectra do not belong together, experiments that do not tell
+        the inputs apart, no detection lines where they were asked for, too few lines for any level.
+
+    Warns
+    -----
+    DataWarning
+        The grid has no detection lines that can be calibrated, and the level comes from the roughness. Of several
+        inputs: phases that are copies of each other, inputs that are nearly dependent, one experiment much noisier
+        than the others, or with a channel of another gain or delay, one period only.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.7, 3.7 and 4.3.
+
+    Examples
+    --------
+    A static cubic: the BLA on these six lines of amplitude 1 is 8.25, but one realisation scatters about it.
+
+    >>> from nlfrf.signals.multisine import multisine
+    >>> ms = multisine(fs=128, n_samples=128, f_min=1, f_max=19, rms=3**0.5, n_realizations=200, rng=1)
+    >>> u = ms.u[:, None, :]
+    >>> bla = identify(Record(u=u, y=u**3, fs=128, lines=ms.lines))
+    >>> float(np.abs(bla.G - 8.25).max()) < float(bla.bound(0.999).max())
+    True
+    """
+    require_choice("transient", transient, TREATMENTS)
+    require_choice("level_from", level_from, ("auto", "detection", "roughness"))
+    n_detection = require_integer("n_detection", n_detection, least=3)
     if isinstance(record, Record):
         return identify_one(record, None, transient, level_from, n_detection)
     if not isinstance(record, Sequence) or not all(isinstance(one, Record) for one in record):
@@ -47,95 +122,151 @@ def identify_single(record: Any, transient: str, level_from: str, n_detection: i
     for one in record:
         U = next((U for other, U in known if other.u is one.u and other.lines is one.lines), None)
         if U is None:
-            U = dft(one.u, place_lines(one.lines, n_detection).lines)
+            U = channel_dft(one.u, place_lines(one.lines, n_detection).lines)
             known.append((one, U))
         blas.append(identify_one(one, U, transient, level_from, n_detection))
     return blas
 
 
 def identify_one(record: Record, U: np.ndarray | None, transient: str, level_from: str, n_detection: int) -> Bla:
-    """`identify` for one record, with the spectra of its input where they are known."""
+    """`identify` for one record, with the spectra of its inputs where they are known."""
     spectra, treatment = period_spectra(record, place_lines(record.lines, n_detection), transient, U)
-    n_periods = record.n_periods - (treatment == "discard")
-    spectra, excited, n_periods, low = check_realizations(spectra, record, n_periods)
+    spectra, excited, peaks = check_experiments(record, spectra)
     refuse_another_reference(excited)
-    frf = average_frf(excited)
+    zippered = excited.is_zippered
+    frm, between = zippered_frm(excited) if zippered else (estimate_frm(excited), None)
+    if spectra.n_periods < 2 and not record.is_single:
+        data_warning("one period does not tell noise from distortion: noise counts as distortion; record two")
     source = choose_source(level_from, excited, record.lines, n_detection)
-    smooth, fit = smooth_frf(frf, excited, source == "roughness")
-    strange = refuse_mispaired(frf, excited, None if fit is None else fit.variance[0])
-    residual = nonlinear_residual(spectra, frf.G, smooth)
-    typical, coherent = read_peaks(excited.U, excited.lines, low)
+    if zippered and source == "roughness":
+        raise ValueError(
+            "lines must hold detection lines that calibrate for a zippered record, as random-odd has them, got a "
+            f"{record.lines.kind} grid: between its own lines a column is fitted, and says nothing of its roughness"
+        )
+    smooth, fit = smooth_frm(frm, excited, source == "roughness")
+    names = ("y",) if record.is_single else record.outputs
+    mispaired = record.n_inputs == 1 and refuse_unrelated_output(frm, excited, fit, names)
+    residual = nonlinear_residual(spectra, excited, frm.G, smooth)
     # chosen phases leave more of the distortion to one gain on all lines, and that is not rough
-    rough = None if low and source == "detection" else fit
-    distortion = estimate_distortion_variance(source, excited, residual, frf, rough, coherent)
-    if source == "detection" and fit is not None and not strange:
-        n, level = len(excited.U), distortion.detected
-        warn_of_jumps(np.add.reduce(fit.variance) / n**2, level / n, squared_modulus(frf.G))
-        if n == 1:
-            rounding = ROUNDING**2 * power(spectra.Y[0]) / excited.power_U[0]
-            f = record.lines.excited * record.f0
-            apart = warn_of_lines_apart(frf.each, fit.G, level + rounding, excited.where, f)
-            distortion = distortion.at_least(apart)
-    return assemble_bla(record, treatment, n_periods, source, excited, frf, residual, distortion, typical)
+    rough = None if zippered or (peaks.low and source == "detection") else fit
+    distortion = estimate_distortion_variance(
+        source, excited, residual, frm, rough, peaks.coherent, independent_experiments(excited)
+    )
+    if source == "detection" and not mispaired:
+        distortion = with_outlier_lines(record, excited, frm, fit, residual, distortion)
+    if not record.is_single:
+        warn_of_loud(excited, distortion.cov)
+    gamma, cov_bound = frm.gamma, distortion.cov_bound
+    if between is not None:
+        gamma, cov_bound = spread_between(between, gamma, cov_bound, len(frm.each))
+    return assemble_bla(record, treatment, source, excited, frm, residual, distortion, peaks.typical, gamma, cov_bound)
+
+
+def with_outlier_lines(
+    record: Record,
+    excited: Spectra,
+    frm: FrmEstimate,
+    fit: LocalFit | None,
+    residual: NonlinearResidual,
+    distortion: DistortionVariance,
+) -> DistortionVariance:
+    """The level, with what single lines of one set stand out by.
+
+    Warns of a channel that differs in one experiment, or where there is none of an output of other experiments.
+    """
+    R, F, zippered = len(frm.each), excited.lines.size, excited.is_zippered
+    if not record.is_single:
+        if F <= 2 * WIDTH:  # of fewer a bend looks like anything
+            return distortion
+        own = 1.0 if fit is None else 1 - float(np.mean(fit.dof)) / WIDTH  # of a line in its own fit
+        # zippered: what experiments differ by does not jump
+        left = 1.0 if zippered else 1 - own * record.n_inputs / excited.U.shape[1]
+        if left > 0 and warn_of_mismatch(record, excited, residual, distortion.detected, left):
+            return distortion
+    if fit is None or zippered:
+        return distortion
+    gamma, power_beyond = frm.gamma_of_set, np.zeros((record.n_outputs, F))
+    rough = np.add.reduce(fit.variance / gamma, axis=(0, 2)) / (R * len(gamma))  # (n_y, F)
+    size = np.add.reduce(squared_modulus(frm.G) / gamma, axis=1) / len(gamma)
+    labels = ("G",) if record.is_single else [f"G of {name}" for name in record.outputs]
+    share = SHARE if record.is_single else MIXED
+    for j, what in enumerate(labels):
+        if warn_of_rough_frf(rough[j] / R, distortion.detected[j] / R, size[j], what, share) and not record.is_single:
+            return distortion
+    if R > 1:
+        return distortion
+    for j, what in enumerate(labels):
+        level = distortion.detected[j] + ROUNDING**2 * power(excited.Y[j]).max()
+        f = record.lines.excited * record.f0
+        power_beyond[j] = warn_of_outlier_lines(frm.each[0, j], fit.G[0, j], level, excited.where, f, gamma, what)
+    return distortion.at_least(power_beyond)
 
 
 def assemble_bla(
     record: Record,
     treatment: str,
-    n_periods: int,
     source: str,
     excited: Spectra,
-    frf: Frf,
+    frm: FrmEstimate,
     residual: NonlinearResidual,
     distortion: DistortionVariance,
     typical: float,
+    gamma: np.ndarray,
+    cov_bound: np.ndarray,
 ) -> Bla:
-    """The `Bla` of what was found."""
-    grid, n = record.lines, excited.U.shape[0]
-    var_total = distortion.variance if n == 1 else frf.var_total
-    if n > 1 and source != "realizations":
-        source = f"realizations and {source}"
+    """The `Bla` of what was found; of one input and one output gamma is one, and covariances are variances of G."""
+    grid, R = record.lines, len(frm.each)
+    total = distortion.cov if R == 1 else frm.cov_scatter
+    # without periods to tell them apart, noise counts as distortion
+    cov_distortion = psd_difference(total, frm.cov_noise) if excited.dY.shape[2] else total
+    covariances = [frm.cov_noise, total, cov_distortion, distortion.cov_even, cov_bound]
+    if record.is_single:
+        covariances, gamma = [cov * gamma.real for cov in covariances], np.ones(gamma.shape)
+    levels = output_levels(record, excited, residual)
     return Bla(
         lines=grid,
         fs=record.fs,
         n_samples=record.n_samples,
         f=grid.excited * record.f0,
-        n_realizations=n,
-        n_periods=n_periods,
-        G=frf.G,
+        n_realizations=R,
+        n_experiments=excited.U.shape[1],
+        n_periods=excited.n_periods,
+        G=frm.G,
         grid=grid.kind,
+        design="zippered" if excited.is_zippered else "orthogonal",
         transient=treatment,
-        level_source=source,
-        var_noise=frf.var_noise,
-        var_total=var_total,
-        # without periods to tell them apart, noise counts as distortion
-        var_distortion=n * np.maximum(var_total - np.where(np.isnan(frf.var_noise), 0.0, frf.var_noise), 0.0),
-        var_even=distortion.even,
+        level_source=source if R == 1 or source == "realizations" else f"realizations and {source}",
+        gamma=gamma,
+        **cast(Any, dict(zip(COVARIANCES, covariances, strict=True))),
         dof=distortion.dof,
-        grid_factor=distortion.grid_factor if n == 1 else np.ones(grid.excited.size),
-        levels=output_levels(record, excited, residual),
-        var_bound=distortion.var_bound,
+        grid_factor=distortion.grid_factor if R == 1 else np.ones(grid.excited.size),
+        levels=levels,
         typical=typical,
         hold=record.hold,
-        u_name=record.u_name,
-        y_name=record.y_name,
-        u_unit=record.u_unit,
-        y_unit=record.y_unit,
+        inputs=record.inputs,
+        outputs=record.outputs,
+        input_units=record.input_units,
+        output_units=record.output_units,
     )
 
 
-def output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> DistortionLevels:
-    """What the output holds on each kind of line."""
-    grid, where = record.lines, excited.where
+def output_levels(record: Record, excited: Spectra, residual: NonlinearResidual) -> tuple[DistortionLevels, ...]:
+    """What every output holds on each kind of line."""
+    grid, where, f0 = record.lines, excited.where, record.f0
     noise = np.sqrt(residual.noise)
-    return DistortionLevels(
-        f_excited=grid.excited * record.f0,
-        f_odd=grid.odd * record.f0,
-        f_even=grid.even * record.f0,
-        excited=excited.Y,
-        odd=residual.Y.take(where.odd, axis=1),
-        even=residual.Y.take(where.even, axis=1),
-        noise_excited=np.sqrt(np.add.reduce(excited.var_Y) / len(excited.var_Y)),
-        noise_odd=noise.take(where.odd),
-        noise_even=noise.take(where.even),
+    n = excited.dY.shape[1] if excited.dY.shape[2] else np.nan
+    noise_excited = np.sqrt(np.add.reduce(squared_modulus(excited.dY), axis=(1, 2)) / n)
+    return tuple(
+        DistortionLevels(
+            f_excited=grid.excited * f0,
+            f_odd=grid.odd * f0,
+            f_even=grid.even * f0,
+            excited=Y,
+            odd=rest.take(where.odd, axis=1),
+            even=rest.take(where.even, axis=1),
+            noise_excited=of_output,
+            noise_odd=of_rest.take(where.odd),
+            noise_even=of_rest.take(where.even),
+        )
+        for Y, rest, of_output, of_rest in zip(excited.Y, residual.Y, noise_excited, noise, strict=True)
     )

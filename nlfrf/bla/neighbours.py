@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf._base.values import value
 from nlfrf.signals.lines import LineGrid
 
-__all__ = ["KEPT", "Places", "place_lines"]
+__all__ = ["KEPT", "WIDTH", "Places", "nearest_lines", "place_lines"]
 
 
 KEPT = 16  # grids that are remembered: those of one experiment, and of the next

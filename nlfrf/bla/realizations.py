@@ -7,6 +7,7 @@ change with a delay, nor with a constant phase, so that the same phases are foun
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -14,23 +15,13 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.arguments import data_warning
-from nlfrf._base.numbers import fast_length, power, rms, squared_modulus
-from nlfrf.bla.neighbours import KEPT, Places
+from nlfrf._base.numbers import fast_length, power, squared_modulus
+from nlfrf.bla.neighbours import KEPT, Places, place_lines
 from nlfrf.bla.spectra import Spectra
-from nlfrf.records.excited_lines import check_lines
-from nlfrf.records.record import Record
-from nlfrf.signals.crest import expected_peaks, have_low_crest, is_improbable
-from nlfrf.signals.lines import chance_correlation
+from nlfrf.signals.crest import expected_peaks, is_improbable
+from nlfrf.signals.lines import LineGrid, chance_correlation
 
-__all__ = [
-    "ALIKE",
-    "aligned",
-    "check_realizations",
-    "equal_steps",
-    "group_by_phases",
-    "refuse_strangers",
-    "warn_of_low_peaks",
-]
+__all__ = ["equal_steps", "group_by_phases", "join_repeats", "refuse_unequal_spectra", "warn_of_low_peaks"]
 
 
 N_PARTS = 8  # of the band, over which the input power of realisations is compared
@@ -38,75 +29,11 @@ STRANGE = 2.0  # how far it may be apart [dB] in realisations that belong togeth
 SIGMAS = 5.0  # how many times its scatter it may be apart
 BY_CHANCE = 1e-9  # probability with which independent phases may pass for the same ones, in a whole experiment
 ALIKE = 0.5  # share of its power that a noisy input has in common with another one of the same phases, at least
-LOST, MANY = 4.0, 0.1  # power over that of its noise below which an input is lost, and the share of lines that may be
+SILENT = 1e-3  # of the largest amplitude of an input of a zippered record: lines below it are not its own
 FEWEST = 4  # lines that can tell phases apart
 FEWEST_SUMMED = 6  # lines whose sum has peaks as of a normal distribution
 PLENTY = 30  # pairs of equal steps that tell the same phases whatever the delay: none has to be tried as it is
 MOST = 100  # realisations against which all others are held; a set of files that is played again is no larger
-
-
-def check_realizations(spectra: Spectra, record: Record, n_periods: int) -> tuple[Spectra, Spectra, int, bool]:
-    """Realisations that can be averaged: with input on the lines said, of one excitation, each with its own phases.
-
-    Parameters
-    ----------
-    spectra : Spectra
-    record : Record
-        Of which they are: what was played, the reference where there is one, tells by its peaks of phases that were
-        chosen.
-    n_periods : int
-        Periods behind the spectra.
-
-    Returns
-    -------
-    The spectra, with realisations that repeat another one as periods of it, the same on the excited lines alone, the
-    periods behind each, and whether peaks are lower than usual.
-
-    Warns
-    -----
-    DataWarning
-        Realisations with the phases of another one; a reference whose lines the input does not have; peaks that are
-        lower than random phases have them.
-    """
-    excited = spectra.on_excited()
-    played = record.u if record.r is None else record.r
-    amplitude = excited.amplitude if excited.R is None else rms(excited.R)
-    check_lines(played, excited.lines, amplitude * amplitude)
-    refuse_unexcited(excited)
-    n = excited.U.shape[0]
-    distinct: Any = slice(None)
-    if n > 1:
-        refuse_strangers(excited.power_U if excited.R is None else squared_modulus(excited.R))
-        spectra, groups = join_repeats(spectra, n_periods, excited)
-        if len(groups) < n:
-            warn_of_repeats(groups, n)
-            distinct, n_periods = [group[0] for group in groups], n_periods * n // len(groups)
-    if excited.R is not None:
-        warn_of_lost_input(excited, excited.R)
-    peaks = warn_of_low_peaks(played[distinct, 0], amplitude, excited.lines)
-    excited = excited if isinstance(distinct, slice) else spectra.on_excited()
-    return spectra, excited, n_periods, have_low_crest(peaks)
-
-
-def warn_of_lost_input(excited: Spectra, R: np.ndarray) -> None:
-    """Warn of lines of a reference R on which the input, over all realisations, is no more than its noise."""
-    U = np.add.reduce(excited.U * (R.conj() / np.abs(R)))
-    lost = np.count_nonzero(squared_modulus(U) < LOST * np.add.reduce(np.broadcast_to(excited.var_U, excited.U.shape)))
-    if lost > MANY * U.size:
-        data_warning(
-            f"u is not above its noise on {lost} of the {U.size} lines of r: is r what was played in this record? Off "
-            "the excitation G is one piece of noise over another"
-        )
-
-
-def warn_of_repeats(groups: list[list[int]], n: int) -> None:
-    """Warn of realisations that were joined, by their numbers."""
-    told = "; ".join(", ".join(map(str, group)) for group in groups[:4] if len(group) > 1)
-    data_warning(
-        f"u holds realisations with the same phases ({told}): they repeat one another, so their distortion does not "
-        f"average out. They were taken as periods of one realisation, which leaves M = {len(groups)} of {n}; "
-        f"play others, as of multisine(n_realizations={n})"
-    )
 
 
 def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, name: str = "u") -> np.ndarray:
@@ -134,22 +61,91 @@ def warn_of_low_peaks(u: np.ndarray, amplitude: np.ndarray, lines: np.ndarray, n
     return peaks
 
 
-def join_repeats(spectra: Spectra, n_periods: int, excited: Spectra) -> tuple[Spectra, list[list[int]]]:
-    """Realisations of the same phases as periods of one, and which were joined.
+def join_repeats(spectra: Spectra, excited: Spectra, kind: str, first_number: int) -> tuple[Spectra, list[int]]:
+    """The spectra with experiments that repeat one another as periods of one, and the first of each; a warning.
 
-    A group is set to the trigger of its first member; noise is what its members and their periods differ by.
+    Two experiments repeat one another where all inputs of the one are those of the other behind one delay: experiments
+    of an orthogonal set may have the same phases but for a constant in each input, and are no repeats. A group is set
+    to the trigger of its first member; noise is what its members and their periods differ by. Where no whole sets would
+    be left all stay as they are.
     """
-    known = excited.U if excited.R is None else excited.R
-    groups = group_by_phases(known, excited.where)
-    if len(groups) == len(known):
-        return spectra, groups
-    parts = [join(spectra, group, known, n_periods) for group in groups]
-    joined: dict[str, Any] = {name: np.stack([part[name] for part in parts]) for name in parts[0]}
-    for name in ("var_U", "var_Y", "cov_YU"):  # one period alone tells no noise: it has that of the others
-        each = joined[name] * (n_periods * np.array([len(group) for group in groups]))[:, None]
-        one = np.isnan(each.real).all(axis=1)
-        joined[name][one] = each[~one].mean(axis=0) / n_periods
-    return replace(spectra, **joined), groups
+    n = excited.U.shape[1]
+    groups = find_repeats(excited) if excited.per_set < n else []
+    if not 0 < len(groups) < n or len(groups) % excited.per_set:
+        return spectra, list(range(n))
+    told = "; ".join(", ".join(str(m + first_number) for m in group) for group, _ in groups[:4] if len(group) > 1)
+    data_warning(
+        f"u holds {kind}s with the same phases ({told}): they repeat one another, so their distortion does not "
+        f"average out. They were taken as periods of one {kind}, which leaves M = {len(groups)} of {n}; "
+        f"play others, as of multisine(n_realizations={n // excited.per_set})"
+    )
+    P, D = spectra.n_periods, max(spectra.dU.shape[2], spectra.dY.shape[2])
+    scatters: list[list[np.ndarray]] = []
+    parts: list[list[np.ndarray]] = []
+    for group, delays in groups:
+        g, turn = len(group), np.exp(2j * np.pi * np.multiply.outer(delays, spectra.lines))
+        turned = [x[:, group] * turn for x in (spectra.U, spectra.Y, spectra.known)]
+        parts.append([x.mean(axis=1) for x in turned])
+        scatters.append([])
+        for x, mean, dx in zip(turned, parts[-1], (spectra.dU, spectra.dY), strict=False):
+            # two estimates of the covariance of the mean, weighted by their degrees of freedom g (P - 1) and g - 1
+            within = np.broadcast_to(dx[:, group], (len(x), g, D if dx.shape[2] else 0, turn.shape[1]))
+            within = (within * turn[:, None]).reshape(len(x), -1, turn.shape[1]) * np.sqrt((P - 1) / g)
+            both = np.concatenate([within, (x - mean[:, None]) / np.sqrt(g)], axis=1)
+            scatters[-1].append(both / np.sqrt(max(g * P - 1, 1)))
+    sizes = [len(group) for group, _ in groups]
+    if P == 1:  # one period alone tells no noise: it has that of the others
+        told_by = [m for m, g in enumerate(sizes) if g > 1]
+        for m in (m for m, g in enumerate(sizes) if g == 1):
+            scatters[m] = [
+                np.concatenate([scatters[t][k] * np.sqrt(sizes[t] / len(told_by)) for t in told_by], axis=1)
+                for k in (0, 1)
+            ]
+    U, Y, R = (np.stack(x, axis=1) for x in zip(*parts, strict=True))
+    dU, dY = (of_one_length(x) for x in zip(*scatters, strict=True))
+    periods = P * n // len(groups)
+    joined = replace(spectra, U=U, Y=Y, R=None if spectra.R is None else R, dU=dU, dY=dY, n_periods=periods)
+    return joined, [group[0] for group, _ in groups]
+
+
+def of_one_length(scatters: Sequence[np.ndarray]) -> np.ndarray:
+    """(n, M, D, K) of scatters (n, D, K), with those of fewer columns filled up by zeros, which say nothing."""
+    most = max(one.shape[1] for one in scatters)
+    return np.stack([np.pad(one, ((0, 0), (0, most - one.shape[1]), (0, 0))) for one in scatters], axis=1)
+
+
+def find_repeats(excited: Spectra) -> list[tuple[list[int], list[float]]]:
+    """Experiments that repeat one another, by their numbers, and their delays behind the first of each [periods]."""
+    known, lines, M = excited.known, excited.lines, excited.U.shape[1]
+    labels = np.zeros((len(known), M), dtype=int)
+    for of_input, U in zip(labels, known, strict=True):
+        where = excited.where
+        if excited.is_zippered:
+            size = np.abs(U).max(axis=0)
+            own = size > SILENT * size.max()
+            if np.count_nonzero(own) <= FEWEST:
+                return [([m], [0.0]) for m in range(M)]
+            U, where = U[:, own], place_lines(LineGrid(excited=lines[own]))
+        for number, group in enumerate(group_by_phases(U, where)):
+            of_input[group] = number
+    alike: dict[tuple[int, ...], list[tuple[list[int], list[float]]]] = {}
+    for m, label in enumerate(map(tuple, labels.T.tolist())):
+        for members, delays in alike.setdefault(label, []):
+            products = in_common_of(known[:, m], known[:, members[0]])  # of inputs of one size
+            delay, _ = estimate_delay(np.add.reduce(products) / len(products), lines)
+            turned = (products * np.exp(-2j * np.pi * lines * delay)).real.sum(axis=1)
+            if np.all(turned > ALIKE):
+                members.append(m)
+                delays.append(delay)
+                break
+        else:
+            alike[label].append(([m], [0.0]))
+    return sorted(group for groups in alike.values() for group in groups)
+
+
+def in_common_of(U: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Products of spectra (..., F), line by line, over the size of both."""
+    return np.asarray(other * U.conj() / np.sqrt(power(U) * power(other))[..., None])
 
 
 def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
@@ -176,9 +172,14 @@ def group_by_phases(U: np.ndarray, where: Places) -> list[list[int]]:
     if np.count_nonzero(same) <= min(n, MOST):  # each with itself
         return [[m] for m in range(n)]
     groups: list[list[int]] = []
+    lines = where.lines[where.excited]
     for m in range(n):
         for group in groups:
-            if group[0] < MOST and same[m, group[0]] and aligned(U[m], U[group[0]], where)[1] > ALIKE:
+            if (
+                group[0] < MOST
+                and same[m, group[0]]
+                and estimate_delay(in_common_of(U[m], U[group[0]]), lines)[1] > ALIKE
+            ):
                 group.append(m)
                 break
         else:
@@ -197,7 +198,7 @@ def equal_steps(where: Places) -> np.ndarray:
 def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     """(M, m) bool: whether rows of x (M, n) agree with the first m more than chance has it, by their products squared.
 
-    Whether what they have in common is the whole of them is left to `aligned`.
+    Whether what they have in common is the whole of them is left to `estimate_delay`.
     """
     if x.shape[1] < FEWEST:
         return np.eye(*common.shape, dtype=bool)
@@ -215,12 +216,9 @@ def alike(x: np.ndarray, common: np.ndarray, n_delays: int) -> np.ndarray:
     return np.asarray(common > chance_correlation(chance, n) * whole)
 
 
-def aligned(U: np.ndarray, other: np.ndarray, where: Places) -> tuple[float, float]:
-    """The delay of U (F,) behind one of the same phases [periods], and the share of its power then in common."""
-    lines = where.lines[where.excited]
-    product = other * U.conj()
-    whole = np.sqrt(power(U) * power(other))
-    at_once = float(product.sum().real / whole)
+def estimate_delay(product: np.ndarray, lines: np.ndarray) -> tuple[float, float]:
+    """The delay behind a signal of the same phases [periods], and the share in common then, by `in_common_of` (F,)."""
+    at_once = float(product.sum().real)
     fine = fast_length(8 * int(lines[-1]))
     spectrum = np.zeros(fine, dtype=complex)
     spectrum[lines] = product
@@ -229,55 +227,12 @@ def aligned(U: np.ndarray, other: np.ndarray, where: Places) -> tuple[float, flo
         now = product * np.exp(-2j * np.pi * lines * delay)
         slope, curvature = np.sum(lines * now.imag), np.sum(lines**2 * now.real)
         delay += slope / (2 * np.pi * max(curvature, 1e-300))
-    shared = float(np.sum(product * np.exp(-2j * np.pi * lines * delay)).real / whole)
+    shared = float(np.sum(product * np.exp(-2j * np.pi * lines * delay)).real)
     # a delay that explains nothing more is noise
     return (0.0, at_once) if 1 - at_once < 2 * (1 - shared) + 1e-9 else (delay, shared)
 
 
-def join(spectra: Spectra, group: list[int], known: np.ndarray, n_periods: int) -> dict[str, np.ndarray]:
-    """Means (K,) over the realisations of a group, and the variances of those means by noise."""
-    U, Y = spectra.U[group], spectra.Y[group]
-    R = None if spectra.R is None else spectra.R[group]
-    for i, m in enumerate(group[1:], 1):
-        delay, _ = aligned(known[m], known[group[0]], spectra.where)
-        if delay:
-            turn = np.exp(2j * np.pi * spectra.lines * delay)
-            U[i], Y[i] = U[i] * turn, Y[i] * turn
-            if R is not None:
-                R[i] = R[i] * turn
-    n = n_periods * len(group)
-    means = {"U": U.mean(axis=0), "Y": Y.mean(axis=0)}
-    if R is not None:
-        means["R"] = R.mean(axis=0)
-    dU, dY = U - means["U"], Y - means["Y"]
-    # sums of squares within the realisations, of n_periods each, and between them
-    within = n_periods * (n_periods - 1)
-    sums = {
-        name: np.nan_to_num(getattr(spectra, name)[group]).sum(axis=0) * within + n_periods * between.sum(axis=0)
-        for name, between in (
-            ("var_U", squared_modulus(dU)),
-            ("var_Y", squared_modulus(dY)),
-            ("cov_YU", dY * dU.conj()),
-        )
-    }
-    unknown = np.nan if n == 1 else 1.0
-    return means | {name: total * unknown / max(n * (n - 1), 1) for name, total in sums.items()}
-
-
-def refuse_unexcited(excited: Spectra) -> None:
-    """Refuse lines that carry no input, where G would be 0 / 0, or no reference, whose phase would be chance."""
-    for name, spectrum in (("input", excited.U), ("reference", excited.R)):
-        if spectrum is None:
-            continue
-        power = excited.power_U if spectrum is excited.U else squared_modulus(spectrum)
-        faintest = 1e-18 * power.max()
-        if power.min() <= faintest:
-            silent = (power <= faintest).any(axis=0)
-            k = int(excited.lines[np.argmax(silent)])
-            raise ValueError(f"lines must be excited by the {name}, got line {k} with no {name} on it")
-
-
-def refuse_strangers(known: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
+def refuse_unequal_spectra(known: np.ndarray, kind: str = "realisation", first_number: int = 0) -> None:
     """Refuse realisations of another amplitude spectrum, by their powers (M, F): their BLA is another one.
 
     A measured force scatters from line to line and from realisation to realisation where the shaker gives way, at a

@@ -7,10 +7,10 @@ import numpy as np
 from nlfrf._base.arguments import ratio_unit, require_choice, require_integer, require_kind
 from nlfrf._base.numbers import BLOCK_ENTRIES, EPS, TINY, fast_length, mean_power, power, rms, squared_modulus
 from nlfrf._base.values import value
+from nlfrf.bla.conditions import check_experiments
 from nlfrf.bla.distortion import fit_each, variance_from_detection_lines
-from nlfrf.bla.frf import average_frf
+from nlfrf.bla.frf import estimate_frm
 from nlfrf.bla.neighbours import place_lines
-from nlfrf.bla.realizations import check_realizations
 from nlfrf.bla.residual import NonlinearResidual, nonlinear_residual
 from nlfrf.bla.spectra import TREATMENTS, Spectra, period_spectra
 from nlfrf.records.record import Record
@@ -126,7 +126,7 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     Raises
     ------
     ValueError
-        As of `identify`; fewer than five excited lines.
+        As of `identify`; several inputs or outputs, fewer than five excited lines.
 
     References
     ----------
@@ -141,24 +141,29 @@ def second_opinion(record: Record, *, transient: str = "auto", n_detection: int 
     True
     """
     require_kind("record", record, Record)
+    if not record.is_single:
+        raise ValueError(
+            f"record must be of one input and one output, got {record.n_inputs} and {record.n_outputs}: of several "
+            "identify weighs detection lines and roughness itself"
+        )
     require_choice("transient", transient, TREATMENTS)
     n_detection = require_integer("n_detection", n_detection, least=3)
     grid = record.lines
     where = place_lines(grid, n_detection)
-    spectra, treatment = period_spectra(record, where, transient)
-    spectra, excited, *_ = check_realizations(spectra, record, record.n_periods - (treatment == "discard"))
-    frf = average_frf(excited)
-    fit = fit_each(frf, excited)
-    rough = fit.variance.mean(axis=0)
+    spectra, _ = period_spectra(record, where, transient)
+    spectra, excited, _ = check_experiments(record, spectra)
+    frm = estimate_frm(excited)
+    fit, gamma = fit_each(frm, excited), frm.gamma_of_set[0]
+    rough = fit.variance.mean(axis=0)[0, 0]
     detected, said = np.full(rough.size, np.nan), ""
     if grid.odd.size >= n_detection:
-        residual = nonlinear_residual(spectra, frf.G, fit.G.mean(axis=0))
-        detected = variance_from_detection_lines(excited, residual)
-        said = detect_nonlinearity(excited, residual).describe(residual.uneven, record.n_periods < 2)
+        residual = nonlinear_residual(spectra, excited, frm.G, fit.G.mean(axis=0))
+        detected = variance_from_detection_lines(excited, residual, frm) * gamma
+        said = detect_nonlinearity(excited, residual).describe(residual.uneven[0], record.n_periods < 2)
     window = where.near_excited
     # rounding is no disagreement, neither that of the FRF nor, where it is next to nothing, that of the output
-    rounding = EPS**2 * mean_power(spectra.Y).sum() / rms(excited.U) ** 2
-    floor = TINY + 1e-24 * rms(frf.each) ** 2 + rounding
+    rounding = EPS**2 * mean_power(spectra.Y[0]).sum() / rms(excited.U[0]) ** 2
+    floor = TINY + 1e-24 * rms(frm.each[:, 0, 0]) ** 2 + rounding
     difference = 10 * np.log10((rough + floor)[window].mean(axis=1) / (detected + floor)[window].mean(axis=1))
     return SecondOpinion(
         f=grid.excited * record.f0,
@@ -220,18 +225,18 @@ def detect_nonlinearity(excited: Spectra, residual: NonlinearResidual) -> Nonlin
     """
     where = excited.where
     U = excited.U[
-        : max(1, BLOCK_ENTRIES // (SAMPLES * int(where.lines[-1])))
+        0, : max(1, BLOCK_ENTRIES // (SAMPLES * int(where.lines[-1])))
     ]  # of long periods few realisations tell enough
-    Y = residual.Y[: len(U)].take(where.odd, axis=1)
+    Y = residual.Y[0, : len(U)].take(where.odd, axis=1)
     n = Y.size
     if where.odd.size < FEWEST or not Y.any():
         return UNKNOWN_ORDER
     candidates = np.empty((2, 2, 2, *Y.shape), dtype=complex)  # by G or behind it; input, output; cube, fifth power
-    G = residual.G
+    G = residual.G[0, 0]
     candidates[1] = powers_on(where.lines[where.odd], [U, G.take(where.excited) * U], excited.lines)
     np.multiply(G.take(where.odd), candidates[1], out=candidates[0])
     level = level_around(mean_power(Y))
-    noise = local_mean(np.nan_to_num(residual.noise.take(where.odd)), AROUND)
+    noise = local_mean(np.nan_to_num(residual.noise[0].take(where.odd)), AROUND)
     heard = np.maximum(1 - noise / level, 0.0)  # lines count by what is no noise on them
     share = float(heard.mean())
     if share < HEARD:

@@ -1,8 +1,7 @@
-"""Period means and their noise (co)variances on the lines of a record."""
+"""Spectra of every channel on the lines of a record, averaged over periods, and their scatter over periods."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +21,7 @@ from nlfrf.bla.neighbours import Places
 from nlfrf.records.record import Record
 from nlfrf.records.screening.output import N_POLYNOMIAL, WINDOW_LINES, is_transient
 
-__all__ = ["TREATMENTS", "Spectra", "dft", "find_treatment", "local_fit", "period_spectra"]
+__all__ = ["TREATMENTS", "Spectra", "channel_dft", "dft", "period_spectra", "residual_scatter"]
 
 
 # ---- The transient: whether it is there, and taking it off by local fits between the harmonics.
@@ -36,6 +35,7 @@ TREATMENTS = ("auto", "none", "discard", "local")  # of what has not died away w
 
 
 SIDE = 6  # lines on either side of a harmonic used for one fit
+BESIDE = 0.03  # amplitude beside that of the owner below which a line drives one input only
 EARNED = 0.25  # the denominator has to earn its place: fitted to nothing but noise it halves the residual
 
 
@@ -126,20 +126,21 @@ def offsets(n_periods: int) -> np.ndarray:
 
 @value(copy=False)
 class Spectra:
-    """Spectra 2/N rfft of input and output on chosen lines, averaged over periods.
+    """Spectra 2/N rfft of all channels on chosen lines, averaged over periods.
 
     Fields
     ------
     lines : (K,) int ndarray
         DFT lines, increasing.
-    U, Y : (M, K) complex ndarray
+    U, Y : (n_u, M, K), (n_y, M, K) complex ndarray
         Mean over periods, so that |U| is the amplitude of the cosine on that line.
-    R : (M, K) complex ndarray or None
-        The same of the reference.
-    var_U, var_Y : (M, K) ndarray
-        Variance of those means by noise; nan for one period.
-    cov_YU : (M, K) complex ndarray
-        Covariance E[Y U*] of those means by noise; nan for one period.
+    R : (n_u, M, K) complex ndarray or None
+        The same of the references.
+    dU, dY : (n_u, M, D, K), (n_y, M, D, K) complex ndarray
+        Scatter: its products, summed over D, are the covariance of the mean by noise. Of an input that repeats exactly
+        one of zero; D = 0 for one period.
+    n_periods : int
+        Periods behind the means.
     where : Places
         Where each kind of line stands among all lines of the grid, and its neighbours.
     """
@@ -148,34 +149,65 @@ class Spectra:
     U: np.ndarray
     Y: np.ndarray
     R: np.ndarray | None
-    var_U: np.ndarray
-    var_Y: np.ndarray
-    cov_YU: np.ndarray
+    dU: np.ndarray
+    dY: np.ndarray
+    n_periods: int
     where: Places
 
     @cached_property
+    def known(self) -> np.ndarray:
+        """(n_u, M, K) what was played, as well as it is known: the references, else the inputs."""
+        return self.U if self.R is None else self.R
+
+    @cached_property
     def power_U(self) -> np.ndarray:
-        """(M, K) |U|^2."""
+        """(n_u, M, K) |U|^2."""
         return squared_modulus(self.U)
 
     @cached_property
+    def mean_power_U(self) -> np.ndarray:
+        """(n_u, K) its mean over experiments."""
+        return np.asarray(np.add.reduce(self.power_U, axis=1) / self.U.shape[1])
+
+    @cached_property
     def amplitude(self) -> np.ndarray:
-        """(K,) rms of |U| over realisations."""
-        return np.sqrt(np.add.reduce(self.power_U) / len(self.power_U))
+        """(K,) rms over inputs and experiments of |U|, each input over its own size: they have different units."""
+        each = self.mean_power_U
+        if len(each) > 1:
+            each = each / each.sum(axis=1, keepdims=True)
+        return np.sqrt(np.add.reduce(each))
+
+    @cached_property
+    def is_zippered(self) -> bool:
+        """Whether each line drives one input only."""
+        if len(self.U) == 1:
+            return False
+        size = np.sqrt(np.mean(squared_modulus(self.known), axis=1))
+        size = np.sort(size / size.max(axis=1, keepdims=True), axis=0)
+        return bool(np.mean(size[-2] < BESIDE * size[-1]) > 0.95)
+
+    @cached_property
+    def per_set(self) -> int:
+        """Experiments that make one realisation of the matrix."""
+        return 1 if self.is_zippered else len(self.U)
 
     def on_excited(self) -> Spectra:
         """The spectra on the excited lines alone."""
         at = self.where.excited
-        return Spectra(
-            lines=self.lines[at],
-            U=self.U.take(at, axis=1),
-            Y=self.Y.take(at, axis=1),
-            R=None if self.R is None else self.R.take(at, axis=1),
-            var_U=self.var_U.take(at, axis=1),
-            var_Y=self.var_Y.take(at, axis=1),
-            cov_YU=self.cov_YU.take(at, axis=1),
-            where=self.where,
-        )
+        some = {name: getattr(self, name).take(at, axis=-1) for name in ("lines", "U", "Y", "dU", "dY")}
+        R = None if self.R is None else self.R.take(at, axis=-1)
+        return Spectra(**some, R=R, n_periods=self.n_periods, where=self.where)
+
+
+def residual_scatter(G: np.ndarray, spectra: Spectra) -> np.ndarray:
+    """(n_y, M, D, K) scatter dY - G dU of the residual by noise; G (n_y, n_u, K), or one a set (R, n_y, n_u, K)."""
+    dU, dY = spectra.dU, spectra.dY
+    if not dU.any():  # inputs that repeat exactly
+        return dY
+    G = G if G.ndim == 4 else G[None]
+    dU = dU.reshape(len(dU), len(G), -1, *dU.shape[2:])
+    linear = np.einsum("rjik,iredk->jredk", G, dU) if len(dU) > 1 else np.swapaxes(G, 0, 1)[:, :, :, None] * dU
+    return dY - linear.reshape(len(linear), *dY.shape[1:2], *dU.shape[3:])
 
 
 def period_spectra(
@@ -190,34 +222,63 @@ def period_spectra(
         Of the lines of its grid.
     transient : str
         "none" | "discard" (the first period) | "local" (fits between the harmonics) | "auto": none where the
-        periods agree but for noise, discard where that leaves periods that agree, else local.
-    U : (M, P or 1, K) complex ndarray, optional
-        Spectra of the input on those lines (`dft`), where they are known already.
+        periods of the outputs agree but for noise, discard where that leaves periods that agree, else local.
+    U : (n_u, M, P or 1, K) complex ndarray, optional
+        Spectra of the inputs on those lines (`channel_dft`), where they are known already.
 
     Raises
     ------
     ValueError
         One period only, where the transient is to be discarded or fitted.
     """
-    n_periods = record.n_periods
+    n_periods, lines = record.n_periods, where.lines
     if transient in ("discard", "local") and n_periods < 2:
         raise ValueError(f'transient="{transient}" must have at least 2 periods to work on, got {n_periods}')
-    lines = where.lines
-    U = dft(record.u, lines) if U is None else U
-    Y = dft(record.y, lines)
-    R = None if record.r is None else dft(record.r, lines)
+    U = channel_dft(record.u, lines) if U is None else U.copy()
+    Y = channel_dft(record.y, lines)
+    R = None if record.r is None else channel_dft(record.r, lines)
     if transient == "auto":
-        transient = find_treatment(Y, record.y, lines)
+        y = record.y.reshape(-1, *record.y.shape[-2:])
+        transient = find_treatment(Y.reshape(-1, *Y.shape[2:]), y, lines)
     if transient == "discard":
         U, Y, R = after_first(U), after_first(Y), None if R is None else after_first(R)
         n_periods -= 1
-    spectra = average_periods(where, U, Y, None if R is None else R.mean(axis=1), n_periods)
-    return (take_off_transient(record, spectra) if transient == "local" else spectra), transient
+    R = None if R is None else R.mean(axis=2)
+    (U, dU), (Y, dY) = (mean_and_scatter(X, n_periods) for X in (U, Y))
+    if transient == "local":
+        if dU.shape[2] > 1:
+            U, dU = take_off_transient(record.u, U, lines)
+        Y, dY = take_off_transient(record.y, Y, lines)
+    return Spectra(lines=lines, U=U, Y=Y, R=R, dU=dU, dY=dY, n_periods=n_periods, where=where), transient
 
 
-def after_first(x: np.ndarray) -> np.ndarray:
-    """Periods but the first; one that stands for all of them stays."""
-    return x[:, 1:] if x.shape[1] > 1 else x
+def after_first(X: np.ndarray) -> np.ndarray:
+    """Periods of X (n, M, P, K) but the first; one that stands for all of them stays."""
+    return X[:, :, 1:] if X.shape[2] > 1 else X
+
+
+def mean_and_scatter(X: np.ndarray, n_periods: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean over the periods of X (n, M, P or 1, K), which is overwritten, and the scatter of that mean."""
+    if X.shape[2] == 1:
+        mean = X[:, :, 0]
+        return mean, X[:, :, :0] if n_periods == 1 else np.zeros_like(X)
+    mean = np.add.reduce(X, axis=2) / n_periods
+    X -= mean[:, :, None]
+    X *= 1 / np.sqrt(n_periods * (n_periods - 1))
+    return mean, X
+
+
+def take_off_transient(x: np.ndarray, mean: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (n, M, K) less the transient of x at every line, and its scatter as read between the harmonics."""
+    T, residual, leverage = local_fit(x.reshape(-1, *x.shape[-2:]), lines)
+    scatter = np.swapaxes(residual * np.sqrt(1 + leverage)[..., None], 1, 2)
+    return mean - T.reshape(mean.shape), scatter.reshape(*mean.shape[:2], *scatter.shape[1:])
+
+
+def channel_dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """(n, M, P or 1, K) `dft` of every channel of x ((n,) M, P, N)."""
+    X = dft(x.reshape(-1, *x.shape[-2:]), lines)
+    return X.reshape(-1, x.shape[-3], *X.shape[1:])
 
 
 def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
@@ -240,39 +301,3 @@ def dft(x: np.ndarray, lines: np.ndarray) -> np.ndarray:
         part = transformed[..., lines[0] : lines[-1] + 1] if in_a_row else transformed.take(lines, axis=2)
         np.multiply(part.view(float), 2 / n_samples, out=spectra[m].view(float))
     return spectra
-
-
-def average_periods(where: Places, U: np.ndarray, Y: np.ndarray, R: np.ndarray | None, n_periods: int) -> Spectra:
-    """Means over the periods of U and Y (M, P or 1, K), and the sample (co)variances of those means."""
-    n_realizations, n_lines = Y.shape[0], Y.shape[2]
-    U_mean, Y_mean = (x[:, 0] if x.shape[1] == 1 else np.add.reduce(x, axis=1) / n_periods for x in (U, Y))
-    shape = (n_realizations, n_lines)
-    var_U, var_Y, cov_YU = np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=complex)
-    if n_periods == 1:
-        var_U[:], var_Y[:], cov_YU[:] = np.nan, np.nan, np.nan
-    else:
-        scale = 1 / (n_periods * (n_periods - 1))
-        for m in iterate_blocks(n_realizations, n_periods * n_lines):
-            dY = Y[m] - Y_mean[m, None]
-            var_Y[m] = scale * np.add.reduce(squared_modulus(dY), axis=1)
-            if U.shape[1] > 1:
-                dU = U[m] - U_mean[m, None]
-                var_U[m] = scale * np.add.reduce(squared_modulus(dU), axis=1)
-                cov_YU[m] = scale * np.add.reduce(dY * dU.conj(), axis=1)
-    return Spectra(lines=where.lines, U=U_mean, Y=Y_mean, R=R, var_U=var_U, var_Y=var_Y, cov_YU=cov_YU, where=where)
-
-
-def take_off_transient(record: Record, spectra: Spectra) -> Spectra:
-    """The same spectra with the transient taken off at every line, and the noise read between the harmonics."""
-    T_U, residual_U, leverage_U = local_fit(record.u, spectra.lines)
-    T_Y, residual_Y, leverage_Y = local_fit(record.y, spectra.lines)
-    cov_YU = np.sum(residual_Y * residual_U.conj(), axis=2)
-    return replace(
-        spectra,
-        U=spectra.U - T_U,
-        Y=spectra.Y - T_Y,
-        R=spectra.R,
-        var_U=(1 + leverage_U) * power(residual_U),
-        var_Y=(1 + leverage_Y) * power(residual_Y),
-        cov_YU=cov_YU * np.sqrt((1 + leverage_U) * (1 + leverage_Y)),
-    )

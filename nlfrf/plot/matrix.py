@@ -9,7 +9,7 @@ import numpy as np
 from nlfrf._base.arguments import require_kind
 from nlfrf._base.axes import axes_or_new, finish_axes, finish_matrix, gain_band, matrix_axes, phase_band, to_decibel
 from nlfrf.bla.bla import Bla
-from nlfrf.bla.mimo.gains import RelativeGains, SingularValues
+from nlfrf.bla.gains import RelativeGains, SingularValues
 from nlfrf.plot.look import COLOR, COLOR_CYCLE, OVER_100
 
 if TYPE_CHECKING:

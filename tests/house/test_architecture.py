@@ -36,7 +36,6 @@ ARROWS = {
 #: The modules that lie in the package itself are the part named ".".
 PARTS = {
     "nlfrf.records": {"screening": "", ".": "screening"},
-    "nlfrf.bla": {".": "", "mimo": "."},
     "nlfrf.rig": {"kernels": "", "laws": "kernels", "bench": "laws kernels", "studies": "bench"},
     "nlfrf.io": {"readers": "", ".": "readers"},
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},

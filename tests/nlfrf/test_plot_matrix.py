@@ -102,7 +102,7 @@ def test_singular_values_in_their_bands(ax):
 def test_many_lines_are_drawn_without_points():
     ms = nlfrf.multisine("odd", fs=2048, n_samples=2048, f_min=1, f_max=900, n_inputs=2, rng=1)
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
-    with pytest.warns(nlfrf.DataWarning, match="detection lines of this odd grid do not calibrate"):
+    with pytest.warns(nlfrf.DataWarning, match="the odd grid of this record has no odd detection lines"):
         frm = nlfrf.identify(nlfrf.MultiRecord(u=u, y=u, fs=2048, lines=ms.lines))
     made = pictures.plot_frm(frm)
     assert made[0, 0].get_lines()[0].get_marker() == "None"

@@ -12,7 +12,7 @@ import numpy as np
 from nlfrf._base.arguments import require_real_array
 from nlfrf._base.values import value
 from nlfrf.bla.bla import Bla
-from nlfrf.bla.mimo.identify import identify
+from nlfrf.bla.identify import identify
 from nlfrf.rig.bench.rig import Rig
 from nlfrf.rig.bench.simulate import simulate
 from nlfrf.signals.multisine import Multisine

@@ -8,10 +8,10 @@ import pytest
 from benchmarks.plants import played, wiener
 from nlfrf import LineGrid, multisine
 from nlfrf.bla.calibration import (
-    COMMON,
+    COHERENT_SHARE,
+    crest_correction,
     cubic_bla,
     cubic_variance,
-    read_peaks,
     variance_ratio,
 )
 from nlfrf.bla.distortion import cubic_counts
@@ -102,7 +102,7 @@ def test_the_moments_of_a_sum_of_cosines_are_those_of_many_draws():
     rng = np.random.default_rng(2)
     k, amplitude = np.array([3, 5, 9, 10, 15]), np.array([1.0, 0.5, 2.0, 1.5, 1.0])
     U = amplitude * np.exp(2j * np.pi * rng.random((20000, 5)))
-    assert read_peaks(U, k, low=False)[0] == pytest.approx(1, abs=0.06)  # the square of a ratio
+    assert crest_correction(U, k, low=False)[0] == pytest.approx(1, abs=0.06)  # the square of a ratio
 
 
 @pytest.mark.parametrize(("n", "least", "most"), [(20, 0.6, 6.0), (26, 0.6, 6.0), (27, 1.0, 3.0), (500, 1.0, 3.0)])
@@ -110,8 +110,8 @@ def test_high_peaks_are_the_most_distorted_and_low_ones_the_least(n, least, most
     """Of few lines high peaks are chance as low ones are, and a fifth power is allowed for."""
     k = np.arange(n)
     high, low = np.ones((1, n)), np.exp(1j * np.pi * k**2 / n)[None]
-    assert read_peaks(high, k + 1, low=False)[0] == least
-    assert read_peaks(low, k + 1, low=True)[0] == most
+    assert crest_correction(high, k + 1, low=False)[0] == least
+    assert crest_correction(low, k + 1, low=True)[0] == most
 
 
 def test_of_few_lines_a_fifth_power_asks_for_what_is_allowed():
@@ -125,7 +125,7 @@ def test_of_few_lines_a_fifth_power_asks_for_what_is_allowed():
 
     phases = rng.uniform(0, 2 * np.pi, (400, 26))
     distorts = np.log([left(phase) for phase in phases])
-    told = np.log([read_peaks(np.exp(1j * phase)[None], k, low=False)[0] for phase in phases])
+    told = np.log([crest_correction(np.exp(1j * phase)[None], k, low=False)[0] for phase in phases])
     inside = np.abs(told) < 0.5  # away from the limits
     assert np.polyfit(told[inside], distorts[inside], 1)[0] == pytest.approx(-1, abs=0.1)
 
@@ -133,15 +133,15 @@ def test_of_few_lines_a_fifth_power_asks_for_what_is_allowed():
 def test_of_many_lines_the_common_gain_counts_where_peaks_are_low_and_chance_where_they_are_usual():
     k = np.arange(1, 101)
     U = np.exp(1j * np.pi * k**2 / 100 + 0.5j * np.random.default_rng(0).standard_normal((7, 100)))
-    chance = COMMON / 100
-    assert read_peaks(U, k, low=False) == (1.0, chance)
-    typical, common = read_peaks(U, k, low=True)
+    chance = COHERENT_SHARE / 100
+    assert crest_correction(U, k, low=False) == (1.0, chance)
+    typical, common = crest_correction(U, k, low=True)
     assert common > chance
     assert typical > 1
     for phases in U:  # alone they are looked at whatever their peaks, as a cubic asks for it
-        once, nothing = read_peaks(phases[None], k, low=False)
+        once, nothing = crest_correction(phases[None], k, low=False)
         assert nothing == chance
-        assert min(once**2, 3) == pytest.approx(read_peaks(phases[None], k, low=True)[0])
+        assert min(once**2, 3) == pytest.approx(crest_correction(phases[None], k, low=True)[0])
 
 
 def test_the_common_gain_of_many_realisations_is_that_of_a_cube():
@@ -155,12 +155,12 @@ def test_the_common_gain_of_many_realisations_is_that_of_a_cube():
     gap = np.mean(np.mean(u**4, axis=1) / np.mean(u**2, axis=1)) - np.mean(cubic_bla(np.ones(32)))
     G = 2 / n * np.fft.rfft(u**3)[:, k] / U
     scatter = np.mean(np.abs(G - G.mean(axis=1, keepdims=True)) ** 2)
-    _typical, common = read_peaks(U, k, low=True)
+    _typical, common = crest_correction(U, k, low=True)
     told = common * scatter / 7 / 1.25  # of the mean; a quarter more is allowed
     assert gap < 0
     assert told == pytest.approx(gap**2, rel=0.25)
     square = np.exp(-1j * np.pi * k**2 / 32)[None]  # what is more was chosen: such a BLA is that of the signal
-    assert read_peaks(np.repeat(square, 7, axis=0), k, low=True) == (3.0, 1.0)
+    assert crest_correction(np.repeat(square, 7, axis=0), k, low=True) == (3.0, 1.0)
 
 
 @pytest.mark.parametrize("at", [[1, 3, 9], [40, 41], [100]])

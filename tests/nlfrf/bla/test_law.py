@@ -7,10 +7,10 @@ import pytest
 
 from benchmarks.plants import PLANTS, mode, played
 from nlfrf import Record, identify, multisine, second_opinion
-from nlfrf.bla.distortion import smooth_frf
-from nlfrf.bla.frf import average_frf
+from nlfrf.bla.distortion import smooth_frm
+from nlfrf.bla.frf import estimate_frm
 from nlfrf.bla.neighbours import place_lines
-from nlfrf.bla.residual import is_uneven, nonlinear_residual
+from nlfrf.bla.residual import gain_varies, nonlinear_residual
 from nlfrf.bla.second_opinion import UNKNOWN_ORDER, detect_nonlinearity, powers_on
 from nlfrf.bla.spectra import period_spectra
 
@@ -26,9 +26,9 @@ def law_of(u, y, ms, n_periods=1, noise=0.0, rng=None):
     record = Record(u=np.broadcast_to(u[:, None], shape), y=y, fs=ms.fs, lines=ms.lines)
     spectra, _ = period_spectra(record, place_lines(ms.lines))
     excited = spectra.on_excited()
-    frf = average_frf(excited)
-    smooth, _fit = smooth_frf(frf, excited, False)
-    return detect_nonlinearity(excited, nonlinear_residual(spectra, frf.G, smooth))
+    frm = estimate_frm(excited)
+    smooth, _fit = smooth_frm(frm, excited, False)
+    return detect_nonlinearity(excited, nonlinear_residual(spectra, excited, frm.G, smooth))
 
 
 def laws_of(plant, n=20, M=1, design=DESIGN, kind="special-odd", **how):
@@ -186,9 +186,9 @@ def test_what_changes_over_the_band_is_told_from_scatter():
     rng, ones = np.random.default_rng(6), np.ones(100)
     scattered = (1 + 0.06 * rng.standard_normal(100)) ** 2
     assert scattered.max() > 1.5 * scattered.min()
-    assert not is_uneven(scattered)
-    assert not is_uneven(0 * ones)
+    assert not gain_varies(scattered)
+    assert not gain_varies(0 * ones)
     dip, hump = ones.copy(), ones.copy()
     dip[50], hump[45:54] = 0.4, 1.6
     for gain in (dip, hump, np.linspace(1, 1.7, 100)):
-        assert is_uneven(gain)
+        assert gain_varies(gain)

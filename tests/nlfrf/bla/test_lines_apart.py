@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks import hum
 from nlfrf import DataWarning, LineGrid, identify, record_from_samples
-from nlfrf.bla.frf import warn_of_lines_apart
-from nlfrf.bla.localfit import apart_from_neighbours, fit_locally
+from nlfrf.bla.frf import warn_of_outlier_lines
+from nlfrf.bla.local_models import fit_locally, leave_one_out_residual
 from nlfrf.bla.neighbours import place_lines
 
 GRID = LineGrid(excited=np.sort(np.concatenate([np.arange(1, 401, 8), np.arange(3, 401, 8)])))
@@ -22,11 +22,11 @@ def scattered(G, n, rng, sigma=0.02):
 
 def test_what_neighbours_tell_of_a_parabola_is_the_line_itself():
     k = GRID.excited / 400
-    apart, scatter, spread = apart_from_neighbours(1 + 2j * k - 3 * k**2, WHERE)
+    apart, scatter, spread = leave_one_out_residual(1 + 2j * k - 3 * k**2, WHERE)
     np.testing.assert_allclose([np.abs(apart), scatter], 0, atol=1e-12)
     rng = np.random.default_rng(0)
     each, level = scattered(np.ones(k.size, dtype=complex), 3000, rng)
-    found = np.array([apart_from_neighbours(G, WHERE)[:2] for G in each])
+    found = np.array([leave_one_out_residual(G, WHERE)[:2] for G in each])
     np.testing.assert_allclose(np.mean(np.abs(found[:, 0]) ** 2, axis=0), spread * level, rtol=0.12)
     np.testing.assert_allclose(np.mean(found[:, 1].real, axis=0), level, rtol=0.1)
 
@@ -41,7 +41,7 @@ def test_chance_and_a_mode_that_lines_show_stand_out_nowhere(width):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert not any(
-            warn_of_lines_apart(one[None], fit[None], level / 3, WHERE, GRID.excited * 0.5).any()
+            warn_of_outlier_lines(one[None], fit[None], level / 3, WHERE, GRID.excited * 0.5, np.ones((1, 1))).any()
             for one, fit in zip(each, fits, strict=True)
         )
 

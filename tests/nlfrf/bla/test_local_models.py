@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nlfrf import LineGrid
-from nlfrf.bla.localfit import fit_locally, fit_whole_band, is_stable
+from nlfrf.bla.local_models import fit_locally, fit_whole_band, is_stable
 from nlfrf.bla.neighbours import place_lines
 
 LINES = np.arange(5, 30, 2)  # thirteen

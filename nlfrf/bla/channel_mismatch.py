@@ -14,13 +14,12 @@ import numpy as np
 from nlfrf._base.arguments import data_warning
 from nlfrf._base.numbers import TINY, squared_modulus
 from nlfrf._base.values import value
-from nlfrf.bla.mimo.channels import ChannelSpectra
-from nlfrf.bla.mimo.conditions import is_zippered
-from nlfrf.bla.mimo.matrix_level import MatrixLevel
+from nlfrf.bla.residual import NonlinearResidual
+from nlfrf.bla.spectra import Spectra
 from nlfrf.records.record import Record
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["warn_of_unequal"]
+__all__ = ["warn_of_mismatch"]
 
 
 RARE, FEW = 4.0, 10.0  # standard deviations, times 1 + FEW over the lines that weigh: a few of them scatter by chance
@@ -32,7 +31,7 @@ ALIKE = 0.8  # of the most telling one, for a channel that explains it nearly as
 
 
 @value(copy=False)
-class Suspect:
+class ChannelMismatch:
     """A channel that may differ in one experiment.
 
     Fields
@@ -62,27 +61,27 @@ class Suspect:
         return f"{self.name} comes about {abs(self.size):.2g} samples {'later' if more else 'earlier'}"
 
 
-def warn_of_unequal(
+def warn_of_mismatch(
     record: Record,
-    spectra: ChannelSpectra,
-    part: tuple[np.ndarray, np.ndarray, np.ndarray],
-    level: MatrixLevel,
+    excited: Spectra,
+    residual: NonlinearResidual,
+    level: np.ndarray,
     left: float,
 ) -> bool:
     """Warn of the channel and the experiment that differ most, where the bound would not hold for it.
 
-    `part` is from `linear_part`; `left` is what its G, which took part in the fault, leaves of it.
+    `left` is what the G of the residual, which took part in the fault, leaves of it.
     """
-    if spectra.U.shape[1] < 2:
+    if excited.U.shape[1] < 2:
         return False
-    found = [one for one in suspects(record, spectra, part, level, left) if one.told > RARE]
+    found = [one for one in mismatches(record, excited, residual, level, left) if one.told > RARE]
     if not found:
         return False
     worst = max(found, key=lambda one: one.told)
     beside = {one.name for one in found if one.told > ALIKE * worst.told and one.experiment == worst.experiment}
     others = " or ".join(sorted(beside - {worst.name}))
     data_warning(
-        f"{worst} in experiment {worst.experiment} of {spectra.U.shape[1]} than in the others"
+        f"{worst} in experiment {worst.experiment} of {excited.U.shape[1]} than in the others"
         f"{f' ({others} would explain it nearly as well)' if others else ''}, by what all lines together tell: G is of "
         "no one machine, and its bound does not hold. Was a range changed, or is the channel of another run? Measure "
         "that experiment again, or correct it where the change is known"
@@ -90,25 +89,27 @@ def warn_of_unequal(
     return True
 
 
-def suspects(
+def mismatches(
     record: Record,
-    spectra: ChannelSpectra,
-    part: tuple[np.ndarray, np.ndarray, np.ndarray],
-    level: MatrixLevel,
+    excited: Spectra,
+    residual: NonlinearResidual,
+    level: np.ndarray,
     left: float,
-) -> Iterator[Suspect]:
+) -> Iterator[ChannelMismatch]:
     """Every channel, and all outputs together, in the experiment in which they differ most, where that does harm."""
-    at = spectra.excited
-    V, noise, G = (one[..., at] for one in part)
-    size = np.mean(squared_modulus(spectra.Y[..., at]), axis=1)
+    at = excited.where.excited
+    V, G = (one.take(at, axis=-1) for one in (residual.Y, residual.G))
+    known = [residual.noise_known(j) for j in range(len(V))]
+    noise = np.stack([np.zeros(at.size) if one is None else one.take(at) for one in known])
+    size = np.mean(squared_modulus(excited.Y), axis=1)
     weight = 1 / (local_mean(np.mean(squared_modulus(V), axis=1), NEARBY) + 1e-24 * size + TINY)
-    C = np.einsum("jjk->jk", level.cov).real + TINY
-    samples = record.n_samples / (2 * np.pi * spectra.lines[at])  # by which a line is late, for a radian
-    X = G[:, :, None] * spectra.U[..., at]  # (n_y, n_u, M, F)
+    C = level + TINY
+    samples = record.n_samples / (2 * np.pi * excited.lines)  # by which a line is late, for a radian
+    X = G[:, :, None] * excited.U  # (n_y, n_u, M, F)
     outputs = X.sum(axis=1)
     n_y = len(outputs)
     channels = [(name, slice(j, j + 1), outputs[j : j + 1]) for j, name in enumerate(record.outputs)]
-    if not is_zippered(spectra):  # what is recorded too high answers too little
+    if not excited.is_zippered:  # what is recorded too high answers too little
         channels += [(name, slice(n_y), -X[:, i]) for i, name in enumerate(record.inputs)]
     channels += [(f"all of {', '.join(record.outputs)}", slice(n_y), outputs)] * (n_y > 1)
     # one nonlinearity sends a product of four lines to each of them: what it does to the gain on all of them is twice
@@ -117,10 +118,12 @@ def suspects(
     for kind, slope in (("gain", np.ones(at.size)), ("delay", -1j / samples)):
         for name, rows, x in channels:
             chance = bent[rows].max() if kind == "gain" else 1.0
-            yield differing(name, kind, (V[rows], x * slope, weight[rows], C[rows]), left, float(chance))
+            yield estimate_mismatch(name, kind, (V[rows], x * slope, weight[rows], C[rows]), left, float(chance))
 
 
-def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, chance: float) -> Suspect:
+def estimate_mismatch(
+    name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, chance: float
+) -> ChannelMismatch:
     """How far V (n, M, F) is X times a factor of its own in one experiment, against the others.
 
     `lines` is V, X, and (n, F) their weight and the level C of V. How far chance takes the factor, its scatter over the
@@ -134,7 +137,7 @@ def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, 
     on = np.flatnonzero(usual > SILENT * usual.max())
     M = on.size
     if M < 2:  # what was played once differs from nothing
-        return Suspect(name=name, experiment=1, kind=kind, size=0.0, told=0.0)
+        return ChannelMismatch(name=name, experiment=1, kind=kind, size=0.0, told=0.0)
     along, power, whole = along[on], power[:, on], whole[on]
     # a peak that the fit follows leaves nothing of V, and would weigh most
     most = MOST * usual[on, None]
@@ -152,4 +155,4 @@ def differing(name: str, kind: str, lines: tuple[np.ndarray, ...], left: float, 
     chances = float(told[worst])
     if chances > RARE and size**2 / M * np.median(power[:, worst] / C, axis=1).max() < HARM:
         chances = 0.0
-    return Suspect(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, told=chances)
+    return ChannelMismatch(name=name, experiment=int(on[worst]) + 1, kind=kind, size=size, told=chances)

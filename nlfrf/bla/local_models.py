@@ -13,16 +13,26 @@ of them, as of a system with real coefficients and stable poles, and taken where
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from nlfrf._base.numbers import EPS, SMALL_NORM, TINY, power, squared_modulus, two_unknowns
-from nlfrf._base.values import value
 from nlfrf.bla.calibration import FEW
 from nlfrf.bla.neighbours import KEPT, Places
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["LEAST", "NOISE_LINES", "LocalFit", "apart_from_neighbours", "fit_locally", "is_flat"]
+__all__ = [
+    "EARNED",
+    "LEAST",
+    "NOISE_LINES",
+    "ORDER",
+    "POOLED",
+    "LocalFit",
+    "fit_locally",
+    "is_flat",
+    "leave_one_out_residual",
+]
 
 
 ORDER = 2  # of both polynomials, which are written out here
@@ -42,37 +52,43 @@ FITS_KEPT = 4  # grids whose fits are remembered: two kilobytes a line
 HALVED = 0.5  # of the variance about the local fits, beyond which it is left at those: chance has as much
 
 
-@value(copy=False)
-class LocalFit:
-    """FRFs fitted over their neighbouring lines.
+class LocalFit(NamedTuple):
+    """FRFs fitted over their neighbouring lines; of the shape of the FRFs, (M, F) or (M, n_y, n_u, F).
 
     Fields
     ------
-    G : (M, F) complex ndarray
+    G : complex ndarray
         Fitted value at each line.
-    variance : (M, F) ndarray
+    variance : ndarray
         Variance of the FRF about the fit.
-    dof : (M, F) ndarray
+    dof : ndarray
         Complex degrees of freedom behind it.
+    rest : (M, n_y, n_u, F, n) complex ndarray or None
+        What the fit left on the lines of each window, times the weight there; None of one output, whose long records
+        would keep it for nothing.
     """
 
     G: np.ndarray
     variance: np.ndarray
     dof: np.ndarray
+    rest: np.ndarray | None
 
 
 def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndarray | None = None) -> LocalFit:
     """Fit each FRF at each line over the nine lines around it.
 
+    The poles of a machine are those of all its entries: the entries of a row share their denominators (Voorhoeve and
+    others, MSSP 2018). Rows do not, as a disturbance of one output is none of the others.
+
     Parameters
     ----------
-    G : (M, F) complex ndarray
-        FRF of each realisation.
-    weight : (M, F) ndarray
+    G : (M, F) or (M, n_y, n_u, F) complex ndarray
+        FRF, or matrix, of each realisation.
+    weight : ndarray, of the shape of G or (M, 1, n_u, F)
         |U|: the variance of G is taken as a smooth variance at the output over |U|^2.
     where : Places
         Its excited lines are those of G.
-    noise : (M, F) ndarray, optional
+    noise : ndarray of the shape of G, optional
         Variance of each G by noise, where it is known: noise need not follow |G| as distortion does.
 
     Raises
@@ -82,47 +98,62 @@ def fit_locally(G: np.ndarray, weight: np.ndarray, where: Places, noise: np.ndar
     """
     if where.excited.size < LEAST:
         raise ValueError(f"lines must hold at least {LEAST} excited lines for the roughness, got {where.excited.size}")
-    both = fit_both_ways(G, weight, where)
-    variance, better = both.variance, both.better
-    n = where.near_excited.shape[1]
-    dof = np.full(variance.shape, n - ORDER - 1)
+    shape, n = G.shape, where.near_excited.shape[1]
+    n_u, several = 1 if G.ndim == 2 else shape[-2], G.ndim == 4 and shape[1] > 1
+    weight = weight if weight.shape == shape else np.broadcast_to(weight, shape)
+    G, weight = (x.reshape(-1, n_u, shape[-1]) for x in (G, weight))
+    both = fit_polynomial_and_rational(G, weight, where)
+    variance, better, rest = both.variance, both.better[:, None], both.rest
+    dof = np.full(variance.shape, float(n - ORDER - 1))
     denominator: np.ndarray | float = 1.0
     least = np.zeros(variance.shape)
     if better.any():
         _, powers, _ = local_powers(where)
-        inverse = np.where(better[..., None], np.abs(1 - np.vecmat(both.a.conj(), powers[:, 1:])), 1.0)
+        inverse = np.where(better[..., None], np.abs(1 - np.vecmat(both.a.conj(), powers[:, 1:]))[:, None], 1.0)
+        dof_r = n - ORDER - 1 - 2 / n_u
         # the residual under the denominator follows |G|; without it, it is flat: nobody knows which the distortion does
-        flat = power(both.remainder / np.maximum(inverse, SMALLEST)) / (n - N_RATIONAL)
+        flat = power(both.remainder / np.maximum(inverse, SMALLEST)) / dof_r
         variance = np.where(better, np.maximum(both.variance_r, flat), variance)
-        dof = np.where(better, n - N_RATIONAL, dof)
+        dof = np.where(better, dof_r, dof)
+        rest = np.where(better[..., None], both.remainder, rest) if several else rest
         if noise is not None:
             denominator = np.where(flat[..., None] > both.variance_r[..., None], 1.0, inverse)
     if noise is not None:
-        smooth = local_mean(noise * weight**2, NOISE_LINES)
+        smooth = local_mean(noise.reshape(G.shape) * weight**2, NOISE_LINES)
         # and not far under the noise that is known to be there
         share = noise_share(variance, denominator, smooth, where.near_excited)
         least = LEAST_NOISE * smooth
         variance = np.maximum(variance * share, least)
-    fit = LocalFit(G=both.value(), variance=variance / weight**2, dof=dof)
-    if where.excited.size >= FEW:
-        return fit
-    return less_bent(fit, G, weight, where.lines[where.excited].astype(float), least / weight**2)
+    value, square = both.value(), weight**2
+    variance, least = variance / square, least / square
+    if where.excited.size < FEW:
+        value, variance = apply_global_model(
+            value, variance, G, weight, where.lines[where.excited].astype(float), least
+        )
+    return LocalFit(
+        G=value.reshape(shape),
+        variance=variance.reshape(shape),
+        dof=dof.reshape(shape),
+        rest=rest.reshape(*shape, n) if several else None,
+    )
 
 
-def less_bent(fit: LocalFit, G: np.ndarray, weight: np.ndarray, lines: np.ndarray, least: np.ndarray) -> LocalFit:
-    """The same fits, but for FRFs (M, F) that one rational function over all lines explains much better.
+def apply_global_model(
+    value: np.ndarray, variance: np.ndarray, G: np.ndarray, weight: np.ndarray, lines: np.ndarray, least: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Value and variance of the same fits, but for FRFs (M, E, F) that one rational function explains much better.
 
     What it leaves may be flat at the output or follow |G|: both readings weigh as likely as they make it, their root
     mean square is what a bound asks for. The degrees of freedom stay those of a window, as a level that varies
-    otherwise has no more; `least` (M, F) is the variance that noise alone makes.
+    otherwise has no more; `least` is the variance that noise alone makes.
     """
-    value, variance = fit.G.copy(), fit.variance.copy()
-    for m, one in enumerate(G):
-        whole, left = fit_whole_band(one, weight[m], lines)
+    value, variance = value.copy(), variance.copy()
+    for m in np.ndindex(G.shape[:-1]):
+        whole, left = fit_whole_band(G[m], weight[m], lines)
         if not left:
             continue
         shape = np.array([np.ones(lines.size), np.maximum(squared_modulus(whole), TINY)]) / (weight[m] * weight[m])
-        left_over = np.add.reduce(squared_modulus(one - whole) / shape, axis=1)
+        left_over = np.add.reduce(squared_modulus(G[m] - whole) / shape, axis=1)
         readings = np.maximum(left_over[:, None] / left * shape, TINY)
         fits = -np.add.reduce(np.log(readings), axis=1) * (left / lines.size)
         likely = np.exp(fits - fits.max())
@@ -131,8 +162,8 @@ def less_bent(fit: LocalFit, G: np.ndarray, weight: np.ndarray, lines: np.ndarra
         about = np.maximum(about, least[m])
         if np.mean(np.log(about) - np.log(np.maximum(variance[m], TINY))) < np.log(HALVED):
             less = about < variance[m]
-            value[m, less], variance[m, less] = whole[less], about[less]
-    return LocalFit(G=value, variance=variance, dof=fit.dof)
+            value[m][less], variance[m][less] = whole[less], about[less]
+    return value, variance
 
 
 def fit_whole_band(G: np.ndarray, weight: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, float]:
@@ -184,76 +215,73 @@ def is_stable(a: np.ndarray) -> bool:
     return bool(a.size == 2 or a[0] * a[1] * a[2] > a[0] * a[0] * a[3] + a[2] * a[2])
 
 
-@value(copy=False)
-class BothFits:
+class LocalModels(NamedTuple):
     """The polynomial over each window, and the rational function.
 
     Fields
     ------
-    at_zero : (M, F, 3) complex ndarray
+    at_zero : (M, E, F, 3) complex ndarray
         At the line itself the polynomials fitted to G, -r G and -r^2 G.
     a : (M, F, 2) complex ndarray
-        Coefficients of the denominator 1 + a1 r + a2 r^2.
-    remainder : (M, F, n) complex ndarray
-        What the rational function leaves.
-    variance, variance_r : (M, F) ndarray
-        Of what the polynomial leaves, and the rational function.
+        Coefficients of the denominator 1 + a1 r + a2 r^2, which all E entries share.
+    rest, remainder : (M, E, F, n) complex ndarray
+        What the polynomial leaves, and the rational function.
+    variance, variance_r : (M, E, F) ndarray
+        Of either.
     better : (M, F) bool ndarray
         Where the denominator has earned its place.
     """
 
     at_zero: np.ndarray
     a: np.ndarray
+    rest: np.ndarray
     remainder: np.ndarray
     variance: np.ndarray
     variance_r: np.ndarray
     better: np.ndarray
 
     def value(self) -> np.ndarray:
-        """(M, F) the better of the two at the line itself."""
+        """(M, E, F) the better of the two at the line itself."""
         polynomial = self.at_zero[..., 0]
         if not self.better.any():
             return polynomial
-        return np.where(self.better, polynomial - np.vecdot(self.a.conj(), self.at_zero[..., 1:]), polynomial)
+        rational = polynomial - np.vecdot(self.a[:, None].conj(), self.at_zero[..., 1:])
+        return np.where(self.better[:, None], rational, polynomial)
 
 
 def is_flat(amplitude: np.ndarray) -> bool:
-    """Whether a spectrum, of any shape, is the same on all lines."""
-    return bool(amplitude.min() >= FLAT * amplitude.max())
+    """Whether each of some spectra (..., F) is the same on all lines."""
+    return bool((amplitude.min(axis=-1) >= FLAT * amplitude.max(axis=-1)).all())
 
 
-def fit_both_ways(G: np.ndarray, weight: np.ndarray, where: Places) -> BothFits:
-    """Fit FRFs (M, F) over the windows of `where`, weighted by `weight` (M, F)."""
+def fit_polynomial_and_rational(G: np.ndarray, weight: np.ndarray, where: Places) -> LocalModels:
+    """Fit FRFs (M, E, F) over the windows of `where`, weighted by `weight` (M, E, F)."""
     window, (r, powers, centred) = where.near_excited, local_powers(where)
-    n = window.shape[1]
-    w = weight.take(window, axis=1)
-    row = w * G.take(window, axis=1)
+    (M, E, F), n = G.shape, window.shape[1]
+    w = weight.take(window, axis=-1)
+    row = w * G.take(window, axis=-1)
     if is_flat(weight):  # as it was designed: then the grid alone tells the fits
         fitted = (flat_fits(where) @ row.view(float).reshape(*row.shape, 2)).view(complex)[..., 0]
-        rest, at_zero = fitted[..., :-N_POWERS].reshape(*w.shape[:2], N_POWERS, n), fitted[..., -N_POWERS:]
+        rest, at_zero = fitted[..., :-N_POWERS].reshape(M, E, F, N_POWERS, n), fitted[..., -N_POWERS:]
         at_zero = at_zero / weight[..., None]
     else:
         basis, basis_at_zero = polynomials(r, w)
         spanned, rest = split(basis, row, powers)
         at_zero = np.matvec(spanned, basis_at_zero)
-    variance = power(rest[..., 0, :]) / (n - ORDER - 1)
-    if n < N_RATIONAL + 3:
-        none = np.zeros(variance.shape, dtype=bool)
-        return BothFits(
-            at_zero=at_zero,
-            a=at_zero[..., 1:],
-            remainder=rest[..., 0, :],
-            variance=variance,
-            variance_r=variance,
-            better=none,
-        )
-    a, remainder = two_unknowns(rest)
-    variance_r = power(remainder) / (n - N_RATIONAL)
-    # at the ends of the band windows are one-sided and the same: there it is as where they are centred
-    first, last = centred[0], centred[-1] + 1
-    earned = local_mean((EARNED * variance - variance_r)[:, first:last], POOLED) > 0
-    better = earned.take(centred - first, axis=1)
-    return BothFits(at_zero=at_zero, a=a, remainder=remainder, variance=variance, variance_r=variance_r, better=better)
+    left = rest[..., 0, :]
+    variance = variance_r = power(left) / (n - ORDER - 1)
+    a, remainder, better = at_zero[:, 0, :, 1:], left, np.zeros((M, F), dtype=bool)
+    if n >= N_RATIONAL + 3:
+        a, remainder = two_unknowns(rest.transpose(0, 2, 3, 1, 4).reshape(M, F, N_POWERS, E * n))
+        remainder = remainder.reshape(M, F, E, n).swapaxes(1, 2)
+        variance_r = power(remainder) / (n - ORDER - 1 - 2 / E)
+        # at the ends of the band windows are one-sided and the same: there it is as where they are centred
+        first, last = centred[0], centred[-1] + 1
+        gained = np.add.reduce(EARNED * variance - variance_r, axis=1)
+        better = (local_mean(gained[:, first:last], POOLED) > 0).take(centred - first, axis=1)
+    return LocalModels(
+        at_zero=at_zero, a=a, rest=left, remainder=remainder, variance=variance, variance_r=variance_r, better=better
+    )
 
 
 @lru_cache(maxsize=KEPT)
@@ -280,7 +308,7 @@ def noise_share(
     variance: np.ndarray, denominator: np.ndarray | float, smooth: np.ndarray, window: np.ndarray
 ) -> np.ndarray:
     """Correction (M, F) for smoothed noise that differs over the window, weighted as the residual is."""
-    there = np.add.reduce(denominator**2 * smooth.take(window, axis=1), axis=-1) / window.shape[1]
+    there = np.add.reduce(denominator**2 * smooth.take(window, axis=-1), axis=-1) / window.shape[1]
     distortion = np.maximum(variance - there, 0.0)
     total = np.maximum(distortion + there, TINY)
     return np.asarray((distortion + smooth) / total)
@@ -289,11 +317,11 @@ def noise_share(
 def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The polynomials p of order 0, 1 and 2 that are orthonormal on the points r (F, n) under the weights w^2.
 
-    Returns w p (M, F, 3, n) and p(0) (M, F, 3), by their three-term recurrence (Forsythe, 1957).
+    Returns w p (..., F, 3, n) and p(0) (..., F, 3), by their three-term recurrence (Forsythe, 1957).
     """
-    basis = np.empty((*w.shape[:2], ORDER + 1, r.shape[1]))
-    at_zero = np.empty((*w.shape[:2], ORDER + 1))
-    p, p_0 = w, np.ones(w.shape[:2])
+    basis = np.empty((*w.shape[:-1], ORDER + 1, r.shape[1]))
+    at_zero = np.empty((*w.shape[:-1], ORDER + 1))
+    p, p_0 = w, np.ones(w.shape[:-1])
     for k in range(ORDER + 1):
         if k:
             known = basis[..., max(k - 2, 0) : k, :]
@@ -307,7 +335,7 @@ def polynomials(r: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return basis, at_zero
 
 
-def apart_from_neighbours(G: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def leave_one_out_residual(G: np.ndarray, where: Places) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """By how much each line of FRFs (..., F) differs from what the lines around it tell without it.
 
     Returns

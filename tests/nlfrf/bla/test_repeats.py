@@ -65,7 +65,7 @@ def test_a_set_played_again_is_covered_as_one(copies, reference):
     ],
 )
 def test_repeats_are_told_whatever_order_and_trigger(order, delays, told):
-    with pytest.warns(nlfrf.DataWarning, match=rf"u holds experiments that repeat one another {told}"):
+    with pytest.warns(nlfrf.DataWarning, match=rf"u holds experiments with the same phases {told}"):
         frm = nlfrf.identify(record(order, delays=delays), transient="none")
     assert frm.n_realizations == (max(order) + 1) // 2
     once = nlfrf.identify(record(sorted(set(order)), noise=0), transient="none")
@@ -75,10 +75,10 @@ def test_repeats_are_told_whatever_order_and_trigger(order, delays, told):
 
 def test_one_period_and_its_repeat_tell_the_noise():
     once = nlfrf.identify(record([0, 1], n_periods=4, noise=0.02), transient="none")
-    with pytest.warns(nlfrf.DataWarning, match="u holds experiments that repeat"):
+    with pytest.warns(nlfrf.DataWarning, match="u holds experiments with the same phases"):
         again = nlfrf.identify(record([0, 1] * 4, n_periods=1, noise=0.02), transient="none")
     assert np.mean(again.var_noise) == pytest.approx(np.mean(once.var_noise), rel=0.15)
-    with pytest.warns(nlfrf.DataWarning, match="u holds experiments that repeat"):
+    with pytest.warns(nlfrf.DataWarning, match="u holds experiments with the same phases"):
         mixed = nlfrf.identify(record([0, 1] * 2, n_periods=2, noise=0.02), transient="none")
     assert np.mean(mixed.var_noise) == pytest.approx(np.mean(once.var_noise), rel=0.15)
 
@@ -86,7 +86,7 @@ def test_one_period_and_its_repeat_tell_the_noise():
 def test_a_zippered_experiment_played_again_is_one():
     with pytest.warns(nlfrf.DataWarning) as told:
         frm = nlfrf.identify(record([0, 0, 0], design="zippered", delays=[0, 9.5, 40]), transient="none")
-    assert any("repeat one another (1, 2, 3)" in str(one.message) for one in told)
+    assert any("with the same phases (1, 2, 3)" in str(one.message) for one in told)
     assert (frm.n_realizations, frm.n_periods) == (1, 6)
 
 

@@ -164,7 +164,9 @@ def test_warnings_and_refusals():
     ):
         nlfrf.identify(nlfrf.MultiRecord(u=record.u, y=record.y, fs=512, lines=silent))
     full = nlfrf.multisine("full", **BAND, n_inputs=2, rng=8)
-    with pytest.warns(nlfrf.DataWarning, match="the detection lines of this full grid do not calibrate"):
+    with pytest.warns(
+        nlfrf.DataWarning, match="the full grid of this record has no odd detection lines; the level was"
+    ):
         assert nlfrf.identify(linear(full, noise=0.01)).level_source == "roughness"
     with pytest.raises(ValueError, match="lines must hold at least n_detection = 6 odd detection lines for level_from"):
         nlfrf.identify(linear(full), level_from="detection")
@@ -188,7 +190,7 @@ def test_experiments_with_the_same_phases_are_counted_once():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         own = nlfrf.identify(linear(ms))
-    np.testing.assert_array_equal(own.dof, 2 * copied.dof)
+    assert 1.5 < np.median(own.dof / copied.dof) < 2.5
 
 
 def test_the_bounds_of_a_matrix_and_its_entries():
@@ -207,9 +209,7 @@ def test_the_bounds_of_a_matrix_and_its_entries():
     assert np.all(frm.bound(simultaneous=True) > frm.bound())
     entry = frm.entry(1, 0)
     np.testing.assert_allclose(entry.bound(), frm.bound()[1, 0])
-    np.testing.assert_allclose(
-        entry.bound(of="realization"), frm.bound(of="realization")[1, 0], rtol=0.35
-    )  # one smooths, one does not
+    np.testing.assert_allclose(entry.bound(of="realization"), frm.bound(of="realization")[1, 0], rtol=0.02)
     assert "y2 by u1" in str(frm)
     with pytest.raises(ValueError, match="output and input must be below 2 and 2"):
         frm.entry(2, 0)
@@ -219,7 +219,10 @@ def test_every_so_many_th_line_is_as_it_was():
     frm = nlfrf.identify(linear(nlfrf.multisine("random-odd", **BAND, n_inputs=2, rng=10), noise=0.05))
     some = frm.every(3)
     np.testing.assert_array_equal(some.f, frm.f[::3])
-    np.testing.assert_array_equal(some.bound(of="realization"), frm.bound(of="realization")[:, :, ::3])
+    np.testing.assert_array_equal(some.bound(), frm.bound()[:, :, ::3])
+    # the share of distortion is one of nine lines around
+    ratio = some.bound(of="realization") / frm.bound(of="realization")[:, :, ::3]
+    assert 0.9 < np.median(ratio) < 1.1
     np.testing.assert_array_equal(some.entry(1, 0).levels.excited, frm.levels[1].excited[:, ::3])
     np.testing.assert_array_equal(some.lines.excited * frm.fs / frm.n_samples, some.f)
     with pytest.raises(ValueError, match="step must be"):
@@ -246,7 +249,7 @@ def test_a_zippered_record_gives_the_matrix_from_one_experiment():
     inside = [np.abs(frm.G - G0[:, :2, None]) < frm.bound() for frm in frms]
     assert 0.93 < np.mean(inside) < 0.998
     assert many.n_realizations == 3
-    np.testing.assert_array_equal(many.dof, 3 * clean.dof + 2)
+    assert 2 < np.median(many.dof / clean.dof) < 4
 
 
 def test_an_experiment_that_was_disturbed_is_named():
@@ -384,3 +387,32 @@ def test_a_list_may_hold_records_of_any_number_of_channels():
     assert [bla.G.ndim for bla in found] == [3, 1]
     with pytest.raises(ValueError, match="record must be a Record or a list of them"):
         nlfrf.identify([several, "run.csv"])
+
+
+@pytest.mark.parametrize("kind", ["special-odd", "full"])
+@pytest.mark.parametrize(("n_realizations", "n_periods"), [(1, 2), (3, 2), (2, 3), (8, 2)])
+@pytest.mark.filterwarnings("ignore:the full grid of this record", "ignore:.* in experiment . of")
+def test_an_output_among_others_has_what_it_has_alone(kind, n_realizations, n_periods):
+    """One engine: of each output the same matrix, variances, 95 % bound and levels, whatever else was recorded."""
+    ms = nlfrf.multisine(kind, **BAND, n_realizations=n_realizations, rng=17)
+    rng = np.random.default_rng(4)
+    u = np.repeat(np.reshape(ms.u, (1, n_realizations, 1, -1)), n_periods, axis=2)
+    z = np.exp(-2j * np.pi * np.arange(257) / 512)
+    x = np.fft.irfft(np.fft.rfft(u) * 0.05 / (1 - 1.6 * z + 0.9 * z**2), 512)
+    y = np.concatenate([x + 0.3 * x**3, 100 * (u + 0.1 * u**3)])
+    y += 0.01 * y.std(axis=(1, 2, 3), keepdims=True) * rng.standard_normal(y.shape)
+    both = nlfrf.identify(nlfrf.Record(u=u, y=y, fs=512, lines=ms.lines), transient="none")
+    for j in range(2):
+        alone = nlfrf.identify(nlfrf.Record(u=u[0], y=y[j], fs=512, lines=ms.lines), transient="none")
+        for name in ("G", "var_noise", "var_total", "var_even"):
+            np.testing.assert_allclose(getattr(both, name)[j, 0], getattr(alone, name), rtol=1e-9, err_msg=name)
+        for of in ("bla", "realization"):
+            np.testing.assert_allclose(both.bound(of=of)[j, 0], alone.bound(of=of), rtol=1e-9 if of == "bla" else 0.02)
+        np.testing.assert_allclose(both.levels[j].odd, alone.levels.odd, rtol=1e-9, atol=1e-15)
+
+
+def test_a_second_opinion_is_of_one_input_and_one_output():
+    with pytest.raises(
+        ValueError, match="record must be of one input and one output, got 2 and 2: of several identify"
+    ):
+        nlfrf.second_opinion(linear(nlfrf.multisine(**BAND, n_inputs=2, rng=2), G=G0[:, :2]))

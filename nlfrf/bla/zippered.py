@@ -13,15 +13,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from nlfrf._base.numbers import TINY, two_unknowns
+from nlfrf._base.numbers import TINY, squared_modulus, two_unknowns
 from nlfrf._base.values import value
-from nlfrf.bla.bla import in_own_units
-from nlfrf.bla.mimo.channels import ChannelSpectra, nearest_lines
-from nlfrf.bla.mimo.local_matrix import EARNED, ORDER, POOLED, WIDTH
-from nlfrf.bla.mimo.matrix_frf import MatrixFrf, adjoint, lines_last, noise_covariance
+from nlfrf.bla.covariance import diagonal, sum_of_squares, to_correlation
+from nlfrf.bla.frf import FrmEstimate
+from nlfrf.bla.local_models import EARNED, ORDER, POOLED
+from nlfrf.bla.neighbours import WIDTH, nearest_lines
+from nlfrf.bla.spectra import Spectra, residual_scatter
 from nlfrf.signals.lines import local_mean
 
-__all__ = ["Between", "spread_between", "zippered_frf"]
+__all__ = ["Between", "spread_between", "zippered_frm"]
 
 
 REWEIGHTED, REFINED = 3, 3  # rounds of either kind
@@ -50,35 +51,34 @@ class Between:
     weights: np.ndarray
 
 
-def zippered_frf(spectra: ChannelSpectra) -> tuple[MatrixFrf, Between]:
+def zippered_frm(excited: Spectra) -> tuple[FrmEstimate, Between]:
     """The matrix in open loop; the scatter over experiments is that of the column that a line drives."""
-    at, lines = spectra.excited, spectra.lines[spectra.excited]
-    U, Y = spectra.U[..., at], spectra.Y[..., at]
-    (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(at.size)
-    size = np.sqrt(np.mean(np.abs(U) ** 2, axis=1))
+    lines, U, Y = excited.lines, excited.U, excited.Y
+    (n_u, M, F), n_y, k = U.shape, len(Y), np.arange(lines.size)
+    size = np.sqrt(excited.mean_power_U)
     owner = (size / size.max(axis=1, keepdims=True)).argmax(axis=0)
     measured = Y / U[owner, :, k].T  # (n_y, M, F) of the column that the line drives
     column = measured.mean(axis=1)
     G, between = fitted_between(column, lines, owner, 1 / (M * size[owner, k] ** 2))
     each = np.broadcast_to(G, (M, *G.shape)).copy()
     each[:, :, owner, k] = np.moveaxis(measured, 1, 0)
-    scatter = np.full((n_y, n_y, F), np.nan, dtype=complex)
-    if M > 1:
-        V = (measured - column[:, None]) * size[owner, k]
-        scatter = np.einsum("jmf,lmf->jlf", V, V.conj()) / (M - 1)
+    V = (measured - column[:, None]) * size[owner, k]
     gamma = np.zeros((n_u, n_u, F), dtype=complex)
     for i in range(n_u):
         gamma[i, i] = np.interp(lines, lines[owner == i], between.own[owner == i])
-    own_of = np.broadcast_to(np.moveaxis(G, 2, 0), (M, F, n_y, n_u))
-    frf = MatrixFrf(
+    scatter = residual_scatter(G, excited)
+    known = scatter.shape[2] > 0
+    frm = FrmEstimate(
         G=G,
         each=each,
         gamma=gamma,
         gamma_each=np.broadcast_to(M * gamma, (M, *gamma.shape)),
-        cov_noise=lines_last(noise_covariance(spectra, own_of)),
-        cov_scatter=scatter,
+        noise_each=np.sum(squared_modulus(scatter), axis=2).swapaxes(0, 1) if known else np.full((M, n_y, F), np.nan),
+        cov_noise=sum_of_squares(scatter) / M if known else np.full((n_y, n_y, F), np.nan),
+        gamma_of_set=M * diagonal(gamma),
+        cov_scatter=sum_of_squares(V) / (M - 1) if M > 1 else np.full((n_y, n_y, F), np.nan),
     )
-    return frf, between
+    return frm, between
 
 
 def fitted_between(
@@ -120,7 +120,7 @@ def solved(r: np.ndarray, g: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, ...
     """Of a given denominator: row of B_0, basis, fitted values, slopes by (a1, a2), and what the numerator leaves."""
     w = 1 / D
     basis, T = np.linalg.qr(w[..., None] * r[..., None] ** np.arange(ORDER + 1))  # (F, n_u, n, 3)
-    first = np.linalg.solve(adjoint(T), np.eye(ORDER + 1)[0][:, None])
+    first = np.linalg.solve(np.swapaxes(T, -1, -2), np.eye(ORDER + 1)[0][:, None])
     at_zero = (basis @ first)[..., 0].conj()  # B_0 = at_zero @ g
 
     fit = g - left_over(g, basis)
@@ -186,11 +186,11 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets:
     lines = between.own[:, None, None] * C  # of the column that each line drives
     around = lines[between.window]  # (F, n_u, n, n_y, n_y)
     columns = np.einsum("fijanl,fanlm,fipanm->fijp", between.weights, around, between.weights.conj(), optimize=True)
-    correlation, scale = (np.moveaxis(part, -1, 0) for part in in_own_units(cov))
+    correlation, scale = (np.moveaxis(part, -1, 0) for part in to_correlation(cov))
     values, vectors = np.linalg.eigh(correlation)
     values = np.maximum(values, 1e-8 * values[:, -1:] + TINY)
-    root = scale[:, :, None] * ((vectors * np.sqrt(values)[:, None]) @ adjoint(vectors))
-    inverse = ((vectors / np.sqrt(values)[:, None]) @ adjoint(vectors)) / scale[:, None]
+    root = scale[:, :, None] * ((vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, -1, -2).conj())
+    inverse = ((vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, -1, -2).conj()) / scale[:, None]
     gamma, more = gamma.copy(), np.zeros((F, n_y, n_y), dtype=complex)
     for i in range(columns.shape[1]):
         fitted = between.owner != i
@@ -199,8 +199,8 @@ def spread_between(between: Between, gamma: np.ndarray, cov: np.ndarray, n_sets:
         # a fit scatters less than a line, but a new set may have measured where this one fitted: its share in
         # bound(of="realization") is n_sets times one
         gamma[i, i] = np.where(fitted, np.maximum(smooth, (smooth + n_sets * own) / (1 + n_sets)), between.own)
-        T = inverse @ columns[:, i] @ adjoint(inverse) / gamma[i, i].real[:, None, None]
+        T = inverse @ columns[:, i] @ np.swapaxes(inverse, -1, -2).conj() / gamma[i, i].real[:, None, None]
         beyond, along = np.linalg.eigh(T)
-        part = (along * np.maximum(beyond - 1, 0.0)[:, None]) @ adjoint(along)
+        part = (along * np.maximum(beyond - 1, 0.0)[:, None]) @ np.swapaxes(along, -1, -2).conj()
         more = more + np.where(fitted[:, None, None], part, 0.0)
-    return gamma, np.moveaxis(root @ (np.eye(n_y) + more) @ adjoint(root), 0, 2)
+    return gamma, np.moveaxis(root @ (np.eye(n_y) + more) @ np.swapaxes(root, -1, -2).conj(), 0, 2)

@@ -1,0 +1,88 @@
+"""Hermitian matrices on every line, lines last: products, inverses, correlations, roots.
+
+One channel costs no more than the products that it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nlfrf._base.numbers import squared_modulus
+
+__all__ = [
+    "adjoint",
+    "diagonal",
+    "hermitian_sqrt",
+    "inverse",
+    "product",
+    "psd_difference",
+    "sum_of_squares",
+    "to_correlation",
+]
+
+
+FLOOR = 1e-8  # of the largest eigenvalue of a correlation: one nonlinearity alone makes one of rank one
+
+
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """A B of matrices (..., n, m, F) and (..., m, p, F)."""
+    if A.shape[-2] == 1:
+        return A * B
+    return np.einsum("...jef,...eif->...jif", A, B)
+
+
+def adjoint(X: np.ndarray) -> np.ndarray:
+    """Conjugate transposes (..., m, n, F) of matrices (..., n, m, F)."""
+    return np.swapaxes(X, -2, -3).conj()
+
+
+def diagonal(X: np.ndarray) -> np.ndarray:
+    """(..., n, F) diagonals, which are real, of Hermitian matrices (..., n, n, F)."""
+    if X.shape[-2] == 1:
+        return X[..., 0, :].real
+    return np.einsum("...jjk->...jk", X).real
+
+
+def inverse(X: np.ndarray) -> np.ndarray:
+    """Inverses of matrices (..., n, n, F)."""
+    if X.shape[-2] == 1:
+        return np.asarray(1 / X)
+    return np.moveaxis(np.linalg.inv(np.moveaxis(X, -1, -3)), -3, -1)
+
+
+def sum_of_squares(V: np.ndarray) -> np.ndarray:
+    """(n, n, F) sum of v v^H over all vectors v of V (n, ..., F)."""
+    V = V.reshape(len(V), -1, V.shape[-1])
+    if len(V) == 1:
+        return np.asarray(np.add.reduce(squared_modulus(V), axis=1)[None])
+    flat = np.ascontiguousarray(np.moveaxis(V, 2, 0))
+    return np.moveaxis(flat @ np.swapaxes(flat, 1, 2).conj(), 0, 2)
+
+
+def to_correlation(cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The correlation (..., n, n, F) of a covariance and the sizes (..., n, F) of its channels.
+
+    What floors or cuts eigenvalues does it there: those of a covariance are of sums of metres and newtons.
+    """
+    size = np.sqrt(diagonal(cov))
+    size = np.where(size > 0, size, 1.0)
+    return cov / (size[..., :, None, :] * size[..., None, :, :]), size
+
+
+def psd_difference(cov: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """(n, n, F) Hermitian matrices less a part of them, without negative eigenvalues in the units of the first."""
+    if len(cov) == 1:
+        return np.maximum((cov - part).real, 0.0)
+    _, size = to_correlation(cov)
+    values, vectors = np.linalg.eigh(np.moveaxis((cov - part) / (size[:, None] * size), 2, 0))
+    left = (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
+    return np.asarray(np.moveaxis(left, 0, 2) * size[:, None] * size)
+
+
+def hermitian_sqrt(cov: np.ndarray) -> np.ndarray:
+    """(n, n, F) roots L with L L^H = cov, with eigenvalues floored so that they can be divided by."""
+    correlation, size = to_correlation(cov)
+    values, vectors = np.linalg.eigh(np.moveaxis(correlation, 2, 0))
+    values = np.maximum(values, FLOOR * values[:, -1:])
+    half = (vectors * np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2).conj()
+    return np.asarray(size[:, None] * np.moveaxis(half, 0, 2))
