@@ -44,7 +44,7 @@ class FrequencyTest:
         How far the linear part may be off [kg], [N/m].
     margin : float
         How many times that was found to hold too, at most 16; nan where it does not hold at all.
-    words : str
+    description : str
         What was tested, and what it is not.
 
     References

@@ -49,7 +49,7 @@ class FrictionPlant:
         How the force of the actuator enters, and a force at the friction port [N].
     C_measured, C_port : (n,) ndarray
         The measured position and the displacement at the friction port [m].
-    words : str
+    description : str
         What it is, for people.
     delay : float
         From the command to the force, or from the position to its sample [s]; every loop around it has it.
