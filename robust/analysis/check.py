@@ -119,13 +119,14 @@ def check(
 
     Parameters
     ----------
-    model : UncertaintyModel, MatrixUncertainty, nlfrf.Bla or control.FrequencyResponseData
+    model : UncertaintyModel, nlfrf.Bla or control.FrequencyResponseData
         The plant. An FRF (alone, as a Bla with its bound, or as the nominal of a model) is known on its lines only,
         and so is the result.
     K : control.StateSpace, TransferFunction or float
         Controller, negative feedback u = K (r - y). A discrete K on a continuous nominal is the normal case: the
         nominal is discretised with zero-order hold and delay included, and the set acts at every alias: what folds
-        down from above the Nyquist frequency is part of verdict, margin and certificate.
+        down from above the Nyquist frequency is part of verdict, margin and certificate. Of several channels it is part
+        of the sampled set that is checked, whose weights cover it on a grid.
     w_P : control.StateSpace or TransferFunction, optional
         Performance weight: |w_P S_p| <= 1 is asked of every plant of the set.
     delay : float

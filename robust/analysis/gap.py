@@ -26,7 +26,7 @@ def nu_gap(G1: Any, G2: Any) -> float:
 
     Parameters
     ----------
-    G1, G2 : control.StateSpace, TransferFunction, float, UncertaintyModel or MatrixUncertainty
+    G1, G2 : control.StateSpace, TransferFunction, float, UncertaintyModel
         Plants of one or several inputs and outputs, both continuous or both with the same sampling time.
 
     Returns
@@ -78,7 +78,7 @@ def ncf_margin(G: Any, K: Any) -> float:
 
     Parameters
     ----------
-    G : control.StateSpace, TransferFunction, UncertaintyModel or MatrixUncertainty
+    G : control.StateSpace, TransferFunction, UncertaintyModel
         Plant of one or several inputs and outputs, shaped by its weights where there are any.
     K : control.StateSpace, TransferFunction, float or (n_u, n_y) ndarray
         Controller, negative feedback, on the same time base.

@@ -30,7 +30,7 @@ def export_matlab(content: Any, path: PathLike) -> None:
 
     Parameters
     ----------
-    content : UncertaintyModel, MatrixUncertainty, or a controller
+    content : UncertaintyModel, or a controller
         What to write.
     path : path
         The ``.mat`` file; the loader is ``load_<name>.m`` beside it.

@@ -90,11 +90,13 @@ class Validation:
     >>> import nlfrf
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1)
     >>> record = nlfrf.Record(u=ms.u[None], y=2 * ms.u[None] + 0.1 * ms.u[None] ** 3, fs=128, lines=ms.lines)
+    >>> import control
     >>> from robust import uncertainty, validate
     >>> bla = nlfrf.identify(record)
     >>> seen = validate(uncertainty(bla, control.tf([2.3], [1]), order=0, above="flat"), bla)
     >>> seen.n_outside, seen.n_lines == ms.f.size, seen.p_value
     (0, True, 1.0)
+
     Two records of several channels:
 
     >>> import nlfrf, robust
@@ -194,7 +196,7 @@ def validate(model: UncertaintyModel | Bla, bla: Bla) -> Validation:
     --------
     A plant that became 30 % stiffer to the eye of the same multisine.
 
-    >>> import nlfrf, robust
+    >>> import control, nlfrf, robust
     >>> ms = nlfrf.multisine(fs=128, n_samples=128, f_min=1, f_max=40, rng=1, n_realizations=2)
     >>> y = 2 * ms.u + 0.1 * ms.u**3
     >>> first, second = (nlfrf.identify(nlfrf.Record(u=ms.u[i:i + 1, None], y=gain * y[i:i + 1, None], fs=128,

@@ -93,6 +93,7 @@ def write_report(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> import control
     >>> import numpy as np
     >>> G, w = control.tf([1], [1, 1]), control.tf([0.1], [1])

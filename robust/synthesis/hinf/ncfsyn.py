@@ -31,7 +31,7 @@ def ncfsyn(G: Any, W1: Any = 1, W2: Any = 1, *, factor: float = 1.1) -> Design:
 
     Parameters
     ----------
-    G : control.StateSpace, TransferFunction, UncertaintyModel or MatrixUncertainty
+    G : control.StateSpace, TransferFunction, UncertaintyModel
         Plant of one or several inputs and outputs, continuous or discrete. For a sampled controller give the plant it
         sees (`robust.sampled`).
     W1, W2 : control.StateSpace, TransferFunction, float or (n_u, n_u), (n_y, n_y) ndarray
