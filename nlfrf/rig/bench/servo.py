@@ -64,7 +64,7 @@ class ServoDrive:
         Limit of the current set point, either way [A].
     lag : float
         Time constant of the current loop [s]; zero: the current follows at once.
-    delay : float
+    delay_periods : float
         From sampling to the current set point changing, in periods of `fs`; any part of one, or several.
     velocity_lag : float
         Time constant of a low-pass on the velocity [s].
@@ -86,7 +86,7 @@ class ServoDrive:
 
     Examples
     --------
-    >>> ServoDrive(fs=4000, kv=60, kp=30, tn=0.02).delay
+    >>> ServoDrive(fs=4000, kv=60, kp=30, tn=0.02).delay_periods
     1.0
     """
 
@@ -96,7 +96,7 @@ class ServoDrive:
     tn: float = np.inf
     max_current: float = np.inf
     lag: float = 0.0
-    delay: float = 1.0
+    delay_periods: float = 1.0
     velocity_lag: float = 0.0
     velocity_feedforward: float = 1.0
     position_every: int = 1
@@ -104,7 +104,7 @@ class ServoDrive:
 
     def __post_init__(self) -> None:
         positive("fs", self.fs)
-        for name in ("kv", "kp", "lag", "delay", "velocity_lag"):
+        for name in ("kv", "kp", "lag", "delay_periods", "velocity_lag"):
             nonnegative(name, getattr(self, name))
         for name in ("tn", "max_current"):
             if getattr(self, name) != np.inf:
@@ -163,7 +163,7 @@ class ServoAxis:
     --------
     >>> axis = servo_axis("belt")
     >>> round(axis.antiresonance, 1), round(axis.resonance, 1), axis.units
-    (47.3, 83.3, ('m', 'N'))
+    (47.3, 83.2, ('m', 'N'))
     """
 
     motor_inertia: float
@@ -262,7 +262,7 @@ class ServoTrace:
     limited : (n,) ndarray of bool
         Whether the current limit was at work.
     x, v, friction : (axes, n) ndarray
-        True position, velocity and friction force of motor and load, in their units.
+        True position [m], velocity [m/s] and friction force [N] of motor and load; in rad and Nm of a rotary axis.
     force_constant : float
         [N/A] or [Nm/A].
     diverged : bool
@@ -399,7 +399,7 @@ def attempt(
         "smoothing": Ts / (Ts + drive.velocity_lag),
         "current_limit": drive.max_current,
         "lag": drive.lag,
-        "delay": min(drive.delay, n),  # all later is after the end
+        "delay": min(drive.delay_periods, n),  # all later is after the end
         "resolution": axis.resolution,
     }
     rows, written = np.zeros((n, 4, rig.n_axes)), np.zeros((n, len(SIGNALS)))
@@ -679,7 +679,7 @@ def servo_axis(preset: str) -> ServoAxis:
     Examples
     --------
     >>> [round(servo_axis(name).inertia, 1) for name in ("linear motor", "belt", "ball screw", "joint")]
-    [12.0, 22.1, 382.8, 2.0]
+    [12.0, 22.2, 382.9, 2.0]
     """
     one_of("preset", preset, PRESETS)
     if preset == "linear motor":

@@ -43,7 +43,7 @@ def frictionless(axis):
 
 @pytest.mark.parametrize("delay", [0.0, 0.3, 1.0, 2.6])
 def test_a_free_mass_follows_the_parabola_of_its_delayed_force(delay):
-    axis = replace(MASS, drive=replace(DRIVE, lag=0.0, delay=delay))
+    axis = replace(MASS, drive=replace(DRIVE, lag=0.0, delay_periods=delay))
     trace = run_servo(axis, force=np.full(200, 6.0), closed=False)
     since = np.maximum(trace.t - delay * TS, 0.0)
     assert np.allclose(trace.x[0], 6.0 / 12.0 * since**2 / 2, rtol=1e-12, atol=1e-18)
@@ -59,7 +59,9 @@ def test_the_lag_of_the_current_is_an_exponential():
     assert np.abs(trace.v[0] - 0.5 * settled).max() < 1e-4 * 0.5 * settled[-1]
 
 
-UNDAMPED = replace(TWO, damping=0.0, motor_damping=0.0, load_damping=0.0, drive=replace(DRIVE, lag=0.0, delay=0.0))
+UNDAMPED = replace(
+    TWO, damping=0.0, motor_damping=0.0, load_damping=0.0, drive=replace(DRIVE, lag=0.0, delay_periods=0.0)
+)
 
 
 def test_motor_and_load_swing_against_each_other_at_the_resonance():
@@ -87,7 +89,9 @@ def test_the_spring_to_ground_holds_a_sprung_axis():
 
 
 def test_break_away_is_where_the_force_passes_stiction():
-    axis = replace(MASS, motor_friction=Coulomb(Fc=9.0, Fs=13.0, vs=0.01), drive=replace(DRIVE, lag=0.0, delay=0.0))
+    axis = replace(
+        MASS, motor_friction=Coulomb(Fc=9.0, Fs=13.0, vs=0.01), drive=replace(DRIVE, lag=0.0, delay_periods=0.0)
+    )
     force = np.linspace(0.0, 20.0, 2000)
     trace = run_servo(axis, force=force, closed=False)
     moves = int(np.argmax(trace.x[0] > 0))
@@ -146,7 +150,7 @@ def test_what_the_motor_gives_is_held_or_lost(name):
     rng, n = np.random.default_rng(3), 4000
     strength = axis.motor_friction.strength.sum()
     force = 6 * strength * signal.lfilter(*signal.butter(2, 20, fs=FS), rng.standard_normal(n) * 6)
-    axis = replace(axis, drive=replace(axis.drive, lag=0.0, delay=0.0, max_current=np.inf))
+    axis = replace(axis, drive=replace(axis.drive, lag=0.0, delay_periods=0.0, max_current=np.inf))
     trace = run_servo(axis, force=force, closed=False, oversampling=8)
     # the force is held over each period: its work is the force times the way
     given = np.sum(force[:-1] * np.diff(trace.x[0]))
@@ -171,7 +175,7 @@ def in_state_space(axis):
     plant = control.ss(A, B, np.hstack([rig.sensors, 0 * rig.sensors]), 0)
     if axis.drive.lag:
         plant = plant * control.ss(-1 / axis.drive.lag, 1 / axis.drive.lag, 1, 0)
-    return control.c2d(plant, TS) * control.tf([1], [1, 0], TS) ** int(axis.drive.delay)
+    return control.c2d(plant, TS) * control.tf([1], [1, 0], TS) ** int(axis.drive.delay_periods)
 
 
 @pytest.mark.parametrize("axis", [MASS, TWO, replace(TWO, encoder="load", drive=replace(DRIVE, kv=15, kp=6))])
@@ -298,7 +302,7 @@ def some_axis(rng):
         tn=rng.choice([np.inf, 10 ** rng.uniform(-3, 0)]),
         max_current=rng.choice([np.inf, 10 ** rng.uniform(-1, 2)]),
         lag=rng.choice([0.0, 10 ** rng.uniform(-4, -2)]),
-        delay=rng.choice([0.0, 1.0, rng.uniform(0, 3)]),
+        delay_periods=rng.choice([0.0, 1.0, rng.uniform(0, 3)]),
         velocity_lag=rng.choice([0.0, 1e-3]),
         position_every=int(rng.integers(1, 5)),
     )
