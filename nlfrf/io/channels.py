@@ -436,8 +436,9 @@ def read_compressed(path: Path) -> Channels:
                     require_size(n, size)
                     written.write(block)
         except (OSError, EOFError, ValueError, zlib.error) as error:
-            reason = " ".join(str(error).split())
-            raise ValueError(f"path must be a readable .gz file, got {path.name!r}: {reason}; {OTHERWISE}") from None
+            raise ValueError(
+                f"path must be a readable .gz file, got {path.name!r}: {one_line(str(error))}; {OTHERWISE}"
+            ) from None
         return replace(read_channels(unpacked), path=str(path))
 
 

@@ -24,6 +24,7 @@ REVIEWED = {
     "nlfrf.io.readers.clock:spelled": "a number in a file",
     "nlfrf.io.readers.layout:head_of": "the beginning of a file",
     "nlfrf.io.readers.lvm:contents": "a file",
+    "nlfrf.io.readers.twincat:with_tabs": "a file",
     "nlfrf._base.values:meanings": "a docstring, for a table in a notebook",
     "nlfrf._base.values:plain": "white space made even in what is only printed",
     "nlfrf.io.channels:read_channels": "white space made even in what is only printed",
