@@ -20,6 +20,7 @@ COMMANDS = (
     "bench_friction",
     "bench_many_loops 2000",
     "bench_axes",
+    "bench_servo",
     "bench_robust",
     "bench_design",
     "bench_synthesis",

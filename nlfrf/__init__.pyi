@@ -49,6 +49,12 @@ from .rig.bench.motion import run as run
 from .rig.bench.rig import Rig as Rig
 from .rig.bench.rig import paper_rig as paper_rig
 from .rig.bench.rig import two_axis_stage as two_axis_stage
+from .rig.bench.servo import ServoAxis as ServoAxis
+from .rig.bench.servo import ServoDrive as ServoDrive
+from .rig.bench.servo import ServoTrace as ServoTrace
+from .rig.bench.servo import run_servo as run_servo
+from .rig.bench.servo import servo_axis as servo_axis
+from .rig.bench.servo import simulate_servo as simulate_servo
 from .rig.bench.simulate import simulate as simulate
 
 # Studies

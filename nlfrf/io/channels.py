@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import gzip
 import os
+import tempfile
+import zlib
 from collections.abc import Iterable, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,12 +15,23 @@ import numpy as np
 
 from nlfrf._base.arguments import data_warning, one_line, require_positive
 from nlfrf._base.files import to_path
-from nlfrf._base.own_process import Contents, read_in_own_process
+from nlfrf._base.own_process import Contents, read_in_own_process, require_size
 from nlfrf._base.values import value
 from nlfrf.io import npz
 from nlfrf.io.moments import require_same_moments
-from nlfrf.io.readers import columns, hdf5, lvm, matlab, mdf, tables, tdms, uff, wav
-from nlfrf.io.readers.clock import RATES, STEPS, UNIT, frequency_of, hertz_of, is_time, seconds_of, unit_of
+from nlfrf.io.readers import columns, hdf5, lvm, matlab, mdf, npy, tables, tdms, twincat, uff, wav
+from nlfrf.io.readers.clock import (
+    LONG,
+    RATES,
+    STEPS,
+    UNIT,
+    clock_name,
+    frequency_of,
+    hertz_of,
+    is_time,
+    seconds_of,
+    unit_of,
+)
 from nlfrf.io.readers.layout import once
 
 __all__ = ["OTHER_WAY", "SUFFIXES", "Channels", "read_channels", "to_paths"]
@@ -218,7 +232,7 @@ class Channels:
     @property
     def times(self) -> list[str]:
         """Names of the time channels, those that a clock can be read from in front."""
-        found = [name for name in self.signals if is_time(name) and self.arrays[name].dtype.kind in "fiu"]
+        found = [name for name in self.signals if is_time(name) and may_run(self.arrays[name])]
         if len(found) < 2:
             return found
         return sorted(found, key=lambda name: not (self.second_of(name) and frequency_of(np.ravel(self.arrays[name]))))
@@ -233,15 +247,16 @@ class Channels:
         homes = [f"{candidates.rpartition('.')[0]}." if "." in candidates else "", ""]
         found = []
         for name, array in self.arrays.items():
-            key = name.rsplit(".", 1)[-1].replace("_", "").replace(" ", "").lower()
-            key = UNIT.sub("", key)
-            if array.size == 1 and array.dtype.kind in "fiu" and key in (*RATES, *STEPS):
-                scale = (seconds_of if key in STEPS else hertz_of)(self.unit(name))
-                number = float(array.reshape(-1)[0]) * (scale or 0.0)
-                if 0 < number < np.inf:
-                    home = name.rpartition(".")[0]
-                    rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
-                    found.append((rank, number if key in RATES else float(f"{1 / number:.12g}"), name))
+            key, unit = clock_name(UNIT.sub("", name).rsplit(".", 1)[-1])
+            number, unit = constant_of(array) if key in (*RATES, *STEPS) else None, unit or self.unit(name)
+            if number is None or (array.size > 1 and key in STEPS and not unit and number >= LONG):
+                continue
+            scale = (seconds_of if key in STEPS else hertz_of)(unit)
+            number *= scale or 0.0
+            if 0 < number < np.inf:
+                home = name.rpartition(".")[0]
+                rank = homes.index(f"{home}." if home else "") if (f"{home}." if home else "") in homes else 2
+                found.append((rank, number if key in RATES else float(f"{1 / number:.12g}"), name))
         best = min(found, default=None)
         if best is None:
             return None
@@ -281,6 +296,19 @@ class Channels:
         return fs
 
 
+def may_run(array: np.ndarray) -> bool:
+    """Whether a stream can be a time axis; a parameter that a logger repeats in every row cannot."""
+    return array.dtype.kind in "fiu" and array.size > 1 and constant_of(array) is None
+
+
+def constant_of(array: np.ndarray) -> float | None:
+    """The number that a single value is, or a stream that repeats it; None of anything else."""
+    if array.dtype.kind not in "fiu" or not array.size:
+        return None
+    first = array.reshape(-1)[0]
+    return float(first) if array.size == 1 or bool(np.all(array == first)) else None
+
+
 def backward_steps(t: np.ndarray) -> str:
     """Where a time channel does not run forward."""
     steps = np.diff(t.astype(float))
@@ -308,10 +336,12 @@ class Reader(NamedTuple):
 TEXT_READER = Reader(tables.contents)
 HDF5_READER = Reader(hdf5, separate=True)
 MDF_READER = Reader(mdf, separate=True, extra="mdf")
+TWINCAT = Reader(twincat, separate=True, extra="twincat")
 READERS = {
     ".mat": Reader(matlab.contents),
     ".npz": Reader(npz.contents),
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc"), TEXT_READER),
+    ".npy": Reader(npy.contents),
     ".lvm": Reader(lvm.contents),
     ".h5": HDF5_READER,
     ".hdf5": HDF5_READER,
@@ -321,7 +351,7 @@ READERS = {
     **dict.fromkeys((".parquet", ".feather"), Reader(columns, separate=True, extra="parquet")),
     ".wav": Reader(wav, separate=True),
 }
-SUFFIXES = ", ".join(READERS)
+SUFFIXES = ", ".join(READERS).replace(".csv,", ".csv, .csv.gz,")
 
 
 def to_paths(path: Any) -> list[Any]:
@@ -346,6 +376,8 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     if not path.is_file():
         raise FileNotFoundError(f"path must be an existing file, got {str(path)!r}")
     suffix = path.suffix.lower()
+    if suffix == ".gz" and READERS.get(Path(path.stem).suffix.lower()) is TEXT_READER:
+        return read_compressed(path)
     reader = READERS.get(suffix)
     if reader is None:
         cure = "; save the sheet as .csv" if suffix in (".xls", ".xlsx", ".ods") else ""
@@ -353,9 +385,11 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
     try:
         if reader is TEXT_READER:
             with path.open("rb") as stream:
-                reader = (
-                    MDF_READER if stream.read(8).startswith(b"MDF ") else TEXT_READER
-                )  # its older versions are called .dat
+                start = stream.read(1024)
+            if start.startswith(b"MDF "):  # its older versions are called .dat
+                reader = MDF_READER
+            elif twincat.is_export(start):
+                reader = TWINCAT
         arrays, units, clocks, notes = (
             read_in_own_process(reader.contents.__file__, path) if reader.separate else reader.contents(path)
         )
@@ -386,10 +420,28 @@ def read_channels(path: str | os.PathLike[str]) -> Channels:
         for one in (array.base, array):
             if isinstance(one, np.ndarray):
                 one.flags.writeable = False
-    times = [name for name in numeric if is_time(name) and numeric[name].size > 1 and numeric[name].dtype.kind in "fiu"]
+    times = [name for name in numeric if is_time(name) and may_run(numeric[name])]
     return Channels(
         path=str(path), arrays=numeric, time=times[0] if times else "", units=units, clocks=clocks, notes=notes
     )
+
+
+def read_compressed(path: Path) -> Channels:
+    """Read a text table that gzip compressed, `run.csv.gz`, unpacked into a file that is gone afterwards."""
+    size, n = path.stat().st_size, 0
+    with tempfile.TemporaryDirectory() as folder:
+        unpacked = Path(folder) / path.stem
+        try:
+            with gzip.open(path, "rb") as packed, unpacked.open("wb") as written:
+                while block := packed.read(1 << 20):
+                    n += len(block)
+                    require_size(n, size)
+                    written.write(block)
+        except (OSError, EOFError, ValueError, zlib.error) as error:
+            raise ValueError(
+                f"path must be a readable .gz file, got {path.name!r}: {one_line(str(error))}; {OTHER_WAY}"
+            ) from None
+        return replace(read_channels(unpacked), path=str(path))
 
 
 def clean_names(arrays: Any, units: Any, clocks: Any, notes: Any) -> Contents:

@@ -8,6 +8,7 @@ levels               machine and class read from measured levels, and what of it
 linear_uncertainty   the class beside an LTI error of the linear part: a test at frequencies, no proof
 multipliers          weights of filters on the friction, by a linear program
 passivity            every passive friction: what damping a loop leaves at its port
+presliding_fit       mass, stiffness and virgin curve from all levels at once, by simulating candidates
 plant                a machine with friction and its sampled loop; bounded motion
 prove                a proof for every friction of a class
 saturation           a machine with friction whose actuator saturates

@@ -66,6 +66,7 @@ HEAVY = {
     "nptdms": "nlfrf.io.readers.tdms",
     "asammdf": "nlfrf.io.readers.mdf",
     "pyuff": "nlfrf.io.readers.uff",
+    "pytcs": "nlfrf.io.readers.twincat",
     "pyarrow": "nlfrf.io.readers.columns",
 }
 ALWAYS_LATE = set(HEAVY) - {"numba", "flint"}

@@ -18,6 +18,7 @@ NEVER_REFUSES = {"nlfrf.paper_rig"}
 #: Files, containers and our own bookkeeping: nothing in them comes from a book.
 OWN = {
     *("nlfrf.DataWarning", "nlfrf.LineGrid", "nlfrf.LoopResponse", "nlfrf.Motion", "nlfrf.Record", "nlfrf.drive"),
+    "nlfrf.ServoTrace",
     *("nlfrf.MultiRecord", "nlfrf.multirecord_from_samples"),
     *("nlfrf.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_multirecord"),
     *("nlfrf.load", "nlfrf.load_frm", "nlfrf.save_frm"),

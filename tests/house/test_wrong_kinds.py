@@ -2,6 +2,7 @@
 
 import inspect
 import warnings
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -14,7 +15,15 @@ from robust import plot as loop_pictures
 
 MODULES = (nlfrf, robust, measured_pictures, loop_pictures)
 SLOW = {"design_proved", "scan_orders", "level_study", "progress_bar"}
-FLAGS = {"certify", "even", "limits", "resample", "simultaneous", "stable"}  # true or false, whatever they are
+FLAGS = {
+    "certify",
+    "closed",
+    "even",
+    "limits",
+    "resample",
+    "simultaneous",
+    "stable",
+}  # true or false, whatever they are
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress", "transform"}  # in some cases only
 #: Parameters that no sound value is made of here: results of functions that have a test of their own.
 RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
@@ -50,6 +59,8 @@ def things():
     sound |= {"v": np.zeros(10), "omega_bc": 10.0, "content": model, "gain": 2.0, "phase": 30.0, "kp": 1.0, "Fs": 1.0}
     sound |= {"signals": robust.LoopSignals(disturbance=robust.SineSignal(0.1, 10.0))}
     sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record), "f": np.array([1.0, 2.0])}
+    axis = nlfrf.servo_axis("linear motor")
+    sound |= {"preset": "belt", "axis": replace(axis, drive=replace(axis.drive, fs=1024, kp=30.0, kv=20.0))}
     return sound, (object(), None, [object()], "nothing.here", several, multi, frm, nominal, record)
 
 

@@ -9,8 +9,10 @@ matlab          MATLAB: which version it is
 matlab_objects  MATLAB: time series, timetables, datasets
 matlab_v5       MATLAB to v7: variables, structs, Simulink scopes, dSPACE recordings
 mdf             MDF of cars and test benches
+npy             arrays of NumPy, with or without named columns
 tables          text tables: CSV as the world writes it
 tdms            TDMS of LabVIEW
+twincat         text exports of TwinCAT Scope
 uff             universal files, datasets of type 58
 wav             sound
 """

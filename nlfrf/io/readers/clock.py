@@ -10,10 +10,23 @@ import numpy as np
 from nlfrf._base.numbers import BLOCK_ENTRIES, all_finite, iterate_blocks
 from nlfrf.io.readers.layout import UNIT_CELL
 
-__all__ = ["RATES", "STEPS", "UNIT", "frequency_of", "hertz_of", "is_time", "seconds_of", "told_clock", "unit_of"]
+__all__ = [
+    "LONG",
+    "RATES",
+    "STEPS",
+    "UNIT",
+    "clock_name",
+    "frequency_of",
+    "hertz_of",
+    "is_time",
+    "seconds_of",
+    "told_clock",
+    "unit_of",
+]
 
 
-UNIT = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+#: A unit in brackets behind a name. Whole numbers are an index, `setpoint[0]`, `DCOM(1,2)`; but "ratio [1]" is a unit.
+UNIT = re.compile(r"(?:\s+(?=\[1\])|\s*(?![\[(]\s*\d[\d,;:\s]*[\])]))[\[(]([^\])]*)[\])]\s*$")
 SECONDS = {
     **dict.fromkeys(("", "s", "sec", "secs", "second", "seconds", "sekunden"), 1.0),
     **dict.fromkeys(("ms", "msec", "millis", "millisecond", "milliseconds"), 1e-3),
@@ -32,7 +45,7 @@ STEPS = ("ts", "dt", "deltat", "sampletime", "samplingtime", "tsample", "increme
 #: What a line above a table says of the clock: "Sample rate: 2 kHz", "Sampling interval,0.001".
 CLOCK = re.compile(
     r"(?P<rate>sampl\w*[ _]?(?:rate|freq\w*)|\bfs|abtastrate)"
-    r"|(?P<step>sampl\w*[ _]?(?:interval|time|period)|delta[ _]?[tx]|\bdt)",
+    r"|(?P<step>sampl\w*[ _]?(?:interval|time|period)|cycle[ _]?time|abtastzeit|zykluszeit|delta[ _]?[tx]|\bdt)",
     re.I,
 )
 #: The number behind it, grouped by blanks or marks or not, and what follows: its unit, or another cell.
@@ -66,6 +79,18 @@ def unit_of(name: str) -> str | None:
         return bracket[1].strip()
     found = TIME.fullmatch(name.rsplit(".", 1)[-1].strip())
     return found[1] if found and found[1] and is_time(name) else None
+
+
+def clock_name(name: str) -> tuple[str, str]:
+    """The name of a sampling time or frequency as `STEPS` and `RATES` spell it, and a unit behind an underscore.
+
+    >>> clock_name("Sampling_Time_us"), clock_name("Ts"), clock_name("fs_kHz"), clock_name("offset_s")
+    (('samplingtime', 'us'), ('ts', ''), ('fs', 'kHz'), ('offset', 's'))
+    """
+    head, _, unit = name.strip().rpartition("_")
+    known = head and (seconds_of(unit) is not None or hertz_of(unit) is not None)
+    key, unit = (head, unit) if known else (name, "")
+    return key.replace("_", "").replace(" ", "").lower(), unit
 
 
 def seconds_of(unit: str) -> float | None:
@@ -106,7 +131,7 @@ def told_clock(lines: tuple[str, ...], delimiter: str = ",", decimal: str = ".")
         if scale is None and value["gap"].strip() and not UNIT_CELL.fullmatch(unit):
             scale = 1.0  # a word in a cell of its own
         number = spelled(value["number"], delimiter, decimal) * (scale or 0.0)
-        if said["step"] and "time" in said["step"].lower() and number >= LONG:
+        if said["step"] and said["step"].lower().endswith(("time", "zeit")) and number >= LONG:
             continue
         if 0 < number < np.inf:
             return number if said["rate"] else float(f"{1 / number:.12g}")

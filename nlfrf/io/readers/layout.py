@@ -194,13 +194,29 @@ def header(lines: list[str], c: Cut) -> tuple[tuple[str, ...], tuple[str, ...]]:
         last = block[-1]
         if all(TYPE_CELL.fullmatch(cell) or not cell for cell in last):
             block.pop()
-        elif all(UNIT_CELL.fullmatch(cell) or cell in ("", "-") for cell in last):
+        elif is_units_row(last, block[-2]):
             units = [cell.strip("[]()").strip() if cell != "-" else "" for cell in last]
             block.pop()
         else:
             break
     names = block[-1] if block else [""] * c.width
     return tuple(once(names)), tuple(units)
+
+
+def is_units_row(row: list[str], above: list[str]) -> bool:
+    """Whether a row holds units: all of its cells are, or all but a few unknown ones below names that are none.
+
+    >>> is_units_row(["ms", "A", "INC", "per mille"], ["time", "current", "position", "load"])
+    True
+    >>> is_units_row(["time", "A", "V"], ["Motor", "Motor", "Motor"]), is_units_row(["u", "m"], ["a", "b"])
+    (False, False)
+    """
+    filled = [cell for cell in row if cell not in ("", "-")]
+    units = sum(UNIT_CELL.fullmatch(cell) is not None for cell in filled)
+    if units == len(filled):
+        return True
+    names = len({*above}) == len(above) and not any(UNIT_CELL.fullmatch(cell) for cell in above if len(cell) > 1)
+    return names and all(above) and units > len(filled) / 2 and UNIT_CELL.fullmatch(row[0]) is not None
 
 
 def fitted(row: list[str], width: int) -> list[str] | None:

@@ -4,5 +4,6 @@ closed_loop  a sampled controller around the rig, or a stack of them
 machine      machines of several coupled masses
 motion       the machine's motion through any force, from rest on
 rig          the machine `Rig`, the paper's own `paper_rig`, a stage of two axes
+servo        a servo axis under its drive: motor, load, P-PI cascade; four presets
 simulate     multisine experiments, run to steady state
 """

@@ -31,8 +31,9 @@ __all__ = ["N_ROWS", "advance_axes", "let_free", "run_axes", "run_axes_loop"]
 
 
 Array = np.ndarray
-compiled = njit(nogil=True, error_model="numpy")  # kept with what calls it
-inlined = njit(nogil=True, error_model="numpy", forceinline=True)
+# `_nrt=False`: without reference counts, see `leuven`
+compiled = njit(nogil=True, error_model="numpy", _nrt=False)  # kept with what calls it
+inlined = njit(nogil=True, error_model="numpy", forceinline=True, _nrt=False)
 #: Matrices of a machine; the last one is there where some spring is cubic.
 MASS, INVERSE, STIFFNESS, DAMPING, CUBIC = range(5)
 #: Rows of the work space, one number an axis. Four rows make a place: position, velocity, two states of the law.
@@ -66,7 +67,7 @@ def stuck(laws: Array, states: Array, i: int) -> bool:
     return laws[i, 0] == kernel_data.COULOMB and states[i, DIRECTION] == 0.0
 
 
-@compiled
+@njit(nogil=True, error_model="numpy")
 def let_free(machine: Array, laws: Array, states: Array) -> None:
     """The inverse of the mass matrix over the axes that are not stuck, zero elsewhere (Gauss and Jordan)."""
     n = machine.shape[1]

@@ -29,7 +29,8 @@ __all__ = [
 
 
 Array = np.ndarray
-compiled = njit(cache=True, nogil=True, error_model="numpy")
+# `_nrt=False`: without reference counts, see `leuven`
+compiled = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 
 
 @compiled

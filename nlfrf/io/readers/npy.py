@@ -1,0 +1,31 @@
+"""Arrays of NumPy (.npy): one array, or a table whose columns have names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.lib import format as npy
+
+from nlfrf._base.own_process import Contents, require_size
+
+__all__ = ["contents"]
+
+
+def contents(path: Path) -> Contents:
+    """The array as "data", whose columns are "data.1", "data.2"; fields of a structured array by their names."""
+    with path.open("rb") as stream:
+        version = npy.read_magic(stream)
+        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        shape, _, kind = read(stream)
+        held = path.stat().st_size - stream.tell()
+    if kind.hasobject:
+        raise ValueError("it holds Python objects, and pickles are never read")
+    wanted = kind.itemsize * int(np.prod(shape, dtype=object))
+    require_size(wanted, path.stat().st_size)
+    if wanted > held:
+        raise ValueError(f"its header tells of {wanted} bytes, and it holds {held}")
+    array = np.load(path, allow_pickle=False)
+    if array.dtype.names is None:
+        return {"data": array}, {}, {}, {}
+    return {name: np.ascontiguousarray(array[name]) for name in array.dtype.names}, {}, {}, {}

@@ -1,0 +1,129 @@
+"""Text exports of TwinCAT Scope (.csv, .txt), by pytcs."""
+
+from __future__ import annotations
+
+import re
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["contents", "is_export"]
+
+#: How an export begins: the name of the scope, the file, and when the export starts, in quotes where blanks part cells.
+BEGIN = re.compile(rb'(?:\xef\xbb\xbf)?Name[\t;:, ][^\n]*\nFile[\t;:, ][^\n]*\n"?Starttime of export')
+
+
+def is_export(start: bytes) -> bool:
+    """Whether a file that begins so is an export of TwinCAT Scope."""
+    return BEGIN.match(start) is not None
+
+
+def contents(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str], dict[str, Any], dict[str, str]]:
+    """Channels by name, each with its unit and its own time axis [ms].
+
+    This room is loaded by its path in a process of its own, so it imports nothing of this package.
+    """
+    from pytcs import ScopeFile
+
+    text = path.read_bytes().decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
+    delimiter = text[4]
+    # pytcs takes neither blanks nor commas between cells
+    scope = ScopeFile(StringIO(with_tabs(text, delimiter) if delimiter in " ," else text))
+    scope.load(backend="pandas")  # its other backend cannot read from memory
+    arrays: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
+    clocks: dict[str, Any] = {}
+    notes: dict[str, str] = {}
+    axes: dict[bytes, str] = {}
+    for name, channel in scope.items():
+        time, samples = np.asarray(channel.time, dtype=float), np.asarray(channel.values, dtype=float)
+        if time.size != samples.size:
+            notes[name] = f"has {samples.size} samples at {time.size} times"
+            continue
+        key = time.tobytes()
+        if key not in axes:
+            axes[key] = f"axis{len(axes) + 1}.time" if axes else "time"
+            arrays[axes[key]], units[axes[key]] = time, "ms"
+        arrays[name], clocks[name] = samples, axes[key]
+        if channel.units:
+            units[name] = str(channel.units)
+    return arrays, units, clocks, notes
+
+
+def with_tabs(text: str, delimiter: str) -> str:
+    """The same export with tabs between the cells.
+
+    The header names every column, and the first row of numbers tells how many there are. Cells of the header can hold
+    the delimiter: decimal commas, names with blanks. Rows that cannot be cut to the width of the table are left out,
+    but for the names, without which nothing can be read.
+    """
+    lines = text.split("\n")
+    first = next(i for i, line in enumerate(lines) if i > 4 and re.match(r"-?\d", line))
+    width = len(lines[first].rstrip(delimiter).split(delimiter))
+    head = [line.rstrip() if delimiter == "," else line for line in lines[:first]]
+    names = next(i for i, line in enumerate(head) if i > 0 and line.startswith(f"Name{delimiter}"))
+    rows = []
+    for i, line in enumerate(head):
+        if i < names:
+            parted = line.split(",") if delimiter == "," else re.findall(r'"[^"]*"|[^ "]+', line)
+            rows.append("\t".join(cell.strip('"') for cell in parted))
+        elif not line.strip():
+            rows.append("")
+        else:
+            cells = cut(line, delimiter, width, named=i == names)
+            if cells is not None:
+                rows.append("\t".join(cells))
+    numbers = [line.replace(delimiter, "\t") for line in lines[first:]]
+    return "\n".join(rows + numbers)
+
+
+def cut(line: str, delimiter: str, width: int, *, named: bool) -> list[str] | None:
+    """The cells of a row of the header; None of a row that has more cells than the table has columns.
+
+    >>> cut("Name a test space Name b test space (1)", " ", 6, named=True)
+    ['Name', 'a', 'test space', 'Name', 'b', 'test space (1)']
+    >>> cut("Unit (None) dV (Voltage)", " ", 3, named=False)
+    ['Unit', '(None)', 'dV (Voltage)']
+    """
+    cells = line.split(delimiter)
+    if len(cells) == width:
+        return cells
+    if delimiter == " ":
+        cells = rejoined([cell for cell in cells if cell], named)
+    if len(cells) == width:
+        return cells
+    if named:
+        raise ValueError(
+            f"its names, {len(cells)} between {'blanks' if delimiter == ' ' else 'commas'} for {width} columns, cannot "
+            "be told apart: export it with tabs or semicolons"
+        )
+    return None
+
+
+def rejoined(tokens: list[str], named: bool) -> list[str]:
+    """Words that belong together: "(Voltage)" to its unit, "(1)" to a name that TwinCAT found a second time.
+
+    That name is the longest run of words in front of "(1)" that stands somewhere before it too.
+    """
+    repeated: set[tuple[str, ...]] = set()
+    if named:
+        for i, token in enumerate(tokens):
+            if re.fullmatch(r"\(\d+\)", token):
+                runs = [tuple(tokens[k:i]) for k in range(i) if "Name" not in tokens[k:i]]
+                before = tokens[: max(i - 1, 0)]
+                found = (
+                    run for run in runs if any(tuple(before[j : j + len(run)]) == run for j in range(i - len(run)))
+                )
+                repeated.add(next(found, ()))
+    cells: list[str] = []
+    i = 0
+    while i < len(tokens):
+        run = next((run for run in repeated if run and tuple(tokens[i : i + len(run)]) == run), (tokens[i],))
+        cells.append(" ".join(run))
+        i += len(run)
+        while i < len(tokens) and re.fullmatch(r"\(.*\)", tokens[i]) and tokens[i] != "(None)":
+            cells[-1] += f" {tokens[i]}"
+            i += 1
+    return cells

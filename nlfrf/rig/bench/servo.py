@@ -1,0 +1,747 @@
+"""A servo axis under its drive: motor and load with friction, a P-PI cascade, a quantised encoder, a limited current.
+
+    position set point -> [P] -> velocity set point -> [PI, filters] -> current set point -> delay, lag -> motor = load
+          |-------------- encoder: quantised position, its differences ---------|
+
+    m1 x1'' + c1 x1' + k (x1 - x2) + c (x1' - x2') + friction1(x1') = force_constant * current
+    m2 x2'' + c2 x2' + k (x2 - x1) + c (x2' - x1') + k2 x2 + friction2(x2') = 0
+
+All quantities are in one coordinate, that of the load: a rotor of inertia J behind a transmission of r metres a radian
+is a motor inertia of J / r^2 kg, its torque constant a force constant of Kt / r N/A.
+"""
+
+from __future__ import annotations
+
+import warnings
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.arguments import (
+    DataWarning,
+    require_choice,
+    require_integer,
+    require_kind,
+    require_nonnegative,
+    require_positive,
+    require_real,
+    require_real_array,
+)
+from nlfrf._base.values import freeze_array, value
+from nlfrf.records.record import Record
+from nlfrf.rig.bench import machine as axes
+from nlfrf.rig.bench.closed_loop import MOST_HALVINGS, begun, fitted, steps_of
+from nlfrf.rig.bench.rig import Rig, at_rest
+from nlfrf.rig.bench.simulate import Arrays, Progress, run_all
+from nlfrf.rig.kernels import data as packing
+from nlfrf.rig.laws.hysteresis import warn_lost
+from nlfrf.rig.laws.laws import VaryingSliders, packed_law
+from nlfrf.signals.multisine import Multisine
+
+__all__ = ["ServoAxis", "ServoDrive", "ServoExperiment", "ServoTrace", "run_servo", "servo_axis", "simulate_servo"]
+
+MOTIONS = {"linear": ("m", "N"), "rotary": ("rad", "Nm")}
+PORTS = ("force", "velocity", "position")
+PRESETS = ("linear motor", "belt", "ball screw", "joint")
+#: Share of samples in which a current limit, or a reversal in motion, is not worth a word.
+SELDOM = 1e-3
+#: Change from one period to the next, of the rms of the position, that is called unsettled.
+UNSETTLED = 1e-2
+
+
+@value
+class ServoDrive:
+    """A drive: position P, velocity PI, current limit and lag, all sampled.
+
+    The velocity is the difference of two encoder readings. While the current is limited, the integrator does not run
+    further into the limit.
+
+    Parameters
+    ----------
+    fs : float
+        Sampling frequency of the velocity loop and of the current set point [Hz].
+    kv : float
+        Gain of the position loop [1/s].
+    kp : float
+        Gain of the velocity loop [A s/m] or [A s/rad].
+    tn : float
+        Reset time of the velocity loop [s]; infinite: no integral part.
+    max_current : float
+        Limit of the current set point, either way [A].
+    lag : float
+        Time constant of the current loop [s]; zero: the current follows at once.
+    delay_periods : float
+        From sampling to the current set point changing, in periods of `fs`; any part of one, or several.
+    velocity_lag : float
+        Time constant of a low-pass on the velocity [s].
+    velocity_feedforward : float
+        Share of the velocity of the position set point that goes straight to the velocity loop, 0 to 1.
+    position_every : int
+        The position loop runs in every so many periods.
+    filters : (S, 6) ndarray, optional
+        Second-order sections between the PI and the limit (notch, low-pass), as scipy.signal makes them.
+
+    Raises
+    ------
+    ValueError
+        Numbers out of range; filters that are no second-order sections.
+
+    References
+    ----------
+    H. Gross, J. Hamann, G. Wiegärtner, *Electrical Feed Drives in Automation*, Publicis MCD, 2001: the cascade.
+
+    Examples
+    --------
+    >>> ServoDrive(fs=4000, kv=60, kp=30, tn=0.02).delay_periods
+    1.0
+    """
+
+    fs: float
+    kv: float
+    kp: float
+    tn: float = np.inf
+    max_current: float = np.inf
+    lag: float = 0.0
+    delay_periods: float = 1.0
+    velocity_lag: float = 0.0
+    velocity_feedforward: float = 1.0
+    position_every: int = 1
+    filters: Any = None
+
+    def __post_init__(self) -> None:
+        require_positive("fs", self.fs)
+        for name in ("kv", "kp", "lag", "delay_periods", "velocity_lag"):
+            require_nonnegative(name, getattr(self, name))
+        for name in ("tn", "max_current"):
+            if getattr(self, name) != np.inf:
+                require_positive(name, getattr(self, name))
+        if not 0 <= require_real("velocity_feedforward", self.velocity_feedforward) <= 1:
+            raise ValueError(f"velocity_feedforward must lie between 0 and 1, got {self.velocity_feedforward:g}")
+        require_integer("position_every", self.position_every, least=1)
+        sections = np.zeros((0, 6)) if self.filters is None else require_real_array("filters", self.filters, ndim=2)
+        if sections.shape[1:] != (6,) or not np.allclose(sections[:, 3], 1):
+            raise ValueError(
+                "filters must be second-order sections (S, 6) with 1 in the fourth column, got "
+                f"{'another fourth column' if sections.shape[1:] == (6,) else f'shape {sections.shape}'}"
+            )
+        object.__setattr__(self, "filters", freeze_array(sections))
+
+
+@value
+class ServoAxis:
+    """A motor and a load behind a belt, a screw or a gear, an encoder, and the drive; one rigid mass without a load.
+
+    Parameters
+    ----------
+    motor_inertia : float
+        [kg] or [kg m^2], in the coordinate of the load.
+    force_constant : float
+        [N/A] or [Nm/A], in the coordinate of the load.
+    drive : ServoDrive
+        Gains, limits and sampling of the drive.
+    motor_friction, load_friction : law, optional
+        Friction to ground at either mass.
+    motor_damping, load_damping : float
+        Viscous friction to ground [Ns/m] or [Nm s/rad].
+    load_inertia : float
+        [kg] or [kg m^2]; zero: motor and load are one rigid mass, `motor_inertia`.
+    stiffness, damping : float
+        Of belt, screw or gear between motor and load [N/m], [Ns/m] or [Nm/rad], [Nm s/rad].
+    spring : float
+        From the load to ground [N/m] or [Nm/rad]; zero for a free axis.
+    encoder : str
+        "motor" or "load": which of them the encoder reads.
+    resolution : float
+        Step of the encoder [m] or [rad]; zero for none.
+    motion : str
+        "linear" (m, N) or "rotary" (rad, Nm).
+
+    Raises
+    ------
+    ValueError
+        Numbers out of range; a load without a stiffness; a load side that is described where there is no load.
+
+    References
+    ----------
+    G. Ellis, *Control System Design Guide*, 4th ed., Butterworth-Heinemann, 2012, chapter 16: two masses and a spring.
+
+    Examples
+    --------
+    >>> axis = servo_axis("belt")
+    >>> round(axis.antiresonance, 1), round(axis.resonance, 1), axis.units
+    (47.3, 83.2, ('m', 'N'))
+    """
+
+    motor_inertia: float
+    force_constant: float
+    drive: ServoDrive
+    motor_friction: Any = None
+    motor_damping: float = 0.0
+    load_inertia: float = 0.0
+    load_friction: Any = None
+    load_damping: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    spring: float = 0.0
+    encoder: str = "motor"
+    resolution: float = 0.0
+    motion: str = "linear"
+
+    def __post_init__(self) -> None:
+        require_positive("motor_inertia", self.motor_inertia)
+        require_positive("force_constant", self.force_constant)
+        require_kind("drive", self.drive, ServoDrive)
+        for name in ("motor_damping", "load_inertia", "load_damping", "stiffness", "damping", "spring", "resolution"):
+            require_nonnegative(name, getattr(self, name))
+        require_choice("encoder", self.encoder, ("motor", "load"))
+        require_choice("motion", self.motion, tuple(MOTIONS))
+        for law in (self.motor_friction, self.load_friction):
+            if law is not None:
+                packed_law(law)
+        if self.load_inertia and not self.stiffness:
+            raise ValueError("stiffness must be positive where there is a load_inertia, got 0")
+        if not self.load_inertia:
+            for name in ("load_friction", "load_damping", "stiffness", "damping"):
+                if getattr(self, name):
+                    raise ValueError(f"load_inertia must be positive where {name} is given, got 0")
+            if self.encoder == "load":
+                raise ValueError('encoder must be "motor" where there is no load_inertia, got "load"')
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Units of position and force."""
+        return MOTIONS[self.motion]
+
+    @property
+    def inertia(self) -> float:
+        """Of all that moves [kg] or [kg m^2]."""
+        return self.motor_inertia + self.load_inertia
+
+    @property
+    def antiresonance(self) -> float:
+        """Frequency at which a free load swings on the held motor [Hz], undamped; nan of one mass."""
+        return float(np.sqrt((self.stiffness + self.spring) / self.load_inertia) / 2 / np.pi) if self.two else np.nan
+
+    @property
+    def resonance(self) -> float:
+        """Highest frequency at which motor and load swing without friction [Hz], undamped; zero of one free mass."""
+        return float(np.abs(self.rig.poles(0.0)).max() / 2 / np.pi) if self.two or self.spring else 0.0
+
+    @property
+    def two(self) -> bool:
+        """Whether motor and load are two masses."""
+        return self.load_inertia > 0
+
+    @cached_property
+    def rig(self) -> Rig:
+        """The machine without its drive: the force of the motor in, the encoder's position out."""
+        k, c = self.stiffness, self.damping
+        names: dict[str, Any] = {"inputs": ("force",), "outputs": ("position",)}
+        if not self.two:
+            mass, laws = [[self.motor_inertia]], [self.motor_friction]
+            return Rig(mass, [[self.spring]], laws, [[self.motor_damping]], **names)
+        return Rig(
+            mass=np.diag([self.motor_inertia, self.load_inertia]),
+            stiffness=[[k, -k], [-k, k + self.spring]],
+            friction=[self.motor_friction, self.load_friction],
+            damping=[[self.motor_damping + c, -c], [-c, self.load_damping + c]],
+            actuators=[[1.0], [0.0]],
+            sensors=[[1.0, 0.0] if self.encoder == "motor" else [0.0, 1.0]],
+            **names,
+        )
+
+
+@value(copy=False)
+class ServoTrace:
+    """What a drive traces, sample by sample, and what it does not see.
+
+    Fields
+    ------
+    t : (n,) ndarray
+        Time [s].
+    position_set, position : (n,) ndarray
+        Set point and encoder reading, quantised [m] or [rad].
+    velocity_set, velocity : (n,) ndarray
+        Set point and difference of encoder readings [m/s] or [rad/s].
+    current_set, current : (n,) ndarray
+        Set point behind the limit, and current of the motor when it is computed [A].
+    limited : (n,) ndarray of bool
+        Whether the current limit was at work.
+    x, v, friction : (axes, n) ndarray
+        True position [m], velocity [m/s] and friction force [N] of motor and load; in rad and Nm of a rotary axis.
+    force_constant : float
+        [N/A] or [Nm/A].
+    diverged : bool
+        Whether the axis ran away; the arrays end there.
+
+    Examples
+    --------
+    >>> trace = run_servo(servo_axis("belt"), position=np.zeros(8))
+    >>> trace.t.size, bool(trace.limited.any()), trace.diverged
+    (8, False, False)
+    """
+
+    t: np.ndarray
+    position_set: np.ndarray
+    position: np.ndarray
+    velocity_set: np.ndarray
+    velocity: np.ndarray
+    current_set: np.ndarray
+    current: np.ndarray
+    limited: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    friction: np.ndarray
+    force_constant: float
+    diverged: bool
+
+    @property
+    def force_set(self) -> np.ndarray:
+        """(n,) force that the drive asks for [N] or [Nm]."""
+        return np.asarray(self.force_constant * self.current_set)
+
+    @property
+    def force(self) -> np.ndarray:
+        """(n,) force of the motor [N] or [Nm]."""
+        return np.asarray(self.force_constant * self.current)
+
+
+def run_servo(
+    axis: ServoAxis,
+    *,
+    position: Any = None,
+    velocity: Any = None,
+    force: Any = None,
+    closed: bool = True,
+    noise: Any = None,
+    initial: Any = (0.0, 0.0),
+    oversampling: int = 1,
+) -> ServoTrace:
+    """Run an axis under its drive, from a given state, through set points and excitations of any form.
+
+    Parameters
+    ----------
+    axis : ServoAxis
+        Machine and drive.
+    position : (n,) ndarray, optional
+        Position set point [m] or [rad], one value a period of the drive.
+    velocity : (n,) ndarray, optional
+        Added to the velocity set point [m/s] or [rad/s].
+    force : (n,) ndarray, optional
+        Added to what the velocity loop asks for, in front of the current limit [N] or [Nm].
+    closed : bool
+        False: position and velocity loop are open, and `force` alone drives the motor (torque mode).
+    noise : (n,) ndarray, optional
+        Added to the position before it is quantised [m] or [rad].
+    initial : (2,) or (2, axes) ndarray
+        Position and velocity of the masses at the begin, their friction relaxed.
+    oversampling : int
+        Integration steps a period at least; more are taken where the machine needs them.
+
+    Returns
+    -------
+    ServoTrace
+        An axis that runs away is a result, not an error: `diverged` says so.
+
+    Raises
+    ------
+    ValueError
+        No signal, or signals of different lengths; a set point of an open loop; a machine far too fast for the drive.
+
+    Warns
+    -----
+    DataWarning
+        Where the memory of turning points of a friction law was too short.
+
+    References
+    ----------
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 3.5 (anti-windup) and 8.5 (PI control).
+
+    Examples
+    --------
+    The belt axis goes a millimetre.
+
+    >>> trace = run_servo(servo_axis("belt"), position=np.full(4000, 1e-3))
+    >>> bool(abs(trace.position[-1] - 1e-3) < 2e-5)
+    True
+    """
+    require_kind("axis", axis, ServoAxis)
+    given = {"position": position, "velocity": velocity, "force": force}
+    sizes = [np.size(signal) for signal in given.values() if signal is not None]
+    if not sizes or 0 in sizes:
+        raise ValueError("position, velocity or force must be given, with at least one sample, got none")
+    if not closed and (position is not None or velocity is not None):
+        raise ValueError("position and velocity must be left out of an open loop, got a set point: give force")
+    n = sizes[0]
+    signals = {name: fitted(name, signal, n) for name, signal in (given | {"noise": noise}).items()}
+    begin = begun(initial, axis.rig.n_axes)
+    steps = steps_of(axis.rig, axis.drive.fs, oversampling)
+    for halving in range(MOST_HALVINGS + 1):  # what does not reach the end is run again before it is believed
+        trace, lost = attempt(axis, signals, closed=closed, begin=begin, steps=steps * 2**halving)
+        if not trace.diverged:
+            break
+    warn_lost(lost)
+    return trace
+
+
+def attempt(
+    axis: ServoAxis, signals: dict[str, np.ndarray], *, closed: bool, begin: np.ndarray, steps: int
+) -> tuple[ServoTrace, float]:
+    """Call the compiled code once; the trace as far as it went, and how many hysteresis loops were forgotten."""
+    from nlfrf.rig.kernels.servo import GAINS, SIGNALS, step_servo
+
+    rig, drive, n = axis.rig, axis.drive, signals["force"].size
+    memory = at_rest(rig)
+    memory.state[:, packing.X], memory.state[:, packing.V] = begin
+    laws, grids = axes.packed_laws(rig.friction)
+    dry = laws[:, 0] == packing.COULOMB
+    memory.state[dry, packing.DIRECTION] = np.sign(begin[1, dry])
+    Ts = 1 / drive.fs
+    gains = {
+        "kv": drive.kv,
+        "feedforward": drive.velocity_feedforward,
+        "kp": drive.kp,
+        "integral": drive.kp * Ts / drive.tn,
+        "smoothing": Ts / (Ts + drive.velocity_lag),
+        "current_limit": drive.max_current,
+        "lag": drive.lag,
+        "delay": min(drive.delay_periods, n),  # all later is after the end
+        "resolution": axis.resolution,
+    }
+    rows, written = np.zeros((n, 4, rig.n_axes)), np.zeros((n, len(SIGNALS)))
+    length = int(
+        step_servo(
+            axes.machine(rig.mass, rig.stiffness, rig.damping, None),
+            laws,
+            grids,
+            memory.state,
+            memory.stack,
+            int(axis.encoder == "load"),
+            float(axis.force_constant),
+            np.array([float(gains[name]) for name in GAINS]),
+            np.array(drive.filters),
+            int(drive.position_every),
+            bool(closed),
+            signals["position"],
+            signals["velocity"],
+            signals["force"] / axis.force_constant,
+            signals["noise"],
+            float(drive.fs),
+            int(steps),
+            rows,
+            written,
+        )
+    )
+    rows, columns = rows[:length], dict(zip(SIGNALS, written[:length].T, strict=True))
+    unlimited = columns.pop("unlimited")
+    trace = ServoTrace(
+        t=np.arange(length) * Ts,
+        position_set=signals["position"][:length],
+        limited=unlimited != columns["current_set"],
+        x=rows[:, 0].T,
+        v=rows[:, 1].T,
+        friction=rows[:, 3].T,
+        force_constant=axis.force_constant,
+        diverged=length < n,
+        **columns,
+    )
+    return trace, float(memory.state[:, packing.LOST].sum())
+
+
+# ---- Experiments: a multisine at one port of the drive, at rest or in motion.
+
+
+@value
+class ServoExperiment:
+    """One realisation of a multisine on an axis: all that a worker needs."""
+
+    axis: ServoAxis
+    ms: Multisine
+    port: str
+    closed: bool
+    base_velocity: float
+    strokes: int
+    n_periods: int
+    n_discard: int
+    oversampling: int
+
+
+def simulate_servo(
+    axis: ServoAxis,
+    ms: Multisine,
+    *,
+    port: str = "force",
+    closed: bool = True,
+    base_velocity: float = 0.0,
+    strokes: int = 0,
+    n_periods: int = 2,
+    n_discard: int = 2,
+    oversampling: int = 1,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    resume: Any = None,
+) -> Record:
+    """Run every realisation of a multisine on an axis under its drive: force set point in, encoder position out.
+
+    At rest the multisine moves the axis about a fixed position set point. In motion it is superimposed on a constant
+    velocity, so that the friction slides, and the way of the set point is taken off the position. With `strokes` the
+    axis goes back and forth, and only the strokes in the direction of `base_velocity` are recorded: forward and
+    backward are two records.
+
+    Parameters
+    ----------
+    axis : ServoAxis
+        Machine and drive.
+    ms : Multisine
+        M realisations of N samples at the sampling frequency of the drive.
+    port : str
+        Where it is added: "force" [N] or [Nm], "velocity" [m/s] or [rad/s], "position" [m] or [rad].
+    closed : bool
+        False: torque mode, the multisine alone drives the motor.
+    base_velocity : float
+        Velocity of the position set point [m/s] or [rad/s], its sign the direction that is recorded.
+    strokes : int
+        Strokes there and back; zero for one long way.
+    n_periods : int
+        Periods kept, of each stroke.
+    n_discard : int
+        Periods run before, at the begin of each stroke too.
+    oversampling : int
+        Integration steps a period of the drive at least.
+    executor, progress, resume
+        As in `simulate`.
+
+    Returns
+    -------
+    Record
+        u: the force set point, held over each period ("zoh"), so delay and lag of the current are part of what is
+        identified. y: the encoder reading. r: the multisine. (M, P, N), P the periods of all strokes.
+
+    Raises
+    ------
+    ValueError
+        A multisine of another sampling frequency; motion or a set point in an open loop; an axis that runs away.
+
+    Warns
+    -----
+    DataWarning
+        Where the current was limited, where an axis in motion turned back, or where the last two periods of a record
+        without motion still differ by more than the encoder explains.
+
+    References
+    ----------
+    Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., 2.6.4: FRF of a closed loop.
+
+    Examples
+    --------
+    >>> from nlfrf.signals.multisine import multisine
+    >>> axis = servo_axis("linear motor")
+    >>> ms = multisine(fs=axis.drive.fs, n_samples=4000, f_min=5, f_max=500, rms=2.0, rng=1)
+    >>> record = simulate_servo(axis, ms, n_periods=1)
+    >>> record.y.shape, record.input_units, record.output_units, record.hold
+    ((1, 1, 4000), ('N',), ('m',), 'zoh')
+    """
+    require_kind("axis", axis, ServoAxis)
+    require_kind("ms", ms, Multisine)
+    experiment = ServoExperiment(
+        axis=axis,
+        ms=ms,
+        port=require_choice("port", port, PORTS),
+        closed=bool(closed),
+        base_velocity=require_real("base_velocity", base_velocity),
+        strokes=require_integer("strokes", strokes, least=0),
+        n_periods=require_integer("n_periods", n_periods, least=1),
+        n_discard=require_integer("n_discard", n_discard, least=0),
+        oversampling=require_integer("oversampling", oversampling, least=1),
+    )
+    if abs(ms.fs / axis.drive.fs - 1) > 1e-9:
+        raise ValueError(f"ms must be sampled as the drive is, at {axis.drive.fs:g} Hz, got {ms.fs:g} Hz")
+    if not closed and (port != "force" or base_velocity):
+        raise ValueError(
+            'port must be "force" and base_velocity 0 in an open loop, got a set point that nobody follows'
+        )
+    if strokes and not base_velocity:
+        raise ValueError(f"base_velocity must not be zero where the axis goes back and forth, got {strokes} strokes")
+    if base_velocity and n_discard < 1:
+        raise ValueError("n_discard must be at least 1 in motion, to get up to speed, got 0")
+    runs = [replace(experiment, ms=replace(ms, phase=ms.phase[m : m + 1])) for m in range(ms.n_realizations)]
+    found = run_all(run_experiment, runs, executor=executor, progress=progress, resume=resume)
+    warn_lost(float(sum(one["lost"] for one in found)))
+    warn_of(experiment, {name: max(float(one[name]) for one in found) for name in ("limited", "turned", "change")})
+    u, y, r = (np.stack([one[name] for one in found]) for name in ("u", "y", "r"))
+    position, force = axis.units
+    names: dict[str, Any] = {"u_name": "force", "y_name": "position", "u_unit": force, "y_unit": position}
+    return Record(u=u, y=y, r=r, fs=ms.fs, lines=ms.lines, hold="zoh", **names)
+
+
+def run_experiment(experiment: ServoExperiment) -> Arrays:
+    """Run one realisation; runs in a worker."""
+    axis, ms, N = experiment.axis, experiment.ms, experiment.ms.n_samples
+    block = experiment.n_discard + experiment.n_periods
+    base = base_position(experiment)
+    played = np.tile(ms.u[0], base.size // N)
+    signals = {name: np.zeros(base.size) for name in PORTS} | {"position": base}
+    signals[experiment.port] = signals[experiment.port] + played
+    given = signals if experiment.closed else {"force": signals["force"]}
+    trace = run_servo(axis, closed=experiment.closed, oversampling=experiment.oversampling, **given)
+    if trace.diverged:
+        raise ValueError(
+            f"axis must be stable under its drive, got one that ran away after {trace.t.size / axis.drive.fs:.3g} s: "
+            "lower kp or kv, or raise tn"
+        )
+
+    def kept(signal: np.ndarray) -> np.ndarray:
+        """(P, N) the recorded periods of all strokes; those there and back take turns, the recorded ones last."""
+        strokes = signal.reshape(-1, block, N)[1::2] if experiment.strokes else signal.reshape(1, block, N)
+        return np.asarray(strokes[:, experiment.n_discard :].reshape(-1, N))
+
+    y = kept(trace.position - base)
+    change = 0.0
+    if experiment.n_periods > 1 and not experiment.base_velocity:
+        apart = np.sqrt(np.mean((y[-1] - y[-2]) ** 2))
+        change = max(apart - 2 * axis.resolution, 0.0) / max(np.std(y[-1]), np.finfo(float).tiny)
+    back = kept(trace.v[-1]) * experiment.base_velocity < 0
+    return {
+        "u": kept(trace.force_set),
+        "y": y,
+        "r": kept(played),
+        "limited": np.array(np.mean(kept(trace.limited))),
+        "turned": np.array(np.mean(back)),
+        "change": np.array(change),
+        "lost": np.array(0.0),  # said by the run itself
+    }
+
+
+def base_position(experiment: ServoExperiment) -> np.ndarray:
+    """(n,) position set point of the motion: constant velocity, reached and reversed over a quarter of a period."""
+    N, velocity = experiment.ms.n_samples, experiment.base_velocity
+    block = (experiment.n_discard + experiment.n_periods) * N
+    directions = np.tile([-1.0, 1.0], experiment.strokes) if experiment.strokes else np.ones(1)
+    wanted = velocity * np.repeat(directions, block)
+    rise = (1 - np.cos(np.pi * (np.arange(N // 4) + 0.5) / (N // 4))) / 2
+    before = 0.0
+    for k, direction in enumerate(directions):
+        after = velocity * direction
+        wanted[k * block : k * block + rise.size] = before + (after - before) * rise
+        before = after
+    return np.asarray(np.cumsum(wanted) / experiment.axis.drive.fs)
+
+
+def warn_of(experiment: ServoExperiment, worst: dict[str, float]) -> None:
+    """Warn of what makes a record another one than was asked for."""
+    said = []
+    if worst["limited"] > SELDOM:
+        limit = experiment.axis.drive.max_current
+        said.append(
+            f"the current was at its limit of {limit:g} A in {100 * worst['limited']:.2g} % of the samples: "
+            "the FRF is that of the limit too. Lower the level"
+        )
+    if worst["turned"] > SELDOM:
+        said.append(
+            f"the axis turned back in {100 * worst['turned']:.2g} % of the samples: it does not slide all the time. "
+            f"Raise base_velocity above {abs(experiment.base_velocity):g}, or lower the level"
+        )
+    if worst["change"] > UNSETTLED:
+        said.append(
+            f"steady state was not reached: the last two periods differ by {worst['change']:.1e} of the rms. "
+            f"Raise n_discard above {experiment.n_discard}"
+        )
+    for text in said:
+        warnings.warn(text, DataWarning, stacklevel=3)
+
+
+# ---- Four axes to try it on. Where the numbers come from stands in docs/guide/axis.md.
+
+
+def sliders(K0: float, Fs: float, stiction: float, vs: float) -> VaryingSliders:
+    """Three elements of equal strength that slip one after the other, at 0.56, 1.1 and 3.3 times Fs / K0."""
+    stiffness = K0 * np.array([0.6, 0.3, 0.1])
+    return VaryingSliders(stiffness=stiffness, strength=np.full(3, Fs / 3), stiction=stiction, vs=vs)
+
+
+def servo_axis(preset: str) -> ServoAxis:
+    """An axis as machines have it, with a drive that is set up for it.
+
+    Parameters
+    ----------
+    preset : str
+        "linear motor": one mass of 12 kg on rails. "belt": 7 and 15 kg, 47 and 83 Hz. "ball screw": 233 and 150 kg,
+        116 and 149 Hz. "joint": a robot joint with a harmonic drive, 0.52 and 1.5 kg m^2, 16 and 32 Hz.
+
+    Returns
+    -------
+    ServoAxis
+        With friction of the class `robust.any_maxwell_slip`, viscous friction beside it.
+
+    Raises
+    ------
+    ValueError
+        Another preset.
+
+    References
+    ----------
+    docs/guide/axis.md: each number with its data sheet, or that it was chosen.
+
+    Examples
+    --------
+    >>> [round(servo_axis(name).inertia, 1) for name in ("linear motor", "belt", "ball screw", "joint")]
+    [12.0, 22.2, 382.9, 2.0]
+    """
+    require_choice("preset", preset, PRESETS)
+    if preset == "linear motor":
+        return ServoAxis(
+            motor_inertia=12.0,
+            force_constant=52.8,
+            motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.3, vs=5e-3),
+            motor_damping=20.0,
+            resolution=5e-8,
+            drive=ServoDrive(fs=4000, kv=100, kp=143, tn=0.01, max_current=28.8, lag=0.3e-3),
+        )
+    if preset == "belt":
+        # 32 teeth of 5 mm: 25.46 mm a radian; gear 5; ATL5 of 25 mm, branches of 0.7 and 1.5 m
+        r, gear = 32 * 5e-3 / (2 * np.pi), 5
+        return ServoAxis(
+            motor_inertia=(gear**2 * 1.74e-4 + 3e-4) / r**2,
+            force_constant=gear * 0.636 / r,
+            motor_friction=sliders(K0=2e6, Fs=20.0, stiction=1.2, vs=5e-3),
+            motor_damping=20.0,
+            load_inertia=15.0,
+            load_friction=sliders(K0=1e6, Fs=30.0, stiction=1.4, vs=5e-3),
+            load_damping=30.0,
+            stiffness=632500 * (1 / 0.7 + 1 / 1.5),
+            damping=100.0,
+            resolution=2 * np.pi * r / gear / 2**17,
+            drive=ServoDrive(fs=4000, kv=30, kp=33, tn=0.03, max_current=17.0, lag=0.5e-3),
+        )
+    if preset == "ball screw":
+        r = 10e-3 / (2 * np.pi)  # a lead of 10 mm
+        return ServoAxis(
+            motor_inertia=(3.19e-4 + 2.41e-4 + 0.3e-4) / r**2,
+            force_constant=0.544 / r,
+            motor_friction=sliders(K0=2e7, Fs=100.0, stiction=1.2, vs=2e-3),
+            motor_damping=300.0,
+            load_inertia=150.0,
+            load_friction=sliders(K0=1e7, Fs=60.0, stiction=1.3, vs=2e-3),
+            load_damping=200.0,
+            stiffness=8e7,
+            damping=5000.0,
+            resolution=10e-3 / 2**17,
+            drive=ServoDrive(fs=4000, kv=50, kp=280, tn=0.02, max_current=42.0, lag=0.5e-3),
+        )
+    return ServoAxis(
+        motor_inertia=100**2 * 5.2e-5,
+        force_constant=100 * 0.12,
+        motor_friction=sliders(K0=1.5e4, Fs=6.0, stiction=1.3, vs=5e-3),
+        motor_damping=15.0,
+        load_inertia=1.5,
+        load_friction=sliders(K0=5e3, Fs=1.0, stiction=1.2, vs=5e-3),
+        load_damping=0.5,
+        stiffness=1.6e4,
+        damping=10.0,
+        resolution=2 * np.pi / (100 * 2**14),
+        motion="rotary",
+        drive=ServoDrive(fs=4000, kv=15, kp=16, tn=0.05, max_current=10.0, lag=0.5e-3),
+    )

@@ -1,0 +1,132 @@
+"""Compiled drive: a P-PI cascade with a current loop around a machine of one or two masses, sample by sample.
+
+The masses are stepped by `coupled.advance_axes`, the only integrator of coupled masses. The current is exact: between
+two changes of its set point a first-order lag is an exponential, which is what the integrator takes as its drive.
+
+The kernel calls those of other files; it carries a digest of them, for the reason given in `loops`.
+"""
+
+# mypy: disable-error-code="untyped-decorator"
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from nlfrf.rig.kernels.coupled import N_ROWS, advance_axes, let_free
+from nlfrf.rig.kernels.data import X
+from nlfrf.rig.kernels.loops import CALLED, digest
+
+__all__ = ["GAINS", "SIGNALS", "step_servo"]
+
+Array = np.ndarray
+#: Numbers of the drive, in the order in which the kernel reads them.
+GAINS = ("kv", "feedforward", "kp", "integral", "smoothing", "current_limit", "lag", "delay", "resolution")
+KV, FEEDFORWARD, KP, INTEGRAL, SMOOTHING, LIMIT, LAG, DELAY, RESOLUTION = range(len(GAINS))
+#: Columns of what the drive writes.
+SIGNALS = ("position", "velocity", "velocity_set", "current_set", "current", "unlimited")
+POSITION, VELOCITY, VELOCITY_SET, CURRENT_SET, CURRENT, UNLIMITED = range(len(SIGNALS))
+
+
+def stamped(stamp: str) -> Callable[..., int]:
+    """The kernel, known to the cache by the digest."""
+
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def servo(
+        machine: Array,
+        laws: Array,
+        grids: Array,
+        states: Array,
+        stacks: Array,
+        encoder: int,
+        force_constant: float,
+        gains: Array,
+        filters: Array,
+        position_every: int,
+        closed: bool,
+        position: Array,
+        velocity: Array,
+        current: Array,
+        noise: Array,
+        fs: float,
+        steps: int,
+        rows: Array,
+        signals: Array,
+    ) -> int:
+        """Samples till the end, or till the machine ran away.
+
+        position, velocity, current, noise (n,); rows (n, 4, axes): position, velocity, z, friction; signals (n, 6);
+        filters (S, 6), second-order sections.
+        """
+        samples, axes = position.size, states.shape[0]
+        if len(stamp) == 0:
+            return 0
+        work, sections = np.zeros((N_ROWS, axes)), np.zeros((filters.shape[0], 2))
+        let_free(machine, laws, states)
+        drive, out = np.zeros((steps + 1, 3, axes)), np.empty((1, 4, axes))
+        whole = int(gains[DELAY])
+        part = gains[DELAY] - whole
+        limit, lag, resolution = gains[LIMIT], gains[LAG], gains[RESOLUTION]
+        sum_of_errors, speed, by_position, i = 0.0, 0.0, 0.0, 0.0
+        last, last_set = states[encoder, X], position[0]
+        for k in range(samples):
+            y = states[encoder, X] + noise[k]
+            if resolution > 0.0:
+                y = resolution * np.round(y / resolution)
+            if k == 0:  # a drive that is switched on has read its encoder before
+                last = y
+            speed += gains[SMOOTHING] * ((y - last) * fs - speed)
+            last = y
+            asked, error = 0.0, 0.0
+            if closed:
+                if k % position_every == 0:
+                    ahead = (position[k] - last_set) * fs / position_every
+                    by_position = gains[KV] * (position[k] - y) + gains[FEEDFORWARD] * ahead
+                    last_set = position[k]
+                error = by_position + velocity[k] - speed
+                asked = gains[KP] * error + sum_of_errors
+                for s in range(filters.shape[0]):  # direct form II, transposed
+                    new = filters[s, 0] * asked + sections[s, 0]
+                    sections[s, 0] = filters[s, 1] * asked - filters[s, 4] * new + sections[s, 1]
+                    sections[s, 1] = filters[s, 2] * asked - filters[s, 5] * new
+                    asked = new
+            unlimited = asked + current[k]
+            limited = min(max(unlimited, -limit), limit)
+            if (unlimited - limited) * error <= 0.0:  # anti-windup: no further into the limit
+                sum_of_errors += gains[INTEGRAL] * error
+            signals[k, POSITION], signals[k, VELOCITY] = y, speed
+            signals[k, VELOCITY_SET] = by_position + velocity[k] if closed else 0.0
+            signals[k, CURRENT_SET], signals[k, CURRENT], signals[k, UNLIMITED] = limited, i, unlimited
+            for piece in range(2):
+                span = part if piece == 0 else 1.0 - part
+                if span <= 0.0:
+                    continue
+                place = k - whole - 1 + piece
+                target = signals[place, CURRENT_SET] if place >= 0 else 0.0
+                count = int(np.ceil(span * steps))
+                h = span / (count * fs)
+                keep = math.exp(-0.5 * h / lag) if lag > 0.0 else 0.0
+                if lag == 0.0:
+                    i = target
+                for j in range(count):
+                    for s in range(3):
+                        if s > 0:
+                            i = target + (i - target) * keep
+                        drive[j, s, 0] = force_constant * i
+                if not advance_axes(machine, laws, grids, states, stacks, work, drive[:count], h, count, out):
+                    return k
+                if piece == 0 or part == 0.0:
+                    for row in range(4):
+                        for axis in range(axes):
+                            rows[k, row, axis] = out[0, row, axis]
+        return samples
+
+    return servo
+
+
+FILES = (*CALLED, *(Path(__file__).parent / f"{name}.py" for name in ("coupled", "loops")))
+step_servo: Callable[..., Any] = stamped(digest(*FILES))
