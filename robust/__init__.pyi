@@ -141,6 +141,9 @@ from .synthesis.shaping import lead as lead
 from .synthesis.shaping import notch as notch
 from .synthesis.shaping import pid as pid
 from .synthesis.shaping import roll_off as roll_off
+
+# Tuning: any structure, several loops and plants at once
+from .synthesis.tune.tune import tune as tune
 from .synthesis.two_dof import Feedforward as Feedforward
 from .synthesis.two_dof import Prefilter as Prefilter
 from .synthesis.two_dof import feedforward as feedforward

@@ -10,6 +10,7 @@ import numpy as np
 from robust.lti.lti import in_s, poles, timebase, zeros
 
 __all__ = [
+    "around",
     "beside_modes",
     "climb",
     "highest",

@@ -1,0 +1,148 @@
+"""Fixed parts joined by the names of their signals, with the blocks (and a plant known on lines) left out as ports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import listed
+from nlfrf._base.values import value
+from robust.lti.connections import joined, lower
+from robust.lti.lti import Matrices, fits_any_clock, timebase
+from robust.lti.norms import to_continuous
+
+__all__ = ["OpenLoop", "Port", "continuous_matrices", "join_by_name"]
+
+
+@value
+class Port:
+    """What will be put into a wiring later: the signals that it reads and those that it drives."""
+
+    reads: tuple[str, ...]
+    drives: tuple[str, ...]
+
+
+@value
+class OpenLoop:
+    """Fixed parts from (external inputs, what the ports drive) to (signals looked at, what the ports read).
+
+    Fields
+    ------
+    system : control.StateSpace
+    n_external, n_looked_at : int
+    """
+
+    system: control.StateSpace
+    n_external: int
+    n_looked_at: int
+
+
+def join_by_name(
+    parts: Sequence[control.StateSpace], ports: Sequence[Port], *, external: Sequence[str], looked_at: Sequence[str]
+) -> OpenLoop:
+    """Join parts and ports by name: an input is the sum of all outputs and external inputs of its name.
+
+    A signal that is looked at is the sum of all outputs of its name, without the external input of that name, as in
+    `robust.interconnection` and `control.interconnect`.
+
+    Raises
+    ------
+    ValueError
+        A signal nobody has, an input of a port that nobody drives, sampling times that differ, an algebraic loop
+        among the fixed parts that has no solution.
+    """
+    dt = shared_timebase(parts)
+    part_in = [label for part in parts for label in part.input_labels]
+    part_out = [label for part in parts for label in part.output_labels]
+    port_in = [label for port in ports for label in port.reads]
+    port_out = [label for port in ports for label in port.drives]
+    require_signals(part_in, part_out, port_in, port_out, external, looked_at)
+    G = joined(parts, dt)
+    into_parts, into_ports = same_name(part_in, external), same_name(port_in, external)
+    parts_from_ports, ports_from_parts = same_name(part_in, port_out), same_name(port_in, part_out)
+    seen_parts, seen_ports = same_name(looked_at, part_out), same_name(looked_at, port_out)
+    drive = np.hstack([into_parts, parts_from_ports, np.eye(len(part_in))])
+    sense = np.vstack([seen_parts, ports_from_parts, np.eye(len(part_out))])
+    D = sense @ G.D @ drive
+    n_ext, n_see = len(external), len(looked_at)
+    rows = np.s_[n_see : n_see + len(port_in)]
+    D[:n_see, n_ext : n_ext + len(port_out)] += seen_ports
+    D[rows, :n_ext] += into_ports
+    D[rows, n_ext : n_ext + len(port_out)] += same_name(port_in, port_out)
+    P = control.StateSpace(G.A, G.B @ drive, sense @ G.C, D, dt, remove_useless_states=False)
+    inside = control.StateSpace([], [], [], same_name(part_in, part_out), dt)
+    try:
+        system = lower(P, inside)
+    except ValueError:
+        raise ValueError(
+            "systems must leave every loop among them well posed, got an algebraic loop of gain one. Break it with a "
+            "delay, or leave out the part that closes it"
+        ) from None
+    return OpenLoop(system=system, n_external=n_ext, n_looked_at=n_see)
+
+
+def require_signals(
+    part_in: list[str],
+    part_out: list[str],
+    port_in: list[str],
+    port_out: list[str],
+    external: Sequence[str],
+    looked_at: Sequence[str],
+) -> None:
+    """Refuse signals that nobody has."""
+    inputs, outputs = {*part_in, *port_in}, {*part_out, *port_out}
+    for label in external:
+        if label not in inputs:
+            raise ValueError(
+                f"inputs of a limit must be inputs of a system, plant or block ({listed(sorted(inputs))}), "
+                f"got {label!r}"
+            )
+    for label in looked_at:
+        if label not in outputs:
+            raise ValueError(
+                f"outputs of a limit must be outputs of a system, plant or block ({listed(sorted(outputs))}), "
+                f"got {label!r}"
+            )
+    for label in port_in:
+        if label not in outputs and label not in external and label not in part_in:
+            raise ValueError(
+                f"reads must name outputs of the systems, plant and blocks, or external inputs, got {label!r}, "
+                "which nobody drives"
+            )
+    for label in port_out:
+        if label not in inputs and label not in looked_at:
+            raise ValueError(
+                f"drives must name inputs of the systems, plant and blocks, or outputs of a limit, got {label!r}, "
+                "which nobody reads"
+            )
+
+
+def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
+    """Sampling time [s] of all parts that have one, or a refusal."""
+    steps = sorted({timebase(part) for part in parts if not fits_any_clock(part)})
+    if len(steps) > 1 and max(abs(step / steps[-1] - 1) for step in steps) > 1e-9:
+        raise ValueError(
+            f"system must have one sampling time, got {listed([f'{step:g} s' for step in steps])} (0 is continuous)"
+        )
+    return steps[-1] if steps else 0.0
+
+
+def same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """Ones where the names agree."""
+    ones = [[float(row == column) for column in columns] for row in rows]
+    return np.array(ones).reshape(len(rows), len(columns))
+
+
+def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
+    """The system in s, or under a clock in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
+    matrices = (system.A, system.B, system.C, system.D)
+    if not dt or not system.nstates:
+        return matrices
+    try:
+        A, B, C, D = to_continuous(*matrices)
+    except np.linalg.LinAlgError as error:
+        raise ValueError(str(error)) from None
+    root = np.sqrt(2 / dt)
+    return A * 2 / dt, B * root, C * root, D
