@@ -1,3 +1,5 @@
+from . import tuning as tuning
+
 # Modelling: a nominal, weights
 # Analysis: a controller checked
 # Loop shaping by hand

@@ -5,6 +5,7 @@
     matrices pictures of several inputs and outputs: the set, its weights, the loop
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of what friction does to a loop
+    tuning   limits of a tuned design over frequency, before and after
     look     colours, units, and the measured band in white
 
 The pictures are handed on from here: `from robust.plot import plot_check`.
@@ -14,6 +15,7 @@ from robust.plot.friction import plot_quasi_linear
 from robust.plot.loops import plot_bounds, plot_check, plot_family, plot_loop, plot_nyquist, plot_roots, plot_step
 from robust.plot.matrices import plot_matrix_loop, plot_matrix_set, plot_matrix_weights
 from robust.plot.models import plot_bode, plot_budget, plot_fit, plot_nominal, plot_orders, plot_validation, plot_weight
+from robust.plot.tuning import plot_limits
 
 __all__ = [
     "plot_bode",
@@ -22,6 +24,7 @@ __all__ = [
     "plot_check",
     "plot_family",
     "plot_fit",
+    "plot_limits",
     "plot_loop",
     "plot_matrix_loop",
     "plot_matrix_set",

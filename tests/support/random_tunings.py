@@ -26,7 +26,7 @@ def random_model(rng, dt):
     """A nominal with a set around it, in any form that goes with its clock."""
     G = random_plant(rng, dt)
     clock = G.dt or 0
-    forms = ["multiplicative", "additive"] + (["inverse-multiplicative"] if clock or not dt else [])
+    forms = ["multiplicative"] + (["additive", "inverse-multiplicative"] if clock or not dt else [])
     omega = np.geomspace(0.01, min(50.0, 0.9 * np.pi / dt if dt else 50.0), 80)
     size = 10 ** rng.uniform(-2, -0.7)
     weight = control.StateSpace([], [], [], [[size]], clock)
@@ -191,3 +191,16 @@ def violation(design):
         if design.met and one.hard and gains.max() > 1 + 1e-9:
             return "violated"
     return ""
+
+
+def worst_distance(design):
+    """How far the largest |S| at worst, as said, is from that of `check` on the controller; 0 without such a limit."""
+    away = 0.0
+    for one in design.limits:
+        if one.limit.worst and one.limit.inputs == ("d",) and one.limit.outputs == ("f",) and np.isfinite(one.ratio):
+            model, K = design.plant.models[one.plant], design.controller("y", "f")
+            w_P = 1 / (one.limit.bound * one.ratio)
+            report = robust.check(model, K, w_P=w_P, delay=design.delay, certify=False)
+            if report.nominally_stable:
+                away = max(away, abs(float(np.max(report.rp)) - 1))
+    return away

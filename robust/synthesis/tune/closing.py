@@ -139,7 +139,7 @@ class ClosedLoop:
         poles = self.poles
         with np.errstate(divide="ignore", invalid="ignore"):
             terms = np.where(np.isinf(omega)[:, None], 0.0, 1 / (1j * omega[:, None] - poles))
-        return self.D + np.einsum("ik,wk,kj->wij", left, terms, right, optimize=True)
+        return self.D + (left * terms[:, None, :]) @ right
 
     def exact(self, omega: np.ndarray) -> np.ndarray:
         """The same by elimination, point by point."""

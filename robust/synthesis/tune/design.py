@@ -75,6 +75,8 @@ class LimitValue:
         NORM: no frequency has a larger ratio, by the Hamiltonian test to 1e-7. LINES: looked at on `n_lines`.
     n_lines : int
         Frequencies looked at, where it is not a norm.
+    omegas, curve, before : (W,) ndarray
+        Ratio over frequency [rad/s], and that with the blocks as they were given; nan where those leave it unstable.
 
     References
     ----------
@@ -94,6 +96,9 @@ class LimitValue:
     omega: float
     known: Known
     n_lines: int = 0
+    omegas: Any = None
+    curve: Any = None
+    before: Any = None
 
     @property
     def met(self) -> bool:
@@ -117,6 +122,8 @@ class TunedDesign:
         As given, with the numbers found.
     met : bool
         Whether every loop is stable and every hard limit is met: on all frequencies where it is a norm, else on lines.
+    stable : bool
+        Whether every loop is stable beyond rounding, and decays as fast as asked for.
     limits : tuple of LimitValue
         Every limit on every plant, the worst first, hard ones before soft ones.
     excess : float
@@ -158,6 +165,7 @@ class TunedDesign:
 
     blocks: dict[str, TunableBlock]
     met: bool
+    stable: bool
     limits: tuple[LimitValue, ...]
     excess: float
     ended: Ended
@@ -188,6 +196,8 @@ class TunedDesign:
                 for one in missed[:3]
             )
             return f"not met: {said} ({self.ended.value})"
+        if not self.stable:
+            return "not met: a loop cannot be told from one on the stability boundary. Ask for a decay"
         return self.ended.value
 
     def controller(self, inputs: Any, outputs: Any) -> control.StateSpace:

@@ -17,7 +17,7 @@ from robust.synthesis.tune.blocks import signal_names
 __all__ = ["Channel", "Limit", "largest_over_discs", "require_limits", "slope_of_largest"]
 
 #: 1 - |N11|^2 from which on the worst case is carried on as a hyperbola, so that a start outside has a slope.
-NEAR_ONE = 0.01
+NEAR_ONE = 1e-6
 #: A second singular value this close to the largest is a peak of its own.
 SECOND = 0.9
 

@@ -22,10 +22,12 @@ from robust.synthesis.tune.scene import Peak
 __all__ = ["Searched", "find_stable", "improve"]
 
 #: Relative gain of a round below which the search ends.
-ROUND_GAIN = 2e-4
-ROUNDS, N_SQP, N_BFGS = 8, 40, 120
+ROUND_GAIN = 2e-5
+ROUNDS, N_SQP, N_BFGS = 20, 40, 200
 #: Weights of the hard limits, the next where they are still missed.
 PENALTIES = (10.0, 100.0, 1000.0)
+#: How often a closer look sends the search back, and from which excess on (log).
+LOOKS, LOOKED = 3, 2e-6
 #: Level (log) below that of the start from which on a limit counts as zero.
 NOTHING = float(np.log(1e-10))
 WOLFE = 1e-4, 0.5
@@ -118,8 +120,37 @@ def bfgs(function: Any, x: np.ndarray, n_steps: int, *, enough: float = -np.inf)
 
 def improve(problem: Problem, start: Evaluation) -> Searched:
     """From a stable design to one that no step improves."""
+    current, stationarity = minimise(problem, start, start)
+    for _ in range(LOOKS):
+        closer = looked_at(problem, current)
+        if closer is current:
+            break
+        current, stationarity = minimise(problem, closer, start)
+    return Searched(evaluation=current, stationarity=stationarity)
+
+
+def looked_at(problem: Problem, current: Evaluation) -> Evaluation:
+    """The same design evaluated again where a closer look found a limit above what the search saw of it."""
+    known = highest_levels(current)
+    for k, looks in enumerate(problem.look_closely(current.x)):
+        for limit, look in looks.items():
+            if look.ratio > 0 and float(np.log(look.ratio)) > known.get((limit, k), -np.inf) + LOOKED:
+                return problem.evaluate(current.x)
+    return current
+
+
+def highest_levels(evaluation: Evaluation) -> dict[tuple[int, int], float]:
+    """Highest level of each limit and plant."""
+    known: dict[tuple[int, int], float] = {}
+    for peak in evaluation.peaks:
+        key = (peak.limit, peak.plant)
+        known[key] = max(known.get(key, -np.inf), peak.level)
+    return known
+
+
+def minimise(problem: Problem, current: Evaluation, start: Evaluation) -> tuple[Evaluation, float]:
+    """Rounds of programs and BFGS with growing weights of the hard limits, and the stationarity at the end."""
     stationarity = np.inf
-    current = start
     for rho in PENALTIES:
         for _ in range(ROUNDS):
             before = current.merit(rho)
@@ -134,7 +165,7 @@ def improve(problem: Problem, start: Evaluation) -> Searched:
                 break
         if current.hard < 2 * MARGIN or is_done(current, start):
             break
-    return Searched(evaluation=current, stationarity=stationarity)
+    return current, stationarity
 
 
 def is_done(current: Evaluation, start: Evaluation) -> bool:
@@ -149,11 +180,7 @@ def certified(problem: Problem, current: Evaluation) -> Evaluation:
     """The same design, its peaks looked for again where the exact norm was found above them."""
     for _ in range(3):
         norms = problem.norms(current.x)
-        known: dict[tuple[int, int], float] = {}
-        for peak in current.peaks:
-            key = (peak.limit, peak.plant)
-            known[key] = max(known.get(key, -np.inf), peak.level)
-        missed = 0.0
+        known, missed = highest_levels(current), 0.0
         for k, found in enumerate(norms):
             for limit, (level, _, _) in found.items():
                 if np.isfinite(level) and level > 0:
@@ -172,7 +199,7 @@ def descend(problem: Problem, current: Evaluation, rho: float) -> Evaluation:
     def function(x: np.ndarray) -> tuple[float, np.ndarray, Evaluation]:
         nonlocal best
         inside = np.clip(x, low, high)
-        found = problem.evaluate(inside)
+        found = problem.evaluate(inside, pole_slopes=False)
         merit = found.merit(rho)
         if merit < best.merit(rho):
             best = found
@@ -188,6 +215,8 @@ def descend(problem: Problem, current: Evaluation, rho: float) -> Evaluation:
 def sequential_programs(problem: Problem, current: Evaluation, rho: float) -> tuple[Evaluation, float]:
     """Steps of quadratic programs on the peaks, as long as they gain."""
     n = current.x.size
+    if not current.poles:
+        current = problem.evaluate(current.x)
     H, box, stationarity = 0.1 * np.eye(n), 1.0, np.inf
     fresh = True
     for _ in range(N_SQP):
@@ -244,11 +273,7 @@ def lengthen(
 
 def cuts_of(current: Evaluation, tried: Evaluation, d: np.ndarray) -> list[tuple[Peak, np.ndarray]]:
     """Peaks of a failed trial as rows of the next program, lowered so that they hold where the step begins."""
-    highest: dict[tuple[int, int], float] = {}
-    for peak in current.peaks:
-        key = (peak.limit, peak.plant)
-        highest[key] = max(highest.get(key, -np.inf), peak.level)
-    rows = []
+    highest, rows = highest_levels(current), []
     for peak in tried.peaks:
         if np.isfinite(peak.gradient).all():
             level = min(peak.level - float(peak.gradient @ d), highest.get((peak.limit, peak.plant), np.inf))

@@ -22,11 +22,13 @@ from robust.models.sets.measured import on_lines, sampling_time, warn_of_unknown
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.tune.blocks import signal_names
 
-__all__ = ["MeasuredPlant", "ModelledPlant", "Plants", "see_plants", "stated_clock"]
+__all__ = ["UNBOUNDED", "MeasuredPlant", "ModelledPlant", "Plants", "see_plants", "stated_clock"]
 
 
 #: Order of the Padé approximation of a delay without a clock, as `check` has it.
 DELAY_ORDER = 8
+#: Stands for a radius that is infinite: its square is still a number.
+UNBOUNDED = 1e30
 
 
 @value(kw_only=False)
@@ -157,7 +159,13 @@ def see_plant(
                 f"{name} must have a sampled nominal for worst=True in the {model.form} form under a clock, got a "
                 "continuous one. Take sampled(nominal, dt), or another form"
             )
-        return ModelledPlant(system=loop.G, lines=model.omega, discs=discs_of(loop) if worst else None)
+        discs = discs_of(loop) if worst else None
+        if discs is not None and np.abs(discs(np.array([0.1 / dt if dt else 1.0]))[1][0]) >= UNBOUNDED:
+            raise ValueError(
+                f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
+                "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
+            )
+        return ModelledPlant(system=loop.G, lines=model.omega, discs=discs)
     G = multivariable(name, model.nominal if isinstance(model, MatrixUncertainty) else model)
     step = timebase(G)
     if step and dt and abs(step / dt - 1) > 1e-9:
@@ -192,7 +200,7 @@ def discs_of(loop: Any) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
         G = loop.plant(omega)
         if loop.aliases is not None:
             radius = loop.aliases.radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
-            return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, 1e30).astype(complex)
+            return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, UNBOUNDED).astype(complex)
         W = np.ones(omega.size, complex)
         if row.scaled:
             W = response(loop.shaping, omega) * np.exp(1j * omega * loop.shift)

@@ -11,7 +11,7 @@ import numpy as np
 from nlfrf._base.values import value
 from robust.synthesis.tune.closing import ClosedLoop
 from robust.synthesis.tune.parameters import Controller
-from robust.synthesis.tune.scene import LineScene, Peak, StateScene
+from robust.synthesis.tune.scene import LineScene, Look, Peak, StateScene
 
 __all__ = ["MARGIN", "Evaluation", "OutOfTime", "PoleRow", "Problem", "better"]
 
@@ -123,6 +123,11 @@ class Problem:
         if time.monotonic() > self.deadline:
             raise OutOfTime
         self.n_evaluated += 1
+        with np.errstate(all="ignore"):  # what overflows is no number, and is refused as such
+            return self.evaluated(x, peaks=peaks, pole_slopes=pole_slopes)
+
+    def evaluated(self, x: np.ndarray, *, peaks: bool, pole_slopes: bool) -> Evaluation:
+        """`evaluate`, as long as there is time."""
         M = self.controller.matrix(x)
         loops: list[ClosedLoop | None] = []
         rows: list[tuple[float, int, int]] = []
@@ -179,7 +184,7 @@ class Problem:
         assert loop is not None
         assert slopes is not None
         right, left = loop.pole_sides(place)
-        slope = np.einsum("ba,kab->k", right @ left, slopes)
+        slope = slopes.reshape(len(slopes), -1) @ (right @ left).T.ravel()
         if self.dt:
             slope = slope / (1 - (loop.poles[place] * self.dt / 2) ** 2)
         return PoleRow(excess=excess, gradient=slope.real)
@@ -243,6 +248,11 @@ class Problem:
                 assert loop is not None
                 found.append(scene.raise_norms(loop))
         return found
+
+    def look_closely(self, x: np.ndarray) -> list[dict[int, Look]]:
+        """Of each plant every limit, as it is said in the end."""
+        M = self.controller.matrix(x)
+        return [scene.look_closely(M) for scene in self.scenes]
 
     def report(self, evaluation: Evaluation, rho: float) -> None:
         """Keep the best, and say how far the search is."""

@@ -7,19 +7,21 @@ from collections.abc import Sequence
 import control
 import numpy as np
 
-from nlfrf._base.arguments import hertz
 from nlfrf._base.values import value
+from robust.lti.grids import around
 from robust.lti.lti import evaluate
 from robust.lti.norms import crossings, to_discrete, well_conditioned
 from robust.lti.stability import half_turns, integrators, slope_at_start, unstable_poles, winding
 from robust.synthesis.tune.closing import ClosedLoop, StatePlant
 from robust.synthesis.tune.limits import Channel, slope_of_largest
-from robust.synthesis.tune.plants import MeasuredPlant, ModelledPlant
+from robust.synthesis.tune.plants import UNBOUNDED, MeasuredPlant, ModelledPlant
 from robust.synthesis.tune.wiring import continuous_matrices
 
-__all__ = ["LineScene", "Peak", "StateScene", "image_of", "true_frequency"]
+__all__ = ["LineScene", "Look", "Peak", "StateScene", "image_of", "true_frequency"]
 
 N_LINES, N_PEAKS, ROUNDS = 70, 6, 4
+#: Frequencies on which a limit that is no norm is looked at in the end, and around each lightly damped pole.
+N_DENSE, N_AROUND, N_BAND = 1500, 41, 300
 #: Local maxima that count: at least so much of the highest.
 NEARLY_HIGHEST = 0.7
 #: How far above a value the exact norm may be before a frequency is added, relative.
@@ -66,6 +68,26 @@ class Peak:
     gradient: np.ndarray
 
 
+@value(copy=False)
+class Look:
+    """A limit on one plant, looked at closely.
+
+    Fields
+    ------
+    ratio, omega : float
+        Largest gain times weight over bound, and where in the plane of the bilinear map [rad/s].
+    is_norm : bool
+        Whether no frequency has a larger one.
+    n_lines : int
+        Frequencies looked at where it is not.
+    """
+
+    ratio: float
+    omega: float
+    is_norm: bool
+    n_lines: int
+
+
 class StateScene:
     """The loop of a plant that is known at every frequency."""
 
@@ -92,8 +114,13 @@ class StateScene:
     def levels(self, channel: Channel, omega: np.ndarray, H: np.ndarray, *, smooth: bool = True) -> np.ndarray:
         """(W,) gain times weight over bound, of responses H at frequencies of the plane."""
         true = true_frequency(omega, self.dt)
-        discs = None if channel.perturbation is None else self.discs(true)
-        return channel.gain(H, discs, smooth=smooth) * channel.limit.factor(np.minimum(true, 1e12))
+        factor = channel.limit.factor(np.minimum(true, 1e12))
+        if channel.perturbation is None:
+            return channel.gain(H, None) * factor
+        a, g = self.discs(true)
+        known = np.maximum(np.abs(a), np.abs(g)) < UNBOUNDED  # at a pole on the axis it is looked at beside it
+        gain = channel.gain(H, (np.where(known, a, 0), np.where(known, g, 0)), smooth=smooth)
+        return np.where(known, gain * factor, 0.0)
 
     def discs(self, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """a and g of the set."""
@@ -107,7 +134,9 @@ class StateScene:
         size = size[size > 1e-12 * size.max(initial=0.0)] if size.size else np.ones(1)
         wide = np.geomspace(0.05 * size.min(), 20 * size.max(), N_LINES)
         kept = [frequency for frequencies in self.added.values() for frequency in frequencies]
-        return np.unique(np.concatenate([[0.0, np.inf], wide, size, np.abs(poles.imag), self.lines, kept]))
+        return np.unique(
+            np.concatenate([[0.0, 1e-4 * size.min(), np.inf], wide, size, np.abs(poles.imag), self.lines, kept])
+        )
 
     def tops(self, loop: ClosedLoop) -> list[tuple[Channel, np.ndarray, np.ndarray]]:
         """For each limit the frequencies of its highest local maxima, and the levels there, highest first."""
@@ -201,6 +230,54 @@ class StateScene:
             found[channel.index] = (best, where, certain)
         return found
 
+    def look_closely(self, M: np.ndarray) -> dict[int, Look]:
+        """Every limit: as a norm where it is one, else on lines much denser than those of the search."""
+        loop = self.close(M)
+        assert loop is not None
+        norms, looks = self.raise_norms(loop), {}
+        for channel in self.channels:
+            level, omega, certain = norms[channel.index]
+            norm = Look(ratio=level, omega=omega, is_norm=True, n_lines=0)
+            looks[channel.index] = norm if certain else self.look_densely(loop, channel, level, omega)
+        return looks
+
+    def look_densely(self, loop: ClosedLoop, channel: Channel, level: float, where: float) -> Look:
+        """A limit that is no norm, by a weight over frequency or a set, on a dense grid."""
+        poles, (low, high) = loop.poles, self.band(channel)
+        size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
+        light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
+        near = around(light, N_AROUND) if light.size else np.zeros(0)
+        edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
+        omega = [np.geomspace(1e-3 * size.min(), 1e3 * size.max(), N_DENSE), near[near > 0], self.grid(loop), edges]
+        if np.isfinite(high):
+            omega.append(np.geomspace(max(low, 1e-3 * high), high, N_BAND))
+        at = np.unique(np.concatenate([*omega, [where]]))
+        at = at[(at >= low) & (at <= high)]
+        levels = self.levels(channel, at, loop.exact(at), smooth=False)
+        k = int(np.argmax(levels))
+        if levels[k] > level:
+            level, where = float(levels[k]), float(at[k])
+            self.keep(channel.index, where)
+        return Look(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
+
+    def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(W,) ratio of a limit over frequencies of the plane."""
+        loop = self.close(M)
+        if loop is None:
+            return np.full(omega.size, np.nan)
+        return self.levels(channel, omega, loop.exact(omega), smooth=False)
+
+    def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
+        """Frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
+        loop = self.close(M)
+        assert loop is not None
+        size = np.abs(loop.poles)[np.abs(loop.poles) > 0] if loop.poles.size else np.ones(1)
+        low, high = self.band(channel)
+        high = min(high, 20 * float(size.max()))
+        low = max(low, min(0.05 * float(size.min()), 1e-2 * high))
+        grid = self.grid(loop)
+        return np.union1d(np.geomspace(low, high, N_BAND), grid[(grid >= low) & (grid <= high)])
+
     def keep(self, limit: int, omega: float) -> None:
         """Remember a frequency, the latest of many."""
         kept = self.added[limit]
@@ -269,7 +346,7 @@ def graded(
         if gain * factor <= 0:
             continue
         across = R @ Q.conj().T @ L  # (columns, rows) of M
-        gradient = np.einsum("ba,kab->k", across, slopes).real / gain
+        gradient = (slopes.reshape(len(slopes), -1) @ across.T.ravel()).real / gain
         peaks.append(
             Peak(
                 limit=channel.index,
@@ -400,6 +477,22 @@ class LineScene:
             found[channel.index] = (float(level[k]), float(self.image[k]), False)
         return found
 
+    def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(W,) ratio of a limit on its lines."""
+        H = self.responses(M)
+        return np.full(omega.size, np.nan) if H is None else self.levels(channel, H, smooth=False)[self.band(channel)]
+
+    def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
+        """Lines of a limit, in the plane of the bilinear map [rad/s]."""
+        return self.image[self.band(channel)]
+
+    def look_closely(self, M: np.ndarray) -> dict[int, Look]:
+        """Every limit on the lines of its band."""
+        return {
+            channel.index: Look(ratio=level, omega=omega, is_norm=False, n_lines=int(self.band(channel).sum()))
+            for channel, (level, omega, _) in zip(self.channels, self.raise_norms(M).values(), strict=True)
+        }
+
     def seen_by_plant(self, M: np.ndarray) -> control.StateSpace | None:
         """What closes the plant: from its outputs to its inputs, through fixed parts and blocks; None: no solution."""
         (A, B, C, D), n_w, n_z = self.around
@@ -443,10 +536,6 @@ class LineScene:
             n += slope_at_start(omega, np.linalg.det(np.moveaxis(G, 2, 0)))
         found, clear_all = half_turns(F, n)
         return round(float(found)) == wanted, bool(clear_all)
-
-    def place(self, omega: float) -> str:
-        """A frequency for people."""
-        return hertz(float(true_frequency(np.array([omega]), self.dt)[0]))
 
 
 def evaluate_on(K: control.StateSpace, omega: np.ndarray) -> np.ndarray:

@@ -10,9 +10,8 @@ import control
 import numpy as np
 
 from nlfrf._base.arguments import generator, hertz, integer, listed, nonnegative, of_kind, positive, shown
-from nlfrf._base.values import value
-from robust.lti.grids import around
 from robust.lti.lti import constant, timebase
+from robust.lti.norms import to_discrete
 from robust.lti.realisation import multivariable
 from robust.lti.stability import apparent_instability, certain_poles
 from robust.models.sets.model import UncertaintyModel
@@ -31,10 +30,6 @@ __all__ = ["tune"]
 
 #: Signals of the perturbation, of names that nobody gives.
 AT_INPUT, AT_OUTPUT, PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
-#: Frequencies on which a limit that is no norm is looked at in the end, and around each lightly damped pole.
-N_DENSE, N_AROUND = 1500, 41
-#: How far a dense look may lie above the search before the search goes on, relative.
-LOOKED = 1e-6
 ZERO_CHANNEL = 1e-13
 UNMOVED = 1e-9
 
@@ -421,16 +416,6 @@ def refuse_unmoved(problem: Problem, current: Evaluation) -> None:
 # ---- What is said of the design in the end: everything looked at again, more closely.
 
 
-@value(copy=False)
-class Look:
-    """A limit on one plant, looked at closely."""
-
-    ratio: float
-    omega: float
-    known: Known
-    n_lines: int
-
-
 def judge(
     problem: Problem,
     found: Evaluation | Searched | None,
@@ -447,7 +432,7 @@ def judge(
     evaluation: Evaluation | None
     if isinstance(found, Searched):
         evaluation, stationarity = found.evaluation, found.stationarity
-        looks = look_closely(problem, evaluation.x)
+        looks = problem.look_closely(evaluation.x)
     else:
         evaluation, looks = found, None
     x = problem.controller.start if evaluation is None else evaluation.x
@@ -463,15 +448,18 @@ def judge(
                     plant=k,
                     ratio=look.ratio,
                     omega=omega,
-                    known=look.known,
+                    known=Known.NORM if look.is_norm else Known.LINES,
                     n_lines=look.n_lines,
+                    **curves_of(problem, k, index, x),
                 )
             )
     values.sort(key=lambda one: (not one.hard, -one.ratio))
     excess = np.inf if evaluation is None else evaluation.excess - problem.decay
-    design = TunedDesign(
+    stable = bool(values) and surely_stable(problem, x)
+    return TunedDesign(
         blocks=problem.controller.blocks_at(x),
-        met=False,
+        met=bool(values) and stable and all(one.met for one in values if one.hard),
+        stable=stable,
         limits=tuple(values),
         excess=float(excess),
         ended=ended,
@@ -485,74 +473,50 @@ def judge(
         dt=dt,
         delay=delay,
     )
-    met = bool(values) and all(one.met for one in values if one.hard) and surely_stable(design, problem, x)
-    return with_verdict(design, met)
 
 
-def with_verdict(design: TunedDesign, met: bool) -> TunedDesign:
-    """The same design with its verdict."""
-    from dataclasses import replace
-
-    return replace(design, met=met)
-
-
-def look_closely(problem: Problem, x: np.ndarray) -> list[dict[int, Look]]:
-    """Every limit on every plant: as a norm where it is one, else on lines much denser than those of the search."""
-    M = problem.controller.matrix(x)
-    found: list[dict[int, Look]] = []
-    for scene, norms in zip(problem.scenes, problem.norms(x), strict=True):
-        looks = {}
-        for channel in scene.channels:
-            level, omega, certain = norms[channel.index]
-            if isinstance(scene, LineScene):
-                n = int(scene.band(channel).sum())
-                looks[channel.index] = Look(ratio=level, omega=omega, known=Known.LINES, n_lines=n)
-            elif certain:
-                looks[channel.index] = Look(ratio=level, omega=omega, known=Known.NORM, n_lines=0)
-            else:
-                loop = scene.close(M)
-                assert loop is not None
-                looks[channel.index] = dense_look(scene, loop, channel, level, omega)
-        found.append(looks)
-    return found
+def curves_of(problem: Problem, plant: int, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
+    """Ratio of a limit over frequency, of the design and of the blocks as they were given."""
+    scene = problem.scenes[plant]
+    channel = next(channel for channel in scene.channels if channel.index == limit)
+    M, start = problem.controller.matrix(x), problem.controller.start
+    omega = scene.frequencies(channel, M)
+    before = np.full(omega.size, np.nan)
+    if problem.evaluate(start, peaks=False, pole_slopes=False).stable:
+        before = scene.curve(channel, problem.controller.matrix(start), omega)
+    return {
+        "omegas": true_frequency(omega, problem.dt),
+        "curve": scene.curve(channel, M, omega),
+        "before": before,
+    }
 
 
-def dense_look(scene: StateScene, loop: ClosedLoop, channel: Channel, level: float, where: float) -> Look:
-    """A limit on a dense grid: it may be no norm, by a weight over frequency or a set."""
-    poles = loop.poles
-    size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
-    light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
-    wide = np.geomspace(1e-3 * size.min(), 1e3 * size.max(), N_DENSE)
-    near = around(light, N_AROUND) if light.size else np.zeros(0)
-    low, high = scene.band(channel)
-    edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
-    omega = np.concatenate([wide, near[near > 0], scene.grid(loop), edges, [where]])
-    if high < size.max() * 1e3:
-        omega = np.concatenate([omega, np.geomspace(max(low, 1e-3 * high), high, 300)])
-    omega = np.unique(omega[(omega >= low) & (omega <= high)])
-    levels = scene.levels(channel, omega, loop.exact(omega), smooth=False)
-    k = int(np.argmax(levels))
-    if levels[k] > level:
-        level, where = float(levels[k]), float(omega[k])
-        scene.keep(channel.index, where)
-    return Look(ratio=level, omega=where, known=Known.LINES, n_lines=int(omega.size))
-
-
-def surely_stable(design: TunedDesign, problem: Problem, x: np.ndarray) -> bool:
-    """Whether the loop of every plant is stable beyond rounding, from the systems themselves."""
+def surely_stable(problem: Problem, x: np.ndarray) -> bool:
+    """Whether the loop of every plant is stable beyond rounding, on the time base on which it runs."""
     M = problem.controller.matrix(x)
     for scene in problem.scenes:
         if isinstance(scene, LineScene):
             if not all(scene.count(M)):
                 return False
             continue
-        limit = scene.channels[0].limit
-        closed = design.loop(limit.inputs, limit.outputs, scene.index)
+        loop = scene.close(M)
+        if loop is None:
+            return False
+        closed = as_system(loop, problem.dt)
         if not apparent_instability(closed).stable:
             return False
         if problem.decay and not decays(closed, problem, scene.index):
             return False
     return True
+
+
+def as_system(loop: ClosedLoop, dt: float) -> control.StateSpace:
+    """The loop as a system: under a clock back from the plane of the bilinear map."""
+    A, B, C, D = loop.matrices
+    if dt:
+        root = np.sqrt(dt / 2)
+        A, B, C, D = to_discrete(A * dt / 2, B * root, C * root, D)
+    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
 
 
 def decays(closed: control.StateSpace, problem: Problem, scene: int) -> bool:

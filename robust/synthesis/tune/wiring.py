@@ -96,14 +96,12 @@ def require_signals(
     for label in external:
         if label not in inputs:
             raise ValueError(
-                f"inputs of a limit must be inputs of a system, plant or block ({listed(sorted(inputs))}), "
-                f"got {label!r}"
+                f"inputs must be inputs of a system, plant or block ({listed(sorted(inputs))}), got {label!r}"
             )
     for label in looked_at:
         if label not in outputs:
             raise ValueError(
-                f"outputs of a limit must be outputs of a system, plant or block ({listed(sorted(outputs))}), "
-                f"got {label!r}"
+                f"outputs must be outputs of a system, plant or block ({listed(sorted(outputs))}), got {label!r}"
             )
     for label in port_in:
         if label not in outputs and label not in external and label not in part_in:
