@@ -17,13 +17,12 @@ import numpy as np
 
 from nlfrf._base.values import value
 from robust.lti.lti import Matrices, evaluate
-from robust.synthesis.tune.wiring import continuous_matrices
+from robust.synthesis.tune.wiring import continuous_matrices, is_well_posed
 
 __all__ = ["ClosedLoop", "StatePlant", "state_plant"]
 
 #: Condition of the eigenvectors up to which responses on a grid are taken from the modes.
 MODAL = 1e7
-WELL_POSED = 1e-9
 
 
 @value(copy=False)
@@ -44,8 +43,7 @@ class StatePlant:
         """The loop closed by the blocks; None where it has no solution."""
         around = np.eye(M.shape[1]) - self.D22 @ M
         if self.D22.any():
-            smallest = np.linalg.svd(around, compute_uv=False)[-1]
-            if not smallest > WELL_POSED * max(1.0, float(np.linalg.norm(around))):
+            if not is_well_posed(around):
                 return None
             F = np.linalg.inv(around)
         else:

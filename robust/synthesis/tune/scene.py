@@ -15,7 +15,7 @@ from robust.lti.stability import half_turns, integrators, slope_at_start, unstab
 from robust.synthesis.tune.closing import ClosedLoop, StatePlant
 from robust.synthesis.tune.limits import Channel, slope_of_largest
 from robust.synthesis.tune.plants import UNBOUNDED, MeasuredPlant, ModelledPlant
-from robust.synthesis.tune.wiring import continuous_matrices
+from robust.synthesis.tune.wiring import continuous_matrices, is_well_posed
 
 __all__ = ["LineScene", "Look", "Peak", "StateScene", "image_of", "true_frequency"]
 
@@ -157,9 +157,17 @@ class StateScene:
         return found
 
     def climb(
-        self, loop: ClosedLoop, channel: Channel, omega: np.ndarray, level: np.ndarray
+        self,
+        loop: ClosedLoop,
+        channel: Channel,
+        omega: np.ndarray,
+        level: np.ndarray,
+        *,
+        rounds: int = ROUNDS,
+        exact: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Local maxima refined: brackets are closed to a quarter, ROUNDS times."""
+        """Local maxima refined: brackets are closed to a quarter, so many times; exact: as they are said in the end."""
+        respond = loop.exact if exact else loop.responses
         padded = np.concatenate([[-np.inf], level, [-np.inf]])
         top = (level >= padded[:-2]) & (level >= padded[2:])
         places = np.flatnonzero(top & (level >= NEARLY_HIGHEST * level.max(initial=0.0)))
@@ -172,9 +180,10 @@ class StateScene:
         y = value_[inner]
         if x.size:
             shares = np.array([0.25, 0.5, 0.75])
-            for _ in range(ROUNDS):
+            for _ in range(rounds):
                 points = np.concatenate([lo + (x - lo) * shares[:, None], x + (hi - x) * shares[:, None]])
-                values = self.levels(channel, points.ravel(), loop.responses(points.ravel())).reshape(points.shape)
+                values = self.levels(channel, points.ravel(), respond(points.ravel()), smooth=not exact)
+                values = values.reshape(points.shape)
                 every = np.concatenate([lo[None], points[:3], x[None], points[3:], hi[None]])
                 heights = np.concatenate([np.full((1, x.size), -np.inf), values[:3], y[None], values[3:]])
                 k = heights.argmax(axis=0)
@@ -255,9 +264,12 @@ class StateScene:
         at = at[(at >= low) & (at <= high)]
         levels = self.levels(channel, at, loop.exact(at), smooth=False)
         k = int(np.argmax(levels))
-        if levels[k] > level:
-            level, where = float(levels[k]), float(at[k])
-            self.keep(channel.index, where)
+        if levels[k] > level * (1 - 1e-3):  # the top between two lines of the grid
+            peak = slice(max(k - 1, 0), k + 2)
+            tops, heights = self.climb(loop, channel, at[peak], levels[peak], rounds=3 * ROUNDS, exact=True)
+            if heights[0] > level:
+                level, where = float(heights[0]), float(tops[0])
+                self.keep(channel.index, where)
         return Look(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
 
     def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
@@ -502,7 +514,7 @@ class LineScene:
         y_p, u_b = np.s_[n_w : n_w + n_y], np.s_[n_w + n_y :]
         u_p, y_b = np.s_[n_z : n_z + n_u], np.s_[n_z + n_u :]
         around = np.eye(self.n_in) - D[y_b, u_b] @ Dk
-        if np.linalg.svd(around, compute_uv=False)[-1] < 1e-9:
+        if not is_well_posed(around):
             return None
         inner = np.linalg.inv(around)  # y = inner (C x + D_y y_p + D_yu Ck xk)
         y_x, y_k, y_in = inner @ C[y_b], inner @ D[y_b, u_b] @ Ck, inner @ D[y_b, y_p]

@@ -9,11 +9,14 @@ import numpy as np
 
 from nlfrf._base.arguments import listed
 from nlfrf._base.values import value
-from robust.lti.connections import joined, lower
+from robust.lti.connections import joined
 from robust.lti.lti import Matrices, fits_any_clock, timebase
 from robust.lti.norms import to_continuous
 
-__all__ = ["OpenLoop", "Port", "continuous_matrices", "join_by_name"]
+__all__ = ["OpenLoop", "Port", "continuous_matrices", "is_well_posed", "join_by_name"]
+
+#: Determinant of I - D K from which on an algebraic loop has a solution.
+WELL_POSED = 1e-9
 
 
 @value
@@ -63,24 +66,29 @@ def join_by_name(
     into_parts, into_ports = same_name(part_in, external), same_name(port_in, external)
     parts_from_ports, ports_from_parts = same_name(part_in, port_out), same_name(port_in, part_out)
     seen_parts, seen_ports = same_name(looked_at, part_out), same_name(looked_at, port_out)
-    drive = np.hstack([into_parts, parts_from_ports, np.eye(len(part_in))])
-    sense = np.vstack([seen_parts, ports_from_parts, np.eye(len(part_out))])
-    D = sense @ G.D @ drive
-    n_ext, n_see = len(external), len(looked_at)
-    rows = np.s_[n_see : n_see + len(port_in)]
-    D[:n_see, n_ext : n_ext + len(port_out)] += seen_ports
-    D[rows, :n_ext] += into_ports
-    D[rows, n_ext : n_ext + len(port_out)] += same_name(port_in, port_out)
-    P = control.StateSpace(G.A, G.B @ drive, sense @ G.C, D, dt, remove_useless_states=False)
-    inside = control.StateSpace([], [], [], same_name(part_in, part_out), dt)
-    try:
-        system = lower(P, inside)
-    except ValueError:
+    inside = same_name(part_in, part_out)
+    around = np.eye(len(part_out)) - G.D @ inside
+    if not is_well_posed(around):
         raise ValueError(
             "systems must leave every loop among them well posed, got an algebraic loop of gain one. Break it with a "
             "delay, or leave out the part that closes it"
-        ) from None
-    return OpenLoop(system=system, n_external=n_ext, n_looked_at=n_see)
+        )
+    # inputs i = inside o + drive v, outputs o = C x + D i, of v the external inputs and what the ports drive
+    drive = np.hstack([into_parts, parts_from_ports])
+    o_x, o_v = np.linalg.solve(around, G.C), np.linalg.solve(around, G.D @ drive)
+    sense = np.vstack([seen_parts, ports_from_parts])
+    D = sense @ o_v
+    D[: len(looked_at), len(external) :] += seen_ports
+    D[len(looked_at) :, : len(external)] += into_ports
+    D[len(looked_at) :, len(external) :] += same_name(port_in, port_out)
+    A, B = G.A + G.B @ inside @ o_x, G.B @ (inside @ o_v + drive)
+    system = control.StateSpace(A, B, sense @ o_x, D, dt, remove_useless_states=False)
+    return OpenLoop(system=system, n_external=len(external), n_looked_at=len(looked_at))
+
+
+def is_well_posed(around: np.ndarray) -> bool:
+    """Whether I - D K can be inverted: by its determinant, which units of the signals leave as it is."""
+    return bool(abs(np.linalg.det(around)) > WELL_POSED)
 
 
 def require_signals(

@@ -315,3 +315,23 @@ def test_out_of_time_the_best_so_far_is_kept(monkeypatch):
     design = ask(blocks={"K": tuning.Pid(kp=0.1, ki=0.1, reads="e", drives="u")}, time_cap=15.0)
     assert design.ended is tuning.Ended.OUT_OF_TIME
     assert np.isfinite(design.gamma)
+
+
+def test_large_gains_are_no_algebraic_loop():
+    """Blocks in series with gains of 1e6: I - D K has a determinant of one, whatever its condition."""
+    stiff = control.tf([1], [1, 20, 1e5])
+    design = robust.tune(
+        [ERROR, FORCE],
+        tuning.Plants(stiff, inputs="f", outputs="y"),
+        {
+            "K": tuning.Pid(kp=1e3, ki=1e6, kd=30.0, filter_time=2e-3, reads="e", drives="u_c"),
+            "N": tuning.Notch(omega=300.0, reads="u_c", drives="u"),
+        },
+        hard=[tuning.Limit("d", "f", 1.8)],
+        soft=[tuning.Limit("d", "y", 1e-6)],
+        dt=1e-3,
+        n_starts=1,
+    )
+    assert design.met
+    norm, _ = hinf_norm(control.ss(control.feedback(1, robust.sampled(stiff, 1e-3) * design.controller("y", "u"))))
+    assert norm == pytest.approx(1.8 * design.limits[0].ratio, rel=1e-6)
