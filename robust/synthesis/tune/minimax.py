@@ -23,11 +23,15 @@ __all__ = ["Searched", "find_stable", "improve"]
 
 #: Relative gain of a round below which the search ends.
 ROUND_GAIN = 2e-5
+#: The same of the points around a stalled design, which cost more: with them TMD of COMPleib goes from 2.56 to 2.33.
+SAMPLED_GAIN = 2e-4
 ROUNDS, N_SQP, N_BFGS = 20, 40, 200
 #: Weights of the hard limits, the next where they are still missed.
 PENALTIES = (10.0, 100.0, 1000.0)
 #: How often a closer look sends the search back, and from which excess on (log).
 LOOKS, LOOKED = 3, 2e-6
+#: Around a stalled design: distances in coordinates, and how many points at most.
+SAMPLING_RADII, MOST_SAMPLES = (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4), 20
 #: Level (log) below that of the start from which on a limit counts as zero.
 NOTHING = float(np.log(1e-10))
 WOLFE = 1e-4, 0.5
@@ -161,8 +165,12 @@ def minimise(problem: Problem, current: Evaluation, start: Evaluation) -> tuple[
             current = descend(problem, current, rho)
             current = certified(problem, current)
             problem.report(current, rho)
-            if is_done(current, start) or not current.merit(rho) < before - ROUND_GAIN:
+            if is_done(current, start):
                 break
+            if not current.merit(rho) < before - ROUND_GAIN:
+                current = certified(problem, sampled_steps(problem, current, rho))
+                if not current.merit(rho) < before - SAMPLED_GAIN:
+                    break
         if current.hard < 2 * MARGIN or is_done(current, start):
             break
     return current, stationarity
@@ -210,6 +218,34 @@ def descend(problem: Problem, current: Evaluation, rho: float) -> Evaluation:
 
     bfgs(function, current.x, N_BFGS)
     return best
+
+
+def sampled_steps(problem: Problem, current: Evaluation, rho: float) -> Evaluation:
+    """Steps on the peaks of points around, where neither programs nor BFGS go on: gradient sampling.
+
+    Beside a kink the peaks of one point alone say too little of which way all of them fall (Burke, Lewis & Overton
+    2005).
+    """
+    rng, n = np.random.default_rng(0), current.x.size
+    low, high = problem.controller.lower, problem.controller.upper
+    for radius in SAMPLING_RADII:
+        cuts: list[tuple[Peak, np.ndarray]] = []
+        for _ in range(min(2 * n, MOST_SAMPLES)):
+            near = np.clip(current.x + radius * rng.uniform(-1, 1, n), low, high)
+            tried = problem.evaluate(near, pole_slopes=False)
+            if tried.stable:
+                cuts += cuts_of(current, tried, near - current.x)
+        if not current.poles:
+            current = problem.evaluate(current.x)
+        solved = quadratic_program(problem, current, cuts, 1e-3 * np.eye(n), rho, 10 * radius)
+        if solved is None:
+            continue
+        for shorter in (1.0, 0.5, 0.25, 0.1, 0.03):
+            tried = problem.evaluate(np.clip(current.x + shorter * solved[0], low, high))
+            if tried.merit(rho) < current.merit(rho):
+                current, _ = lengthen(problem, current, tried, shorter * solved[0], rho)
+                break
+    return current
 
 
 def sequential_programs(problem: Problem, current: Evaluation, rho: float) -> tuple[Evaluation, float]:

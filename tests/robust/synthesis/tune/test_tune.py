@@ -32,10 +32,12 @@ def test_static_output_feedback(name, best):
     """AC17: no controller of any order is better (an LMI's bound). The norm is that of the loop, certified."""
     design, (w, z) = static_feedback(name, rng=1, n_starts=4)
     assert design.gamma == pytest.approx(best, rel=1e-3)
-    norm, omega = hinf_norm(design.loop(w, z))
+    loop = design.loop(w, z)
+    norm, _ = hinf_norm(loop)
     assert abs(design.gamma / norm - 1) < 1e-6
     assert design.limits[0].known is tuning.Known.NORM
-    assert design.limits[0].omega == pytest.approx(omega, rel=1e-3, abs=1e-6)
+    there = loop(1j * design.limits[0].omega, squeeze=False)  # one of several peaks of the same height
+    assert np.linalg.norm(there, 2) == pytest.approx(norm, rel=1e-6)
     assert design.met  # nothing hard is asked, and the loop is stable
     assert min(design.spread) == pytest.approx(design.gamma, rel=1e-6)
 
