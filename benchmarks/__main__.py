@@ -38,6 +38,8 @@ COMMANDS = (
     "faults",
     "sound_records --records 15",
     "attack_design_frf --designs 60",
+    "tuning",
+    "attack_tune --designs 60",
     "level_of_loop --seeds 2",
     "mispaired",
     "hum --plants 24",

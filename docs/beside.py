@@ -65,7 +65,7 @@ def pages() -> list[tuple[str, str, str]]:
     for path in [*sorted((DOCS / "guide").glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]:
         text = path.read_text(encoding="utf-8")
         code = " ".join(re.findall(r"```python\n.*?```|`[^`\n]+`", text, re.DOTALL))
-        code = re.sub(r"\b(?:robust|nlfrf)(?:\.plot|\.friction)?\.", " ", code)
+        code = re.sub(r"\b(?:robust|nlfrf)(?:\.plot|\.friction|\.tuning)?\.", " ", code)
         if path.stem != "index":
             found.append((path.relative_to(DOCS).with_suffix("").as_posix(), text.split("\n")[0].lstrip("# "), code))
     return found

@@ -46,6 +46,7 @@ HEROES = {
     "16_two_axis_stage": ("stage", 2),
     "17_measured_mirror": ("verdict", 0),
     "18_proof_with_friction": ("proof", 1),
+    "20_tune_a_cascade": ("tuned", 0),
 }
 STORED = ROOT / "docs" / "_static"  # what examples gave whose data may not be there
 #: Where the records of an example are found that does not come with them.

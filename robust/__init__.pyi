@@ -1,3 +1,5 @@
+from . import tuning as tuning
+
 # Modelling: a nominal, weights
 # Analysis: a controller checked
 # Loop shaping by hand
@@ -142,6 +144,9 @@ from .synthesis.shaping import lead as lead
 from .synthesis.shaping import notch as notch
 from .synthesis.shaping import pid as pid
 from .synthesis.shaping import roll_off as roll_off
+
+# Tuning: any structure, several loops and plants at once
+from .synthesis.tune.tune import tune as tune
 from .synthesis.two_dof import Feedforward as Feedforward
 from .synthesis.two_dof import Prefilter as Prefilter
 from .synthesis.two_dof import feedforward as feedforward

@@ -10,6 +10,7 @@ import numpy as np
 from robust.lti.lti import poles, timebase, to_s_plane, zeros
 
 __all__ = [
+    "cluster_at_modes",
     "controller_mode_lines",
     "extend_grid",
     "find_peak",

@@ -4,6 +4,7 @@
     loops    pictures of loops: gains, check, Nyquist with discs, family, bounds, poles and zeros in their ellipses
     shaping  |L| between its bounds, redrawn as the controller changes
     friction pictures of what friction does to a loop
+    tuning   limits of a tuned design over frequency, before and after
     look     colours, units, and the measured band in white
 
 The pictures are handed on from here: `from robust.plot import plot_check`.
@@ -31,6 +32,7 @@ from robust.plot.models import (
     plot_validation,
     plot_weight,
 )
+from robust.plot.tuning import plot_limits
 
 __all__ = [
     "plot_bode",
@@ -39,6 +41,7 @@ __all__ = [
     "plot_check",
     "plot_family",
     "plot_fit",
+    "plot_limits",
     "plot_loop",
     "plot_matrix_loop",
     "plot_matrix_set",

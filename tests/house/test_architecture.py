@@ -41,13 +41,13 @@ PARTS = {
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
     "robust.proofs": {"exact": "", "search": "exact"},
     "robust.friction": {"exact": "", ".": "exact"},
-    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf ."},
+    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tune": ""},
     "robust.reports": {".": "", "shaping_page": ""},
 }
 #: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.
 FACES = {
     *("nlfrf", "nlfrf.cli", "nlfrf.friction", "nlfrf.hysteresis", "nlfrf.plot"),
-    *("robust", "robust.cli", "robust.plot", "robust.shaping_plot"),
+    *("robust", "robust.cli", "robust.plot", "robust.shaping_plot", "robust.tuning"),
 }
 #: Where a heavy package may be imported at all: modules, or whole packages.
 HEAVY = {
@@ -57,6 +57,7 @@ HEAVY = {
     "h5py": "nlfrf.io.readers.hdf5 nlfrf._base.files",
     "cvxpy": "robust.proofs.search robust.mu.lmi robust.synthesis.fixed.cone_program "
     "robust.friction.multipliers robust.friction.linear_uncertainty",
+    "clarabel": "robust.synthesis.tune.minimax",
     "jinja2": "robust.reports.page",
     "flint": "robust.proofs.exact robust.friction.exact",
     "anywidget": "robust.reports.shaping_page.widget",

@@ -91,6 +91,12 @@ PRINTED = {
         r"three levels +not robust +proved +very hard +[1-9]\d* +0 +0 +0\n",
         r"promised by the check, and surely running away: from kicks of 0\.\d+ to 0\.\d+ m/s",
     ],
+    "20_tune_a_cascade": [
+        r"tuned three blocks: met",
+        r"into the drive: Kv = ",
+        r"0\.025 N rms: statistically robust",
+        r"2\.5 N rms: statistically robust",
+    ],
     "19_design_with_a_proof": [
         r"shaped for 40 Hz +statistically robust +refuted .*the rig: 0\.01\d*, ",
         r"shaped for 120 Hz +statistically robust +proved .*the rig: all",

@@ -27,7 +27,7 @@ FLAGS = {
 IGNORED = {"subject", "time_cap", "solver", "n_unstable", "rank", "progress", "transform"}  # in some cases only
 #: Parameters that no sound value is made of here: results of functions that have a test of their own.
 RESULTS = {"reference", "n_u", "n_y", "limit", "found", "bounds", "family", "gains", "scan", "prediction", "step"}
-RESULTS |= {"validation"}
+RESULTS |= {"validation", "design"}
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,63 @@
+"""Limits of a tuned design over frequency, before and after."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nlfrf._base.arguments import short_form
+from nlfrf._base.axes import axes_or_new, finish_axes
+from robust.plot.look import COLOR, hz
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["plot_limits"]
+
+#: One colour for each limit, told apart by colour-blind readers too.
+COLOURS = (COLOR["loop"], COLOR["limit"], COLOR["weight"], COLOR["misfit"], COLOR["level"], COLOR["noise"])
+PLANTS = ("-", "--", "-.", ":")
+
+
+def plot_limits(design: Any, *, ax: Axes | None = None) -> Axes:
+    """Every limit over frequency as a ratio to its bound: with the blocks as given, thin, and as tuned.
+
+    A dot shows where each limit is largest, filled where it is hard. One colour for each limit, one style for each
+    plant; the line at one is the bound.
+
+    Parameters
+    ----------
+    design : TunedDesign
+        Of `robust.tune`, with a stable loop.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure when not given.
+    """
+    if not hasattr(design, "limits") or not hasattr(design, "spread"):
+        raise ValueError(f"design must be a TunedDesign of robust.tune, got {short_form(design)}")
+    if not design.limits:
+        raise ValueError("design must have a stable loop to be drawn, got one without: nothing is known of its limits")
+    ax = axes_or_new(ax)
+    ordered = sorted(design.limits, key=lambda one: (not one.hard, one.plant))
+    colours = {
+        id(limit): COLOURS[k % len(COLOURS)] for k, limit in enumerate({id(o.limit): o.limit for o in ordered}.values())
+    }
+    for one in ordered:
+        draw_limit(ax, one, colours[id(one.limit)], several=len(design.plant.models) > 1)
+    ax.axhline(1.0, color=COLOR["radius"], lw=1.0)
+    ax.set(xscale="log", yscale="log", xlabel="frequency [Hz]", ylabel="gain over bound")
+    ax.set_title("Limits before (thin) and after tuning: " + ("met" if design.met else "not met"))
+    top = max(float(np.nanmax(np.where(np.isfinite(one.curve), one.curve, np.nan))) for one in ordered)
+    ax.set_ylim(1e-3, max(3.0, 2 * top))
+    return finish_axes(ax)
+
+
+def draw_limit(ax: Axes, one: Any, colour: str, *, several: bool) -> None:
+    """One limit on one plant."""
+    style = PLANTS[one.plant % len(PLANTS)]
+    label = f"{'hard' if one.hard else 'soft'} {one.limit}" + (f", plant {one.plant}" if several else "")
+    f = hz(one.omegas)
+    ax.plot(f, np.where(np.isfinite(one.before), one.before, np.nan), style, color=colour, lw=0.7, alpha=0.6)
+    ax.plot(f, np.where(np.isfinite(one.curve), one.curve, np.nan), style, color=colour, lw=1.8, label=label)
+    place = float(np.clip(hz(one.omega), f[0], f[-1]))
+    ax.plot([place], [one.ratio], "o", color=colour, mfc=colour if one.hard else "none", ms=6)

@@ -1,0 +1,166 @@
+"""The closed loop of a plant and the blocks, its responses, and how both move with M (the matrix of the blocks).
+
+With the states of the blocks put into the plant they are one static feedback u = M y (Apkarian & Noll 2006):
+
+    N = M (I - D22 M)^-1,   A + B2 N C2, B1 + B2 N D21, C1 + D12 N C2, D11 + D12 N D21
+
+and dH = L dM R at any frequency with L = (Y B2 + D12)(I - M D22)^-1, R = (I - D22 M)^-1 (C2 X + D21). Whatever a limit
+is made of, its derivative is Re tr(Q* dH) for some Q, so that the gradient is Re tr(R Q* L dM_k) for each parameter.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.lti import Matrices, evaluate_transfer
+from robust.synthesis.tune.wiring import continuous_matrices, is_well_posed
+
+__all__ = ["ClosedLoop", "StatePlant", "state_plant"]
+
+#: Condition of the eigenvectors up to which responses on a grid are taken from the modes.
+MODAL = 1e7
+
+
+@value(copy=False)
+class StatePlant:
+    """All that is fixed, with room for the states of the blocks: from (inputs, M y) to (outputs, y)."""
+
+    A: np.ndarray
+    B1: np.ndarray
+    B2: np.ndarray
+    C1: np.ndarray
+    C2: np.ndarray
+    D11: np.ndarray
+    D12: np.ndarray
+    D21: np.ndarray
+    D22: np.ndarray
+
+    def close(self, M: np.ndarray) -> ClosedLoop | None:
+        """The loop closed by the blocks; None where it has no solution."""
+        around = np.eye(M.shape[1]) - self.D22 @ M
+        if self.D22.any():
+            if not is_well_posed(around):
+                return None
+            F = np.linalg.inv(around)
+        else:
+            F = around
+        N = M @ F
+        gain = self.B2 @ N
+        return ClosedLoop(
+            plant=self,
+            A=self.A + gain @ self.C2,
+            B=self.B1 + gain @ self.D21,
+            C=self.C1 + self.D12 @ N @ self.C2,
+            D=self.D11 + self.D12 @ N @ self.D21,
+            E=np.eye(M.shape[0]) + N @ self.D22,
+            F=F,
+        )
+
+
+def state_plant(open_loop: control.StateSpace, n_states: int, n_in: int, n_out: int, dt: float) -> StatePlant:
+    """The open loop, last inputs and outputs those of the blocks, with the states of the blocks put in."""
+    A, B, C, D = continuous_matrices(open_loop, dt)
+    n_w, n_z = B.shape[1] - n_out, C.shape[0] - n_in
+
+    def beside(upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+        out = np.zeros((upper.shape[0] + lower.shape[0], upper.shape[1] + lower.shape[1]))
+        out[: upper.shape[0], : upper.shape[1]] = upper
+        out[upper.shape[0] :, upper.shape[1] :] = lower
+        return out
+
+    zero, one = np.zeros((n_states, n_states)), np.eye(n_states)
+    B2 = beside(B[:, n_w:], one)  # (states, states of the blocks) <- (u, derivatives)
+    C2 = beside(C[n_z:], one)
+    u_first, y_first = np.r_[n_out : n_out + n_states, :n_out], np.r_[n_in : n_in + n_states, :n_in]
+    D22 = beside(D[n_z:, n_w:], zero)
+    return StatePlant(
+        A=beside(A, zero),
+        B1=np.vstack([B[:, :n_w], np.zeros((n_states, n_w))]),
+        B2=B2[:, u_first],
+        C1=np.hstack([C[:n_z], np.zeros((n_z, n_states))]),
+        C2=C2[y_first],
+        D11=D[:n_z, :n_w],
+        D12=np.hstack([np.zeros((n_z, n_states)), D[:n_z, n_w:]]),
+        D21=np.vstack([np.zeros((n_states, n_w)), D[n_z:, :n_w]]),
+        D22=D22[np.ix_(y_first, u_first)],
+    )
+
+
+@value(copy=False)
+class ClosedLoop:
+    """A loop closed by the blocks, continuous or the bilinear image of a sampled one."""
+
+    plant: StatePlant
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    E: np.ndarray
+    F: np.ndarray
+
+    @property
+    def matrices(self) -> Matrices:
+        """A, B, C, D from all inputs to all outputs."""
+        return self.A, self.B, self.C, self.D
+
+    @cached_property
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues and eigenvectors of A."""
+        if not len(self.A):
+            return np.zeros(0, complex), np.zeros((0, 0), complex)
+        poles, vectors = np.linalg.eig(self.A)
+        return poles.astype(complex), vectors.astype(complex)
+
+    @property
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A."""
+        return self.modes[0]
+
+    @cached_property
+    def modal(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """C V and V^-1 B; None where the eigenvectors nearly coincide."""
+        vectors = self.modes[1]
+        if len(vectors) and not np.linalg.cond(vectors) < MODAL:
+            return None
+        return self.C @ vectors, np.linalg.solve(vectors, self.B.astype(complex)) if len(vectors) else self.B
+
+    def responses(self, omega: np.ndarray) -> np.ndarray:
+        """(W, outputs, inputs) at s = j omega; omega may be infinite."""
+        omega = np.atleast_1d(omega)
+        if self.modal is None:
+            return self.exact(omega)
+        left, right = self.modal
+        poles = self.poles
+        with np.errstate(divide="ignore", invalid="ignore"):
+            terms = np.where(np.isinf(omega)[:, None], 0.0, 1 / (1j * omega[:, None] - poles))
+        return self.D + (left * terms[:, None, :]) @ right
+
+    def exact(self, omega: np.ndarray) -> np.ndarray:
+        """The same by elimination, point by point."""
+        infinite = np.isinf(omega)
+        points = np.where(infinite, 0.0, omega) * 1j
+        points[infinite] = np.inf
+        return evaluate_transfer(self.A, self.B, self.C, self.D, points)
+
+    def sides(self, omega: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """H, L and R at a frequency: dH = L dM R."""
+        P = self.plant
+        if np.isinf(omega) or not len(self.A):
+            return self.D.astype(complex), P.D12 @ self.E, self.F @ P.D21
+        pencil = 1j * omega * np.eye(len(self.A)) - self.A
+        both = np.linalg.solve(pencil, np.hstack([self.B, P.B2]))
+        X, across = both[:, : self.B.shape[1]], both[:, self.B.shape[1] :]
+        return self.C @ X + self.D, (self.C @ across + P.D12) @ self.E, self.F @ (P.C2 @ X + P.D21)
+
+    def pole_sides(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """(m, 1) and (1, m) r and l of a simple pole: d pole = l dM r."""
+        vectors = self.modes[1]
+        try:
+            left = np.linalg.solve(vectors.T, np.eye(len(vectors))[:, k])
+        except np.linalg.LinAlgError:  # a defective matrix: the direction of a least-squares inverse
+            left = np.linalg.pinv(vectors)[k]
+        return self.F @ (self.plant.C2 @ vectors[:, [k]]), left[None] @ self.plant.B2 @ self.E

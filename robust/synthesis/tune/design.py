@@ -1,0 +1,269 @@
+"""What a tuning found: the blocks with their numbers, each limit's value, and what nothing asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import format_hertz, format_small_count, join_names, require_integer
+from nlfrf._base.values import value
+from robust.synthesis.tune.blocks import TunableBlock, block_system, parameter_values, signal_names
+from robust.synthesis.tune.limits import Limit
+from robust.synthesis.tune.plants import MeasuredPlant, Plants, see_plants
+from robust.synthesis.tune.wiring import join_by_name
+
+__all__ = ["Ended", "Known", "LimitValue", "TunedDesign"]
+
+#: Units of parameters that have one of their own.
+UNITS = {"omega": "rad/s", "filter_time": "s", "phase": "rad"}
+
+
+class Known(Enum):
+    """How the value of a limit is known: as a norm over all frequencies, or on lines.
+
+    References
+    ----------
+    Bruinsma & Steinbuch, *A fast algorithm to compute the H-infinity norm*, Systems & Control Letters 14 (1990).
+
+    Examples
+    --------
+    >>> Known.NORM.value
+    'norm'
+    """
+
+    NORM = "norm"
+    LINES = "lines"
+
+
+class Ended(Enum):
+    """Why a search ended.
+
+    References
+    ----------
+    Lewis & Overton, *Nonsmooth optimization via quasi-Newton methods*, Mathematical Programming 141 (2013).
+
+    Examples
+    --------
+    >>> Ended.OUT_OF_TIME.value
+    'time_cap was reached'
+    """
+
+    CONVERGED = "no step improves it"
+    OUT_OF_TIME = "time_cap was reached"
+    INTERRUPTED = "it was interrupted"
+
+
+@value
+class LimitValue:
+    """A limit on the loop of one plant.
+
+    Fields
+    ------
+    limit : Limit
+    hard : bool
+    plant : int
+        Number of the plant, from 0.
+    ratio : float
+        Largest gain times weight over bound: met up to one.
+    omega : float
+        Where [rad/s]; inf at infinite frequency.
+    known : Known
+        NORM: no frequency has a larger ratio, by the Hamiltonian test to 1e-7. LINES: looked at on `n_lines`.
+    n_lines : int
+        Frequencies looked at, where it is not a norm.
+    omegas, curve, before : (W,) ndarray
+        Ratio over frequency [rad/s], and that with the blocks as they were given; nan where those leave it unstable.
+
+    References
+    ----------
+    Bruinsma & Steinbuch, *A fast algorithm to compute the H-infinity norm*, Systems & Control Letters 14 (1990).
+
+    Examples
+    --------
+    >>> found = LimitValue(limit=Limit("d", "y", 2.0), hard=True, plant=0, ratio=0.5, omega=3.0, known=Known.NORM)
+    >>> found.met, str(found)
+    (True, 'hard  d -> y on plant 0: 0.5 of its bound at 0.4775 Hz, norm')
+    """
+
+    limit: Limit
+    hard: bool
+    plant: int
+    ratio: float
+    omega: float
+    known: Known
+    n_lines: int = 0
+    omegas: Any = None
+    curve: Any = None
+    before: Any = None
+
+    @property
+    def met(self) -> bool:
+        """Whether the gain stays below its bound."""
+        return bool(self.ratio <= 1)
+
+    def __str__(self) -> str:
+        kind = "hard" if self.hard else "soft"
+        where = format_hertz(self.omega)
+        how = "norm" if self.known is Known.NORM else f"on {self.n_lines} lines"
+        return f"{kind}  {self.limit} on plant {self.plant}: {self.ratio:.5g} of its bound at {where}, {how}"
+
+
+@value
+class TunedDesign:
+    """Blocks that were tuned together, and what the loop does with them. Nothing here is a proof: `check` proves.
+
+    Fields
+    ------
+    blocks : dict of str to block
+        As given, with the numbers found.
+    met : bool
+        Whether every loop is stable and every hard limit is met: on all frequencies where it is a norm, else on lines.
+    stable : bool
+        Whether every loop is stable beyond rounding, and decays as fast as asked for.
+    limits : tuple of LimitValue
+        Every limit on every plant, the worst first, hard ones before soft ones.
+    excess : float
+        Largest real part of a pole that a block moves [rad/s], over all plants that are systems; -inf without any.
+    ended : Ended
+        Why the search ended.
+    spread : tuple of float
+        Of every start what was reached: the worst hard ratio while one is missed, else the worst soft one; inf where no
+        stable loop was found. Starts that differ mean local optima: take more.
+    at_bounds : tuple of str
+        Parameters at a bound: what limits the design may be the bound.
+    not_asked : tuple of str
+        What no limit asks for, and is given away.
+    stationarity : float
+        Norm of the combined slopes at the end, of logarithms; zero at a local optimum.
+    n_evaluated : int
+        Loops that were looked at.
+    system : tuple of control.StateSpace
+        The fixed parts.
+    plant : Plants
+    dt, delay : float
+        Sampling time and computation delay [s].
+
+    References
+    ----------
+    Apkarian & Noll, *Nonsmooth H-infinity synthesis*, IEEE Trans. Automatic Control 51 (2006).
+
+    Examples
+    --------
+    >>> from robust import tune, tuning
+    >>> plant = tuning.Plants(control.tf([1], [1, 1]), inputs="u", outputs="y")
+    >>> error = control.summing_junction(["r", "-y"], "e")
+    >>> K = tuning.Gain(K=1.0, reads="e", drives="u")
+    >>> error_at_low_frequency = tuning.Limit("r", "e", 0.1, band=(0.0, 0.1))
+    >>> design = tune([error], plant, {"K": K}, hard=[tuning.Limit("r", "u", 9.0)], soft=[error_at_low_frequency])
+    >>> design.met, round(float(design.blocks["K"].K[0, 0]), 2)
+    (True, 9.0)
+    """
+
+    blocks: dict[str, TunableBlock]
+    met: bool
+    stable: bool
+    limits: tuple[LimitValue, ...]
+    excess: float
+    ended: Ended
+    spread: tuple[float, ...]
+    at_bounds: tuple[str, ...]
+    not_asked: tuple[str, ...]
+    stationarity: float
+    n_evaluated: int
+    system: tuple[control.StateSpace, ...]
+    plant: Plants
+    dt: float
+    delay: float
+
+    @property
+    def gamma(self) -> float:
+        """Worst ratio of the soft limits over all plants; nan without soft limits."""
+        return max((one.ratio for one in self.limits if not one.hard), default=float("nan"))
+
+    @property
+    def reason(self) -> str:
+        """Why it ended, or which limits are missed and where."""
+        missed = [one for one in self.limits if one.hard and not one.met]
+        if not self.limits:
+            return f"no stable loop was found, the slowest pole has a real part of {self.excess:.3g} rad/s"
+        if missed:
+            said = "; ".join(
+                f"{one.limit} is missed by a factor {one.ratio:.4g} at {format_hertz(one.omega)} on plant {one.plant}"
+                for one in missed[:3]
+            )
+            return f"not met: {said} ({self.ended.value})"
+        if not self.stable:
+            return "not met: a loop cannot be told from one on the stability boundary. Ask for a decay"
+        return self.ended.value
+
+    def controller(self, inputs: Any, outputs: Any) -> control.StateSpace:
+        """All blocks and fixed parts between two signals as one controller, negative feedback: outputs = -K inputs.
+
+        For `check`, `controller_sections` and `pid_gains`: `controller("y", "u")` with the outputs and inputs of the
+        plant.
+        """
+        inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
+        open_chain = self.joined((), inputs, outputs)
+        K = reachable(open_chain)
+        return control.StateSpace(K.A, K.B, -K.C, -K.D, self.dt, inputs=list(inputs), outputs=list(outputs))
+
+    def loop(self, inputs: Any, outputs: Any, plant: int = 0) -> control.StateSpace:
+        """The closed loop of one plant between two signals, with all its states."""
+        inputs, outputs = signal_names("inputs", inputs), signal_names("outputs", outputs)
+        plant = require_integer("plant", plant, least=0)
+        if plant >= len(self.plant.models):
+            raise ValueError(f"plant must be below {len(self.plant.models)}, got {plant}")
+        seen = see_plants(self.plant, self.dt, self.delay, False)[plant]
+        if isinstance(seen, MeasuredPlant):
+            raise ValueError("plant must be a system or a model for its loop as one system, got an FRF")
+        G = seen.system
+        names = {"inputs": list(self.plant.inputs), "outputs": list(self.plant.outputs)}
+        G = control.StateSpace(G.A, G.B, G.C, G.D, self.dt, remove_useless_states=False, **names)
+        return self.joined((G,), inputs, outputs)
+
+    def joined(
+        self, more: Sequence[control.StateSpace], inputs: tuple[str, ...], outputs: tuple[str, ...]
+    ) -> control.StateSpace:
+        """Fixed parts, blocks and whatever else joined by name."""
+        parts = [*self.system, *(block_system(block, self.dt) for block in self.blocks.values()), *more]
+        system = join_by_name(parts, [], external=inputs, looked_at=outputs).system
+        names = {"inputs": list(inputs), "outputs": list(outputs)}
+        return control.StateSpace(system.A, system.B, system.C, system.D, self.dt, remove_useless_states=False, **names)
+
+    def __str__(self) -> str:
+        met = "met, on lines or as norms as said" if self.met else "NOT MET"
+        rows = [f"tuned {format_small_count(len(self.blocks), 'block')}: {met}; {self.reason}"]
+        for name, block in self.blocks.items():
+            said = [
+                f"{key} = {np.array2string(number, precision=6)}{f' {UNITS[key]}' if key in UNITS else ''}"
+                for key, number in parameter_values(block).items()
+            ]
+            rows.append(f"  {name}: {', '.join(said)}")
+        rows += [f"  {one}" for one in self.limits]
+        rows.append(f"  starts: {', '.join(f'{one:.5g}' for one in self.spread)}")
+        if self.at_bounds:
+            rows.append(f"  at a bound: {join_names(list(self.at_bounds))}")
+        rows += [f"  nothing asks for {one}" for one in self.not_asked]
+        rows.append("  this is a search, not a proof: check() says what holds for the whole set")
+        return "\n".join(rows)
+
+
+def reachable(system: control.StateSpace) -> control.StateSpace:
+    """The states that the inputs reach and the outputs see, by the zeros of A, B and C alone."""
+    links = system.A != 0
+    reached, seen = (system.B != 0).any(axis=1), (system.C != 0).any(axis=0)
+    for _ in range(system.nstates):
+        reached, seen = reached | links @ reached, seen | seen @ links
+    kept = np.flatnonzero(reached & seen)
+    return control.StateSpace(
+        system.A[np.ix_(kept, kept)],
+        system.B[kept],
+        system.C[:, kept],
+        system.D,
+        system.dt,
+        remove_useless_states=False,
+    )

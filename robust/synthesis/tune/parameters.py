@@ -1,0 +1,115 @@
+"""All blocks side by side as one static matrix M(x) = [[A, B], [C, D]] of the coordinates of the search, and dM/dx.
+
+The derivatives are complex steps (Squire & Trapp 1998), block by block: exact to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.synthesis.tune.blocks import Parameter, TunableBlock, parameter_values, with_parameters
+
+__all__ = ["Controller", "controller_of"]
+
+STEP = 1e-30  # of a complex step: no difference is taken, so that nothing cancels
+
+
+@value
+class Controller:
+    """The blocks of a design and their free parameters.
+
+    Fields
+    ------
+    blocks : dict of str to TunableBlock
+    parameters : tuple of (str, Parameter)
+        Name of the block, and the parameter.
+    n_states, n_in, n_out : int
+        Of all blocks together: M has n_states + n_out rows and n_states + n_in columns.
+    lower, upper, start : (p,) ndarray
+        Coordinates.
+    """
+
+    blocks: dict[str, TunableBlock]
+    parameters: tuple[tuple[str, Parameter], ...]
+    n_states: int
+    n_in: int
+    n_out: int
+    lower: np.ndarray
+    upper: np.ndarray
+    start: np.ndarray
+
+    @property
+    def labels(self) -> list[str]:
+        """Parameters with the names of their blocks."""
+        return [parameter.label(block) for block, parameter in self.parameters]
+
+    def numbers(self, x: np.ndarray) -> np.ndarray:
+        """(p,) numbers of the blocks at the coordinates x."""
+        return np.array([p.from_coordinate(float(one)) for (_, p), one in zip(self.parameters, x, strict=True)])
+
+    def matrix(self, x: np.ndarray) -> np.ndarray:
+        """M at the coordinates x."""
+        return self.assembled(x, None)
+
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """(p, rows, columns) dM/dx."""
+        return np.array([self.assembled(x, k) for k in range(len(x))]).reshape(
+            len(x), self.n_states + self.n_out, self.n_states + self.n_in
+        )
+
+    def assembled(self, x: np.ndarray, along: int | None) -> np.ndarray:
+        """M, or its derivative along one coordinate, of whose block alone it is made."""
+        M = np.zeros((self.n_states + self.n_out, self.n_states + self.n_in))
+        state, row, column, k = 0, self.n_states, self.n_states, 0
+        for name, block in self.blocks.items():
+            own = [p for owner, p in self.parameters if owner == name]
+            n, m, p = block.order, len(block.reads), len(block.drives)
+            if along is None or k <= along < k + len(own):
+                numbers: dict[str, Any] = parameter_values(block)
+                if along is not None:
+                    numbers = {key: array.astype(complex) for key, array in numbers.items()}
+                for i, parameter in enumerate(own):
+                    step = 1j * STEP if along == k + i else 0.0
+                    numbers[parameter.name][parameter.index] = parameter.from_coordinate(x[k + i] + step)
+                numbers = {key: array if array.ndim else array[()] for key, array in numbers.items()}
+                parts = block.state_space(numbers)
+                A, B, C, D = (np.asarray(part) if along is None else np.imag(part) / STEP for part in parts)
+                s, o, i_ = slice(state, state + n), slice(row, row + p), slice(column, column + m)
+                M[s, s], M[s, i_], M[o, s], M[o, i_] = A, B, C, D
+            state, row, column, k = state + n, row + p, column + m, k + len(own)
+        return M
+
+    def blocks_at(self, x: np.ndarray) -> dict[str, TunableBlock]:
+        """The blocks with the numbers at the coordinates x."""
+        numbers, found = self.numbers(x), {}
+        for name, block in self.blocks.items():
+            own = [k for k, (owner, _) in enumerate(self.parameters) if owner == name]
+            found[name] = with_parameters(block, [self.parameters[k][1] for k in own], numbers[own])
+        return found
+
+
+def controller_of(blocks: Mapping[str, TunableBlock], dt: float) -> Controller:
+    """The blocks under a clock dt [s], or a refusal where nothing is free."""
+    parameters: list[tuple[str, Parameter]] = []
+    for name, block in blocks.items():
+        try:
+            parameters += [(name, parameter) for parameter in block.parameters(dt)]
+        except ValueError as error:
+            raise ValueError(f"blocks[{name!r}]: {error}") from None
+    if not parameters:
+        raise ValueError("blocks must have at least one free parameter, got none: all are fixed")
+    bounds = np.array([parameter.coordinate_bounds() for _, parameter in parameters])
+    return Controller(
+        blocks=dict(blocks),
+        parameters=tuple(parameters),
+        n_states=sum(block.order for block in blocks.values()),
+        n_in=sum(len(block.reads) for block in blocks.values()),
+        n_out=sum(len(block.drives) for block in blocks.values()),
+        lower=bounds[:, 0],
+        upper=bounds[:, 1],
+        start=np.array([parameter.to_coordinate(parameter.start) for _, parameter in parameters]),
+    )

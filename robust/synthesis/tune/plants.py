@@ -1,0 +1,271 @@
+"""Plants as the blocks see them: systems with hold and delay, or FRFs on their lines, each with the discs around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf import Bla
+from nlfrf._base.arguments import format_hertz, require_integer, short_form
+from nlfrf._base.values import value
+from robust._base.channels import is_matrix, is_single
+from robust.analysis.loop import assemble
+from robust.lti.lti import response, timebase
+from robust.lti.realisation import multivariable
+from robust.lti.sampling import delay_samples, delayed, hold_correction, hold_response, sampled
+from robust.models.fit.nominal import frd
+from robust.models.sets.forms import FORMS, numerator
+from robust.models.sets.measured import on_lines, sampling_time, warn_of_unknown_hold
+from robust.models.sets.model import UncertaintyModel
+from robust.synthesis.tune.blocks import signal_names
+
+__all__ = ["UNBOUNDED", "MeasuredPlant", "ModelledPlant", "Plants", "see_plants", "stated_clock"]
+
+
+#: Order of the Padé approximation of a delay without a clock, as `check` has it.
+DELAY_ORDER = 8
+#: Stands for a radius that is infinite: its square is still a number.
+UNBOUNDED = 1e30
+
+
+@value(kw_only=False)
+class Plants:
+    """The plant of a design, or several of which each has to meet every limit: levels, positions, loads.
+
+    Fields
+    ------
+    models : control system, UncertaintyModel, nlfrf.Bla, FrequencyResponseData, or a list of them
+        An FRF is known on its lines only. Of a model the nominal is tuned, and its set where a limit is `worst`.
+    inputs, outputs : str or list of str
+        Signals, in the order of the channels.
+    n_unstable : int
+        Unstable poles of plants that are an FRF.
+
+    Raises
+    ------
+    ValueError
+        Something that is no plant, signals that do not fit its channels, an FRF that is not finite.
+
+    References
+    ----------
+    Apkarian, Gahinet & Buhr, *Multi-model, multi-objective tuning of fixed-structure controllers*, European Control
+    Conference 2014.
+
+    Examples
+    --------
+    >>> levels = [control.tf([k], [1, 1]) for k in (1.0, 2.0)]
+    >>> len(Plants(levels, inputs="u", outputs="y").models)
+    2
+    """
+
+    models: Any
+    inputs: Any
+    outputs: Any
+    n_unstable: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("inputs", "outputs"):
+            object.__setattr__(self, name, signal_names(name, getattr(self, name)))
+        object.__setattr__(self, "n_unstable", require_integer("n_unstable", self.n_unstable, least=0))
+        models = tuple(self.models) if isinstance(self.models, list | tuple) else (self.models,)
+        if not models:
+            raise ValueError("models must hold at least one plant, got an empty list")
+        for k, model in enumerate(models):
+            self.check_channels(f"models[{k}]", model)
+        object.__setattr__(self, "models", models)
+
+    def check_channels(self, name: str, model: Any) -> None:
+        """Refuse what is no plant, or has other channels."""
+        if isinstance(model, Bla):
+            shape = (model.n_outputs, model.n_inputs)
+        elif isinstance(model, control.FrequencyResponseData):
+            shape = (model.noutputs, model.ninputs)
+            if not np.isfinite(model.frdata).all():
+                raise ValueError(f"{name} must be finite on every line, got nan or infinite numbers. Leave them out")
+        elif is_single_set(model):
+            shape = (1, 1)
+        else:
+            system = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
+            shape = (system.noutputs, system.ninputs)
+        if shape != (len(self.outputs), len(self.inputs)):
+            raise ValueError(
+                f"{name} must have the {len(self.outputs)} outputs and {len(self.inputs)} inputs that are named, "
+                f"got {shape[0]} and {shape[1]}"
+            )
+
+
+@value(copy=False)
+class ModelledPlant:
+    """A plant that is known at every frequency, as the blocks see it.
+
+    Fields
+    ------
+    system : control.StateSpace
+        Hold and delay inside.
+    lines : (.,) ndarray
+        Frequencies [rad/s] to be looked at.
+    discs : callable or None
+        omega (W,) -> a, g (W,) of the set (G + g Delta)/(1 + a Delta).
+    """
+
+    system: control.StateSpace
+    lines: np.ndarray
+    discs: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None
+
+
+@value(copy=False)
+class MeasuredPlant:
+    """An FRF as the blocks see it.
+
+    Fields
+    ------
+    omega : (W,) ndarray
+        Lines [rad/s].
+    G : (n_y, n_u, W) complex ndarray
+        Hold and delay inside.
+    discs : (a, g), (W,) complex ndarrays, or None
+    n_unstable : int
+    """
+
+    omega: np.ndarray
+    G: np.ndarray
+    discs: tuple[np.ndarray, np.ndarray] | None
+    n_unstable: int
+
+
+def see_plants(plants: Plants, dt: float, delay: float, worst: bool) -> list[ModelledPlant | MeasuredPlant]:
+    """Every plant behind hold and delay, with the discs where a limit asks for them."""
+    return [see_plant(f"models[{k}]", model, plants, dt, delay, worst) for k, model in enumerate(plants.models)]
+
+
+def see_plant(
+    name: str, model: Any, plants: Plants, dt: float, delay: float, worst: bool
+) -> ModelledPlant | MeasuredPlant:
+    """One plant behind hold and delay."""
+    known_on_lines = isinstance(model, Bla | control.FrequencyResponseData) or getattr(model, "measured_only", False)
+    if worst:
+        require_set(name, model)
+    if known_on_lines:
+        return see_measured(name, model, plants.n_unstable, dt, delay, worst)
+    if is_single_set(model):
+        loop = assemble(model, control.StateSpace([], [], [], [[0.0]], dt), None, delay)
+        if loop.dt:
+            warn_of_unknown_hold(model, loop.dt)
+        if loop.aliases is not None and loop.aliases.inverse and worst:
+            raise ValueError(
+                f"{name} must have a sampled nominal for worst=True in the {model.form} form under a clock, got a "
+                "continuous one. Take sampled(nominal, dt), or another form"
+            )
+        discs = discs_of(loop) if worst else None
+        if discs is not None and np.abs(discs(np.array([0.1 / dt if dt else 1.0]))[1][0]) >= UNBOUNDED:
+            raise ValueError(
+                f"{name} must have a weight that falls with frequency for worst=True under a clock, got a set whose "
+                "aliases add up to no bound. Take sampled(nominal, dt) as the nominal, or a weight with a roll-off"
+            )
+        return ModelledPlant(system=loop.G, lines=model.omega, discs=discs)
+    G = multivariable(name, model.nominal if isinstance(model, UncertaintyModel) else model)
+    step = timebase(G)
+    if step and dt and abs(step / dt - 1) > 1e-9:
+        raise ValueError(f"dt must be the sampling time of {name}, {step:g} s, got {dt:g} s")
+    if step and not dt:
+        raise ValueError(f"dt must be given for {name}, which is sampled at {step:g} s, got a continuous design")
+    if step:
+        G = delayed(G, delay_samples("delay", delay, step) * step, order=0)
+    elif dt:
+        G = sampled(G, dt, delay)
+    else:
+        G = delayed(G, delay, order=DELAY_ORDER)
+    return ModelledPlant(system=G, lines=np.asarray(getattr(model, "omega", np.zeros(0))), discs=None)
+
+
+def is_single_set(model: Any) -> bool:
+    """Whether it is an uncertainty model of one input and one output."""
+    return isinstance(model, UncertaintyModel) and model.is_single
+
+
+def require_set(name: str, model: Any) -> None:
+    """Refuse a plant without a set of one disc around it, for a worst case."""
+    if is_single_set(model) or is_single(model):
+        return
+    raise ValueError(
+        f"worst must be False unless every plant is an UncertaintyModel or a Bla of one input and output, got {name} = "
+        f"{short_form(model)}"
+    )
+
+
+def discs_of(loop: Any) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """a and g of the set of a model, as `check` has it: of a continuous set under a clock with every alias."""
+    row = FORMS[loop.form]
+
+    def at(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        omega = np.minimum(np.asarray(omega, dtype=float), loop.top * (1 - 1e-12) if loop.dt else 1e12)
+        G = loop.plant(omega)
+        if loop.aliases is not None:
+            radius = loop.aliases.radius(np.maximum(omega, 1e-9 / loop.dt), G)  # at zero hold and alias are 0/0
+            return np.zeros(omega.size, complex), np.where(np.isfinite(radius), radius, UNBOUNDED).astype(complex)
+        W = np.ones(omega.size, complex)
+        if row.scaled:
+            W = response(loop.shaping, omega) * np.exp(1j * omega * loop.shift)
+        return ag_of(loop.form, response(loop.weight, omega), np.where(np.isfinite(G), G, 1e140), W)
+
+    return at
+
+
+def ag_of(form: str, w: np.ndarray, G: np.ndarray, W: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """a and g of (G + g Delta)/(1 + a Delta)."""
+    row, one = FORMS[form], np.ones_like(G)
+    scaled = W * G if row.scaled else G
+    return np.asarray(row.a(w, scaled, one, one)), np.asarray(numerator(form, w, G, W))
+
+
+def see_measured(name: str, model: Any, n_unstable: int, dt: float, delay: float, worst: bool) -> MeasuredPlant:
+    """An FRF on its lines."""
+    discs = None
+    if is_matrix(model):
+        data = frd(model)
+        omega, G = np.asarray(data.omega, dtype=float), np.asarray(data.frdata)
+    elif isinstance(model, control.FrequencyResponseData):
+        omega, G = np.asarray(model.omega, dtype=float), np.asarray(model.frdata)
+    else:
+        omega, g, form, w, _, W = on_lines(model)
+        G = g[None, None]
+    if not np.isfinite(G).all():
+        raise ValueError(f"{name} must be finite on every line, got nan or infinite numbers. Leave them out")
+    order = np.argsort(omega)
+    if dt and omega[order][-1] * dt >= np.pi:
+        raise ValueError(f"dt must put Nyquist above the lines, up to {format_hertz(omega.max())}, got {dt:g} s")
+    seen = G * seen_factor(model, omega, dt, delay)
+    if worst:
+        ours, measured = seen[0, 0], G[0, 0]
+        a, g_ = ag_of(form, w, ours, np.asarray(W * measured / ours))
+        discs = (np.asarray(a)[order], np.asarray(g_)[order])
+    return MeasuredPlant(omega=omega[order], G=seen[:, :, order], discs=discs, n_unstable=n_unstable)
+
+
+def seen_factor(model: Any, omega: np.ndarray, dt: float, delay: float) -> np.ndarray:
+    """(W,) hold and delay, as `check` puts them into an FRF."""
+    factor = np.exp(-1j * omega * delay)
+    hold = getattr(model, "hold", "unknown")
+    if hold != "unknown":
+        return factor * hold_correction(omega, hold, model.fs, dt)
+    if dt and not sampling_time(model):
+        if isinstance(model, Bla | UncertaintyModel):
+            warn_of_unknown_hold(model, dt)
+        return factor * hold_response(omega, dt)
+    return factor
+
+
+def stated_clock(plants: Sequence[Any]) -> float:
+    """Sampling time [s] that the plants state; 0 where none does."""
+    steps = set()
+    for model in plants:
+        source = getattr(model, "nominal", model)
+        if not isinstance(source, Bla | control.FrequencyResponseData):
+            steps.add(timebase(multivariable("plant", source)))
+    steps -= {0.0}
+    if len(steps) > 1 and max(steps) / min(steps) - 1 > 1e-9:
+        raise ValueError(f"plant must have one sampling time for all models, got {sorted(steps)} s")
+    return steps.pop() if steps else 0.0

@@ -1,0 +1,556 @@
+"""One plant with all that is fixed around it, and every limit on its loop: gains over frequency, peaks, slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import control
+import numpy as np
+
+from nlfrf._base.values import value
+from robust.lti.grids import cluster_at_modes
+from robust.lti.lti import evaluate_transfer
+from robust.lti.norms import crossings, to_discrete, well_conditioned
+from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
+from robust.synthesis.tune.closing import ClosedLoop, StatePlant
+from robust.synthesis.tune.limits import Channel, slope_of_largest
+from robust.synthesis.tune.plants import UNBOUNDED, MeasuredPlant, ModelledPlant
+from robust.synthesis.tune.wiring import continuous_matrices, is_well_posed
+
+__all__ = ["LineScene", "Look", "Peak", "StateScene", "image_of", "true_frequency"]
+
+N_LINES, N_PEAKS, ROUNDS = 70, 6, 4
+#: Frequencies on which a limit that is no norm is looked at in the end, and around each lightly damped pole.
+N_DENSE, N_AROUND, N_BAND = 1500, 41, 300
+#: Local maxima that count: at least so much of the highest.
+NEARLY_HIGHEST = 0.7
+#: How far above a value the exact norm may be before a frequency is added, relative.
+RAISED = 1e-8
+#: Steps above a value at which the exact norm is looked for, the first ones for a value close to a singular value of D.
+STEPS = (1e-3, 1e-5, 1e-7)
+KEPT = 24
+
+
+def image_of(omega: np.ndarray, dt: float) -> np.ndarray:
+    """Frequencies in the plane of the bilinear map, 2/T tan(omega T/2) [rad/s]."""
+    if not dt:
+        return np.asarray(omega, dtype=float)
+    half = np.minimum(np.asarray(omega, dtype=float) * dt / 2, np.pi / 2)
+    return np.where(half >= np.pi / 2 * (1 - 1e-15), np.inf, 2 / dt * np.tan(half))
+
+
+def true_frequency(image: np.ndarray, dt: float) -> np.ndarray:
+    """Frequencies [rad/s] of those in the plane of the bilinear map."""
+    return 2 / dt * np.arctan(np.asarray(image) * dt / 2) if dt else np.asarray(image, dtype=float)
+
+
+@value(copy=False)
+class Peak:
+    """A local maximum of a limit on the loop of one plant.
+
+    Fields
+    ------
+    limit, plant : int
+    hard : bool
+    omega : float
+        In the plane of the bilinear map [rad/s].
+    level : float
+        log of gain times weight over bound.
+    gradient : (p,) ndarray
+        Of the level, over the coordinates.
+    """
+
+    limit: int
+    plant: int
+    hard: bool
+    omega: float
+    level: float
+    gradient: np.ndarray
+
+
+@value(copy=False)
+class Look:
+    """A limit on one plant, looked at closely.
+
+    Fields
+    ------
+    ratio, omega : float
+        Largest gain times weight over bound, and where in the plane of the bilinear map [rad/s].
+    is_norm : bool
+        Whether no frequency has a larger one.
+    n_lines : int
+        Frequencies looked at where it is not.
+    """
+
+    ratio: float
+    omega: float
+    is_norm: bool
+    n_lines: int
+
+
+class StateScene:
+    """The loop of a plant that is known at every frequency."""
+
+    def __init__(
+        self, index: int, fixed: StatePlant, plant: ModelledPlant, channels: Sequence[Channel], dt: float
+    ) -> None:
+        self.index, self.fixed, self.plant, self.channels, self.dt = index, fixed, plant, channels, dt
+        #: Frequencies at which a limit was found above its value on the grid, kept for good: by limit.
+        self.added: dict[int, list[float]] = {channel.index: [] for channel in channels}
+        lines = plant.lines[(plant.lines > 0)]
+        self.lines = image_of(lines[lines * dt < np.pi] if dt else lines, dt)
+
+    def close(self, M: np.ndarray) -> ClosedLoop | None:
+        """The loop with the blocks M."""
+        return self.fixed.close(M)
+
+    def band(self, channel: Channel) -> tuple[float, float]:
+        """Band of a limit in the plane of the bilinear map [rad/s]."""
+        if channel.limit.band is None:
+            return 0.0, np.inf
+        low, high = image_of(np.array(channel.limit.band), self.dt)
+        return float(low), float(high)
+
+    def levels(self, channel: Channel, omega: np.ndarray, H: np.ndarray, *, smooth: bool = True) -> np.ndarray:
+        """(W,) gain times weight over bound, of responses H at frequencies of the plane."""
+        true = true_frequency(omega, self.dt)
+        factor = channel.limit.factor(np.minimum(true, 1e12))
+        if channel.perturbation is None:
+            return channel.gain(H, None) * factor
+        a, g = self.discs(true)
+        known = np.maximum(np.abs(a), np.abs(g)) < UNBOUNDED  # at a pole on the axis it is looked at beside it
+        gain = channel.gain(H, (np.where(known, a, 0), np.where(known, g, 0)), smooth=smooth)
+        return np.where(known, gain * factor, 0.0)
+
+    def discs(self, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """a and g of the set."""
+        assert self.plant.discs is not None
+        return self.plant.discs(true)
+
+    def grid(self, loop: ClosedLoop) -> np.ndarray:
+        """Frequencies that see every mode of the loop [rad/s], zero and infinity among them."""
+        poles = loop.poles
+        size = np.abs(poles)
+        size = size[size > 1e-12 * size.max(initial=0.0)] if size.size else np.ones(1)
+        wide = np.geomspace(0.05 * size.min(), 20 * size.max(), N_LINES)
+        kept = [frequency for frequencies in self.added.values() for frequency in frequencies]
+        return np.unique(
+            np.concatenate([[0.0, 1e-4 * size.min(), np.inf], wide, size, np.abs(poles.imag), self.lines, kept])
+        )
+
+    def tops(self, loop: ClosedLoop) -> list[tuple[Channel, np.ndarray, np.ndarray]]:
+        """For each limit the frequencies of its highest local maxima, and the levels there, highest first."""
+        omega = self.grid(loop)
+        H = loop.responses(omega)
+        found = []
+        for channel in self.channels:
+            low, high = self.band(channel)
+            inside = (omega >= low) & (omega <= high)
+            at, values = omega[inside], H[inside]
+            if low > 0 or np.isfinite(high):
+                edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
+                at, values = np.concatenate([at, edges]), np.concatenate([values, loop.responses(edges)])
+                at, first = np.unique(at, return_index=True)
+                values = values[first]
+            level = self.levels(channel, at, values)
+            found.append((channel, *self.climb(loop, channel, at, level)))
+        return found
+
+    def climb(
+        self,
+        loop: ClosedLoop,
+        channel: Channel,
+        omega: np.ndarray,
+        level: np.ndarray,
+        *,
+        rounds: int = ROUNDS,
+        exact: bool = False,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Local maxima refined: brackets are closed to a quarter, so many times; exact: as they are said in the end."""
+        respond = loop.exact if exact else loop.responses
+        padded = np.concatenate([[-np.inf], level, [-np.inf]])
+        top = (level >= padded[:-2]) & (level >= padded[2:])
+        places = np.flatnonzero(top & (level >= NEARLY_HIGHEST * level.max(initial=0.0)))
+        places = places[np.argsort(-level[places], kind="stable")][:N_PEAKS]
+        best, value_ = omega[places], level[places]
+        left, right = omega[np.maximum(places - 1, 0)], omega[np.minimum(places + 1, omega.size - 1)]
+        inner = np.isfinite(best) & np.isfinite(right) & (left < best) & (best < right)
+        best, value_ = best.copy(), value_.copy()
+        x, lo, hi = best[inner], left[inner], right[inner]
+        y = value_[inner]
+        if x.size:
+            shares = np.array([0.25, 0.5, 0.75])
+            for _ in range(rounds):
+                points = np.concatenate([lo + (x - lo) * shares[:, None], x + (hi - x) * shares[:, None]])
+                values = self.levels(channel, points.ravel(), respond(points.ravel()), smooth=not exact)
+                values = values.reshape(points.shape)
+                every = np.concatenate([lo[None], points[:3], x[None], points[3:], hi[None]])
+                heights = np.concatenate([np.full((1, x.size), -np.inf), values[:3], y[None], values[3:]])
+                k = heights.argmax(axis=0)
+                column = np.arange(x.size)
+                x, y = every[k, column], heights[k, column]
+                lo, hi = every[np.maximum(k - 1, 0), column], every[k + 1, column]
+            best[inner], value_[inner] = x, y
+        order = np.argsort(-value_, kind="stable")
+        return best[order], value_[order]
+
+    def peaks(self, loop: ClosedLoop, slopes: np.ndarray) -> list[Peak]:
+        """The peaks of every limit with their gradients."""
+        found = []
+        sides: dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        for channel, omega, _ in self.tops(loop):
+            for w in omega:
+                if w not in sides:
+                    sides[float(w)] = loop.sides(float(w))
+                found += self.peaks_at(channel, float(w), sides[float(w)], slopes)
+        return found
+
+    def peaks_at(
+        self, channel: Channel, omega: float, sides: tuple[np.ndarray, np.ndarray, np.ndarray], slopes: np.ndarray
+    ) -> list[Peak]:
+        """A limit at one frequency: its level and slope, and those of a second singular value."""
+        H, L, R = sides
+        true = true_frequency(np.array([omega]), self.dt)
+        discs = None
+        if channel.perturbation is not None:
+            a, g = self.discs(true)
+            discs = (complex(a[0]), complex(g[0]))
+        factor = float(channel.limit.factor(np.minimum(true, 1e12))[0])
+        return graded(channel, self.index, omega, factor, slope_of_largest(channel, H, discs), (L, R), slopes)
+
+    def raise_norms(
+        self, loop: ClosedLoop, floors: dict[int, float] | None = None
+    ) -> dict[int, tuple[float, float, bool]]:
+        """Largest level of each limit, where, and whether no frequency has a higher one (Bruinsma & Steinbuch 1990).
+
+        Frequencies found above the grid are kept for good.
+        """
+        found = {}
+        for channel, omega, _ in self.tops(loop):
+            exact = self.levels(channel, omega, loop.exact(omega), smooth=False)
+            k = int(np.argmax(exact))
+            best, where = float(exact[k]), float(omega[k])
+            certain = False
+            weighting = channel.limit.weighting(self.dt) if channel.perturbation is None else None
+            if weighting is not None and best > 0:
+                matrices = weighted(loop, channel, weighting, self.dt)
+                best, where, certain = highest_of(matrices, best, where, self.band(channel))
+            self.keep(channel.index, where)
+            found[channel.index] = (best, where, certain)
+        return found
+
+    def look_closely(self, M: np.ndarray) -> dict[int, Look]:
+        """Every limit: as a norm where it is one, else on lines much denser than those of the search."""
+        loop = self.close(M)
+        assert loop is not None
+        norms, looks = self.raise_norms(loop), {}
+        for channel in self.channels:
+            level, omega, certain = norms[channel.index]
+            norm = Look(ratio=level, omega=omega, is_norm=True, n_lines=0)
+            looks[channel.index] = norm if certain else self.look_densely(loop, channel, level, omega)
+        return looks
+
+    def look_densely(self, loop: ClosedLoop, channel: Channel, level: float, where: float) -> Look:
+        """A limit that is no norm, by a weight over frequency or a set, on a dense grid."""
+        poles, (low, high) = loop.poles, self.band(channel)
+        size = np.abs(poles)[np.abs(poles) > 0] if poles.size else np.ones(1)
+        light = poles[(poles.imag > 0) & (np.abs(poles.real) < 0.3 * poles.imag)]
+        near = cluster_at_modes(light, N_AROUND) if light.size else np.zeros(0)
+        edges = np.array([edge for edge in (low, high) if np.isfinite(edge)])
+        omega = [np.geomspace(1e-3 * size.min(), 1e3 * size.max(), N_DENSE), near[near > 0], self.grid(loop), edges]
+        if np.isfinite(high):
+            omega.append(np.geomspace(max(low, 1e-3 * high), high, N_BAND))
+        at = np.unique(np.concatenate([*omega, [where]]))
+        at = at[(at >= low) & (at <= high)]
+        levels = self.levels(channel, at, loop.exact(at), smooth=False)
+        k = int(np.argmax(levels))
+        if levels[k] > level * (1 - 1e-3):  # the top between two lines of the grid
+            peak = slice(max(k - 1, 0), k + 2)
+            tops, heights = self.climb(loop, channel, at[peak], levels[peak], rounds=3 * ROUNDS, exact=True)
+            if heights[0] > level:
+                level, where = float(heights[0]), float(tops[0])
+                self.keep(channel.index, where)
+        return Look(ratio=level, omega=where, is_norm=False, n_lines=int(at.size))
+
+    def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(W,) ratio of a limit over frequencies of the plane."""
+        loop = self.close(M)
+        if loop is None:
+            return np.full(omega.size, np.nan)
+        return self.levels(channel, omega, loop.exact(omega), smooth=False)
+
+    def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
+        """Frequencies of the plane [rad/s] that show the curve of a limit, within its band."""
+        loop = self.close(M)
+        assert loop is not None
+        size = np.abs(loop.poles)[np.abs(loop.poles) > 0] if loop.poles.size else np.ones(1)
+        low, high = self.band(channel)
+        high = min(high, 20 * float(size.max()))
+        low = max(low, min(0.05 * float(size.min()), 1e-2 * high))
+        grid = self.grid(loop)
+        return np.union1d(np.geomspace(low, high, N_BAND), grid[(grid >= low) & (grid <= high)])
+
+    def keep(self, limit: int, omega: float) -> None:
+        """Remember a frequency, the latest of many."""
+        kept = self.added[limit]
+        if np.isfinite(omega) and omega > 0 and not any(abs(omega - one) <= 1e-6 * omega for one in kept):
+            kept.append(omega)
+            del kept[:-KEPT]
+
+
+def weighted(loop: ClosedLoop, channel: Channel, weighting: control.StateSpace, dt: float) -> tuple[np.ndarray, ...]:
+    """Matrices of a channel with its weight behind it, on each output."""
+    A, B, C, D = loop.A, loop.B[:, channel.columns], loop.C[channel.rows], loop.D[np.ix_(channel.rows, channel.columns)]
+    Aw, Bw, Cw, Dw = continuous_matrices(weighting, dt)
+    p = len(channel.rows)
+    Aw, Bw, Cw, Dw = (np.kron(np.eye(p), part) for part in (Aw, Bw, Cw, Dw))
+    zero = np.zeros((A.shape[0], Aw.shape[0]))
+    return (
+        np.block([[A, zero], [Bw @ C, Aw]]),
+        np.vstack([B, Bw @ D]),
+        np.hstack([Dw @ C, Cw]),
+        Dw @ D,
+    )
+
+
+def highest_of(
+    matrices: tuple[np.ndarray, ...], best: float, where: float, band: tuple[float, float]
+) -> tuple[float, float, bool]:
+    """The norm over a band from a value in it, where it is, and whether the Hamiltonian has no crossing above it."""
+    A, B, C, D = well_conditioned(matrices)  # type: ignore[arg-type]  # four matrices
+    certain = False
+    for _ in range(20):
+        raised = False
+        for step in STEPS:
+            found = crossings((A, B, C, D), best * (1 + step))
+            if found is None:
+                continue
+            omega = np.unique(found[0])
+            omega = omega[(omega >= band[0]) & (omega <= band[1])]
+            certain = step == STEPS[-1]
+            if not omega.size:
+                continue
+            points = np.concatenate([omega, (omega[1:] + omega[:-1]) / 2])
+            H = evaluate_transfer(matrices[0], matrices[1], matrices[2], matrices[3], 1j * points)
+            gains = np.linalg.svd(H, compute_uv=False)[:, 0]
+            k = int(np.argmax(gains))
+            if gains[k] > best * (1 + RAISED):
+                best, where, raised = float(gains[k]), float(points[k]), True
+                break
+        if not raised:
+            break
+    return best, where, certain and not raised
+
+
+def graded(
+    channel: Channel,
+    plant: int,
+    omega: float,
+    factor: float,
+    found: list[tuple[float, np.ndarray]],
+    sides: tuple[np.ndarray, np.ndarray],
+    slopes: np.ndarray,
+) -> list[Peak]:
+    """Peaks from gains and their adjoints: gradient of log gain = Re tr(R Q* L dM_k)/gain."""
+    L, R = sides
+    peaks = []
+    for gain, Q in found:
+        if gain * factor <= 0:
+            continue
+        across = R @ Q.conj().T @ L  # (columns, rows) of M
+        gradient = (slopes.reshape(len(slopes), -1) @ across.T.ravel()).real / gain
+        peaks.append(
+            Peak(
+                limit=channel.index,
+                plant=plant,
+                hard=channel.hard,
+                omega=omega,
+                level=float(np.log(gain * factor)),
+                gradient=gradient,
+            )
+        )
+    return peaks
+
+
+class LineScene:
+    """The loop of a plant that is known on lines: nothing is looked at between them."""
+
+    def __init__(
+        self,
+        index: int,
+        fixed: control.StateSpace,
+        plant: MeasuredPlant,
+        channels: Sequence[Channel],
+        *,
+        dt: float,
+        n_external: int,
+        n_looked_at: int,
+        sizes: tuple[int, int, int],
+    ) -> None:
+        """fixed: from (inputs, plant outputs, what blocks drive) to (looked at, plant inputs, what blocks read)."""
+        self.index, self.plant, self.channels, self.dt = index, plant, channels, dt
+        self.n_states, self.n_in, self.n_out = sizes
+        n_y, n_u = plant.G.shape[:2]
+        self.image = image_of(plant.omega, dt)
+        matrices = continuous_matrices(fixed, dt)
+        self.around = matrices, n_external, n_looked_at
+        P = evaluate_transfer(*matrices, 1j * self.image)
+        # close the plant: u' = u_p + du, y_p = G u' + dy; then (w, du, dy, u) -> (z, u', y)
+        G = np.moveaxis(plant.G, 2, 0)
+        w, y_p, u_b = np.s_[:n_external], np.s_[n_external : n_external + n_y], np.s_[n_external + n_y :]
+        z, u_p, y_b = np.s_[:n_looked_at], np.s_[n_looked_at : n_looked_at + n_u], np.s_[n_looked_at + n_u :]
+        one = np.eye(n_u)
+        inner = np.linalg.inv(one - P[:, u_p, y_p] @ G)
+        # u' = inner (P_uw w + du + P_uy dy + P_ub u)
+        into = np.concatenate(
+            [P[:, u_p, w], np.broadcast_to(one, (len(P), n_u, n_u)), P[:, u_p, y_p], P[:, u_p, u_b]], axis=2
+        )
+        u_seen = inner @ into
+        direct = np.zeros((len(P), n_y, into.shape[2]), complex)
+        direct[:, :, n_external + n_u : n_external + n_u + n_y] = np.eye(n_y)
+        y_seen = G @ u_seen + direct
+
+        def looked(rows: slice) -> np.ndarray:
+            own = np.zeros((len(P), P[:, rows].shape[1], into.shape[2]), complex)
+            own[:, :, w] = P[:, rows, w]
+            own[:, :, n_external + n_u + n_y :] = P[:, rows, u_b]
+            return own + P[:, rows, y_p] @ y_seen
+
+        full = np.concatenate([looked(z), u_seen, looked(y_b)], axis=1)
+        n_w, n_z = n_external + n_u + n_y, n_looked_at + n_u
+        self.P11, self.P12 = full[:, :n_z, :n_w], full[:, :n_z, n_w:]
+        self.P21, self.P22 = full[:, n_z:, :n_w], full[:, n_z:, n_w:]
+        self.added: dict[int, list[float]] = {}
+
+    def blocks_at(self, M: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """K, [C Phi, I] and [Phi B; I] of the blocks on the lines."""
+        n = self.n_states
+        A, B, C, D = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
+        W = len(self.image)
+        Phi = np.linalg.inv(1j * self.image[:, None, None] * np.eye(n) - A) if n else np.zeros((W, 0, 0), complex)
+        left = np.concatenate([C @ Phi, np.broadcast_to(np.eye(self.n_out), (W, self.n_out, self.n_out))], axis=2)
+        right = np.concatenate([Phi @ B, np.broadcast_to(np.eye(self.n_in), (W, self.n_in, self.n_in))], axis=1)
+        return D + C @ Phi @ B, left, right
+
+    def responses(self, M: np.ndarray) -> np.ndarray | None:
+        """(W, outputs, inputs) on the lines; None where the loop has no solution on one."""
+        K, _, _ = self.blocks_at(M)
+        try:
+            return self.P11 + self.P12 @ K @ np.linalg.solve(np.eye(self.n_in) - self.P22 @ K, self.P21)
+        except np.linalg.LinAlgError:
+            return None
+
+    def band(self, channel: Channel) -> np.ndarray:
+        """Lines of a limit."""
+        omega = self.plant.omega
+        low, high = channel.limit.band or (0.0, np.inf)
+        return (omega >= low) & (omega <= high)
+
+    def levels(self, channel: Channel, H: np.ndarray, *, smooth: bool = True) -> np.ndarray:
+        """(W,) gain times weight over bound on the lines; zero outside the band."""
+        discs = self.plant.discs if channel.perturbation is not None else None
+        level = channel.gain(H, discs, smooth=smooth) * channel.limit.factor(self.plant.omega)
+        return np.where(self.band(channel), level, 0.0)
+
+    def peaks(self, M: np.ndarray, slopes: np.ndarray) -> list[Peak]:
+        """Peaks on the lines with their gradients."""
+        H = self.responses(M)
+        if H is None:
+            return []
+        K, left, right = self.blocks_at(M)
+        found = []
+        for channel in self.channels:
+            level = self.levels(channel, H)
+            padded = np.concatenate([[-np.inf], level, [-np.inf]])
+            top = (level >= padded[:-2]) & (level >= padded[2:]) & (level >= NEARLY_HIGHEST * level.max())
+            places = np.flatnonzero(top)
+            for k in places[np.argsort(-level[places], kind="stable")][:N_PEAKS]:
+                if level[k] <= 0:
+                    continue
+                inner = np.linalg.inv(np.eye(self.n_in) - self.P22[k] @ K[k])
+                L = self.P12[k] @ (np.eye(self.n_out) + K[k] @ inner @ self.P22[k]) @ left[k]
+                R = right[k] @ inner @ self.P21[k]
+                discs = None
+                if channel.perturbation is not None:
+                    assert self.plant.discs is not None
+                    discs = complex(self.plant.discs[0][k]), complex(self.plant.discs[1][k])
+                factor = float(channel.limit.factor(self.plant.omega[[k]])[0])
+                slope = slope_of_largest(channel, H[k], discs)
+                found += graded(channel, self.index, float(self.image[k]), factor, slope, (L, R), slopes)
+        return found
+
+    def raise_norms(self, M: np.ndarray) -> dict[int, tuple[float, float, bool]]:
+        """Largest level of each limit on the lines, and where in the plane of the bilinear map."""
+        H = self.responses(M)
+        found = {}
+        for channel in self.channels:
+            level = np.full(1, np.inf) if H is None else self.levels(channel, H, smooth=False)
+            k = int(np.argmax(level))
+            found[channel.index] = (float(level[k]), float(self.image[k]), False)
+        return found
+
+    def curve(self, channel: Channel, M: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(W,) ratio of a limit on its lines."""
+        H = self.responses(M)
+        return np.full(omega.size, np.nan) if H is None else self.levels(channel, H, smooth=False)[self.band(channel)]
+
+    def frequencies(self, channel: Channel, M: np.ndarray) -> np.ndarray:
+        """Lines of a limit, in the plane of the bilinear map [rad/s]."""
+        return self.image[self.band(channel)]
+
+    def look_closely(self, M: np.ndarray) -> dict[int, Look]:
+        """Every limit on the lines of its band."""
+        return {
+            channel.index: Look(ratio=level, omega=omega, is_norm=False, n_lines=int(self.band(channel).sum()))
+            for channel, (level, omega, _) in zip(self.channels, self.raise_norms(M).values(), strict=True)
+        }
+
+    def seen_by_plant(self, M: np.ndarray) -> control.StateSpace | None:
+        """What closes the plant: from its outputs to its inputs, through fixed parts and blocks; None: no solution."""
+        (A, B, C, D), n_w, n_z = self.around
+        n_y, n_u = self.plant.G.shape[:2]
+        n = self.n_states
+        Ak, Bk, Ck, Dk = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
+        y_p, u_b = np.s_[n_w : n_w + n_y], np.s_[n_w + n_y :]
+        u_p, y_b = np.s_[n_z : n_z + n_u], np.s_[n_z + n_u :]
+        around = np.eye(self.n_in) - D[y_b, u_b] @ Dk
+        if not is_well_posed(around):
+            return None
+        inner = np.linalg.inv(around)  # y = inner (C x + D_y y_p + D_yu Ck xk)
+        y_x, y_k, y_in = inner @ C[y_b], inner @ D[y_b, u_b] @ Ck, inner @ D[y_b, y_p]
+        u_x, u_k, u_in = Dk @ y_x, Ck + Dk @ y_k, Dk @ y_in
+        full_A = np.block([[A + B[:, u_b] @ u_x, B[:, u_b] @ u_k], [Bk @ y_x, Ak + Bk @ y_k]])
+        full_B = np.vstack([B[:, y_p] + B[:, u_b] @ u_in, Bk @ y_in])
+        full_C = np.hstack([C[u_p] + D[u_p, u_b] @ u_x, D[u_p, u_b] @ u_k])
+        full_D = D[u_p, y_p] + D[u_p, u_b] @ u_in
+        if self.dt:
+            root = np.sqrt(self.dt / 2)
+            try:
+                full_A, full_B, full_C, full_D = to_discrete(full_A * self.dt / 2, full_B * root, full_C * root, full_D)
+            except np.linalg.LinAlgError:
+                return None
+        return control.StateSpace(full_A, full_B, full_C, full_D, self.dt, remove_useless_states=False)
+
+    def count(self, M: np.ndarray) -> tuple[bool, bool]:
+        """Whether the loop is stable by its winding number, and whether the lines resolve that."""
+        K = self.seen_by_plant(M)
+        if K is None:
+            return False, False
+        G, omega = self.plant.G, self.plant.omega
+        wanted = self.plant.n_unstable + unstable_poles(K, self.dt)
+        if G.shape[:2] == (1, 1):
+            turns, clear = winding_number(omega, G[0, 0], -K, self.dt)
+            return turns == wanted, clear
+        response = np.moveaxis(np.array(evaluate_on(K, omega)), 0, 0)
+        F = np.linalg.det(np.eye(K.noutputs) - response @ np.moveaxis(G, 2, 0))
+        n = integrator_poles(K, self.dt)
+        if G.shape[0] == G.shape[1]:
+            n += slope_at_start(omega, np.linalg.det(np.moveaxis(G, 2, 0)))
+        found, clear_all = count_half_turns(F, n)
+        return round(float(found)) == wanted, bool(clear_all)
+
+
+def evaluate_on(K: control.StateSpace, omega: np.ndarray) -> np.ndarray:
+    """(W, n_u, n_y) response."""
+    z = np.exp(1j * omega * K.dt) if K.dt else 1j * omega
+    return evaluate_transfer(K.A, K.B, K.C, K.D, z)

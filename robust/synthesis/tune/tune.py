@@ -1,0 +1,570 @@
+"""The entry point: fixed parts, plants, blocks and limits put together, searched from several starts, and judged."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import (
+    format_hertz,
+    join_names,
+    random_generator,
+    require_integer,
+    require_kind,
+    require_nonnegative,
+    require_positive,
+    short_form,
+)
+from robust.lti.lti import is_constant, timebase
+from robust.lti.norms import to_discrete
+from robust.lti.realisation import multivariable
+from robust.lti.stability import assess_stability, poles_with_rounding
+from robust.models.sets.model import UncertaintyModel
+from robust.synthesis.tune.blocks import Pid, TunableBlock, require_blocks
+from robust.synthesis.tune.closing import ClosedLoop, state_plant
+from robust.synthesis.tune.design import Ended, Known, LimitValue, TunedDesign
+from robust.synthesis.tune.limits import Channel, Limit, require_limits
+from robust.synthesis.tune.minimax import Searched, find_stable, improve
+from robust.synthesis.tune.parameters import Controller, controller_of
+from robust.synthesis.tune.plants import ModelledPlant, Plants, see_plants, stated_clock
+from robust.synthesis.tune.problem import Evaluation, OutOfTime, Problem, better
+from robust.synthesis.tune.scene import LineScene, StateScene, true_frequency
+from robust.synthesis.tune.wiring import Port, join_by_name
+
+__all__ = ["tune"]
+
+#: Signals of the perturbation, of names that nobody gives.
+AT_INPUT, AT_OUTPUT, PLANT_INPUT = "perturbation at plant input ", "perturbation at plant output ", "plant input "
+ZERO_CHANNEL = 1e-13
+UNMOVED = 1e-9
+
+
+def tune(
+    system: Sequence[Any],
+    plant: Plants,
+    blocks: Mapping[str, TunableBlock],
+    *,
+    hard: Sequence[Limit] = (),
+    soft: Sequence[Limit] = (),
+    decay: float = 0.0,
+    dt: float = 0.0,
+    delay: float = 0.0,
+    n_starts: int = 3,
+    time_cap: float = 60.0,
+    rng: np.random.Generator | int | None = None,
+    progress: Callable[[int, float, float], Any] | None = None,
+) -> TunedDesign:
+    """Tune blocks of fixed structure, anywhere in any loops, for every plant at once.
+
+    The largest ratio of a soft limit to its bound is made as small as can be while every hard limit is met. The search
+    is local and proves nothing; give the controller that comes out to `check`.
+
+    Parameters
+    ----------
+    system : list of control systems
+        All that is fixed, with named inputs and outputs (`control.summing_junction`, filters, weights). An input is the
+        sum of all outputs of its name, as in `interconnection`.
+    plant : Plants
+        One plant, or several of which each meets every limit. Continuous ones are put behind hold and delay where dt is
+        given.
+    blocks : dict of str to block
+        `robust.tuning.Pid`, `Gain`, `Notch`, `Lead`, `Filter2` or `StateSpace`, by name; their numbers are the first
+        start. A sampled block is its own Tustin image.
+    hard, soft : list of Limit
+        What must be met, and what is made small.
+    decay : float
+        Least decay rate of every pole that a block moves [rad/s]; zero asks for stability.
+    dt : float
+        Sampling time of blocks and system [s]; 0 for continuous ones, or that of a sampled plant.
+    delay : float
+        Computation delay [s] at the plant inputs. Without a clock it is a Padé approximation of order 8.
+    n_starts : int
+        Starts: that of the blocks, and random ones around it. Local optima are common: three is the least.
+    time_cap : float
+        Time for all starts together [s].
+    rng : numpy Generator or int, optional
+        Of the random starts.
+    progress : callable, optional
+        Called with (loops looked at, best ratio so far, seconds left).
+
+    Returns
+    -------
+    TunedDesign
+        Interrupted, or out of time, the best so far.
+
+    Raises
+    ------
+    ValueError
+        Parts that do not fit each other; no free parameter; a limit on a channel that is zero, or missed wherever the
+        blocks stand; a part that is unstable and that no block reaches; a plant known on lines that the start does not
+        stabilise.
+
+    References
+    ----------
+    Apkarian & Noll, *Nonsmooth H-infinity synthesis*, IEEE Trans. Automatic Control 51 (2006); Burke, Henrion, Lewis &
+    Overton, *HIFOO*, IFAC ROCOND 2006; Curtis, Mitchell & Overton, *A BFGS-SQP method for nonsmooth, nonconvex,
+    constrained optimization*, Optimization Methods and Software 32 (2017).
+
+    Examples
+    --------
+    Position P over velocity PI on a mass, both at once: stiff against a force d, with |S| at the actuator below 1.6.
+
+    >>> import robust
+    >>> mass = control.ss([[0, 1], [0, 0]], [[0], [1]], np.eye(2), np.zeros((2, 1)))
+    >>> system = [
+    ...     control.summing_junction(["r", "-x"], "e_x"),
+    ...     control.summing_junction(["v_ref", "-v"], "e_v"),
+    ...     control.summing_junction(["u", "d"], "force"),
+    ... ]
+    >>> design = robust.tune(
+    ...     system,
+    ...     robust.tuning.Plants(mass, inputs="force", outputs=["x", "v"]),
+    ...     {
+    ...         "K_x": robust.tuning.Pid(kp=1.0, reads="e_x", drives="v_ref"),
+    ...         "K_v": robust.tuning.Pid(kp=2.0, ki=1.0, reads="e_v", drives="u"),
+    ...     },
+    ...     hard=[robust.tuning.Limit("d", "force", 1.6), robust.tuning.Limit("d", "u", 1.8)],
+    ...     soft=[robust.tuning.Limit("d", "x", 1.0)],
+    ...     delay=0.01,
+    ...     rng=1)
+    >>> design.met
+    True
+    """
+    require_kind("plant", plant, Plants)
+    blocks = require_blocks(blocks)
+    limits = [(limit, True) for limit in require_limits("hard", hard)]
+    limits += [(limit, False) for limit in require_limits("soft", soft)]
+    if not limits:
+        raise ValueError("soft must hold a limit, or hard: nothing is asked of the design, got none")
+    decay, delay = require_nonnegative("decay", decay), require_nonnegative("delay", delay)
+    dt = require_nonnegative("dt", dt) or stated_clock(plant.models)
+    n_starts, time_cap, rng = (
+        require_integer("n_starts", n_starts, least=1),
+        require_positive("time_cap", time_cap),
+        random_generator("rng", rng),
+    )
+    if progress is not None and not callable(progress):
+        raise ValueError(f"progress must be callable, got {short_form(progress)}")
+    parts = fixed_parts(system, dt)
+    controller = controller_of(blocks, dt)
+    scenes = make_scenes(parts, plant, controller, limits, dt, delay)
+    began = time.monotonic()
+    problem = Problem(controller, scenes, decay=decay, dt=dt, deadline=began + time_cap, progress=progress)
+    problem.find_fixed_modes(np.random.default_rng(0))
+    require_paths(problem, limits)
+    found, spread, ended = search(problem, n_starts, began + time_cap, rng)
+    problem.deadline = np.inf
+    return judge(problem, found, spread, ended, limits, parts, plant, dt, delay)
+
+
+def fixed_parts(system: Any, dt: float) -> list[control.StateSpace]:
+    """All that is fixed, on the time base of the design, or a refusal."""
+    if isinstance(system, control.StateSpace | control.TransferFunction):
+        system = [system]
+    if not isinstance(system, list | tuple):
+        raise ValueError(f"system must hold control systems, as a list, got {short_form(system)}")
+    parts = []
+    for k, part in enumerate(system):
+        name = f"system[{k}]"
+        part = multivariable(name, part)
+        if not is_constant(part) and abs(timebase(part) - dt) > 1e-9 * max(dt, 1e-300):
+            cure = "Discretize it (robust.discretize)" if not timebase(part) else "Give dt"
+            raise ValueError(
+                f"{name} must have the sampling time of the design, {dt:g} s (0 is continuous), got "
+                f"{timebase(part):g} s. {cure}"
+            )
+        names = {"inputs": part.input_labels, "outputs": part.output_labels}
+        parts.append(control.StateSpace(part.A, part.B, part.C, part.D, dt, remove_useless_states=False, **names))
+    return parts
+
+
+def make_scenes(
+    parts: list[control.StateSpace],
+    plants: Plants,
+    controller: Controller,
+    limits: list[tuple[Limit, bool]],
+    dt: float,
+    delay: float,
+) -> list[StateScene | LineScene]:
+    """The loop around each plant with its limits."""
+    worst = any(limit.worst for limit, _ in limits)
+    external = list(dict.fromkeys(label for limit, _ in limits for label in limit.inputs))
+    looked_at = list(dict.fromkeys(label for limit, _ in limits for label in limit.outputs))
+    ports = [Port(reads=block.reads, drives=block.drives) for block in controller.blocks.values()]
+    sizes = (controller.n_states, controller.n_in, controller.n_out)
+    n_u, n_y = len(plants.inputs), len(plants.outputs)
+    scenes: list[StateScene | LineScene] = []
+    for k, seen in enumerate(see_plants(plants, dt, delay, worst)):
+        if isinstance(seen, ModelledPlant):
+            G = with_perturbation(seen.system, plants, dt) if worst else named_plant(seen.system, plants, dt)
+            more_in = perturbation_names(n_u, n_y)[0] if worst else []
+            more_out = perturbation_names(n_u, n_y)[1] if worst else []
+            joined = join_by_name([*parts, G], ports, external=external + more_in, looked_at=looked_at + more_out)
+            fixed = state_plant(joined.system, *sizes, dt)
+            channels = channels_of(limits, external, looked_at, worst, n_u)
+            scenes.append(StateScene(k, fixed, seen, channels, dt))
+        else:
+            port = Port(reads=plants.inputs, drives=plants.outputs)
+            joined = join_by_name(parts, [port, *ports], external=external, looked_at=looked_at)
+            channels = channels_of(limits, external, looked_at, worst, n_u)
+            scenes.append(
+                LineScene(
+                    k,
+                    joined.system,
+                    seen,
+                    channels,
+                    dt=dt,
+                    n_external=joined.n_external,
+                    n_looked_at=joined.n_looked_at,
+                    sizes=sizes,
+                )
+            )
+    return scenes
+
+
+def perturbation_names(n_u: int, n_y: int) -> tuple[list[str], list[str]]:
+    """Signals through which a perturbation acts, and those it reads."""
+    into = [f"{AT_INPUT}{i}" for i in range(n_u)] + [f"{AT_OUTPUT}{j}" for j in range(n_y)]
+    return into, [f"{PLANT_INPUT}{i}" for i in range(n_u)]
+
+
+def named_plant(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
+    """The plant with the names of its signals."""
+    names = {"inputs": list(plants.inputs), "outputs": list(plants.outputs)}
+    return control.StateSpace(G.A, G.B, G.C, G.D, dt, remove_useless_states=False, **names)
+
+
+def with_perturbation(G: control.StateSpace, plants: Plants, dt: float) -> control.StateSpace:
+    """The plant with disturbances at inputs and outputs, and its input as an output: where a perturbation hangs."""
+    n_u, n_y = G.ninputs, G.noutputs
+    into, out = perturbation_names(n_u, n_y)
+    one, zero = np.eye(n_u), np.zeros((n_u, n_y))
+    return control.StateSpace(
+        G.A,
+        np.hstack([G.B, G.B, np.zeros((G.nstates, n_y))]),
+        np.vstack([G.C, np.zeros((n_u, G.nstates))]),
+        np.block([[G.D, G.D, np.eye(n_y)], [one, one, zero]]),
+        dt,
+        inputs=[*plants.inputs, *into],
+        outputs=[*plants.outputs, *out],
+        remove_useless_states=False,
+    )
+
+
+def channels_of(
+    limits: list[tuple[Limit, bool]], external: list[str], looked_at: list[str], worst: bool, n_u: int
+) -> list[Channel]:
+    """Which rows and columns of the loop each limit reads."""
+    perturbation = (len(looked_at), len(external), len(external) + n_u) if worst else None
+    return [
+        Channel(
+            limit=limit,
+            index=k,
+            hard=is_hard,
+            rows=np.array([looked_at.index(label) for label in limit.outputs]),
+            columns=np.array([external.index(label) for label in limit.inputs]),
+            perturbation=perturbation if limit.worst else None,
+        )
+        for k, (limit, is_hard) in enumerate(limits)
+    ]
+
+
+def limit_name(k: int, limits: list[tuple[Limit, bool]]) -> str:
+    """A limit as the user gave it."""
+    n_hard = sum(is_hard for _, is_hard in limits)
+    return f"hard[{k}]" if k < n_hard else f"soft[{k - n_hard}]"
+
+
+def require_paths(problem: Problem, limits: list[tuple[Limit, bool]]) -> None:
+    """Refuse a limit on a channel that is zero whatever the blocks are, and a bound that has no value somewhere."""
+    controller = problem.controller
+    rng = np.random.default_rng(1)
+    tried = [
+        controller.matrix(
+            np.clip(
+                controller.start + rng.uniform(-0.5, 0.5, controller.start.size), controller.lower, controller.upper
+            )
+        )
+        for _ in range(2)
+    ]
+    for scene in problem.scenes:
+        responses = []
+        for M in tried:
+            if isinstance(scene, LineScene):
+                responses.append(scene.responses(M))
+            else:
+                loop = scene.close(M)
+                omega = (
+                    np.array([0.37, 1.9, 11.0])
+                    if loop is None or not loop.poles.size
+                    else (np.geomspace(0.1, 10, 5)[:, None] * np.maximum(np.abs(loop.poles), 1e-6)).ravel()
+                )
+                responses.append(None if loop is None else loop.exact(omega))
+        for channel in scene.channels:
+            size = [np.abs(H[:, channel.rows[:, None], channel.columns]).max() for H in responses if H is not None]
+            if size and max(size) <= ZERO_CHANNEL:
+                raise ValueError(
+                    f"{limit_name(channel.index, limits)} must be on a channel that something goes through, got "
+                    f"{channel.limit}, which is zero whatever the blocks are"
+                )
+            channel.limit.factor(np.array([1e-3, 1.0, 1e3]))
+            if isinstance(scene, LineScene) and not scene.band(channel).any():
+                raise ValueError(
+                    f"{limit_name(channel.index, limits)} must have lines of plant {scene.index} in its band, got none "
+                    f"from {channel.limit.band[0]:g} to {channel.limit.band[1]:g} rad/s"
+                )
+
+
+# ---- The search from several starts.
+
+
+def search(
+    problem: Problem, n_starts: int, deadline: float, rng: np.random.Generator
+) -> tuple[Evaluation | Searched | None, list[float], Ended]:
+    """The best of several starts, what each reached, and why it ended."""
+    best: Searched | None = None
+    last: Evaluation | None = None
+    spread: list[float] = []
+    ended = Ended.CONVERGED
+    for k in range(n_starts):
+        left = deadline - time.monotonic()
+        if left <= 0:
+            ended = Ended.OUT_OF_TIME
+            break
+        problem.deadline = time.monotonic() + left / (n_starts - k)
+        problem.best = None
+        try:
+            x = start_of(problem, k, rng)
+            if x is None:
+                spread.append(np.inf)
+                continue
+            current = find_stable(problem, x)
+            last = current if last is None or current.excess < last.excess else last
+            if not current.stable:
+                spread.append(np.inf)
+                continue
+            current = problem.evaluate(current.x)
+            problem.report(current, 1.0)
+            if best is None:
+                refuse_unmoved(problem, current)
+            found = improve(problem, current)
+        except (OutOfTime, KeyboardInterrupt) as stop:
+            ended = Ended.INTERRUPTED if isinstance(stop, KeyboardInterrupt) else Ended.OUT_OF_TIME
+            if problem.best is None:
+                spread.append(np.inf)
+                if ended is Ended.INTERRUPTED:
+                    break
+                continue
+            found = Searched(evaluation=problem.best, stationarity=np.inf)
+        spread.append(reached(found.evaluation))
+        if best is None or better(found.evaluation, best.evaluation):
+            best = found
+        if ended is Ended.INTERRUPTED:
+            break
+    return best if best is not None else last, spread, ended
+
+
+def reached(evaluation: Evaluation) -> float:
+    """The worst hard ratio while one is missed, else the worst soft one."""
+    hard = max((peak.level for peak in evaluation.excesses.values()), default=-np.inf)
+    has_soft = any(not peak.hard for peak in evaluation.peaks)
+    return float(np.exp(hard if hard > 0 or not has_soft else evaluation.soft))
+
+
+def start_of(problem: Problem, k: int, rng: np.random.Generator) -> np.ndarray | None:
+    """Coordinates of a start: the user's, then random ones; with an FRF one that stabilises it, or None."""
+    controller = problem.controller
+    measured = [scene for scene in problem.scenes if isinstance(scene, LineScene)]
+    if k == 0:
+        for scene in measured:
+            stable, clear = scene.count(controller.matrix(controller.start))
+            if not clear:
+                raise ValueError(
+                    f"plant must have lines close enough for the winding number of its loop, got an FRF (plant "
+                    f"{scene.index}) whose lines leave it open at the start of the blocks. Measure more finely around "
+                    "its modes, fit a model, or start with smaller gains"
+                )
+            if not stable:
+                raise ValueError(
+                    f"blocks must start with gains that stabilise an FRF, got a start that does not for plant "
+                    f"{scene.index}. Design it with design_frf, or start with smaller gains"
+                )
+        return controller.start
+    signs = np.array([parameter.sign for _, parameter in controller.parameters])
+    for width in (1.0, 0.5, 0.25, 0.1):
+        for _ in range(8 if measured else 1):
+            step = rng.normal(size=signs.size) * np.where(signs != 0, 1.2, 1.0) * width
+            x = np.clip(controller.start + step, controller.lower, controller.upper)
+            M = controller.matrix(x)
+            if all(all(scene.count(M)) for scene in measured):
+                return np.asarray(x)
+    return None
+
+
+def refuse_unmoved(problem: Problem, current: Evaluation) -> None:
+    """Refuse hard limits that are missed and that no block changes."""
+    for peak in current.excesses.values():
+        if peak.level > 1e-6 and float(np.abs(peak.gradient).max()) < UNMOVED:
+            limit = next(c.limit for c in problem.scenes[peak.plant].channels if c.index == peak.limit)
+            elsewhere = np.clip(current.x + 0.1, problem.controller.lower, problem.controller.upper)
+            other = problem.evaluate(elsewhere)
+            again = other.excesses.get((peak.limit, peak.plant))
+            if again is None or abs(again.level - peak.level) < 1e-9:
+                where = format_hertz(float(true_frequency(np.array([peak.omega]), problem.dt)[0]))
+                raise ValueError(
+                    f"hard[{peak.limit}] must be a limit that the blocks can change, got {limit}, which is missed by a "
+                    f"factor {np.exp(peak.level):.4g} at {where} whatever they are. Raise its bound there, or give it "
+                    "a band"
+                )
+
+
+# ---- What is said of the design in the end: everything looked at again, more closely.
+
+
+def judge(
+    problem: Problem,
+    found: Evaluation | Searched | None,
+    spread: list[float],
+    ended: Ended,
+    limits: list[tuple[Limit, bool]],
+    parts: list[control.StateSpace],
+    plants: Plants,
+    dt: float,
+    delay: float,
+) -> TunedDesign:
+    """The result, every number of it computed again from the design itself."""
+    stationarity = np.inf
+    evaluation: Evaluation | None
+    if isinstance(found, Searched):
+        evaluation, stationarity = found.evaluation, found.stationarity
+        looks = problem.look_closely(evaluation.x)
+    else:
+        evaluation, looks = found, None
+    x = problem.controller.start if evaluation is None else evaluation.x
+    values = []
+    for k, by_limit in enumerate(looks or []):
+        for index, look in by_limit.items():
+            limit, is_hard = limits[index]
+            omega = float(true_frequency(np.array([look.omega]), dt)[0])
+            values.append(
+                LimitValue(
+                    limit=limit,
+                    hard=is_hard,
+                    plant=k,
+                    ratio=look.ratio,
+                    omega=omega,
+                    known=Known.NORM if look.is_norm else Known.LINES,
+                    n_lines=look.n_lines,
+                    **curves_of(problem, k, index, x),
+                )
+            )
+    values.sort(key=lambda one: (not one.hard, -one.ratio))
+    excess = np.inf if evaluation is None else evaluation.excess - problem.decay
+    stable = bool(values) and surely_stable(problem, x)
+    return TunedDesign(
+        blocks=problem.controller.blocks_at(x),
+        met=bool(values) and stable and all(one.met for one in values if one.hard),
+        stable=stable,
+        limits=tuple(values),
+        excess=float(excess),
+        ended=ended,
+        spread=tuple(spread),
+        at_bounds=tuple(at_bounds(problem.controller, x)),
+        not_asked=tuple(not_asked(problem.controller, limits, plants)),
+        stationarity=float(stationarity),
+        n_evaluated=problem.n_evaluated,
+        system=tuple(parts),
+        plant=plants,
+        dt=dt,
+        delay=delay,
+    )
+
+
+def curves_of(problem: Problem, plant: int, limit: int, x: np.ndarray) -> dict[str, np.ndarray]:
+    """Ratio of a limit over frequency, of the design and of the blocks as they were given."""
+    scene = problem.scenes[plant]
+    channel = next(channel for channel in scene.channels if channel.index == limit)
+    M, start = problem.controller.matrix(x), problem.controller.start
+    omega = scene.frequencies(channel, M)
+    before = np.full(omega.size, np.nan)
+    if problem.evaluate(start, peaks=False, pole_slopes=False).stable:
+        before = scene.curve(channel, problem.controller.matrix(start), omega)
+    return {
+        "omegas": true_frequency(omega, problem.dt),
+        "curve": scene.curve(channel, M, omega),
+        "before": before,
+    }
+
+
+def surely_stable(problem: Problem, x: np.ndarray) -> bool:
+    """Whether the loop of every plant is stable beyond rounding, on the time base on which it runs."""
+    M = problem.controller.matrix(x)
+    for scene in problem.scenes:
+        if isinstance(scene, LineScene):
+            if not all(scene.count(M)):
+                return False
+            continue
+        loop = scene.close(M)
+        if loop is None:
+            return False
+        closed = as_system(loop, problem.dt)
+        if not assess_stability(closed).stable:
+            return False
+        if problem.decay and not decays(closed, problem, scene.index):
+            return False
+    return True
+
+
+def as_system(loop: ClosedLoop, dt: float) -> control.StateSpace:
+    """The loop as a system: under a clock back from the plane of the bilinear map."""
+    A, B, C, D = loop.matrices
+    if dt:
+        root = np.sqrt(dt / 2)
+        A, B, C, D = to_discrete(A * dt / 2, B * root, C * root, D)
+    return control.StateSpace(A, B, C, D, dt, remove_useless_states=False)
+
+
+def decays(closed: control.StateSpace, problem: Problem, scene: int) -> bool:
+    """Whether every pole that a block moves decays as asked for."""
+    poles, _ = poles_with_rounding(closed)
+    if problem.dt:
+        with np.errstate(divide="ignore"):
+            real = np.log(np.maximum(np.abs(poles), 1e-300)) / problem.dt
+        image = 2 / problem.dt * (poles - 1) / np.where(poles == -1, 1e-12, poles + 1)
+    else:
+        real, image = poles.real, poles
+    moved = problem.moved(scene, image)
+    return bool(np.all(real[moved] <= -problem.decay * (1 - 1e-6)))
+
+
+def at_bounds(controller: Controller, x: np.ndarray) -> list[str]:
+    """Parameters that ended at a bound."""
+    width = controller.upper - controller.lower
+    near = np.minimum(x - controller.lower, controller.upper - x) < 1e-4 * width
+    return [label for label, at in zip(controller.labels, near, strict=True) if at]
+
+
+def not_asked(controller: Controller, limits: list[tuple[Limit, bool]], plants: Plants) -> list[str]:
+    """What no limit asks for, in words for people."""
+    found = []
+    integral = [name for name, block in controller.blocks.items() if isinstance(block, Pid) and block.ki is not None]
+    free = [name for name in integral if "ki" not in controller.blocks[name].fixed]
+    shaped = any(
+        (limit.band is not None and np.isfinite(limit.band[1])) or not limit.is_constant for limit, _ in limits
+    )
+    if free and not shaped:
+        found.append(
+            f"low frequencies, where {join_names(free)} {'has' if len(free) == 1 else 'have'} an integrator: give a "
+            "limit a band or a weight there"
+        )
+    if any(isinstance(model, UncertaintyModel) for model in plants.models) and not any(
+        limit.worst for limit, _ in limits
+    ):
+        found.append("the sets around the plants: give a limit worst=True")
+    if not any(not is_hard for _, is_hard in limits):
+        found.append("more than the hard limits: whatever meets them is taken")
+    return found

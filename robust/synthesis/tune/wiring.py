@@ -1,0 +1,154 @@
+"""Fixed parts joined by the names of their signals, with the blocks (and a plant known on lines) left out as ports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import join_names
+from nlfrf._base.values import value
+from robust.lti.connections import block_diagonal
+from robust.lti.lti import Matrices, is_clockless, timebase
+from robust.lti.norms import to_continuous
+
+__all__ = ["OpenLoop", "Port", "continuous_matrices", "is_well_posed", "join_by_name"]
+
+#: Determinant of I - D K from which on an algebraic loop has a solution.
+WELL_POSED = 1e-9
+
+
+@value
+class Port:
+    """What will be put into a wiring later: the signals that it reads and those that it drives."""
+
+    reads: tuple[str, ...]
+    drives: tuple[str, ...]
+
+
+@value
+class OpenLoop:
+    """Fixed parts from (external inputs, what the ports drive) to (signals looked at, what the ports read).
+
+    Fields
+    ------
+    system : control.StateSpace
+    n_external, n_looked_at : int
+    """
+
+    system: control.StateSpace
+    n_external: int
+    n_looked_at: int
+
+
+def join_by_name(
+    parts: Sequence[control.StateSpace], ports: Sequence[Port], *, external: Sequence[str], looked_at: Sequence[str]
+) -> OpenLoop:
+    """Join parts and ports by name: an input is the sum of all outputs and external inputs of its name.
+
+    A signal that is looked at is the sum of all outputs of its name, without the external input of that name, as in
+    `robust.interconnection` and `control.interconnect`.
+
+    Raises
+    ------
+    ValueError
+        A signal nobody has, an input of a port that nobody drives, sampling times that differ, an algebraic loop
+        among the fixed parts that has no solution.
+    """
+    dt = shared_timebase(parts)
+    part_in = [label for part in parts for label in part.input_labels]
+    part_out = [label for part in parts for label in part.output_labels]
+    port_in = [label for port in ports for label in port.reads]
+    port_out = [label for port in ports for label in port.drives]
+    require_signals(part_in, part_out, port_in, port_out, external, looked_at)
+    G = block_diagonal(parts, dt)
+    into_parts, into_ports = same_name(part_in, external), same_name(port_in, external)
+    parts_from_ports, ports_from_parts = same_name(part_in, port_out), same_name(port_in, part_out)
+    seen_parts, seen_ports = same_name(looked_at, part_out), same_name(looked_at, port_out)
+    inside = same_name(part_in, part_out)
+    around = np.eye(len(part_out)) - G.D @ inside
+    if not is_well_posed(around):
+        raise ValueError(
+            "systems must leave every loop among them well posed, got an algebraic loop of gain one. Break it with a "
+            "delay, or leave out the part that closes it"
+        )
+    # inputs i = inside o + drive v, outputs o = C x + D i, of v the external inputs and what the ports drive
+    drive = np.hstack([into_parts, parts_from_ports])
+    o_x, o_v = np.linalg.solve(around, G.C), np.linalg.solve(around, G.D @ drive)
+    sense = np.vstack([seen_parts, ports_from_parts])
+    D = sense @ o_v
+    D[: len(looked_at), len(external) :] += seen_ports
+    D[len(looked_at) :, : len(external)] += into_ports
+    D[len(looked_at) :, len(external) :] += same_name(port_in, port_out)
+    A, B = G.A + G.B @ inside @ o_x, G.B @ (inside @ o_v + drive)
+    system = control.StateSpace(A, B, sense @ o_x, D, dt, remove_useless_states=False)
+    return OpenLoop(system=system, n_external=len(external), n_looked_at=len(looked_at))
+
+
+def is_well_posed(around: np.ndarray) -> bool:
+    """Whether I - D K can be inverted: by its determinant, which units of the signals leave as it is."""
+    return bool(abs(np.linalg.det(around)) > WELL_POSED)
+
+
+def require_signals(
+    part_in: list[str],
+    part_out: list[str],
+    port_in: list[str],
+    port_out: list[str],
+    external: Sequence[str],
+    looked_at: Sequence[str],
+) -> None:
+    """Refuse signals that nobody has."""
+    inputs, outputs = {*part_in, *port_in}, {*part_out, *port_out}
+    for label in external:
+        if label not in inputs:
+            raise ValueError(
+                f"inputs must be inputs of a system, plant or block ({join_names(sorted(inputs))}), got {label!r}"
+            )
+    for label in looked_at:
+        if label not in outputs:
+            raise ValueError(
+                f"outputs must be outputs of a system, plant or block ({join_names(sorted(outputs))}), got {label!r}"
+            )
+    for label in port_in:
+        if label not in outputs and label not in external and label not in part_in:
+            raise ValueError(
+                f"reads must name outputs of the systems, plant and blocks, or external inputs, got {label!r}, "
+                "which nobody drives"
+            )
+    for label in port_out:
+        if label not in inputs and label not in looked_at:
+            raise ValueError(
+                f"drives must name inputs of the systems, plant and blocks, or outputs of a limit, got {label!r}, "
+                "which nobody reads"
+            )
+
+
+def shared_timebase(parts: Sequence[control.StateSpace]) -> float:
+    """Sampling time [s] of all parts that have one, or a refusal."""
+    steps = sorted({timebase(part) for part in parts if not is_clockless(part)})
+    if len(steps) > 1 and max(abs(step / steps[-1] - 1) for step in steps) > 1e-9:
+        raise ValueError(
+            f"system must have one sampling time, got {join_names([f'{step:g} s' for step in steps])} (0 is continuous)"
+        )
+    return steps[-1] if steps else 0.0
+
+
+def same_name(rows: Sequence[str], columns: Sequence[str]) -> np.ndarray:
+    """Ones where the names agree."""
+    ones = [[float(row == column) for column in columns] for row in rows]
+    return np.array(ones).reshape(len(rows), len(columns))
+
+
+def continuous_matrices(system: control.StateSpace, dt: float) -> Matrices:
+    """The system in s, or under a clock in w = 2/dt (z - 1)/(z + 1) [rad/s]: the bilinear map keeps norms."""
+    matrices = (system.A, system.B, system.C, system.D)
+    if not dt or not system.nstates:
+        return matrices
+    try:
+        A, B, C, D = to_continuous(*matrices)
+    except np.linalg.LinAlgError as error:
+        raise ValueError(str(error)) from None
+    root = np.sqrt(2 / dt)
+    return A * 2 / dt, B * root, C * root, D
