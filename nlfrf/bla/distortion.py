@@ -117,8 +117,8 @@ class RowVariance(NamedTuple):
     ------
     variance, var_bound, dof, grid_factor, detected : (F,) ndarray
         As of `DistortionVariance`.
-    smooth : (F,) ndarray
-        Probability that the roughness is distortion, not a bend of G.
+    rough_is_distortion : (F,) ndarray
+        Probability of that; otherwise G bends.
     """
 
     variance: np.ndarray
@@ -126,7 +126,7 @@ class RowVariance(NamedTuple):
     dof: np.ndarray
     grid_factor: np.ndarray
     detected: np.ndarray
-    smooth: np.ndarray
+    rough_is_distortion: np.ndarray
 
 
 @value(copy=False)
@@ -267,10 +267,10 @@ def row_variance(source: str, excited: Spectra, row: Row, frm: FrmEstimate, M: i
     """The mixture of an output, of M independent experiments and a scatter of nu complex degrees of freedom."""
     F = excited.lines.size
     ones, detected = np.ones(F), np.full(F, np.nan)
-    log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
     if source == "detection":
         log_level, dof, log_weight, factors, detected = from_detection_lines(excited, row, frm.level_scale, M)
     elif row.rough is not None and row.dof_rough is not None:
+        log_gamma = np.add.reduce(np.log(frm.gamma_of_set)) / len(frm.gamma)
         log_level, dof = from_roughness(excited.where, row.rough, row.dof_rough, log_gamma)
         log_weight, factors = np.zeros(log_level.shape), ones[None]
     else:
@@ -280,7 +280,7 @@ def row_variance(source: str, excited: Spectra, row: Row, frm: FrmEstimate, M: i
             dof=np.full(F, float(nu)),
             grid_factor=ones,
             detected=detected,
-            smooth=0 * ones,
+            rough_is_distortion=0 * ones,
         )
     n_as_distortion = len(log_level) - len(factors)
     if nu:
@@ -294,7 +294,7 @@ def row_variance(source: str, excited: Spectra, row: Row, frm: FrmEstimate, M: i
         dof=dof,
         grid_factor=np.add.reduce(by_hypothesis * factors),
         detected=detected,
-        smooth=np.add.reduce(weight[:n_as_distortion]) if source == "detection" else ones,
+        rough_is_distortion=np.add.reduce(weight[:n_as_distortion]) if source == "detection" else ones,
     )
 
 
@@ -331,8 +331,8 @@ def correlation(
         near = where.near_detection[:, 0]
         parts.append((correlation_on_lines(near, residual), float(M * len(near))))
     if fit is not None and fit.rest is not None:
-        smooth = np.add.reduce([one.smooth for one in found]) / len(found)
-        parts.append((correlation_of_roughness(fit.rest, frm), smooth * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
+        share = np.add.reduce([one.rough_is_distortion for one in found]) / len(found)
+        parts.append((correlation_of_roughness(fit.rest, frm), share * np.add.reduce(fit.dof[:, 0], axis=(0, 1))))
     if nu:
         parts.append((to_correlation(frm.cov_scatter)[0], float(nu)))
     total = np.add.reduce([np.zeros(where.excited.size) + n for _, n in parts])

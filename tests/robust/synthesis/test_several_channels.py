@@ -13,7 +13,7 @@ WEAK = 0.02
 
 @pytest.fixture(scope="module")
 def model():
-    ms = nlfrf.multisine("random-odd", fs=256, n_samples=1024, f_min=0.5, f_max=60, n_inputs=2, rng=1)
+    ms = nlfrf.multisine("random-odd", fs=256, n_samples=1024, f_min=0.5, f_max=60, n_inputs=2, rng=2)
     s = 2j * np.pi * np.fft.rfftfreq(1024, 1 / 256)
     G = np.array([[5 / (s / 10 + 1), 1 / (s / 20 + 1)], [0.5 / (s / 20 + 1), 3 / (s / 8 + 1)]])
     u = np.repeat(ms.u[:, :, None], 2, axis=2)
