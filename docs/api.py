@@ -14,13 +14,13 @@ from docs.beside import beside
 
 #: Module -> its public names.
 PUBLIC: dict[str, tuple[str, ...]] = {
-    "nlfrf": tuple(nlfrf.__all__),
+    "nlfrf": nlfrf._public_names,
     "nlfrf.friction": ("Coulomb", "Dahl", "LuGre", "Leuven", "GeneralizedMaxwellSlip", "VaryingSliders", "OwnFriction"),
     "nlfrf.hysteresis": (
         *("Linear", "Tanh", "Exponential", "Parabola", "ElasticPlastic", "Table", "MaxwellSlip"),
         *("hysteresis_force", "fit_maxwell_slip"),
     ),
-    "robust": tuple(robust.__all__),
+    "robust": robust._public_names,
     "robust.tuning": tuple(import_module("robust.tuning").__all__),
 }
 #: The order of the reference: that in which data flow.

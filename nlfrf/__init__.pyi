@@ -1,3 +1,10 @@
+# Every public name and where it is defined; `__init__.py` says which are the face.
+from . import friction as friction
+from . import hysteresis as hysteresis
+from . import io as io
+from . import plot as plot
+from . import rig as rig
+
 # Bench: the friction rig and a sampled controller around it
 # What both packages stand on
 from ._base.arguments import DataWarning as DataWarning
@@ -30,6 +37,7 @@ from .io.results import export_csv as export_csv
 from .io.results import load as load
 from .io.results import load_bla as load_bla
 from .io.results import load_frm as load_frm
+from .io.results import save as save
 from .io.results import save_bla as save_bla
 from .io.results import save_frm as save_frm
 from .io.stored_records import save_record as save_record

@@ -1,15 +1,26 @@
+# Every public name and where it is defined; `__init__.py` says which are the face.
+from . import analysis as analysis
+from . import friction as friction
+from . import io as io
+from . import lti as lti
+from . import margins as margins
+from . import models as models
+from . import mu as mu
+from . import plot as plot
+from . import proofs as proofs
+from . import reports as reports
+from . import shaping as shaping
+from . import synthesis as synthesis
 from . import tuning as tuning
 
 # Modelling: a nominal, weights
 # Analysis: a controller checked
 # Loop shaping by hand
 from .analysis.bounds import loop_bounds as loop_bounds
-from .analysis.check import check as check
-from .analysis.check_structure import check_structure as check_structure
-from .analysis.disk_margin import DiskMargin as DiskMargin
-from .analysis.disk_margin import LoopMargins as LoopMargins
-from .analysis.disk_margin import disk_margin as disk_margin
-from .analysis.disk_margin import disk_margins as disk_margins
+from .analysis.disk import DiskMargin as DiskMargin
+from .analysis.disk import LoopMargins as LoopMargins
+from .analysis.disk import disk_margin as disk_margin
+from .analysis.disk import disk_margins as disk_margins
 from .analysis.family import LoopFamily as LoopFamily
 from .analysis.family import sample_loops as sample_loops
 from .analysis.gap import ncf_margin as ncf_margin
@@ -32,12 +43,14 @@ from .analysis.performance import loop_gains as loop_gains
 from .analysis.performance import step_response as step_response
 from .analysis.report import RobustnessReport as RobustnessReport
 from .analysis.report import StructuredReport as StructuredReport
+from .analysis.robustness import check as check
+from .analysis.structured import check_structure as check_structure
 
 # Uncertain: sets of plants
-from .analysis.worst_case import BreakingPerturbation as BreakingPerturbation
-from .analysis.worst_case import WorstCase as WorstCase
-from .analysis.worst_case import breaking_perturbation as breaking_perturbation
-from .analysis.worst_case import worst_case as worst_case
+from .analysis.worst_plant import BreakingPerturbation as BreakingPerturbation
+from .analysis.worst_plant import WorstCase as WorstCase
+from .analysis.worst_plant import breaking_perturbation as breaking_perturbation
+from .analysis.worst_plant import worst_case as worst_case
 from .friction.classes import any_bounded as any_bounded
 from .friction.classes import any_bristle as any_bristle
 from .friction.classes import any_maxwell_slip as any_maxwell_slip
@@ -66,12 +79,14 @@ from .io.biquads import controller_sections as controller_sections
 from .io.certificates import save_certificate as save_certificate
 from .io.certificates import verify_certificate as verify_certificate
 from .io.matlab import export_matlab as export_matlab
+from .io.models import load as load
 from .io.models import load_controller as load_controller
 from .io.models import load_model as load_model
+from .io.models import save as save
 from .io.models import save_controller as save_controller
 from .io.models import save_model as save_model
-from .io.pid_gains import PidGains as PidGains
-from .io.pid_gains import pid_gains as pid_gains
+from .io.pid import PidGains as PidGains
+from .io.pid import pid_gains as pid_gains
 
 # Systems: what a sampled controller sees
 from .lti.sampling import discretize as discretize
@@ -121,9 +136,6 @@ from .reports.page import write_report as write_report
 from .reports.shaping_page.page import write_shaping_page as write_shaping_page
 from .reports.shaping_page.widget import shape as shape
 
-# Synthesis: controllers from Riccati equations
-from .synthesis.cascade import cascade as cascade
-
 # Fixed structure: controllers straight from the FRF
 from .synthesis.fixed.design_frf import design_frf as design_frf
 from .synthesis.fixed.proved import ProvedDesign as ProvedDesign
@@ -137,6 +149,9 @@ from .synthesis.hinf.hinfsyn import hinfsyn as hinfsyn
 from .synthesis.hinf.mixsyn import mixsyn as mixsyn
 from .synthesis.hinf.ncfsyn import crossover_weight as crossover_weight
 from .synthesis.hinf.ncfsyn import ncfsyn as ncfsyn
+
+# Synthesis: controllers from Riccati equations
+from .synthesis.nested_loops import cascade as cascade
 from .synthesis.reduction import Reduction as Reduction
 from .synthesis.reduction import reduce_controller as reduce_controller
 from .synthesis.shaping import lag as lag
@@ -146,7 +161,7 @@ from .synthesis.shaping import pid as pid
 from .synthesis.shaping import roll_off as roll_off
 
 # Tuning: any structure, several loops and plants at once
-from .synthesis.tune.tune import tune as tune
+from .synthesis.tuning.tune import tune as tune
 from .synthesis.two_dof import Feedforward as Feedforward
 from .synthesis.two_dof import Prefilter as Prefilter
 from .synthesis.two_dof import feedforward as feedforward

@@ -25,7 +25,7 @@ from robust.io.certificates import (
     prove_all,
     save_proofs,
 )
-from robust.io.pid_gains import told_gains, unusual_gains
+from robust.io.pid import told_gains, unusual_gains
 from robust.models.sets.forms import RELATIVE
 from robust.reports.command import (
     check_pictures,

@@ -1,12 +1,12 @@
 """What `robust.tune` takes and returns: blocks, limits, plants.
 
-The public names of `robust.synthesis.tune`, in one place.
+The public names of `robust.synthesis.tuning`, in one place.
 """
 
-from robust.synthesis.tune.blocks import Filter2, Gain, Lead, Notch, Pid, StateSpace
-from robust.synthesis.tune.design import Ended, Known, LimitValue, TunedDesign
-from robust.synthesis.tune.limits import Limit
-from robust.synthesis.tune.plants import Plants
+from robust.synthesis.tuning.blocks import Filter2, Gain, Lead, Notch, Pid, StateSpace
+from robust.synthesis.tuning.design import Ended, Known, LimitValue, TunedDesign
+from robust.synthesis.tuning.limits import Limit
+from robust.synthesis.tuning.plants import Plants
 
 __all__ = [
     "Ended",

@@ -11,3 +11,7 @@ results         `Bla` and tables
 stored_records  records written to a file, and read back
 stored_values   any value of this package, field by field, with its schema and version
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

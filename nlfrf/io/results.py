@@ -11,11 +11,12 @@ from nlfrf._base.arguments import require_choice, require_kind
 from nlfrf._base.files import DECIMALS, to_path, write_table
 from nlfrf.bla.bla import Bla
 from nlfrf.io.channels import Channels, read_channels
-from nlfrf.io.designs import DESIGNS
+from nlfrf.io.designs import DESIGNS, save_multisine
 from nlfrf.io.stored_records import (
     MULTIRECORD_SCHEMA,
     RECORD_SCHEMA,
     CutOptions,
+    save_record,
     stored_multirecord,
     stored_records,
 )
@@ -24,7 +25,7 @@ from nlfrf.records.record import Record
 from nlfrf.signals.multisine import Multisine
 from nlfrf.signals.orthogonal import OrthogonalMultisine
 
-__all__ = ["export_csv", "load", "load_bla", "load_frm", "save_bla", "save_frm", "value_in"]
+__all__ = ["export_csv", "load", "load_bla", "load_frm", "save", "save_bla", "save_frm", "value_in"]
 
 
 BLA_SCHEMA, FRM_SCHEMA = "nlfrf-bla", "nlfrf-frm"  # of one input and output, of several
@@ -165,6 +166,39 @@ def load_bla(path: str | os.PathLike[str]) -> Bla:
 
 #: The names of `save_bla` and `load_bla` for several channels before one type took any number of them.
 save_frm, load_frm = save_bla, load_bla
+
+
+def save(thing: StoredValue, path: str | os.PathLike[str], *, decimal: str = ".") -> None:
+    """Write whatever this package makes, so that `load` reads it: a multisine, a record or a BLA.
+
+    Parameters
+    ----------
+    thing : Multisine, OrthogonalMultisine, Record or Bla
+        What to write.
+    path : path
+        File to write; its suffix says how. All of it is kept by ``.npz`` and ``.h5``.
+    decimal : str
+        Decimal mark of a table, "." or ",".
+
+    Raises
+    ------
+    ValueError
+        A thing of another kind, or a suffix that does not fit.
+
+    Examples
+    --------
+    >>> save(1.0, "x.npz")
+    Traceback (most recent call last):
+        ...
+    ValueError: thing must be of type Multisine or OrthogonalMultisine or Record or Bla, got 1.0
+    """
+    require_kind("thing", thing, Multisine, OrthogonalMultisine, Record, Bla)
+    if isinstance(thing, Bla):
+        save_bla(thing, path)
+    elif isinstance(thing, Record):
+        save_record(thing, path, decimal=decimal)
+    else:
+        save_multisine(thing, path, decimal=decimal)
 
 
 def load(path: str | os.PathLike[str]) -> StoredValue:

@@ -5,3 +5,7 @@ kernels  compiled steps of friction laws and of sampled loops; numba is imported
 laws     friction laws and hysteresis
 studies  the figures of the paper, and what was found beside them
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

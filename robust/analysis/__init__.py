@@ -1,12 +1,10 @@
 """Analysis of a controller: check, report, margins, worst case, performance.
 
 aliases          a set of continuous plants as a sampler sees it: every alias of a frequency at once
-bounds           where |L| must not be, whatever its phase
-check            the door: one model, one controller, one report
-check_structure  the same with several uncertainties
+bounds           the region that |L| must avoid, whatever its phase
 curves           S, T, rs, rp over frequency for the whole set, at the poles of the parts too
-disk_margin      gain and phase at once, in all channels at once
-family           loops around random plants of the set, to look at
+disk             disk margins: gain and phase at once, in all channels at once
+family           loops around random plants of the set
 folded           a continuous set of several channels as a sampler sees it: the sampled set that holds it
 gap              the distance between plants (nu-gap), and the margin of a loop for it
 loop             plant, controller, hold, delay on one time base: stable or not, its peaks, with another plant
@@ -14,5 +12,11 @@ loop_level       predict at which level a loop moves the machine, and compare th
 performance      classical margins, gains of the loop, step responses
 proofs           stability and performance of the whole set proved at every frequency
 report           `RobustnessReport`: its fields, how it is filled and printed
-worst_case       the one plant of the set that hurts most, to replay
+robustness       `check`: one model, one controller, one report
+structured       `check` for several uncertainties, by mu
+worst_plant      `worst_case`: the plant of the set with the largest gain, as a system
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -11,7 +11,7 @@ from nlfrf._base.arguments import require_integer
 from nlfrf._base.values import value
 from robust.analysis.folded import as_sampled
 from robust.analysis.loop import assemble, in_loop, sensitivity, stable_with
-from robust.analysis.worst_case import largest_gains, performance_loop
+from robust.analysis.worst_plant import largest_gains, performance_loop
 from robust.lti.connections import closed_loop
 from robust.lti.lti import response_by_channel
 from robust.lti.realisation import multivariable

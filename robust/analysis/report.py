@@ -12,7 +12,7 @@ from nlfrf._base.values import Sketch, value
 from robust._base.states import Verdict
 from robust.analysis.aliases import Shares
 from robust.analysis.curves import Curves, Peaks
-from robust.analysis.disk_margin import LoopMargins
+from robust.analysis.disk import LoopMargins
 from robust.analysis.loop import Loop
 from robust.analysis.loop_level import LoopLevel
 from robust.analysis.performance import ClassicalMargins, classical_margins

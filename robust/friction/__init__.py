@@ -14,3 +14,7 @@ prove                a proof for every friction of a class
 saturation           a machine with friction whose actuator saturates
 storage              quadratic storage functions, and polynomials that keep their sign
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

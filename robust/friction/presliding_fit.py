@@ -200,7 +200,7 @@ def machine_of(x: np.ndarray, *, free: bool) -> Any:
     numbers = np.exp(x[:-1])
     m, c, K0, Fs = numbers[:4]
     stiffness, strength = elements_of_curve(K0, Fs, float(x[-1]))
-    sliders = nlfrf.friction.VaryingSliders(stiffness=stiffness, strength=strength)  # type: ignore[attr-defined]
+    sliders = nlfrf.friction.VaryingSliders(stiffness=stiffness, strength=strength)
     return nlfrf.Rig(float(m), 0.0 if free else float(numbers[4]), sliders, float(c))
 
 

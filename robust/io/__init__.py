@@ -4,5 +4,9 @@ biquads       second-order sections of a discrete controller, as it runs on its 
 certificates  what was proved, for someone else to prove again
 matlab        MATLAB structs, and a loader beside them
 models        models and controllers as JSON with a schema, exact to the bit
-pid_gains     a PID controller as its gains, and as the lines to type into a programmable controller
+pid           a PID controller as its gains, and as the lines to type into a programmable controller
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

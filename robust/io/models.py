@@ -26,8 +26,10 @@ __all__ = [
     "PathLike",
     "controller",
     "holds_model",
+    "load",
     "load_controller",
     "load_model",
+    "save",
     "save_controller",
     "save_model",
 ]
@@ -202,6 +204,67 @@ def decoded_record(content: dict[str, Any], schema: str) -> RecordSummary:
             raise ValueError(f"{name} must have one number for each line of the record, got {len(held)}")
         parts[part] = held
     return RecordSummary(**parts)
+
+
+def save(thing: Any, path: PathLike) -> None:
+    """Write an uncertainty model or a controller, so that `load` reads it.
+
+    Parameters
+    ----------
+    thing : UncertaintyModel, or what `save_controller` takes
+        A model, or a controller for negative feedback.
+    path : path
+        File to write, .json.
+
+    Raises
+    ------
+    ValueError
+        A thing of another kind, or what cannot be written exactly.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(control.tf([1], [1, 1]), Path(folder) / "K.json")
+    ...     load(Path(folder) / "K.json").nstates
+    1
+    """
+    if isinstance(thing, UncertaintyModel):
+        save_model(thing, path)
+    else:
+        save_controller(thing, path)
+
+
+def load(path: PathLike) -> UncertaintyModel | control.StateSpace:
+    """Read what `save` wrote: an uncertainty model or a controller.
+
+    Parameters
+    ----------
+    path : path
+        A file of `save`, `save_model` or `save_controller`.
+
+    Returns
+    -------
+    UncertaintyModel or control.StateSpace
+
+    Raises
+    ------
+    ValueError
+        A file of another kind, or one that is not whole.
+    FileNotFoundError
+        No such file.
+
+    Examples
+    --------
+    >>> load("README.md")
+    Traceback (most recent call last):
+        ...
+    ValueError: README.md must be JSON, got text that is none: Expecting value: line 1 column 1 (char 0)
+    """
+    content = parse_json(path)
+    is_controller = isinstance(content, dict) and content.get("schema") == CONTROLLER_SCHEMA
+    return load_controller(path) if is_controller else load_model(path)
 
 
 def save_model(model: UncertaintyModel, path: PathLike) -> None:

@@ -8,3 +8,7 @@ realisation  whatever a user calls a system, an FRF or a weight, checked, as one
 sampling     plants behind hold and delay as a sampled controller sees them; controllers made discrete
 stability    stability from a realisation or by Nyquist
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

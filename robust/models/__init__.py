@@ -4,3 +4,7 @@ fit         fits
 sets        uncertainty sets
 validation  does a record contradict a model, does another record confirm it
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,3 +7,7 @@ lower       lower bounds: a perturbation that makes the loop singular, verified
 parameters  margins and bounds for real parameters
 upper       upper bounds by scalings, refined around their peaks
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

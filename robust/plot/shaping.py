@@ -10,7 +10,7 @@ from nlfrf._base.arguments import format_hertz
 from nlfrf._base.axes import axes_or_new, finish_axes, to_decibel
 from robust._base.states import Verdict
 from robust.analysis.bounds import loop_bounds
-from robust.analysis.check import check
+from robust.analysis.robustness import check
 from robust.models.sets.model import UncertaintyModel
 from robust.plot.look import COLOR, hz, mark_band
 

@@ -8,3 +8,7 @@ sections      sections on the controller: verdict, loop, check, worst case, sett
 shaping_page  the page on which a loop is shaped live
 verdicts      both verdicts side by side: of a check, of a proof for a class of friction
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -17,9 +17,9 @@ from nlfrf import Bla, Record
 from nlfrf._base.arguments import short_form
 from nlfrf._base.files import to_path, write_text
 from robust._base.channels import require_matrix, require_single
-from robust.analysis.check import check
 from robust.analysis.loop_level import LoopSignals
 from robust.analysis.report import RobustnessReport, meaning
+from robust.analysis.robustness import check
 from robust.friction.prove import FrictionProof
 from robust.lti.realisation import multivariable, state_space
 from robust.models.fit.nominal import NominalFit

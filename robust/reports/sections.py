@@ -14,9 +14,9 @@ from nlfrf._base.arguments import format_count, format_hertz
 from robust.analysis.family import sample_loops
 from robust.analysis.performance import loop_gains, step_response
 from robust.analysis.report import RobustnessReport, factor, stability_words
-from robust.analysis.worst_case import worst_case
+from robust.analysis.worst_plant import worst_case
 from robust.io.biquads import controller_sections
-from robust.io.pid_gains import told_gains
+from robust.io.pid import told_gains
 from robust.lti.lti import poles, timebase, zeros
 from robust.models.sets.model import UncertaintyModel
 from robust.reports import parts

@@ -8,11 +8,11 @@ import control
 import numpy as np
 
 from robust._base.states import FrictionVerdict
-from robust.analysis.check import check_lines
-from robust.analysis.check_structure import bound_at
-from robust.analysis.disk_margin import LoopMargins, disk_margins
+from robust.analysis.disk import LoopMargins, disk_margins
 from robust.analysis.loop import assemble
 from robust.analysis.report import RobustnessReport, meaning
+from robust.analysis.robustness import check_lines
+from robust.analysis.structured import bound_at
 from robust.friction.prove import FrictionProof
 from robust.lti.lti import response, response_by_channel
 from robust.lti.realisation import multivariable, state_space

@@ -13,8 +13,8 @@ from scipy.linalg import block_diag, schur, solve_continuous_are, solve_continuo
 from nlfrf._base.arguments import require_integer, require_nonnegative, require_positive
 from nlfrf._base.values import value
 from robust._base.channels import is_single
-from robust.analysis.check import check
 from robust.analysis.loop import assemble
+from robust.analysis.robustness import check
 from robust.lti.connections import closed_loop
 from robust.lti.lti import Matrices, response, response_by_channel, timebase, with_names
 from robust.lti.norms import continuous_image, to_discrete

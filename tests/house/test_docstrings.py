@@ -21,7 +21,7 @@ OWN = {
     "nlfrf.ServoTrace",
     *("nlfrf.MultiRecord", "nlfrf.multirecord_from_samples"),
     *("nlfrf.FileContents", "nlfrf.progress_bar", "nlfrf.inspect_file", "nlfrf.load_multirecord"),
-    *("nlfrf.load", "nlfrf.load_frm", "nlfrf.save_frm"),
+    *("nlfrf.load", "nlfrf.save", "robust.load", "robust.save", "nlfrf.load_frm", "nlfrf.save_frm"),
     *("nlfrf.export_csv", "nlfrf.load_bla", "nlfrf.load_multisine", "nlfrf.load_record", "nlfrf.record_from_samples"),
     *("nlfrf.run", "nlfrf.save_bla", "nlfrf.save_multisine", "nlfrf.save_record", "nlfrf.simulate"),
     *("robust.DesignWarning", "robust.controller_sections", "robust.export_matlab", "robust.frd"),

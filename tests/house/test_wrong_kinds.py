@@ -60,7 +60,11 @@ def things():
     sound |= {"signals": robust.LoopSignals(disturbance=robust.SineSignal(0.1, 10.0))}
     sound |= {"K_inner": K, "K_outer": K, "opinion": nlfrf.second_opinion(record), "f": np.array([1.0, 2.0])}
     axis = nlfrf.servo_axis("linear motor")
-    sound |= {"preset": "belt", "axis": replace(axis, drive=replace(axis.drive, fs=1024, kp=30.0, kv=20.0))}
+    sound |= {
+        "thing": model,
+        "preset": "belt",
+        "axis": replace(axis, drive=replace(axis.drive, fs=1024, kp=30.0, kv=20.0)),
+    }
     return sound, (object(), None, [object()], "nothing.here", several, multi, frm, nominal, record)
 
 

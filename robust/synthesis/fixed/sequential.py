@@ -19,7 +19,7 @@ import numpy as np
 from nlfrf import Bla
 from nlfrf._base.arguments import format_hertz, require_integer, require_nonnegative, require_positive
 from nlfrf._base.values import value
-from robust.analysis.check import check
+from robust.analysis.robustness import check
 from robust.lti.connections import block_diagonal
 from robust.lti.grids import controller_mode_lines, interpolate_frf, structure_grid
 from robust.lti.lti import frequency_response_matrices, response, timebase, with_names

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robust import MatrixUncertainty, check, disk_margin, disk_margins
-from robust.analysis.disk_margin import sensitivity, where_limited
+from robust.analysis.disk import sensitivity, where_limited
 
 L = control.tf([25], [1, 10, 10, 10])
 #: Two channels of a spinning body under a static controller (the example of python-control's documentation).

@@ -38,6 +38,8 @@ def values_of_nlfrf():
     band = nlfrf.multisine(fs=512, n_samples=512, f_min=2, f_max=60, rng=1)
     yield from (BLA, BLA.levels, BLA.lines, ms, record, rig, nlfrf.second_opinion(record))
     yield nlfrf.level_study(rig, band, [0.5, 1.0], n_discard=10)
+    axis = nlfrf.servo_axis("linear motor")
+    yield from (axis, axis.drive, nlfrf.run_servo(axis, position=np.zeros(40)))
     yield nlfrf.run(rig, np.zeros(20), fs=512.0)
     yield nlfrf.simulate_loop(rig, control.ss([], [], [], [[1.0]], 0.01), np.ones(20), fs=100.0)
     two = nlfrf.multisine(fs=256, n_samples=256, f_min=1, f_max=100, n_inputs=2, rng=1)

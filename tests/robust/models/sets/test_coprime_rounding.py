@@ -59,6 +59,6 @@ def test_what_rounding_spoils_is_not_returned(monkeypatch):
         patch.setattr("robust.models.sets.coprime.coprime_factors", lambda name, G: ((A * 1.001, B, C, D), X))
         with pytest.raises(ValueError, match=r"got factors off by .* \(numerical failure\)"):
             the_model(G, 0.1).sample(1, rng=0)
-    monkeypatch.setattr("robust.analysis.worst_case.perturbed", lambda form, G, *rest: 1.5 * G)
+    monkeypatch.setattr("robust.analysis.worst_plant.perturbed", lambda form, G, *rest: 1.5 * G)
     with pytest.raises(ValueError, match="worst plant that floating point can tell, got one outside the set"):
         worst_case(the_model(G, 0.1), ncfsyn(G).K)

@@ -9,7 +9,7 @@ import pytest
 import nlfrf
 import robust
 from benchmarks.soundness_matrix import random_case, trial
-from robust.analysis.worst_case import all_passes
+from robust.analysis.worst_plant import all_passes
 from robust.models.sets.model import MatrixUncertainty
 
 OMEGA = np.array([1.0, 3.0])

@@ -8,7 +8,7 @@ import pytest
 
 import robust
 from robust import cli
-from robust.io.pid_gains import PidGains
+from robust.io.pid import PidGains
 
 PLANT = control.tf([60.0**2], [1, 36.0, 60.0**2])  # with a delay as long as a third of its period
 ASKED = {"M_S": 1.8, "dt": 5e-3, "delay": 0.02}

@@ -16,8 +16,8 @@ import numpy as np
 from scipy import sparse
 
 from nlfrf._base.values import value
-from robust.synthesis.tune.problem import MARGIN, Evaluation, Problem
-from robust.synthesis.tune.scene import Peak
+from robust.synthesis.tuning.problem import MARGIN, Evaluation, Problem
+from robust.synthesis.tuning.scene import Peak
 
 __all__ = ["Searched", "find_stable", "improve"]
 

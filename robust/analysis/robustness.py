@@ -23,9 +23,8 @@ import numpy as np
 from nlfrf._base.arguments import format_hertz, require_choice, require_integer, require_nonnegative, short_form
 from robust._base.channels import is_single
 from robust.analysis.aliases import Shares, shares
-from robust.analysis.check_structure import check_structure
 from robust.analysis.curves import Peaks, loop_curves, peaks_on_lines
-from robust.analysis.disk_margin import disk_margins
+from robust.analysis.disk import disk_margins
 from robust.analysis.folded import as_sampled
 from robust.analysis.loop import Loop, assemble, find_peaks, nominal_instability
 from robust.analysis.loop_level import LoopSignals, predict_level, require_parametric
@@ -39,6 +38,7 @@ from robust.analysis.report import (
     on_set,
     on_unstable,
 )
+from robust.analysis.structured import check_structure
 from robust.lti.grids import controller_mode_lines, extend_grid, interpolate_frf
 from robust.lti.lti import common_sampling_time, require_sampling_time, response, timebase
 from robust.lti.realisation import state_space

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from robust import tuning
-from robust.synthesis.tune.blocks import block_system
-from robust.synthesis.tune.parameters import controller_of
-from robust.synthesis.tune.plants import stated_clock
-from robust.synthesis.tune.problem import Problem
-from robust.synthesis.tune.tune import fixed_parts, make_scenes
-from robust.synthesis.tune.wiring import Port, join_by_name
+from robust.synthesis.tuning.blocks import block_system
+from robust.synthesis.tuning.parameters import controller_of
+from robust.synthesis.tuning.plants import stated_clock
+from robust.synthesis.tuning.problem import Problem
+from robust.synthesis.tuning.tune import fixed_parts, make_scenes
+from robust.synthesis.tuning.wiring import Port, join_by_name
 from tests.support.random_tunings import joined_as_control, random_tuning
 
 BLOCKS = [

@@ -20,7 +20,7 @@ from robust.models.fit.nominal import frd
 from robust.models.sets.forms import FORMS, numerator
 from robust.models.sets.measured import on_lines, sampling_time, warn_of_unknown_hold
 from robust.models.sets.model import UncertaintyModel
-from robust.synthesis.tune.blocks import signal_names
+from robust.synthesis.tuning.blocks import signal_names
 
 __all__ = ["UNBOUNDED", "MeasuredPlant", "ModelledPlant", "Plants", "see_plants", "stated_clock"]
 

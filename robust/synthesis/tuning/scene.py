@@ -12,10 +12,10 @@ from robust.lti.grids import cluster_at_modes
 from robust.lti.lti import evaluate_transfer
 from robust.lti.norms import crossings, to_discrete, well_conditioned
 from robust.lti.stability import count_half_turns, integrator_poles, slope_at_start, unstable_poles, winding_number
-from robust.synthesis.tune.closing import ClosedLoop, StatePlant
-from robust.synthesis.tune.limits import Channel, slope_of_largest
-from robust.synthesis.tune.plants import UNBOUNDED, MeasuredPlant, ModelledPlant
-from robust.synthesis.tune.wiring import continuous_matrices, is_well_posed
+from robust.synthesis.tuning.closing import ClosedLoop, StatePlant
+from robust.synthesis.tuning.limits import Channel, slope_of_largest
+from robust.synthesis.tuning.plants import UNBOUNDED, MeasuredPlant, ModelledPlant
+from robust.synthesis.tuning.wiring import continuous_matrices, is_well_posed
 
 __all__ = ["LineScene", "Look", "Peak", "StateScene", "image_of", "true_frequency"]
 

@@ -24,16 +24,16 @@ from robust.lti.norms import to_discrete
 from robust.lti.realisation import multivariable
 from robust.lti.stability import assess_stability, poles_with_rounding
 from robust.models.sets.model import UncertaintyModel
-from robust.synthesis.tune.blocks import Pid, TunableBlock, require_blocks
-from robust.synthesis.tune.closing import ClosedLoop, state_plant
-from robust.synthesis.tune.design import Ended, Known, LimitValue, TunedDesign
-from robust.synthesis.tune.limits import Channel, Limit, require_limits
-from robust.synthesis.tune.minimax import Searched, find_stable, improve
-from robust.synthesis.tune.parameters import Controller, controller_of
-from robust.synthesis.tune.plants import ModelledPlant, Plants, see_plants, stated_clock
-from robust.synthesis.tune.problem import Evaluation, OutOfTime, Problem, better
-from robust.synthesis.tune.scene import LineScene, StateScene, true_frequency
-from robust.synthesis.tune.wiring import Port, join_by_name
+from robust.synthesis.tuning.blocks import Pid, TunableBlock, require_blocks
+from robust.synthesis.tuning.closing import ClosedLoop, state_plant
+from robust.synthesis.tuning.design import Ended, Known, LimitValue, TunedDesign
+from robust.synthesis.tuning.limits import Channel, Limit, require_limits
+from robust.synthesis.tuning.minimax import Searched, find_stable, improve
+from robust.synthesis.tuning.parameters import Controller, controller_of
+from robust.synthesis.tuning.plants import ModelledPlant, Plants, see_plants, stated_clock
+from robust.synthesis.tuning.problem import Evaluation, OutOfTime, Problem, better
+from robust.synthesis.tuning.scene import LineScene, StateScene, true_frequency
+from robust.synthesis.tuning.wiring import Port, join_by_name
 
 __all__ = ["tune"]
 

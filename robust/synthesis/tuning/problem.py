@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.synthesis.tune.closing import ClosedLoop
-from robust.synthesis.tune.parameters import Controller
-from robust.synthesis.tune.scene import LineScene, Look, Peak, StateScene
+from robust.synthesis.tuning.closing import ClosedLoop
+from robust.synthesis.tuning.parameters import Controller
+from robust.synthesis.tuning.scene import LineScene, Look, Peak, StateScene
 
 __all__ = ["MARGIN", "Evaluation", "OutOfTime", "PoleRow", "Problem", "better"]
 

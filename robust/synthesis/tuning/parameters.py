@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from nlfrf._base.values import value
-from robust.synthesis.tune.blocks import Parameter, TunableBlock, parameter_values, with_parameters
+from robust.synthesis.tuning.blocks import Parameter, TunableBlock, parameter_values, with_parameters
 
 __all__ = ["Controller", "controller_of"]
 

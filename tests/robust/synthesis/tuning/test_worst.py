@@ -7,7 +7,7 @@ import pytest
 import robust
 from robust import tuning
 from robust.models.sets.forms import FORMS, numerator
-from robust.synthesis.tune.limits import largest_over_discs
+from robust.synthesis.tuning.limits import largest_over_discs
 
 ERROR = control.summing_junction(["r", "-y"], "e")
 FORCE = control.summing_junction(["u", "d"], "f")

@@ -313,7 +313,7 @@ def test_interrupted_the_best_so_far_is_kept():
 
 def test_out_of_time_the_best_so_far_is_kept(monkeypatch):
     clock = iter(np.arange(0, 1e4, 0.5))
-    monkeypatch.setattr("robust.synthesis.tune.problem.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("robust.synthesis.tuning.problem.time.monotonic", lambda: next(clock))
     design = ask(blocks={"K": tuning.Pid(kp=0.1, ki=0.1, reads="e", drives="u")}, time_cap=15.0)
     assert design.ended is tuning.Ended.OUT_OF_TIME
     assert np.isfinite(design.gamma)

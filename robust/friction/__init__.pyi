@@ -1,0 +1,16 @@
+from .classes import any_bounded as any_bounded
+from .classes import any_bristle as any_bristle
+from .classes import any_maxwell_slip as any_maxwell_slip
+from .classes import any_passive as any_passive
+from .describing_function import QuasiLinear as QuasiLinear
+from .describing_function import quasi_linear as quasi_linear
+from .levels import FrictionClass as FrictionClass
+from .levels import friction_class as friction_class
+from .linear_uncertainty import FrequencyTest as FrequencyTest
+from .linear_uncertainty import friction_frequency_test as friction_frequency_test
+from .plant import friction_plant as friction_plant
+from .plant import sliding_machine as sliding_machine
+from .prove import FrictionProof as FrictionProof
+from .prove import prove_friction as prove_friction
+from .saturation import SaturatedProof as SaturatedProof
+from .saturation import prove_saturated as prove_saturated

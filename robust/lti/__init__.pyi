@@ -1,0 +1,2 @@
+from .sampling import discretize as discretize
+from .sampling import sampled as sampled

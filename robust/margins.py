@@ -1,0 +1,15 @@
+"""Margins of a loop: disk margins, classical margins, distances between plants."""
+
+from robust.analysis.disk import DiskMargin, LoopMargins, disk_margin, disk_margins
+from robust.analysis.gap import ncf_margin, nu_gap
+from robust.analysis.performance import ClassicalMargins
+
+__all__ = [
+    "ClassicalMargins",
+    "DiskMargin",
+    "LoopMargins",
+    "disk_margin",
+    "disk_margins",
+    "ncf_margin",
+    "nu_gap",
+]
