@@ -257,10 +257,12 @@ def load(path: PathLike) -> UncertaintyModel | control.StateSpace:
 
     Examples
     --------
-    >>> load("README.md")
-    Traceback (most recent call last):
-        ...
-    ValueError: README.md must be JSON, got text that is none: Expecting value: line 1 column 1 (char 0)
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(control.tf([1], [1, 1]), Path(folder) / "K.json")
+    ...     load(Path(folder) / "K.json").nstates
+    1
     """
     content = parse_json(path)
     is_controller = isinstance(content, dict) and content.get("schema") == CONTROLLER_SCHEMA
