@@ -30,6 +30,7 @@ __all__ = [
     "all_passes",
     "as_system",
     "breaking_perturbation",
+    "gain_grid",
     "largest_gains",
     "performance_loop",
     "worst_case",
@@ -233,10 +234,15 @@ def performance_loop(model: UncertaintyModel, K: Any, w_P: Any) -> UncertainSyst
 
 def largest_gains(system: UncertainSystem, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies [rad/s], and the bound on the gain from inputs to outputs over the set there."""
+    omega = gain_grid(system, lines)
+    return omega, worst_gain(response_by_channel(system.N, omega), system.structure)
+
+
+def gain_grid(system: UncertainSystem, lines: np.ndarray) -> np.ndarray:
+    """(W,) frequencies [rad/s] on which the gain over a set is bounded: of loop and record, thinned."""
     omega = np.union1d(structure_grid(system.N), lines)
     omega = omega[omega > 0]
-    omega = np.union1d(omega[:: max(1, omega.size // MOST_GAINS)], omega[[0, -1]])
-    return omega, worst_gain(response_by_channel(system.N, omega), system.structure)
+    return np.union1d(omega[:: max(1, omega.size // MOST_GAINS)], omega[[0, -1]])
 
 
 def worst_delta(N: np.ndarray, system: UncertainSystem) -> np.ndarray:

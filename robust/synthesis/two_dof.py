@@ -5,6 +5,8 @@
                     +------------------------------+
 
 F stands outside of the loop: stability and its margins are those of K, whatever F is. (SP 9.4.3 finds both at once.)
+Over a set, T_p F of one channel fills a disc at each frequency; of several channels the largest error is bounded by
+skewed mu (SP 8.10.3).
 """
 
 from __future__ import annotations
@@ -13,20 +15,23 @@ from typing import Any
 
 import control
 import numpy as np
+from scipy.linalg import block_diag
 
 from nlfrf._base.arguments import require_nonnegative, require_positive
 from nlfrf._base.values import value
+from robust.analysis.folded import as_sampled
 from robust.analysis.loop import Loop, assemble, nominal_instability
-from robust.lti.connections import in_series
-from robust.lti.lti import is_constant, response, timebase
+from robust.analysis.worst_plant import gain_grid, performance_loop
+from robust.lti.lti import is_constant, response, response_by_channel, timebase
 from robust.lti.norms import continuous_image, to_discrete
 from robust.lti.realisation import rightmost_pole, stable_weight
 from robust.lti.sampling import discretize
 from robust.lti.stability import is_stable
 from robust.models.sets.forms import numerator
-from robust.models.sets.model import require_one_channel
+from robust.models.sets.model import UncertaintyModel, has_several_channels, require_one_channel
+from robust.mu.upper import worst_gain
 from robust.proofs.search.certificate import Certificate
-from robust.synthesis.hinf.hinfsyn import hinfsyn
+from robust.synthesis.hinf.hinfsyn import Synthesis, hinfsyn
 from robust.synthesis.reduction import balanced_candidates
 
 __all__ = [
@@ -42,6 +47,7 @@ __all__ = [
 
 
 REDUCTION_TOLERANCE = 0.01  # what leaving out states of F may change of T F
+ROUNDING = 1e-9  # of the largest singular value of T at zero frequency: below it T has no gain in a direction there
 
 
 @value
@@ -59,11 +65,12 @@ class Prefilter:
     omega : (W,) ndarray
         Frequencies [rad/s].
     error, error_worst : (W,) ndarray
-        |T_ref - T F| of the nominal loop, and the largest |T_ref - T_p F| over the set; inf where rs reaches one.
+        |T_ref - T F| of the nominal loop, and the largest |T_ref - T_p F| over the set; inf where rs reaches one. Of
+        several channels the largest singular value, and an upper bound of it.
 
     References
     ----------
-    SP 9.4.3.
+    SP 9.4.3; for several channels SP 8.10.3.
 
     Examples
     --------
@@ -84,7 +91,14 @@ class Prefilter:
     error_worst: np.ndarray
 
 
-def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay: float = 0.0) -> Prefilter:
+def prefilter(
+    model: UncertaintyModel,
+    K: control.StateSpace | control.TransferFunction | np.ndarray | float,
+    reference: control.StateSpace | control.TransferFunction,
+    *,
+    effort: float = 0.01,
+    delay: float = 0.0,
+) -> Prefilter:
     """Find the prefilter that brings a loop nearest to a reference model, and what the whole set makes of the result.
 
     Parameters
@@ -94,7 +108,8 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     K : control.StateSpace, TransferFunction
         Controller, negative feedback; a sampled one on a continuous nominal as for `check`.
     reference : control.StateSpace, TransferFunction
-        T_ref, stable: how y should follow r. Continuous ones go through the bilinear map onto a sampled loop.
+        T_ref, stable: how y should follow r. Continuous ones go through the bilinear map onto a sampled loop. For
+        several channels a square matrix, or one transfer function for every output.
     effort : float
         Weight on F: how much of it is bought for how much of the error.
     delay : float
@@ -103,7 +118,7 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     Returns
     -------
     Prefilter
-        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref where T is not zero.
+        F has the fewest states that change T F by less than 0.01; at zero frequency T F = T_ref where T has an inverse.
 
     Raises
     ------
@@ -123,12 +138,13 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     >>> found.F.nstates, round(float(found.F.D[0, 0]), 2)
     (0, 1.0)
     """
-    effort, loop = require_positive("effort", effort), reference_loop(model, K, delay)
+    effort = require_positive("effort", effort)
+    if has_several_channels(model):
+        return prefilter_matrix(model, K, reference, effort, delay)
+    loop = reference_loop(model, K, delay)
     T_ref = on_time_base(reference, loop.dt)
     T = loop.closed(("y",), ("r",))
-    found = hinfsyn(matching_plant(T_ref, T, effort, loop.dt), 1, 1)
-    if not found.found:
-        raise ValueError(f"reference must be one that a prefilter can be found for: {found.reason}")
+    found = matched(T_ref, T, effort)
     omega = loop.grid(model.omega)
     F = exact_at_zero(fewest_states(found.K, T, omega, loop.dt), T, T_ref)
     error, worst = tracking_errors(loop, response(F, omega), response(T_ref, omega), omega)
@@ -143,9 +159,46 @@ def prefilter(model: Any, K: Any, reference: Any, *, effort: float = 0.01, delay
     )
 
 
+def prefilter_matrix(model: UncertaintyModel, K: Any, reference: Any, effort: float, delay: float) -> Prefilter:
+    """Return `prefilter` of several channels: with e = r - y in N = [N11 N12; N21 S], F changes it to
+    [N11 N12 F; N21 T_ref - (I - S) F], whose gain over the set `worst_gain` bounds.
+    """
+    model, _ = as_sampled(model, K, delay)
+    system = performance_loop(model, K, None)
+    n, dt = model.n_outputs, timebase(model.nominal)
+    T_ref = on_time_base(reference, dt, n)
+    if T_ref.noutputs != n:
+        raise ValueError(f"reference must have {n} outputs, as the plant has, got {T_ref.noutputs}")
+    S = system.N[-n:, -n:]
+    T = control.StateSpace(S.A, S.B, -S.C, np.eye(n) - S.D, dt)
+    found = matched(T_ref, T, effort)
+    omega = gain_grid(system, model.omega)
+    F = exact_at_zero(fewest_states(found.K, T, omega, dt), T, T_ref)
+    N, f, wanted = (response_by_channel(each, omega) for each in (system.N, F, T_ref))
+    error = wanted - np.einsum("ijw,jkw->ikw", np.eye(n)[:, :, None] - N[-n:, -n:], f)
+    with_F = np.concatenate([np.einsum("ijw,jkw->ikw", N[:-n, -n:], f), error])
+    return Prefilter(
+        F=F,
+        gamma=found.gamma,
+        gamma_min=found.gamma_low,
+        certificate=found.certificate,
+        omega=omega,
+        error=np.linalg.norm(error, 2, axis=(0, 1)),
+        error_worst=worst_gain(np.concatenate([N[:, :-n], with_F], axis=1), system.structure),
+    )
+
+
+def matched(T_ref: control.StateSpace, T: control.StateSpace, effort: float, name: str = "prefilter") -> Synthesis:
+    """Return the F that makes [T_ref - T F; effort F] small, as the K of a synthesis; refused where there is none."""
+    found = hinfsyn(matching_plant(T_ref, T, effort, T.dt), T_ref.ninputs, T.ninputs)
+    if not found.found:
+        raise ValueError(f"reference must be one that a {name} can be found for: {found.reason}")
+    return found
+
+
 def reference_loop(model: Any, K: Any, delay: float) -> Loop:
     """The loop that is to follow a reference, or a refusal where it is not stable."""
-    instead = "take dk_iteration or hinfsyn with the reference among the inputs of K"
+    instead = "take prefilter, or dk_iteration or hinfsyn with the reference among the inputs of K"
     require_one_channel(model, instead, "to follow a reference model")
     loop = assemble(model, K, None, require_nonnegative("delay", delay))
     nominal = nominal_instability(loop)
@@ -154,37 +207,51 @@ def reference_loop(model: Any, K: Any, delay: float) -> Loop:
     return loop
 
 
-def on_time_base(reference: Any, dt: float) -> control.StateSpace:
-    """The reference model, stable, on the time base of the loop."""
-    T_ref = stable_weight("reference", reference, dt)
+def on_time_base(reference: Any, dt: float, n: int = 1) -> control.StateSpace:
+    """The reference model of n channels, stable, on the time base of the loop."""
+    T_ref = stable_weight("reference", reference, dt, n)
     return discretize(T_ref, dt) if dt and not timebase(T_ref) and not is_constant(T_ref) else T_ref
 
 
 def matching_plant(T_ref: control.StateSpace, T: control.StateSpace, effort: float, dt: float) -> control.StateSpace:
     """From (r, u) to (T_ref r - T u, effort u; r)."""
-    n, m = T_ref.nstates, T.nstates
-    A = np.block([[T_ref.A, np.zeros((n, m))], [np.zeros((m, n)), T.A]])
-    B = np.block([[T_ref.B, np.zeros((n, 1))], [np.zeros((m, 1)), T.B]])
-    C = np.vstack([np.hstack([T_ref.C, -T.C]), np.zeros((2, n + m))])
-    D = np.array([[T_ref.D[0, 0], -T.D[0, 0]], [0.0, effort], [1.0, 0.0]])
-    return control.StateSpace(A, B, C, D, dt)
+    n_r, n_u, n_y = T_ref.ninputs, T.ninputs, T.noutputs
+    A = block_diag(T_ref.A, T.A)
+    B = block_diag(T_ref.B, T.B)
+    C = np.vstack([np.hstack([T_ref.C, -T.C]), np.zeros((n_u + n_r, A.shape[0]))])
+    D = np.block(
+        [
+            [T_ref.D, -T.D],
+            [np.zeros((n_u, n_r)), effort * np.eye(n_u)],
+            [np.eye(n_r), np.zeros((n_r, n_u))],
+        ]
+    )
+    return control.StateSpace(A, B, C.reshape(n_y + n_u + n_r, -1), D, dt)
 
 
 def fewest_states(F: control.StateSpace, T: control.StateSpace, omega: np.ndarray, dt: float) -> control.StateSpace:
     """F without the states that T F hardly shows."""
-    shown_by, whole = np.abs(response(T, omega)), response(F, omega)
+    T_response, whole = (response_by_channel(each, omega) for each in (T, F))
     for _, _, small in balanced_candidates(continuous_image(F)):
         less = control.StateSpace(*(to_discrete(*small) if dt else small), dt)
-        if np.max(shown_by * np.abs(response(less, omega) - whole)) < REDUCTION_TOLERANCE:
+        change = np.einsum("ijw,jkw->ikw", T_response, response_by_channel(less, omega) - whole)
+        if np.linalg.norm(change, 2, axis=(0, 1)).max() < REDUCTION_TOLERANCE:
             return less
     return F
 
 
 def exact_at_zero(F: control.StateSpace, T: control.StateSpace, T_ref: control.StateSpace) -> control.StateSpace:
-    """F scaled so that what stands still is followed exactly."""
-    now, wanted = (float(response(each, np.zeros(1))[0].real) for each in (in_series(F, T, dt=T.dt), T_ref))
-    scale = wanted / now if abs(now) > 0.5 * abs(wanted) > 0 else 1.0
-    return control.StateSpace(F.A, F.B, F.C * scale, F.D * scale, T.dt)
+    """Return X F with T X F = T_ref at zero frequency, so that what stands still is followed exactly.
+
+    X is used where it is nearer to one than to zero: elsewhere T or T_ref has no gain there, and F is left as it is.
+    """
+    at_zero, f, wanted = (response_by_channel(each, np.zeros(1))[:, :, 0].real for each in (T, F, T_ref))
+    if np.linalg.cond(at_zero) > 1 / ROUNDING:
+        return F
+    X = np.linalg.solve(at_zero, wanted @ np.linalg.pinv(at_zero @ f, rcond=ROUNDING) @ at_zero)
+    if not np.linalg.norm(X - np.eye(T.ninputs), 2) < 1:
+        return F
+    return control.StateSpace(F.A, F.B, X @ F.C, X @ F.D, T.dt)
 
 
 def tracking_errors(loop: Loop, f: np.ndarray, wanted: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -297,9 +364,7 @@ def feedforward(model: Any, K: Any, reference: Any, *, effort: float = 1e-3, del
             "a loop around it first (cascade), or take prefilter, which feeds the closed loop"
         )
     T_ref = on_time_base(reference, loop.dt)
-    found = hinfsyn(matching_plant(T_ref, loop.G, effort, loop.dt), 1, 1)
-    if not found.found:
-        raise ValueError(f"reference must be one that a feedforward can be found for: {found.reason}")
+    found = matched(T_ref, loop.G, effort, "feedforward")
     omega = loop.grid(model.omega)
     F = fewest_states(found.K, loop.G, omega, loop.dt)
     wanted = response(T_ref, omega)

@@ -208,6 +208,8 @@ class UncertaintyModel:
     def __post_init__(self) -> None:
         held, is_frf = self.__dict__, isinstance(self.nominal, control.FrequencyResponseData)
         if self.left or self.right:
+            for name in ("left", "right"):
+                held[name] = tuple(state_space(name, weight) for weight in getattr(self, name))
             G = held["nominal"] = multivariable("nominal", self.nominal)
             if one := (G.ninputs, G.noutputs) == (1, 1) and of_one_channel(
                 self.form, self.left, self.right, np.asarray(self.radius)
