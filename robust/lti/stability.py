@@ -13,6 +13,7 @@ from robust.lti.lti import balance_matrix, poles, response, timebase, to_s_plane
 from robust.lti.norms import EPS, crossings
 
 __all__ = [
+    "LARGEST_JUMP",
     "StabilityResult",
     "assess_stability",
     "connected_components",

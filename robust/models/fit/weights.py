@@ -32,6 +32,7 @@ from robust.models.fit.refinement import (
 __all__ = [
     "EXACT",
     "WeightFit",
+    "WeightOrderError",
     "control_weight",
     "cover_sampled",
     "delay_weight",
@@ -387,6 +388,10 @@ class WeightFit:
 N_COVER, SLOWEST = 400, 1 / 30  # points, and the first one as a share of the slowest corner
 
 
+class WeightOrderError(ValueError):
+    """A weight of that order cannot cover the radius without a large excess."""
+
+
 def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float = 0) -> WeightFit:
     """Fit a weight that covers a radius, with as little excess as the order allows.
 
@@ -437,7 +442,7 @@ def fit_weight(omega: np.ndarray, radius: np.ndarray, *, order: int, dt: float =
             break
     else:
         cure = f"No order up to {MAX_ORDER} would do: is the radius in the unit and range you expect?"
-    raise ValueError(
+    raise WeightOrderError(
         f"order must be high enough to cover the radius with a mean excess under {MAX_MEAN_EXCESS_DB:g} dB, "
         f"got order {order} with {fit.mean_excess_db:.1f} dB. {cure}"
     )

@@ -25,7 +25,7 @@ from robust.lti.lti import timebase
 from robust.lti.realisation import frequency_response, multivariable, state_space
 from robust.lti.sampling import delayed
 from robust.models.fit.nominal import NominalFit, as_matrices, behind_hold, of_own_fit, refuse_other_channels, suspected
-from robust.models.fit.weights import fit_weight
+from robust.models.fit.weights import WeightOrderError, fit_weight
 from robust.models.sets.forms import ADDITIVE, AUTO, ELEMENTS, FORMS, MATRIX_FORMS, RELATIVE, Form
 from robust.models.sets.joint import with_records
 from robust.models.sets.model import UncertaintyModel
@@ -195,7 +195,7 @@ def disc_set(
     W1, W2, rules = scaled_by(row, nominal, omega, (scaling["W1"], scaling["W2"]), rules)
     factor, *covered = of_form(row, omega, absolute, nominal, (W1, W2), rules, dt)
     return {
-        "weight": suspected(fit_weight(*covered, order=order, dt=dt).W, omega, absolute * factor),
+        "weight": suspected(fit_extrapolated(covered, rules, order, dt), omega, absolute * factor),
         "omega": omega,
         "radius": absolute * factor,
         "extrapolation": str(rules),
@@ -234,7 +234,21 @@ def covering(omega: np.ndarray, radius: np.ndarray, order: int, rules: Extrapola
     """A weight over a radius: a number where that is flat and nothing rises outside the band."""
     if radius.max() < FLAT * radius.min() and rules.below == rules.above == 0:
         return control.StateSpace([], [], [], [[radius.max()]], dt)
-    return fit_weight(*rules.applied(omega, radius, dt), order=order, dt=dt).W
+    return fit_extrapolated(rules.applied(omega, radius, dt), rules, order, dt)
+
+
+def fit_extrapolated(covered: Sequence[np.ndarray], rules: Extrapolation, order: int, dt: float) -> control.StateSpace:
+    """Fit a weight over (omega, radius) that were continued outside the band; where it fails, name that rule too."""
+    omega, radius = covered
+    try:
+        return fit_weight(omega, radius, order=order, dt=dt).W
+    except WeightOrderError as error:
+        if rules.below == rules.above == 0:
+            raise
+        raise WeightOrderError(
+            f"{error} Outside the measured lines the radius was continued ({rules}), which a weight of low order "
+            'cannot follow: above="flat" and below="flat" keep it level there'
+        ) from None
 
 
 def clock(nominal: Any) -> float:
@@ -330,7 +344,11 @@ def plant_lines(many: list[Any], nominal: Any) -> np.ndarray:
     """All frequencies [rad/s] of the FRFs among the plants, or of the nominal where it is one."""
     known = [plant for plant in [*many, nominal] if isinstance(plant, control.FrequencyResponseData)]
     if not known:
-        raise ValueError("bla must hold an FRF, to say at which frequencies: control.frd(plant, omega)")
+        raise ValueError(
+            "bla must hold an FRF, which says at which frequencies plants and nominal are compared: "
+            "uncertainty([control.frd(plant, omega)], nominal). A weight that is known already makes a set by "
+            "UncertaintyModel(nominal, weight, form, omega, radius)"
+        )
     return np.unique(np.concatenate([np.asarray(plant.omega, dtype=float) for plant in known]))
 
 
@@ -344,5 +362,5 @@ def own_set(
     if spec.simultaneous or spec.systematic is not None:
         raise ValueError("simultaneous and systematic must be left out where the radius is your own: they are of a Bla")
     omega, radius, source = found
-    weight = suspected(fit_weight(*rules.applied(omega, radius, dt), order=order, dt=dt).W, omega, radius)
+    weight = suspected(fit_extrapolated(rules.applied(omega, radius, dt), rules, order, dt), omega, radius)
     return {"omega": omega, "radius": radius, "weight": weight, "extrapolation": str(rules), "source": source}

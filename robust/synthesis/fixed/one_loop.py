@@ -23,7 +23,7 @@ from robust._base.channels import is_single
 from robust._base.states import Stability
 from robust.lti.lti import is_clockless, is_constant, response, timebase
 from robust.lti.realisation import state_space
-from robust.lti.stability import unstable_poles
+from robust.lti.stability import LARGEST_JUMP, unstable_poles
 from robust.models.sets.model import UncertaintyModel
 from robust.synthesis.fixed.convex_concave import DesignTask, is_lower, iterate, linear_rows
 from robust.synthesis.fixed.demands import end_row, limit_rows, objective_row, weight_rows
@@ -270,11 +270,29 @@ def search_starts(task: DesignTask, n_starts: Any) -> list[np.ndarray]:
             "stabilises the plant. Where y falls as u rises, change the sign of one of them"
         )
     if not starts:
+        plants = "every plant" if len(task.family) > 1 else "the plant"
+        gaps = [gap for at in task.family if (gap := describe_phase_gap(at))]
+        because = gaps[0] if gaps else "Or take a structure of higher order"
         raise ValueError(
             f"start must be given: no simple {task.basis.structure.name} controller was found that stabilises "
-            f"{'every plant' if len(task.family) > 1 else 'the plant'}"
+            f"{plants}. {because}"
         )
     return sorted(starts, key=task.merit)[:n_starts]
+
+
+def describe_phase_gap(at: PlantOnLines) -> str:
+    """Say where two lines of an FRF lie too far apart for a winding number, at the largest |G|; empty where none do."""
+    omega, G = at.omega[at.known], at.G[at.known]
+    turn = np.abs(np.angle(G[1:] / G[:-1]))
+    gaps = np.flatnonzero(turn > LARGEST_JUMP)
+    if at.loop is not None or not gaps.size:
+        return ""
+    k = gaps[np.argmax(np.abs(G[gaps]))]
+    return (
+        f"Between its lines at {omega[k]:.4g} and {omega[k + 1]:.4g} rad/s the phase of the FRF turns by "
+        f"{np.degrees(turn[k]):.0f} deg, and how often 1 + L winds about zero cannot be counted across that: measure "
+        "lines between them, or fit a nominal and design for that"
+    )
 
 
 def per_demand_list(name: str, given: Any) -> list[Any]:
