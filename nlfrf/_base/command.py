@@ -16,6 +16,7 @@ from typing import Annotated, Any, TextIO, get_type_hints
 import typer
 
 from nlfrf._base.arguments import one_line, printable
+from nlfrf._base.extras import MissingPackageError
 from nlfrf._base.files import guarded_outputs, require_writable
 from nlfrf._base.values import to_json
 
@@ -153,7 +154,7 @@ def run_command(name: str, app: Callable[..., Any], *shown: type[Warning], optio
         warnings.showwarning = show
         try:
             app(prog_name=name)
-        except (ValueError, OSError) as error:
+        except (ValueError, OSError, MissingPackageError) as error:
             typer.echo(f"{name}: {name_options(describe_error(error), options)}", err=True)
             raise SystemExit(2) from None
         except MemoryError as error:

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from nlfrf._base.arguments import one_line, short_form
+from nlfrf._base.extras import import_extra
 
 __all__ = [
     "DECIMALS",
@@ -227,7 +228,7 @@ def kind_of_npz(path: Path) -> str | None:
 
 
 def kind_of_hdf5(path: Path) -> str | None:
-    import h5py
+    h5py = import_extra("h5py", "hdf5", "an HDF5 file")
 
     with h5py.File(path, "r") as file:
         return kind_of_schema(str(file.attrs["schema"]), SIMULATED_MARK in file)
@@ -382,7 +383,7 @@ def save_arrays(target: Path, content: Mapping[str, Any]) -> None:
 
 def save_hdf5(target: Path, content: Mapping[str, np.ndarray]) -> None:
     """Write arrays as HDF5, texts as attributes."""
-    import h5py
+    h5py = import_extra("h5py", "hdf5", "an HDF5 file")
 
     with h5py.File(target, "w") as file:
         for name, array in content.items():

@@ -333,16 +333,16 @@ class Reader(NamedTuple):
     extra: str = ""
 
 
-TEXT_READER = Reader(tables.contents)
-HDF5_READER = Reader(hdf5, separate=True)
+TEXT_READER = Reader(tables.contents, extra="csv")
+HDF5_READER = Reader(hdf5, separate=True, extra="hdf5")
 MDF_READER = Reader(mdf, separate=True, extra="mdf")
 TWINCAT = Reader(twincat, separate=True, extra="twincat")
 READERS = {
-    ".mat": Reader(matlab.contents),
+    ".mat": Reader(matlab.contents, extra="hdf5"),  # version 7.3 is HDF5
     ".npz": Reader(npz.contents),
     **dict.fromkeys((".csv", ".txt", ".tsv", ".dat", ".asc"), TEXT_READER),
     ".npy": Reader(npy.contents),
-    ".lvm": Reader(lvm.contents),
+    ".lvm": Reader(lvm.contents, extra="csv"),
     ".h5": HDF5_READER,
     ".hdf5": HDF5_READER,
     ".tdms": Reader(tdms, separate=True, extra="tdms"),

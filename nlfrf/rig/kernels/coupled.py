@@ -16,9 +16,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DIRECTION, ERROR, Curve, F, Law, Step, V, X, Z
 from nlfrf.rig.kernels.leuven import commit, growth, hysteresis, rates
 from nlfrf.rig.kernels.loops import CALLED, digest

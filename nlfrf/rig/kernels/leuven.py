@@ -20,9 +20,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DEEPEST, DEPTH, DIRECTION, ERROR, LOST, Body, Curve, F, Law, Step, V, X, Z
 
 __all__ = ["advance_hysteretic", "commit", "follow", "growth", "hysteresis", "rates"]

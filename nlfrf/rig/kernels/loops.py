@@ -15,9 +15,9 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from nlfrf.rig.kernels import data as kernel_data
+from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import Body, Law, X
 from nlfrf.rig.kernels.leuven import advance_hysteretic
 from nlfrf.rig.kernels.slip import advance_coulomb, advance_gms, advance_sliders

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.coupled import N_ROWS, advance_axes, let_free
 from nlfrf.rig.kernels.data import X
 from nlfrf.rig.kernels.loops import CALLED, digest

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from nlfrf.rig.kernels.compiled import njit
 from nlfrf.rig.kernels.data import DIRECTION, Body, F, Law, Step, V, X
 
 __all__ = [

@@ -7,6 +7,7 @@ from typing import Any
 
 import control
 
+from nlfrf._base.extras import import_extra
 from robust.reports.shaping_page.page import page_content, script, shaped_controller, style
 from robust.reports.shaping_page.words import Told
 
@@ -71,14 +72,9 @@ def shape(model: Any, *, w_P: Any = None, K: Any = None, dt: float = 0.0, delay:
 @cache
 def widget_class() -> Any:
     """The class of the widget, made when the first one is: anywidget is an extra."""
-    try:
-        import anywidget
-        import traitlets
-    except ImportError:
-        raise ImportError(
-            "shape needs the package anywidget: pip install 'nlfrf[notebook]'. write_shaping_page writes the same page "
-            "to a file, without it"
-        ) from None
+    import_extra("anywidget", "notebook", "shape, unlike write_shaping_page,")
+    import anywidget
+    import traitlets
 
     class LoopShaper(anywidget.AnyWidget):
         """The page in a cell."""

@@ -1,0 +1,7 @@
+"""The compiler of the integrators, which is an extra: without it there is no simulation."""
+
+from nlfrf._base.extras import import_extra
+
+__all__ = ["njit"]
+
+njit = import_extra("numba", "rig", "the simulated bench").njit
