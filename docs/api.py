@@ -21,6 +21,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
         *("hysteresis_force", "fit_maxwell_slip"),
     ),
     "robust": robust._public_names,
+    "robust.drive": tuple(import_module("robust.drive").__all__),
     "robust.tuning": tuple(import_module("robust.tuning").__all__),
 }
 #: The order of the reference: that in which data flow.

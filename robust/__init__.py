@@ -7,6 +7,7 @@
     robust.models    nominal models, weights, sets of plants, validation
     robust.synthesis H-infinity, D-K iteration, fixed structure, tuning, two degrees of freedom, reduction
     robust.tuning    what `tune` takes: blocks, limits, plants
+    robust.drive     gains of a drive (P-PI cascade) as a controller and back, feedforward, PLC code
     robust.shaping   loop shaping by hand: lead, lag, notch, PID, bounds on |L|
     robust.analysis  check, worst case, families of loops, gains, step responses, levels of motion
     robust.margins   disk margins, classical margins, nu-gap
@@ -25,7 +26,7 @@ import lazy_loader
 
 __getattr__, _, _names = lazy_loader.attach_stub(__name__, __file__)
 _submodules = (
-    *("analysis", "friction", "io", "lti", "margins", "models", "mu", "plot", "proofs", "reports", "shaping"),
+    *("analysis", "drive", "friction", "io", "lti", "margins", "models", "mu", "plot", "proofs", "reports", "shaping"),
     *("synthesis", "tuning"),
 )
 #: Every public name of the package, those of its submodules, too.

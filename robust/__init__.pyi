@@ -1,5 +1,6 @@
 # Every public name and where it is defined; `__init__.py` says which are the face.
 from . import analysis as analysis
+from . import drive as drive
 from . import friction as friction
 from . import io as io
 from . import lti as lti

@@ -41,7 +41,7 @@ PARTS = {
     "robust.models": {"fit": "", "sets": "fit", ".": "sets fit"},
     "robust.proofs": {"exact": "", "search": "exact"},
     "robust.friction": {"exact": "", ".": "exact"},
-    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": ""},
+    "robust.synthesis": {"hinf": "", ".": "hinf", "fixed": "hinf .", "tuning": "", "drive": "."},
     "robust.reports": {".": "", "shaping_page": ""},
 }
 #: Faces: public modules that hand on the names of a package, and the commands, which may import from every module.
@@ -50,6 +50,7 @@ FACES = {
     *(
         "robust",
         "robust.cli",
+        "robust.drive",
         "robust.plot",
         "robust.margins",
         "robust.shaping",

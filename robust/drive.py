@@ -1,0 +1,22 @@
+"""The language of a drive: its gains as a controller, a controller as its gains, feedforward, and code for a PLC.
+
+The public names of `robust.synthesis.drive`, in one place.
+"""
+
+from robust.synthesis.drive.cascade import cascade
+from robust.synthesis.drive.filters import FilterSlot, biquad, low_pass, notch
+from robust.synthesis.drive.gains import DriveReading, gains
+from robust.synthesis.drive.settings import DriveSettings
+from robust.synthesis.drive.structured_text import structured_text
+
+__all__ = [
+    "DriveReading",
+    "DriveSettings",
+    "FilterSlot",
+    "biquad",
+    "cascade",
+    "gains",
+    "low_pass",
+    "notch",
+    "structured_text",
+]

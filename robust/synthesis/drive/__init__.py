@@ -1,0 +1,11 @@
+"""The language of a drive: position P and velocity PI with their filters, both ways.
+
+cascade          the gains of a drive as one controller
+feedforward      mass, friction and jerk as gains of the drive, and what they leave
+filters          filter slots: notch, low-pass, biquad
+gains            a controller as the gains of a drive
+gains_file       gains in a TOML file, every number with its unit
+settings         the settings of a drive, with their units
+structured_text  a function block for a PLC
+units            units of positions, velocities, currents and forces
+"""

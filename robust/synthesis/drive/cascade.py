@@ -1,0 +1,169 @@
+"""A drive as one controller: from the measured positions to the set point of current or force.
+
+    u = -K y,   K = F(z) kp (1 + Ts/tn z^-1/(1 - z^-1)) (V(z) + kv H(z))
+
+F the filters, V the velocity, H what the position loop holds. All sampled with the period Ts of the velocity loop.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import require_kind
+from robust.lti.connections import in_series
+from robust.lti.lti import with_names
+from robust.lti.sampling import sampled
+from robust.models.fit.nominal import DesignWarning
+from robust.synthesis.drive.filters import bilinear_section
+from robust.synthesis.drive.settings import DriveSettings
+
+__all__ = ["cascade", "hold_mean", "realise_section", "set_point_path", "velocity_section"]
+
+
+def cascade(settings: DriveSettings, *, output_unit: str = "", actuator: bool = False) -> control.StateSpace:
+    """Return the drive as one controller, for `check`, `prove_friction` and all the rest.
+
+    Parameters
+    ----------
+    settings : DriveSettings
+        Gains, filters, sampling and units.
+    output_unit : str
+        Unit of u: "A", or "N" ("Nm" where it turns). The output unit of `kp_unit` when not given. It has to be that of
+        the input of the plant.
+    actuator : bool
+        False: u is the set point of the current, and its delay and lag are in the plant, as in a record that has the
+        set point for its input. True: u is the current itself at the sampling instants, with delay and lag in K, for a
+        plant that was identified from the actual current.
+
+    Returns
+    -------
+    control.StateSpace
+        Discrete, u = -K y: from the position in `position_unit` to u. With two encoders it has two inputs, "motor" in
+        `position_unit` and "load" in `load_unit`.
+
+    Raises
+    ------
+    ValueError
+        No settings, a unit of u that needs a torque constant which is not known.
+
+    Warns
+    -----
+    DesignWarning
+        Where the position loop runs slower than the velocity loop. Such a drive is periodic, and K is its mean over
+        the phase of the position loop: a verdict on K is one on this approximation.
+
+    References
+    ----------
+    SP 10.5 (cascade control).
+
+    Examples
+    --------
+    >>> settings = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, torque_constant=52.8)
+    >>> K = cascade(settings, output_unit="N")
+    >>> K.input_labels, K.output_labels, K.dt
+    (['position'], ['force'], 0.00025)
+    >>> round(float(abs(K(np.exp(2j * np.pi * 400 / 4000)))) / 1e6, 2)           # MN/m at 400 Hz
+    18.69
+    """
+    require_kind("settings", settings, DriveSettings)
+    unit = output_unit or settings.output_unit
+    scale = settings.gain * settings.output_factor(unit)
+    warn_of_slow_position_loop(settings)
+    dt = settings.dt
+    velocity = times(settings.unit_factor, realise_section(velocity_section(settings), dt))
+    factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
+    by_position = times(settings.kv * factor, hold_mean(settings))
+    error = beside(velocity, by_position, joined=settings.encoder != "both")
+    K = in_series(error, *behind_velocity_loop(settings, scale), dt=dt)
+    if actuator:
+        current = control.StateSpace([], [], [], [[1.0]], 0)
+        if rate := settings.lag and 1 / settings.lag:
+            current = control.StateSpace([[-rate]], [[rate]], [[1.0]], [[0.0]], 0)
+        K = in_series(K, sampled(current, dt, settings.delay), dt=dt)
+    inputs = ("motor", "load") if settings.encoder == "both" else ("position",)
+    return with_names(K, inputs, ("current" if unit == "A" else "force",))
+
+
+def set_point_path(settings: DriveSettings, *, output_unit: str = "") -> control.StateSpace:
+    """Return the drive from the position set point to u, the measured positions at zero; both in their own units."""
+    scale = settings.gain * settings.output_factor(output_unit or settings.output_unit)
+    factor = settings.load_factor if settings.encoder == "both" else settings.unit_factor
+    n, held = settings.position_every, hold_mean(settings)
+    ahead = settings.velocity_feedforward * settings.fs / n  # differences over a period of the position loop
+    difference = realise_fir(np.concatenate([[ahead], np.zeros(n - 1), [-ahead]]), settings.dt)
+    velocity = beside(times(settings.kv, held), in_series(difference, held, dt=settings.dt), joined=True)
+    path = in_series(times(factor, velocity), *behind_velocity_loop(settings, scale), dt=settings.dt)
+    return with_names(path, ("set point",), ("u",))
+
+
+def behind_velocity_loop(settings: DriveSettings, scale: float) -> list[control.StateSpace]:
+    """The PI of a velocity error, times a scale, and the filters behind it."""
+    dt = settings.dt
+    share = dt / settings.tn
+    pi = control.StateSpace([[1.0]], [[1.0]], [[scale * share]], [[scale]], dt)
+    gain = control.StateSpace([], [], [], [[scale]], dt)
+    return [pi if share else gain, *(realise_section(slot.section(settings.fs), dt) for slot in settings.filters)]
+
+
+def velocity_section(settings: DriveSettings) -> np.ndarray:
+    """(6,) section from a position to its velocity: differences behind a low-pass, or the observer."""
+    fs = settings.fs
+    if settings.velocity_from == "observer":
+        omega = 2 * np.pi * settings.observer_frequency
+        top, bottom = np.array([0.0, omega**2, 0.0]), np.array([1.0, 2 * omega, omega**2])
+        return bilinear_section(top, bottom, settings.observer_frequency, fs)
+    share = 1 / (1 + settings.velocity_lag * fs)
+    return np.array([share * fs, -share * fs, 0.0, 1.0, share - 1.0, 0.0])
+
+
+def hold_mean(settings: DriveSettings) -> control.StateSpace:
+    """Mean over its phase of a position loop that samples in every so many periods and holds in between."""
+    n = settings.position_every
+    return realise_fir(np.full(n, 1 / n), settings.dt)
+
+
+def warn_of_slow_position_loop(settings: DriveSettings) -> None:
+    """Warn that K is an approximation where the position loop runs slower than the velocity loop."""
+    if settings.position_every > 1:
+        warnings.warn(
+            f"the position loop runs once in {settings.position_every} periods of the velocity loop: K is the mean "
+            "over its phase, so that every verdict on K holds for this approximation and not for the drive. Set "
+            "position_every to 1 for a proof",
+            DesignWarning,
+            stacklevel=3,
+        )
+
+
+def realise_section(section: np.ndarray, dt: float) -> control.StateSpace:
+    """A second-order section as a state space, of one state where it is of first order."""
+    b0, b1, b2, _, a1, a2 = section
+    A, B = np.array([[-a1, 1.0], [-a2, 0.0]]), np.array([[b1 - a1 * b0], [b2 - a2 * b0]])
+    n = 2 if a2 or b2 else 1
+    return control.StateSpace(A[:n, :n], B[:n], np.eye(1, n), [[b0]], dt)
+
+
+def realise_fir(taps: np.ndarray, dt: float) -> control.StateSpace:
+    """A sum of delayed samples as a state space."""
+    n = taps.size - 1
+    if n == 0:
+        return control.StateSpace([], [], [], [[taps[0]]], dt)
+    return control.StateSpace(np.eye(n, k=-1), np.eye(n, 1), taps[None, 1:], [[taps[0]]], dt)
+
+
+def times(factor: float, system: control.StateSpace) -> control.StateSpace:
+    """A system times a number, at its output."""
+    return control.StateSpace(system.A, system.B, factor * system.C, factor * system.D, system.dt)
+
+
+def beside(F: control.StateSpace, G: control.StateSpace, *, joined: bool) -> control.StateSpace:
+    """The sum of two outputs, of one input that both share or of an input each."""
+    n, m = F.nstates, G.nstates
+    A = np.block([[F.A, np.zeros((n, m))], [np.zeros((m, n)), G.A]])
+    B = np.block([[F.B, np.zeros((n, 1))], [np.zeros((m, 1)), G.B]])
+    D = np.hstack([F.D, G.D])
+    if joined:
+        B, D = B.sum(axis=1, keepdims=True), D.sum(axis=1, keepdims=True)
+    return control.StateSpace(A, B, np.hstack([F.C, G.C]), D, F.dt)

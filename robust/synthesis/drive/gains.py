@@ -1,0 +1,275 @@
+"""A controller as the gains of a drive: which P-PI cascade equals which PID, and what is none.
+
+With q = z^-1, p = 1 - q and a = Ts/tn a cascade over differences behind a low-pass of pole b is
+
+    K = F kp (p + a q)/p ((1 - b) p/(Ts (1 - b q)) + kv) = F (n0 + n1 p + n2 p^2)/(p (1 - b q)),
+
+a PID with filtered derivative, and every such PID with two real zeros z1, z2 is a cascade: one zero is that of the
+velocity loop, 1 - a, the other that of the position loop, from which
+
+    kv = (1 - b)(1 - z)/(Ts (z - b)).
+
+In continuous time: (Kp Tf + Kd) s^2 + (Kp + Ki Tf) s + Ki = kp (1 + kv Tf)(s + 1/tn)(s + kv/(1 + kv Tf)). Real zeros
+need (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd). Which zero is which is free: either choice is the same controller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import control
+import numpy as np
+
+from nlfrf._base.arguments import require_kind
+from nlfrf._base.values import value
+from robust.lti.lti import response_by_channel, timebase
+from robust.lti.realisation import multivariable
+from robust.lti.sampling import discretize
+from robust.synthesis.drive.cascade import hold_mean, realise_section, velocity_section
+from robust.synthesis.drive.settings import DriveSettings
+
+__all__ = ["DriveReading", "gains"]
+
+#: Largest error of a cascade relative to K, over frequency, that counts as none. Cascades come back at 1e-12.
+MISFIT = 1e-6
+#: Frequencies [rad a sample] that K is compared on, and how slow a zero may be to be told from an integrator.
+SLOWEST, FASTEST, N_FREQUENCIES = 1e-6, 0.95 * np.pi, 200
+#: A zero, relative to the slowest frequency, below which it cancels the pole at zero: there is no integral part.
+NO_INTEGRATOR = 1e-6
+#: Distance of a zero from the pole of the filter, of that pole from 1, below which the two cancel.
+CANCELS = 1e-6
+
+
+@value
+class DriveReading:
+    """A controller read as gains of a drive.
+
+    Fields
+    ------
+    settings : DriveSettings
+        The gains; of two solutions the one with the slower position loop.
+    alternative : DriveSettings or None
+        The other solution, the same controller exactly: `kv` and 1/`tn` have changed places.
+    misfit : float
+        Largest error of the cascade over frequency, relative to K.
+
+    References
+    ----------
+    Åström & Hägglund, *Advanced PID Control* (2006), 3.2: series and parallel form.
+
+    Examples
+    --------
+    >>> from robust.drive import DriveSettings, cascade
+    >>> settings = DriveSettings(fs=4000, kv=60, kp=143, kp_unit="A/(m/s)", tn=0.01)
+    >>> found = gains(cascade(settings), like=settings)
+    >>> round(found.settings.kv, 6), round(found.settings.kp, 6), round(found.settings.tn, 9), found.misfit < 1e-9
+    (60.0, 143.0, 0.01, True)
+    """
+
+    settings: DriveSettings
+    alternative: DriveSettings | None
+    misfit: float
+
+    def __str__(self) -> str:
+        other = self.alternative
+        more = "" if other is None else f"\nthe same controller: kv = {other.kv:.6g} 1/s, tn = {1e3 * other.tn:.6g} ms"
+        return f"{self.settings}{more}\nerror at most {self.misfit:.1e} of K"
+
+
+def gains(K: Any, *, like: DriveSettings, output_unit: str = "") -> DriveReading:
+    """Read a controller as the gains kv, kp, tn and the velocity low-pass of a drive, or refuse it with its misfit.
+
+    A PID with filtered derivative is a cascade where its two zeros are real, and slow against its filter.
+
+    Parameters
+    ----------
+    K : control.StateSpace, TransferFunction or float
+        From `cascade`, `design_frf`, `tune` or by hand: of one position, or of the two that `like` has. A continuous K
+        is sampled by the bilinear map at `like.fs` first.
+    like : DriveSettings
+        The drive: sampling, units, filters, encoders. `kv`, `kp` and `tn` in it are not used; neither is
+        `velocity_lag`, which is read with one encoder and differences.
+    output_unit : str
+        Unit of the output of K, as for `cascade`.
+
+    Returns
+    -------
+    DriveReading
+
+    Raises
+    ------
+    ValueError
+        A controller that is no such cascade, with the number that says why: complex zeros, a derivative filter that is
+        too slow or too fast, a gain of the other sign, the misfit.
+
+    References
+    ----------
+    Åström & Hägglund, *Advanced PID Control* (2006), 3.2: series and parallel form.
+
+    Examples
+    --------
+    A PID of kp (s + 1/tn)(s + kv)/s, with kp = 2 A/(m/s), tn = 10 ms, kv = 40 1/s, and with a derivative filter.
+
+    >>> from robust.drive import DriveSettings
+    >>> from robust import pid
+    >>> drive = DriveSettings(fs=4000, kv=1, kp=1, kp_unit="A/(m/s)")
+    >>> found = gains(pid(280.0, 8000.0, 2.0, filter_time=0.5e-3), like=drive).settings
+    >>> [round(number, 2) for number in (found.kv, 1e3 * found.tn, found.kp, 1e3 * found.velocity_lag)]
+    [41.41, 10.98, 2.12, 0.38]
+    """
+    require_kind("like", like, DriveSettings)
+    K = multivariable("K", K)
+    n_inputs = 2 if like.encoder == "both" else 1
+    if (K.ninputs, K.noutputs) != (n_inputs, 1):
+        raise ValueError(
+            f"K must have one output and {n_inputs} position{'s' * (n_inputs > 1)} for a drive with encoder "
+            f'"{like.encoder}", got {K.noutputs} and {K.ninputs}'
+        )
+    if not timebase(K) and K.nstates:
+        K = discretize(K, like.dt)
+    if timebase(K) and abs(timebase(K) / like.dt - 1) > 1e-9:
+        raise ValueError(f"K must be sampled as the drive is, {like.dt:g} s, got {timebase(K):g} s")
+    angles = np.geomspace(SLOWEST, FASTEST, N_FREQUENCIES)
+    behind = np.ones(angles.size, dtype=complex)
+    for slot in like.filters:
+        behind *= response_at(realise_section(slot.section(like.fs), like.dt), angles)[0]
+    measured = response_at(K, angles) / (behind * like.output_factor(output_unit or like.output_unit))
+    if not np.all(np.abs(measured) > 0):
+        raise ValueError("K must act on every position that the drive reads, got a response of zero")
+    p = -np.expm1(-1j * angles)
+    if like.encoder == "both":
+        solutions = [read_two_encoders(measured, p, angles, like)]
+    elif like.velocity_from == "observer" or like.position_every > 1:
+        solutions = [read_known_velocity(measured[0], p, angles, like)]
+    else:
+        solutions = read_pid(measured[0], p, like)
+    found = [settings_of(like, *map(float, solution)) for solution in solutions]
+    misfit = misfit_of(found[0], measured, p, angles)
+    if not misfit <= MISFIT:
+        raise ValueError(
+            f"K must be a P-PI cascade of this drive, got one that the nearest such cascade misses by {misfit:.2g} of "
+            "its size: other filters than those of like, or another structure"
+        )
+    return DriveReading(settings=found[0], alternative=found[1] if len(found) > 1 else None, misfit=misfit)
+
+
+def read_pid(K: np.ndarray, p: np.ndarray, like: DriveSettings) -> list[tuple[float, float, float, float]]:
+    """(kp, kv, a, b) of K p (1 - b q) = n0 + n1 p + n2 p^2, both solutions; q = 1 - p."""
+    R = K * p
+    columns = np.stack([(1 - p) * R, np.ones_like(p), p, p**2])
+    b, n0, n1, n2 = solve_relative(columns, R)
+    if not abs(n1) + abs(n2) > 0:
+        raise ValueError("K must act on the velocity, got one without a gain above zero frequency")
+    if abs(n0) <= NO_INTEGRATOR * SLOWEST * abs(n1):
+        n0 = 0.0
+    if not -1e-9 <= b < 1:
+        raise ValueError(
+            f"K must have a derivative filter that is a low-pass of the velocity, of pole 0 to 1, got a pole at {b:.4g}"
+            + (": take a filter time above half the sampling time" if b < 0 else "")
+        )
+    b = max(b, 0.0)
+    square = n1**2 - 4 * n0 * n2
+    if square < -1e-9 * n1**2:
+        raise ValueError(
+            "K must have two real zeros to be a cascade, a position loop and a reset of the velocity loop: "
+            f"n1^2 >= 4 n0 n2 (of a PID (Kp + Ki Tf)^2 >= 4 Ki (Kp Tf + Kd)), got {4 * n0 * n2 / n1**2:.4g} times as "
+            "much. Less integral gain; a PD designed with a fixed PI in series has real zeros"
+        )
+    # zeros in p, the smaller one without cancellation
+    big = -0.5 * (n1 + np.copysign(np.sqrt(max(square, 0.0)), n1))
+    roots = sorted((abs(root), root) for root in ((n0 / big if big else 0.0), big / n2 if n2 else np.inf))
+    slow, fast = (root for _, root in roots)
+    pairs = [(slow, fast), (fast, slow)] if n0 else [(fast, 0.0)]  # of the position loop, of the velocity loop
+    found, refusals = [], []
+    for position, velocity in pairs:
+        z, a = 1 / (1 - position) if np.isfinite(position) else 0.0, -velocity / (1 - velocity)
+        kv = (1 - b) * (1 - z) * like.fs / (z - b) if z - b > CANCELS * (1 - b) else -1.0
+        if not (kv >= 0 and a >= 0 and z <= 1 and abs(1 - a - b) > CANCELS * (1 - b)):
+            refusals.append((z, a))
+            continue
+        # K(z = infinity), where p = 1 and q = 0
+        kp = (n0 + n1 + n2) / ((1 - b) * like.fs + kv) / like.unit_factor
+        found.append((kp, kv, a, b))
+    if not found:
+        z, a = refusals[0]
+        raise ValueError(
+            f"K must have zeros between the pole of its derivative filter, {b:.4g}, and 1 to be a cascade, got "
+            f"zeros at {z:.6g} and {1 - a:.6g}"
+        )
+    return found
+
+
+def read_known_velocity(
+    K: np.ndarray, p: np.ndarray, angles: np.ndarray, like: DriveSettings
+) -> tuple[float, float, float, float]:
+    """(kp, kv, a, nan) for a velocity that `like` gives: K p is linear in kp, kp a, kp kv and kp kv a."""
+    V, H = parts_of(like, angles)
+    scale = like.unit_factor
+    kp, by_reset, by_position, _ = solve_relative(scale * np.stack([p * V, (1 - p) * V, p * H, (1 - p) * H]), K * p)
+    if not kp:
+        raise ValueError("K must act on the velocity, got one without a gain on it")
+    return kp, by_position / kp, by_reset / kp, np.nan
+
+
+def read_two_encoders(
+    K: np.ndarray, p: np.ndarray, angles: np.ndarray, like: DriveSettings
+) -> tuple[float, float, float, float]:
+    """(kp, kv, a, nan) of a velocity loop on the motor and a position loop on the load."""
+    V, H = parts_of(like, angles)
+    kp, by_reset = solve_relative(like.unit_factor * np.stack([p * V, (1 - p) * V]), K[0] * p)
+    if not kp:
+        raise ValueError("K must act on the velocity of the motor, got one without a gain on it")
+    by_position, _ = solve_relative(like.load_factor * np.stack([p * H, (1 - p) * H]), K[1] * p)
+    return kp, by_position / kp, by_reset / kp, np.nan
+
+
+def settings_of(like: DriveSettings, kp: float, kv: float, a: float, b: float) -> DriveSettings:
+    """The settings of a drive with what was read."""
+    if not (kp > 0 and kv > -1e-12 and a > -1e-12):
+        raise ValueError(
+            f"K must have gains of one sign to be a cascade, got kp = {kp:.4g} "
+            f"{like.output_unit}/({like.base_unit}/s), kv = {kv:.4g} 1/s and 1/tn = {a * like.fs:.4g} 1/s"
+        )
+    lag = like.velocity_lag if np.isnan(b) else b / (1 - b) * like.dt
+    return replace(
+        like,
+        kp=kp * like.kp / like.gain,
+        kv=max(kv, 0.0),
+        tn=like.dt / a if a > 0 else np.inf,
+        velocity_lag=lag,
+    )
+
+
+def misfit_of(settings: DriveSettings, K: np.ndarray, p: np.ndarray, angles: np.ndarray) -> float:
+    """Largest error of a cascade relative to K over the frequencies; K without filters and output factor."""
+    V, H = parts_of(settings, angles)
+    pi = settings.gain * (1 + settings.dt / settings.tn * (1 - p) / p)
+    if settings.encoder == "both":
+        paths = np.stack([settings.unit_factor * V, settings.kv * settings.load_factor * H])
+    else:
+        paths = settings.unit_factor * (V + settings.kv * H)[None]
+    with np.errstate(all="ignore"):
+        return float(np.max(np.abs(pi * paths - K) / np.abs(K)))
+
+
+def parts_of(settings: DriveSettings, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(W,) responses from a position to its velocity, and of what the position loop holds."""
+    velocity = realise_section(velocity_section(settings), settings.dt)
+    return response_at(velocity, angles)[0], response_at(hold_mean(settings), angles)[0]
+
+
+def response_at(system: control.StateSpace, angles: np.ndarray) -> np.ndarray:
+    """(inputs, W) response of a sampled system of one output at angles of a sample [rad]."""
+    found = response_by_channel(system, angles / timebase(system)) if system.nstates else system.D[:, :, None]
+    return np.asarray(np.broadcast_to(found[0], (system.ninputs, angles.size)))
+
+
+def solve_relative(columns: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """(J,) real coefficients of the columns (J, W) that make a response, by least squares of the relative error."""
+    weighted = columns / np.abs(wanted)
+    size = np.sqrt(np.mean(np.abs(weighted) ** 2, axis=1))
+    rows = np.concatenate([(weighted / size[:, None]).real, (weighted / size[:, None]).imag], axis=1)
+    turned = wanted / np.abs(wanted)
+    found = np.linalg.lstsq(rows.T, np.concatenate([turned.real, turned.imag]), rcond=None)[0]
+    return np.asarray(found / size)

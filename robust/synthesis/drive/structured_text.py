@@ -1,0 +1,187 @@
+"""A drive as one function block of structured text (IEC 61131-3), for a PLC that runs the cascade itself.
+
+All arithmetic is in LREAL. The block is what `cascade` is, statement by statement, with three things that a linear
+controller has not: the position loop that really waits, a limit with anti-windup, and a start without a jump.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from nlfrf._base.arguments import require_kind, short_form
+from robust.synthesis.drive.cascade import velocity_section
+from robust.synthesis.drive.settings import DriveSettings
+
+__all__ = ["structured_text"]
+
+#: Words of IEC 61131-3 that no block can be named after.
+RESERVED = {"AND", "ARRAY", "BOOL", "DO", "ELSE", "END_IF", "FUNCTION_BLOCK", "IF", "INT", "LREAL", "MOD", "NOT", "OR"}
+RESERVED |= {"REAL", "THEN", "TO", "VAR", "XOR"}
+
+
+def structured_text(settings: DriveSettings, *, name: str = "PositionController", output_unit: str = "") -> str:
+    """Return a function block in structured text that runs the cascade once a call, every period of the velocity loop.
+
+    Inputs are the position set point, the measured position (of motor and load with two encoders), a force or current
+    that is added behind the filters, and `reset`. While the output is limited, an error that would drive it further
+    into the limit is not added to the integral (conditional integration). In the first call, and while `reset` is true,
+    the block takes the measured position for the one before, and its integral and its filters are empty.
+
+    Parameters
+    ----------
+    settings : DriveSettings
+        Gains, filters, sampling and units. `lag` and `delay_periods` are properties of the current loop: no statement.
+    name : str
+        Name of the block.
+    output_unit : str
+        Unit of the output, as for `cascade`.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    ValueError
+        A name that is no identifier, a unit that needs a torque constant which is not known.
+
+    References
+    ----------
+    IEC 61131-3:2013, *Programmable controllers - Part 3: Programming languages*, 7.3 (structured text).
+    K. J. Åström, B. Wittenmark, *Computer-Controlled Systems*, 3rd ed., 1997, 3.5 (anti-windup).
+
+    Examples
+    --------
+    >>> settings = DriveSettings(fs=4000, kv=100, kp=143, kp_unit="A/(m/s)", tn=0.01, limit=28.8)
+    >>> text = structured_text(settings, name="FB_Axis")
+    >>> print(text.splitlines()[0])
+    FUNCTION_BLOCK FB_Axis
+    >>> [row.strip() for row in text.splitlines() if row.strip().startswith("integral :=")]
+    ['integral := 0.0;', 'integral := integral + integral_gain * velocity_error;']
+    """
+    require_kind("settings", settings, DriveSettings)
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or name.upper() in RESERVED:
+        raise ValueError(f"name must be an identifier of IEC 61131-3, got {short_form(name)}")
+    unit = output_unit or settings.output_unit
+    factor = settings.output_factor(unit)
+    rows = [
+        f"FUNCTION_BLOCK {name}",
+        f"(* Position P, velocity PI. Call once every {1e3 / settings.fs:.12g} ms, in a task of fixed period. *)",
+        *(f"(* {row} *)" for row in str(settings).splitlines()),
+        *declarations(settings, unit, factor),
+        "",
+        *statements(settings),
+        "END_FUNCTION_BLOCK",
+    ]
+    return "\n".join(rows) + "\n"
+
+
+def declarations(settings: DriveSettings, unit: str, factor: float) -> list[str]:
+    """The variables of the block, with their units and numbers."""
+    base, two = settings.base_unit, settings.encoder == "both"
+    gain, fs = settings.gain * factor, settings.fs
+    position_factor = settings.load_factor if two else settings.unit_factor
+    set_point_unit = settings.load_unit if two else settings.position_unit
+    sections = {"velocity": velocity_section(settings)}
+    sections |= {f"filter{k + 1}": slot.section(fs) for k, slot in enumerate(settings.filters)}
+    constants: list[tuple[str, float, str]] = [
+        ("position_gain", settings.kv, "1/s"),
+        ("set_point_factor", position_factor, f"{base}/{set_point_unit}"),
+        ("feedforward_gain", settings.velocity_feedforward * fs / settings.position_every, "1/s"),
+        ("velocity_factor", settings.unit_factor, f"{base}/{settings.position_unit}"),
+        ("velocity_gain", gain, f"{unit}/({base}/s)"),
+        ("integral_gain", gain * settings.dt / settings.tn, f"{unit}/({base}/s)"),
+    ]
+    if np.isfinite(settings.limit):
+        constants.append(("output_limit", settings.limit * factor, unit))
+    for key, section in sections.items():
+        for letter, number in zip(("b0", "b1", "b2", "", "a1", "a2"), section, strict=True):
+            if letter:
+                constants.append((f"{key}_{letter}", float(number), ""))
+    inputs = [("position_set", "LREAL", f"set point [{set_point_unit}]")]
+    inputs += [("position", "LREAL", f"measured{' at the motor' if two else ''} [{settings.position_unit}]")]
+    inputs += [("load_position", "LREAL", f"measured at the load [{settings.load_unit}]")] if two else []
+    inputs += [("added", "LREAL", f"feedforward, added behind the filters [{unit}]"), ("reset", "BOOL", "start anew")]
+    states = ["position_set_before", "position_origin", "velocity_set", "velocity_error", "integral", "unlimited"]
+    states += [f"{key}_{state}" for key in sections for state in ("s1", "s2", "in", "out")]
+    rows = ["VAR_INPUT", *(f"    {key} : {kind}; (* {text} *)" for key, kind, text in inputs), "END_VAR"]
+    rows += ["VAR_OUTPUT", f"    output : LREAL; (* set point of the current loop [{unit}] *)"]
+    rows += ["    limited : BOOL; (* whether the output is at its limit *)", "END_VAR", "VAR CONSTANT"]
+    for key, number, of in constants:
+        rows.append(f"    {key} : LREAL := {literal(number)};{f' (* {of} *)' if of else ''}")
+    rows += ["END_VAR", "VAR", "    started : BOOL := FALSE;", "    countdown : INT := 0;"]
+    return [*rows, *(f"    {state} : LREAL := 0.0;" for state in states), "END_VAR"]
+
+
+def statements(settings: DriveSettings) -> list[str]:
+    """The statements of one call."""
+    keys = ["velocity", *(f"filter{k + 1}" for k in range(len(settings.filters)))]
+    limit = np.isfinite(settings.limit)
+    measured = "load_position" if settings.encoder == "both" else "position"
+    rows = [
+        "IF reset OR NOT started THEN",
+        "    started := TRUE;",
+        "    countdown := 0;",
+        "    position_origin := position;",
+        "    position_set_before := position_set;",
+        "    velocity_set := 0.0;",
+        "    integral := 0.0;",
+        *(f"    {key}_{state} := 0.0;" for key in keys for state in ("s1", "s2")),
+        "END_IF;",
+        "(* velocity, from the way since the start *)",
+        "velocity_in := position - position_origin;",
+        *section_statements("velocity"),
+        "(* position loop *)",
+        "IF countdown <= 0 THEN",
+        f"    velocity_set := set_point_factor * (position_gain * (position_set - {measured})",
+        "        + feedforward_gain * (position_set - position_set_before));",
+        "    position_set_before := position_set;",
+        f"    countdown := {settings.position_every};",
+        "END_IF;",
+        "countdown := countdown - 1;",
+        "(* velocity loop *)",
+        "velocity_error := velocity_set - velocity_factor * velocity_out;",
+        "unlimited := velocity_gain * velocity_error + integral;",
+    ]
+    for key in keys[1:]:
+        rows += [f"{key}_in := unlimited;", *section_statements(key), f"unlimited := {key}_out;"]
+    rows += ["unlimited := unlimited + added;", "output := unlimited;", "limited := FALSE;"]
+    if limit:
+        rows += [
+            "IF unlimited > output_limit THEN",
+            "    output := output_limit;",
+            "    limited := TRUE;",
+            "ELSIF unlimited < -output_limit THEN",
+            "    output := -output_limit;",
+            "    limited := TRUE;",
+            "END_IF;",
+        ]
+    return [
+        *rows,
+        "(* anti-windup: no further into the limit *)",
+        "IF (unlimited - output) * velocity_error <= 0.0 THEN",
+        "    integral := integral + integral_gain * velocity_error;",
+        "END_IF;",
+    ]
+
+
+def section_statements(key: str) -> list[str]:
+    """One second-order section, transposed direct form II."""
+    return [
+        f"{key}_out := {key}_b0 * {key}_in + {key}_s1;",
+        f"{key}_s1 := {key}_b1 * {key}_in - {key}_a1 * {key}_out + {key}_s2;",
+        f"{key}_s2 := {key}_b2 * {key}_in - {key}_a2 * {key}_out;",
+    ]
+
+
+def literal(number: float) -> str:
+    """A number as LREAL takes it, exact to the bit.
+
+    >>> literal(5.0), literal(1e-5), literal(1e20)
+    ('5.0', '1.0E-05', '1.0E+20')
+    """
+    mantissa, _, exponent = repr(float(number)).upper().partition("E")
+    mantissa = mantissa if "." in mantissa else f"{mantissa}.0"
+    return f"{mantissa}E{exponent}" if exponent else mantissa

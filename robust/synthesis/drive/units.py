@@ -1,0 +1,94 @@
+"""Units of a drive: positions and velocities in m or rad, currents in A, forces in N or Nm, times in s."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from nlfrf._base.arguments import short_form
+
+__all__ = ["POSITIONS", "parse_gain_unit", "parse_quantity", "position_factor"]
+
+#: Unit of a position -> base unit and factor to it.
+POSITIONS = {
+    "m": ("m", 1.0),
+    "mm": ("m", 1e-3),
+    "um": ("m", 1e-6),
+    "µm": ("m", 1e-6),
+    "nm": ("m", 1e-9),
+    "rad": ("rad", 1.0),
+    "mrad": ("rad", 1e-3),
+    "deg": ("rad", np.pi / 180),
+    "rev": ("rad", 2 * np.pi),
+}
+#: Unit of a velocity -> base unit of its position and factor to base units per second.
+VELOCITIES = {f"{unit}/s": pair for unit, pair in POSITIONS.items()} | {
+    **dict.fromkeys(("rpm", "1/min"), ("rad", 2 * np.pi / 60)),
+    "mm/min": ("m", 1e-3 / 60),
+}
+#: What a velocity loop puts out, and the factor to A, N or Nm.
+OUTPUTS = {"A": ("A", 1.0), "mA": ("A", 1e-3), "N": ("N", 1.0), "kN": ("N", 1e3), "Nm": ("Nm", 1.0)}
+#: Kind of quantity -> its units and their factors; the first is that of the result.
+QUANTITIES = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6},
+    "frequency": {"Hz": 1.0, "kHz": 1e3},
+    "rate": {"1/s": 1.0, "1/min": 1 / 60, "(m/min)/mm": 1e3 / 60},
+    "output": {"A": 1.0, "mA": 1e-3, "N": 1.0, "kN": 1e3, "Nm": 1.0},
+    "torque constant": {"N/A": 1.0, "Nm/A": 1.0},
+    "share": {"": 1.0, "%": 0.01},
+}
+
+
+def parse_gain_unit(unit: str) -> tuple[str, str, float]:
+    """Return (unit of the output, base unit of the position, factor to base units) of the gain of a velocity loop.
+
+    >>> parse_gain_unit("Nm/(rad/s)"), parse_gain_unit("A s/m")
+    (('Nm', 'rad', 1.0), ('A', 'm', 1.0))
+    >>> output, base, factor = parse_gain_unit("A/rpm")
+    >>> output, base, round(factor, 4)                     # of 1 A/rpm in A/(rad/s)
+    ('A', 'rad', 9.5493)
+    """
+    found = re.fullmatch(
+        r"\s*(\w+)\s*(?:/\s*\(?\s*([^()\s]+)\s*\)?|\*?\s*s\s*/\s*(\w+))\s*", unit if isinstance(unit, str) else ""
+    )
+    output, velocity = (found[1], found[2] or f"{found[3]}/s") if found else ("", "")
+    if output not in OUTPUTS or velocity not in VELOCITIES:
+        raise ValueError(
+            'kp_unit must be current or force over velocity, such as "A/(m/s)", "A s/rad", "Nm/(rad/s)" or "A/rpm", '
+            f"got {short_form(unit)}"
+        )
+    (name, size), (base, per) = OUTPUTS[output], VELOCITIES[velocity]
+    return name, base, size / per
+
+
+def position_factor(name: str, unit: str, base: str) -> float:
+    """Return how many base units a position unit is, or refuse a unit that is none of them."""
+    kind, factor = POSITIONS.get(unit, ("", np.nan))
+    if kind != base:
+        raise ValueError(
+            f"{name} must be given where the position is measured in {unit} and the velocity loop counts in {base}/s: "
+            f"how many {base} one {unit} is, got none"
+        )
+    return factor
+
+
+def parse_quantity(name: str, kind: str, written: object) -> float:
+    """Return a number that is written with its unit, in the first unit of its kind.
+
+    >>> parse_quantity("tn", "time", "10 ms"), parse_quantity("depth", "share", 0.1)
+    (0.01, 0.1)
+    """
+    units = QUANTITIES[kind]
+    listed = " or ".join(f'"1 {unit}"' for unit in units if unit)
+    if "" in units and isinstance(written, int | float) and not isinstance(written, bool):
+        return float(written)
+    found = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(\S*)\s*", written) if isinstance(written, str) else None
+    try:
+        if found is None or found[2] not in units:
+            raise ValueError
+        return float(found[1]) * units[found[2]]
+    except ValueError:
+        raise ValueError(
+            f"{name} must be a number with its unit, such as {listed}, got {short_form(written)}"
+        ) from None

@@ -1,0 +1,46 @@
+"""The linear part of a simulated servo axis, and its drive as settings of `robust.drive`."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+
+import nlfrf
+from robust.drive import DriveSettings
+
+PRESETS = ("linear motor", "belt", "ball screw", "joint")
+
+
+def frictionless(preset, *, encoder="motor", **drive):
+    """The axis without friction, quantisation and limit."""
+    axis = nlfrf.servo_axis(preset)
+    drive = replace(axis.drive, max_current=np.inf, velocity_feedforward=0.0, **drive)
+    return replace(axis, motor_friction=None, load_friction=None, resolution=0.0, drive=drive, encoder=encoder)
+
+
+def settings_of(axis, **more):
+    """The drive of an axis as settings."""
+    drive = axis.drive
+    unit = "A/(rad/s)" if axis.motion == "rotary" else "A/(m/s)"
+    given = {"fs": drive.fs, "kv": drive.kv, "kp": drive.kp, "kp_unit": unit, "tn": drive.tn, "lag": drive.lag}
+    given |= {"torque_constant": axis.force_constant, "delay_periods": drive.delay_periods}
+    given |= {"velocity_lag": drive.velocity_lag, "velocity_feedforward": drive.velocity_feedforward}
+    return DriveSettings(**given | {"position_every": drive.position_every} | more)
+
+
+def linear_plant(axis, *, sensors=("encoder",), with_lag=True):
+    """Continuous, from the force set point to positions ("encoder", "motor", "load"), the lag of the current in it."""
+    k, c = axis.stiffness, axis.damping
+    if axis.two:
+        M = np.diag([axis.motor_inertia, axis.load_inertia])
+        K = np.array([[k, -k], [-k, k + axis.spring]])
+        C = np.array([[axis.motor_damping + c, -c], [-c, axis.load_damping + c]])
+    else:
+        M, K, C = np.array([[axis.motor_inertia]]), np.array([[axis.spring]]), np.array([[axis.motor_damping]])
+    n = len(M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    B = np.vstack([np.zeros((n, 1)), np.linalg.solve(M, np.eye(n, 1))])
+    rows = [{"encoder": axis.encoder}.get(sensor, sensor) == "load" for sensor in sensors]
+    G = control.ss(A, B, np.hstack([np.eye(n)[np.array(rows, int)], np.zeros((len(rows), n))]), 0)
+    lag = axis.drive.lag
+    return control.series(control.ss([[-1 / lag]], [[1 / lag]], [[1]], [[0]]), G) if with_lag and lag else G
