@@ -14,6 +14,11 @@ from robust import load_controller, load_model
 
 #: What each must have printed, as patterns in order.
 PRINTED = {
+    "00_thirty_lines": [
+        r"BLA on 148 lines",
+        r"\|W T\| < 1 at every frequency: holds \(KYP lemma\)",
+        r"statistically robust",
+    ],
     "01_identify_then_design": [
         r"STATISTICALLY ROBUST \(holds for the whole set at its confidence; no stability proof",
         r"report\.html and report\.txt say it in full",
