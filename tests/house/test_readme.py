@@ -43,7 +43,7 @@ def test_the_script_runs_and_has_twenty_lines(tmp_path, monkeypatch, capsys):
 
 
 def test_the_first_claim_is_a_proof_that_is_found(tmp_path, monkeypatch, capsys):
-    script = re.search(r"```python\n(.*?)```", section("What nobody else does"), re.DOTALL).group(1)
+    script = re.search(r"```python\n(.*?)```", section("A proof with friction"), re.DOTALL).group(1)
     monkeypatch.chdir(tmp_path)
     exec(compile(script, "README.md", "exec"), {})
     said = capsys.readouterr().out
@@ -53,7 +53,7 @@ def test_the_first_claim_is_a_proof_that_is_found(tmp_path, monkeypatch, capsys)
 
 def test_the_commands_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    text = section("On the command line") + section("Shape the loop by hand")
+    text = section("On the command line")
     indented = [line for line in text.splitlines() if line.startswith("    ")]
     commands = [line.partition("#")[0].split() for line in indented if "reproduce" not in line]  # it has its own tests
     assert len(commands) == 9
